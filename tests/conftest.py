@@ -12,20 +12,21 @@ import httpx
 import hypothesis
 import pytest
 
-# Two workers with a thread for each core apiece hold each other up: kNN is ten times slower then.
-# scikit-learn looks at it when it is loaded; numpy is loaded already, so the Makefile says it too.
+# If each of two workers has a thread for each core, they slow each other down: kNN takes ten times
+# as long. scikit-learn reads the variable when it is loaded; numpy is loaded already, so the
+# Makefile sets the variable, too.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from tests import wall_clock
 from tests.kit.sizes import examples
 from tests.wall_clock import _off_the_wall_clock  # noqa: F401
 
-# Where a test names no time, httpx would judge one: 5 s, which a busy machine may take.
+# If a test names no timeout, httpx uses 5 s, which a busy machine may exceed.
 for part in ("connect", "read", "write", "pool"):
     setattr(httpx._config.DEFAULT_TIMEOUT_CONFIG, part, 60.0)
 
-# A busy machine is no fault: how long an example takes is judged by nobody. The examples are the
-# same in every run, so that none fails by chance; `--hypothesis-profile=searching` looks further.
+# A busy machine is not a fault, so an example has no time limit. The examples are the same in every
+# run, so that none fails by chance; `--hypothesis-profile=searching` searches further.
 for name, is_same in (("unhurried", True), ("searching", False)):
     hypothesis.settings.register_profile(
         name,
@@ -58,7 +59,8 @@ def pytest_collection_modifyitems(session: pytest.Session, items: list[pytest.It
     for item in items:
         if wall_clock.is_exempt(item.path.relative_to(here).as_posix(), item.name):
             item.add_marker(pytest.mark.realtime)
-    # The longest files first: at the end no worker waits for one that the other has just begun.
+    # The longest files come first, so that at the end no worker waits for a file that another has
+    # just begun.
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
 

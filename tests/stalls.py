@@ -39,7 +39,7 @@ def find_running(root: int) -> list[int]:
 def hold(root: int, seconds: float) -> None:
     """Pause all processes, and continue them."""
     held: list[int] = []
-    while new := set(find_running(root)) - set(held):  # one may start another meanwhile
+    while new := set(find_running(root)) - set(held):  # a process may start another meanwhile
         for process in new:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(process, signal.SIGSTOP)

@@ -41,7 +41,7 @@ def is_exempt(file: str, name: str) -> bool:
     """
     if file.startswith(BROWSERS):
         return True
-    # A camera or brick on the table, and a camera made up for a process of its own.
+    # A camera or brick on the table, and a simulated camera for a separate process.
     is_real = name.endswith("[v4l2]") and "FAKE_VIDEO" in os.environ
     is_real |= name.endswith("[ev3-remote]") and "DRIVELESSON_EV3" in os.environ
     return file.startswith("contract/") and is_real
@@ -116,7 +116,7 @@ def _off_the_wall_clock(
     connect = socket.socket.connect
 
     def connect_nowhere(own: socket.socket, address: Any) -> None:
-        by = sys._getframe(1).f_code.co_name  # Windows makes a pair by connecting it
+        by = sys._getframe(1).f_code.co_name  # Windows makes a socket pair by a real connection
         if own.family in _ALL_SOCKETS and not by.endswith("socketpair"):
             refuse("a socket")
         connect(own, address)

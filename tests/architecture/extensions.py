@@ -91,7 +91,8 @@ def count_lines(text: str) -> Counter[str]:
         if not isinstance(body, list):
             continue
         for part in body:
-            # A text that stands alone is a docstring, of an attribute if it is not the first.
+            # A string that is a statement is a docstring; if it is not the first one, of an
+            # attribute.
             if not (isinstance(part, ast.Expr) and isinstance(part.value, ast.Constant)):
                 continue
             if isinstance(part.value.value, str):

@@ -265,7 +265,7 @@ def test_the_core_s_page_and_documents_say_no_word_of(extension: str, kind: str)
 @pytest.mark.parametrize("extension", WEB)
 def test_the_page_is_joined_without(extension: str, tmp_path: Path) -> None:
     copy_without({extension}, tmp_path, "web", "docs")
-    bundle(tmp_path / "web", tmp_path / "page")  # refuses an import of what is gone
+    bundle(tmp_path / "web", tmp_path / "page")  # refuses an import of a removed module
     drive = next((tmp_path / "page/js").glob("*-drive.js")).read_text("utf-8")
     assert not any(f"'{folder}/" in drive for folder in WEB[extension])
     assert not any((tmp_path / "docs" / name).exists() for name in DOCUMENTS.get(extension, ()))

@@ -22,7 +22,7 @@ def _models(server: VirtualServer, _: dict[str, str]) -> Any:
     kept = server.persistence
     saved = {one.name: one.summary.place for one in kept.models.saved() if one.summary}
     in_use = kept.autosave.name if kept.autosave.name == kept.models.current else None
-    return {"saved": saved, "in use": in_use}  # None: it was said not to be kept
+    return {"saved": saved, "in use": in_use}  # None: the answer said that it is not saved
 
 
 def _learner(server: VirtualServer, _: dict[str, str]) -> Any:

@@ -271,7 +271,7 @@ class Life:
     def violate(self, sentence: str) -> None:
         self.tell({"violation": f"{self.step}: {sentence}"})
 
-    # What must hold ----------------------------------------------------------------------------
+    # Invariants --------------------------------------------------------------------------------
 
     def watch(self, tick: Tick) -> None:
         """Check each tick, on the loop's thread."""
@@ -458,7 +458,7 @@ class Life:
             page.pilot.send(type="stop")
             is_late = self.server.clock.now_s() - self._bad_s < LATE_S
         self.server.forward(LATE_S if is_late else 0.1)
-        if not self._was_latched:  # a release that was late may have come since
+        if not self._was_latched:  # a late release may have arrived since
             self.violate("a STOP was not obeyed")
 
     def release(self) -> None:

@@ -146,7 +146,7 @@ def _one_life(
     _, status = os.waitpid(pid, 0)
     if os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGKILL:
         outcome.kills += 1
-        for group in begun:  # done or not: nobody was told
+        for group in begun:  # done or not: no answer arrived
             wanted.pop(group, None)
     elif status:
         outcome.violations.append(f"life {outcome.lives} ended with {status} in {last_step}")

@@ -81,7 +81,7 @@ def check_mcap_in_javascript(home: Path, samples: Samples) -> Iterator[Result]:
 def check_ffprobe(home: Path, samples: Samples) -> Iterator[Result]:
     """Probe a film and that of a dataset, and decode every frame."""
     probe = shutil.which("ffprobe")
-    if probe is None:  # Debian's needs many libraries; this one needs none
+    if probe is None:  # Debian's package needs many libraries; this one needs none
         npm, package = _program("npm"), "@ffprobe-installer/linux-x64"
         _get([npm, "install", "--silent", "--no-audit", "--no-fund", "--prefix", home, package])
         probe = str(home / "node_modules" / package / "ffprobe")

@@ -125,7 +125,7 @@ def drive(name: str, options: str, steps: int, folder: Path) -> dict[str, Any]:
         for move in body.moves[:MOST_MOVES]:
             n_acts = len(watched.acts)
             pilot.hold(move, 0.4)
-            if len(watched.acts) == n_acts:  # the end of a game was to be seen meanwhile
+            if len(watched.acts) == n_acts:  # the end of a game should have come by then
                 pilot.hold(move, OVER_S + 0.6)
             acts = watched.acts[n_acts:]
             if not any(_same(act, body._actions[move]) for act in acts):

@@ -123,7 +123,7 @@ def pictures(program: Path, seconds: float) -> str:
         process(*words, json.dumps(options()), seconds) as by_dds,
         process(*words, json.dumps({"address": bridge.address}), seconds) as by_bridge,
     ):
-        bridge.images = lambda index: {}  # its own pictures are none
+        bridge.images = lambda index: {}  # its own pictures are not JPEGs
         said = [lines_of(each) for each in (by_dds, by_bridge)]
         noise = np.random.default_rng(1).integers(0, 256, (240, 320, 3), np.uint8)
         body = cv2.imencode(".jpg", noise, [cv2.IMWRITE_JPEG_QUALITY, 80])[1].tobytes()
@@ -264,7 +264,7 @@ def stands_after(fault: str, *, watchdog: bool) -> str:
         _wait(lambda: body.is_moving)
         time.sleep(0.3)
         at_s = time.monotonic()
-        if fault == "robot frozen":  # what counts is when the server says so
+        if fault == "robot frozen":  # the time counts from the server's order
             body.process.send_signal(signal.SIGSTOP)
             _wait(lambda: faults)
             return f"the server says so after {time.monotonic() - at_s:.2f} s"

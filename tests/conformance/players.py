@@ -121,10 +121,10 @@ def _by_program(words: list[str], url: str) -> list[tuple[int, float]]:
     with subprocess.Popen(command, **given) as running:
         assert running.stdout is not None
         if words[0] == "cvlc":
-            os.fchmod(running.stdout.fileno(), 0o666)  # VLC opens it by its name
+            os.fchmod(running.stdout.fileno(), 0o666)  # VLC recognises it by its suffix
             running.stdout.readline()
         while len(seen) <= PICTURES and len(grey := running.stdout.read(WIDTH * HEIGHT)):
-            if words[0] == "cvlc":  # a line stands before each picture
+            if words[0] == "cvlc":  # a line precedes each picture
                 grey = (grey + running.stdout.read(len(VLC_LINE)))[len(VLC_LINE) :]
             seen.append((_read(grey), time.time()))
         running.kill()

@@ -113,8 +113,8 @@ def brick_case(
 ) -> DriverCase:
     def is_moving() -> bool:
         try:
-            driver.rolled_m()  # an answer: whatever was sent before has arrived
-        except (DriveError, NotConnectedError):  # nobody is there to answer
+            driver.rolled_m()  # an answer means that everything sent before has arrived
+        except (DriveError, NotConnectedError):  # nothing answers
             brick.clock.sleep(0.05)
         brick.catch_up()
         return brick.is_moving()
@@ -212,7 +212,7 @@ def ros_driver() -> Iterator[DriverCase]:
         body.slow_down(0.02)
 
         def is_moving() -> bool:
-            body.clock.sleep(0.03)  # what was sent has arrived
+            body.clock.sleep(0.03)  # the order has arrived
             return body.is_moving()
 
         yield case_of(body, is_moving)

@@ -138,7 +138,7 @@ def dds_driver() -> Iterator[DriverCase]:
         driver = RosDriver(options)
 
         def drives() -> Point:
-            time.sleep(0.05)  # no message of DDS says that all before it have been taken
+            time.sleep(0.05)  # no DDS message confirms that all earlier ones were received
             return robot.drives
 
         case = on_a_busy_machine(driver, lambda: any(drives()), robot.frozen.set)

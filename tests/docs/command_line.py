@@ -79,7 +79,7 @@ def _row(action: argparse.Action) -> tuple[str, str, str]:
     default = action.default
     is_told = default not in (None, False, argparse.SUPPRESS) and "default" not in str(action.help)
     shown = f"`{default}`" if is_told and not isinstance(default, Path) else ""
-    is_place = isinstance(default, Path) and default.is_absolute()  # of this machine alone
+    is_place = isinstance(default, Path) and default.is_absolute()  # only on this machine
     told = "see storage.md" if is_place else str(default)
     text = (action.help or "").replace("%(default)s", told).replace("%%", "%")
     return f"`{name.strip()}`", shown, _cell(text, action.choices)

@@ -15,7 +15,7 @@ from server.cli import main
 from server.lab.bench_command import BENCHMARKS
 
 ROOT = Path(__file__).parents[2]
-commands, drivers = cache(main.commands), cache(driver_names)  # each reads what is installed
+commands, drivers = cache(main.commands), cache(driver_names)  # each reads the installed packages
 _CODE = re.compile(r"```[^\n]*\n(.*?)```|^( {4}[^\n]*)$|(?<!`)`([^`\n]+)`", re.DOTALL | re.M)
 _CALL = re.compile(r"(?:^|[\s/\"(])drivelesson((?: [^|&;#()`\n]+)?)")
 _OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
@@ -58,7 +58,7 @@ def _wrong_words(text: str) -> Iterator[str]:
         return
     known, verbs = _options_of(command)
     robot = words[words.index("--robot") + 1] if "--robot" in words[:-1] else "sim"
-    if robot not in drivers():  # somebody's own, with options of its own
+    if robot not in drivers():  # a third-party robot, with options of its own
         known = {*known, *(o for o in _OPTION.findall(text) if o.startswith(f"--{robot}-"))}
     if verbs and words and words[0].islower() and words[0] not in verbs:
         yield f"drivelesson {command} {words[0]}"

@@ -86,7 +86,7 @@ def test_the_server_takes_what_is_described_and_nothing_else(
 ) -> None:
     message = {"type": str(kind), **fields}
     if isinstance(fields.get("held"), str) and fields["held"] not in MOVES:
-        return  # which moves there are, `hello` says
+        return  # `hello` lists the moves
     try:
         parse_message(json.dumps(message), MOVES, takes_points=True)
         is_taken = True

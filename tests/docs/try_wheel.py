@@ -25,7 +25,7 @@ PATIENCE_S = 180
 
 def main(folder: Path) -> None:
     (wheel,) = folder.resolve().glob("drivelesson-*.whl")
-    # Windows may still hold a file of a program that has ended.
+    # Windows may keep a file open for a moment after its program has ended.
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
         place = Path(name)
         venv.create(place / "venv", with_pip=True)

@@ -86,7 +86,7 @@ class BrokenWay:
         for one in self._full:
             one.close()
         self._full = []
-        if fault == "no route":  # packets vanish: nobody is told, and new ones are dropped
+        if fault == "no route":  # packets vanish without a notice, and new connections are dropped
             await self._fill_up()
             return
         for writer in list(self._writers):
@@ -124,9 +124,9 @@ class BrokenWay:
         try:
             await self._talk(reader, writer)
         except (OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
-            pass  # it hung up
+            pass  # the other side closed the connection
         except asyncio.CancelledError:
-            pass  # the way is no more
+            pass  # the path has ended
         finally:
             self._writers.discard(writer)
             writer.transport.abort() if self._fault == "refused" else writer.close()
@@ -160,7 +160,7 @@ class BrokenWay:
         if is_connect:
             writer.write(b"HTTP/1.1 200 Connection established\r\n\r\n")
         elif head:
-            # One request on each connection: the next may be one that is blocked.
+            # Each connection has one request, because the next one may have to be blocked.
             lines = head.decode("latin-1").split("\r\n")
             kept = [line for line in lines if not line.lower().startswith("connection:")]
             if self.as_proxy:
@@ -198,7 +198,7 @@ class BrokenWay:
             await asyncio.wait(others, timeout=0.05)
         for transport in self._transports:
             transport.abort()
-        await asyncio.sleep(0)  # what was aborted is closed in the next round
+        await asyncio.sleep(0)  # aborted connections are closed in the loop's next turn
 
     def close(self) -> None:
         self._loop.do(self._end())

@@ -29,7 +29,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.timeout(300))
 
 
-@pytest.fixture(scope="package")  # of a session, Playwright's event loop would hold up all others
+@pytest.fixture(
+    scope="package"
+)  # with the scope of a session, Playwright's event loop would block all other tests
 def chromium() -> Iterator[Any]:
     with running_chromium() as browser:
         yield browser
@@ -85,7 +87,7 @@ class _OnePage:
     def get(self, chromium: Any, rover: World, viewport: dict[str, int]) -> Any:
         """Return the page as if it had just been opened, because opening it costs a second."""
         if self.page is not None and viewport is not self._viewport:
-            come_to_rest(self.page, rover)  # what a closed page asked for last may arrive late
+            come_to_rest(self.page, rover)  # the last request of a closed page may arrive late
             self.close()
         if self.page is None:
             self.page, self._viewport = new_context(chromium, viewport).new_page(), viewport

@@ -87,7 +87,7 @@ class Watch:
         self.ages_ms: list[float] = []
         self._clock = rig.clock
         self._news = threading.Condition()
-        rig.loop.need_picture_every(0.0)  # a robot that stands looks at none that nobody needs
+        rig.loop.need_picture_every(0.0)  # a robot that stands skips pictures that nobody needs
         self.end = rig.loop.subscribe(self._note)
 
     def _note(self, tick: Any) -> None:
@@ -162,7 +162,8 @@ def measure(first: Path, second: Path) -> None:
     ).astype(np.float32)
     with tempfile.TemporaryDirectory() as folder, robot_with_an_eye() as (rig, address):
         film = Path(folder) / "film.y4m"
-        # The page takes every second picture: of an odd number, the others in the next round.
+        # The page takes every second picture: with an odd number, it takes the others in the next
+        # round.
         write_film(film, pictures[: (len(pictures) - 1) // 2 * 2 + 1], PLAYED_HZ)
         with phone_with_film(film) as context:
             page = context.new_page()

@@ -70,7 +70,7 @@ def _save_film(frames: list[tuple[float, bytes]], path: Path) -> None:
 
     pictures = [Image.open(io.BytesIO(data)).resize(_SIZE_PX) for _, data in frames]
     times_s = [at_s for at_s, _ in frames]
-    # Longer than that nothing was filmed: a cut.
+    # A longer gap without a picture is a cut.
     spans_s = [min(b - a, _LONGEST_S) for a, b in itertools.pairwise(times_s)]
     shown_ms = [round(1000 * span_s) for span_s in spans_s] + [800]
     first, *others = pictures

@@ -228,8 +228,8 @@ class Newcomer:
         self._pilot.change_mode(mode)
 
     def _tap(self, selector: str) -> None:
-        self._hold(None)  # browsers make no click of a second finger
-        with contextlib.suppress(Exception):  # it may be gone before the finger comes
+        self._hold(None)  # browsers send no click for a second finger
+        with contextlib.suppress(Exception):  # it may disappear before the finger arrives
             self._fingers.press(selector, finger=2)
             self._fingers.lift(finger=2)
 

@@ -44,11 +44,13 @@ def test_closing_the_tab(phone: Any, world: World) -> None:
 
 
 def test_blocking_the_main_thread(phone: Any, world: World) -> None:
-    for _ in range(5):  # a computer that stands still meanwhile stops the robot for a picture's age
+    for _ in range(
+        5
+    ):  # a computer that is paused meanwhile stops the robot because of a picture's age
         drive(phone, world)
         debugger = phone.context.new_cdp_session(phone)
         debugger.send("Debugger.enable")
-        debugger.send("Debugger.pause")  # at the next line that it runs: a heartbeat is near
+        debugger.send("Debugger.pause")  # at the next line that it runs, which is near a heartbeat
         wait_until_standing(world)
         reason = world.rig.loop.state.decision.stop_reason
         debugger.send("Debugger.resume")

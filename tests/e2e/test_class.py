@@ -30,14 +30,14 @@ def test_names_codes_locks_models_and_stop(chromium: Any, tmp_path: Path) -> Non
         def open_panel(number: int) -> None:
             page.locator(f"[data-number='{number}'] .acts button").last.click()
 
-        # A name that is given on the board is the robot's own.
+        # A name that the board sets becomes the robot's own name.
         open_panel(2)
         page.get_by_label("Name", exact=True).fill("Zora")
         page.get_by_label("Name", exact=True).blur()
         page.locator("[data-number='2'] h2", has_text="Zora").wait_for()
         assert school.robots[1].identity.now.name == "Zora"
 
-        # Two phones scan one code; neither types, and both drive.
+        # Two phones scan one code; nobody has to type, and both can drive.
         there = school.board.robot(2).page_address()
         assert there is not None and "/pair#" in there
         phones = []
@@ -48,7 +48,7 @@ def test_names_codes_locks_models_and_stop(chromium: Any, tmp_path: Path) -> Non
             scanned.wait_for_selector("video-view[data-frames]", state="attached")
             phones.append(phone)
 
-        # What is locked is refused by the robot, whoever asks.
+        # The robot itself refuses locked changes, to every client.
         page.get_by_label("models", exact=True).check()
         classroom = school.robots[1].extension(ClassroomExtension).classroom
         assert classroom is not None
@@ -69,7 +69,7 @@ def test_names_codes_locks_models_and_stop(chromium: Any, tmp_path: Path) -> Non
         assert target.autosave.name in target.models.names()
         assert target.autosave.name == source.autosave.name
 
-        # STOP is felt when it is pressed, before it is let go.
+        # STOP acts when it is pressed, before it is released.
         box = page.locator("button.stop").bounding_box()
         page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
         page.mouse.down()
@@ -79,7 +79,7 @@ def test_names_codes_locks_models_and_stop(chromium: Any, tmp_path: Path) -> Non
             assert driver.now is Action.STOP
         page.mouse.up()
 
-        # It is the teacher's stop: the phones say so and offer no release, the board does.
+        # This is the teacher's stop: the phones say so and offer no release; the board offers it.
         pupil = phones[1].pages[0]
         pupil.locator(".notice", has_text="Your teacher has stopped the robot").wait_for()
         assert pupil.locator(".notice button:visible").count() == 0
@@ -88,7 +88,7 @@ def test_names_codes_locks_models_and_stop(chromium: Any, tmp_path: Path) -> Non
         for robot in school.robots:
             wait_until(lambda r=robot: not r.robot.loop.state.emergency, "each is released")
 
-        # So does a key without a code, from a television's remote control.
+        # A key without a code, from a television's remote control, also stops.
         page.evaluate("document.activeElement.blur()")
         space = "new KeyboardEvent('keydown', {key: ' ', bubbles: true})"
         page.evaluate(f"document.body.dispatchEvent({space})")
@@ -116,12 +116,12 @@ def test_a_lock_for_all_leaves_other_locks_and_a_forgotten_robot_has_no_card(
         wait_until(lambda: school.board.robot(1).about["locks"] == ["models"], "the board knows")
         page.locator("#panel .title button").click()
         page.get_by_role("button", name="Class settings").click()
-        page.get_by_label("recordings").click()  # the box shows what the robots tell
+        page.get_by_label("recordings").click()  # the box shows the robots' state
         wait_until(lambda: second.locks == {"recordings"}, "the other as all are")
         wait_until(lambda: first.locks == {"models", "recordings"}, "what was locked stays so")
-        page.locator(".said", has_text="127.0.0.1").wait_for()  # of the one that is away
+        page.locator(".said", has_text="127.0.0.1").wait_for()  # of the robot that is away
 
-        # As a board is that was started again: its STOP would be heard by nobody.
+        # As with a restarted board, whose STOP would reach nobody.
         del school.board.robots[2]
         page.locator("[data-number='2'] .halt").click()
         page.locator("[data-number='2']").wait_for(state="detached")

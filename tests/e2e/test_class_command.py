@@ -177,7 +177,7 @@ def test_from_the_paper_to_ctrl_c(chromium: Any, delivered: Path, tmp_path: Path
         codes = read_paper(paper)
         assert [code.split("/pair#")[0] for code in codes] == [one["address"] for one in shown]
 
-        # Pupils scan, teach, and hand over, all at once.
+        # All pupils scan, teach, and hand over at the same time.
         for code in codes:
             phone = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
             pupil = phone.new_page()
@@ -214,7 +214,7 @@ def test_from_the_paper_to_ctrl_c(chromium: Any, delivered: Path, tmp_path: Path
             pupil.wait_for_selector("video-view[data-frames]", state="attached")
         paper.reload()
         assert read_paper(paper) == codes
-        # A class that is killed leaves no robot behind either.
+        # A class that is killed leaves no robot behind, either.
         process.kill()
         wait_until(lambda: running(tmp_path) == [], "its robots have ended")
     kept = json.loads((tmp_path / "class" / "01" / "robot.json").read_text())

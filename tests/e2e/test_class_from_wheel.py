@@ -125,7 +125,7 @@ def test_pupils_of_a_class_from_the_wheel(delivered: Path, tmp_path: Path) -> No
             url = robot["address"].replace("http", "ws", 1) + "/ws/drive"
             pupils.append(leaving.enter_context(Pilot(url, sees=True, **options)))
         at_once(pupils, teach)
-        # The board hears of a robot later than its pupil does.
+        # The board learns of a robot's stop later than its pupil.
         wait_until(
             lambda: all(one["lessons"] >= 20 for one in robots_of(board)), "20 examples each"
         )

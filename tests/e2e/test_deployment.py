@@ -36,8 +36,8 @@ SERVICE = EXAMPLES / "raspberry-pi" / "drivelesson.service"
 PROGRAM = "/opt/drivelesson/bin/drivelesson"
 LIBRARY = '"$ROOT"/opt/drivelesson/lib/python*/site-packages'
 HERE = f"{sys.base_prefix}/bin:/usr/sbin:/usr/bin:/sbin:/bin"
-# What the machine has in place of the image below: programs and libraries, Python, and what pip
-# would fetch.
+# The machine's replacement for the base image: programs and libraries, Python, and the packages
+# that pip would fetch.
 LENT = ["/usr", "/etc", "/proc", "/dev", sys.base_prefix]
 BEGIN = """
 set -eu
@@ -71,7 +71,7 @@ def image_script(asked: list[str]) -> str:
     script += [f"lend {shlex.quote(place)} {shlex.quote(place)}" for place in LENT]
     script.append(f"lend {shlex.quote(str(ROOT))} /clone")
     script.append(f"lend {shlex.quote(sysconfig.get_path('purelib'))} /packages")
-    # pip takes what is lent, and fetches nothing.
+    # pip uses these packages, and downloads nothing.
     pip = (
         "PIP_NO_DEPS=1 PIP_NO_BUILD_ISOLATION=false PIP_NO_INDEX=1 PIP_DISABLE_PIP_VERSION_CHECK=1"
     )

@@ -211,7 +211,7 @@ def test_reduced_motion_moves_nothing(chromium: Any, rover: World) -> None:
 
 def test_the_first_visit_shows_three_hints_once(chromium: Any, tmp_path: Path) -> None:
     """Each hint comes at its moment, and nothing else is said beside it."""
-    # This learner knows every view, so that nothing more urgent hides a hint.
+    # This learner knows every view, so that no more urgent message hides a hint.
     with running_world(tmp_path, learner="published-32", frame_rate_hz=30.0) as world:
         context = new_context(chromium, PHONE)
         page = open_page(context, world.address, hints=True)

@@ -68,9 +68,9 @@ def test_an_eye_that_loses_its_place_its_camera_or_its_worker_goes_on(tmp_path: 
         first = context.new_page()
         first.goto(address + "/eye")
         figures = first.locator("#figures", has_text=re.compile(r"[1-9]"))
-        figures.wait_for()  # the page packs the pictures by itself
+        figures.wait_for()  # the page itself packs the pictures
 
-        # The permission was taken back, and is given again.
+        # The permission was revoked, and is granted again.
         first.evaluate(
             "() => document.querySelector('video').srcObject.getTracks().forEach((track) => {"
             " track.stop(); track.dispatchEvent(new Event('ended')); })"
@@ -79,7 +79,7 @@ def test_an_eye_that_loses_its_place_its_camera_or_its_worker_goes_on(tmp_path: 
         first.locator("#begin").wait_for(state="hidden")
         Watch(rig).wait_for(3)
 
-        # Another phone took its place: its STOP is still one.
+        # Another phone replaced it, but its STOP still works.
         second = context.new_page()
         second.goto(address + "/eye")
         first.locator("#said", has_text="Another phone").wait_for()

@@ -83,7 +83,7 @@ def test_no_pictures_cross_to_a_page_that_does_not_show_them(chromium: Any, worl
     assert spent["drive"] > MOST_BYTES_PER_S, "the meter does not count"
     for screen in ELSEWHERE:
         page.evaluate(f"location.hash = '{screen}'")
-        # Pictures come to a worker, whose socket the page's meter does not see.
+        # A worker receives the pictures, and the page's meter does not see its socket.
         wait_until(lambda: world.services.hub.video.viewers == 0, f"no pictures go to {screen}")
         spent[screen] = at_rest(page, http_bytes)
     page.evaluate("location.hash = 'drive'")
@@ -139,7 +139,7 @@ def test_the_first_visit_is_enough_to_come_back(chromium: Any, tmp_path: Path) -
     for screen in ("gallery", *ELSEWHERE):
         page.evaluate(f"location.hash = '{screen}'")
         page.wait_for_selector(f"{screen}-screen", state="attached")
-    page.evaluate("location.hash = 'study'")  # fetched by those alone who run one
+    page.evaluate("location.hash = 'study'")  # only fetched by people who run a study
     page.get_by_role("alert").filter(has_text="did not answer").wait_for()
     page.evaluate("location.hash = 'drive'")
     with running_world(tmp_path, config=Config(port=port, data=tmp_path)):

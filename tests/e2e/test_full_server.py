@@ -44,7 +44,7 @@ def test_another_place_is_chosen_on_the_page(chromium: Any, tmp_path: Path) -> N
                 )
                 start = simulation.world.start
                 assert abs(world.pose.x_m - start.x_m) <= simulation.world.start_spread_m + 0.01
-                # Its map on the drive screen is that of the place.
+                # The map on the drive screen shows the new place.
                 show(page, "drive")
                 frame = world.rig.loop.state.frame_id or 0
                 wait_until(

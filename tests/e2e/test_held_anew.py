@@ -52,7 +52,7 @@ def test_a_finger_that_lies_on_and_trembles_does_not_drive_again(
     release_stop(rovers_phone, rover)
     if rover.mode is Mode.STOPPED:
         page = "document.querySelector('app-bar').page"
-        # A finger on the glass takes the place of a tap.
+        # A finger on the glass replaces a tap.
         rovers_phone.evaluate(f"{page}.choose('train')")
         wait_until(lambda: rover.mode is Mode.TRAIN, "taught again")
     for away in (0.1, 0.0, 0.1):

@@ -67,12 +67,12 @@ def standing(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
 def test_the_drive_screen_holds_still(
     chromium: Any, standing: World, language: str, moves: str
 ) -> None:
-    # The jump for joy, of a figure that is no control, is not to be measured.
+    # The celebration's jump is not measured, because the figure is not a control.
     context = chromium.new_context(
         locale=language, has_touch=True, service_workers="block", reduced_motion="reduce"
     )
     page = open_page(context, standing.address)
-    for screen in ("study", "challenge", "drive"):  # with which the page fetches their sentences
+    for screen in ("study", "challenge", "drive"):  # with this the page fetches their sentences
         show(page, screen)
     devtools = context.new_cdp_session(page)
     words = messages(language)

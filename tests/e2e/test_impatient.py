@@ -115,7 +115,7 @@ def test_what_is_shown_belongs_to_the_study_and_participant_that_were_chosen(
     page.wait_for_function("() => new Promise((done) => setTimeout(() => done(true), 50))")
     assert (title.inner_text(), which.input_value()) == ("Title of first", "first")
 
-    # A result that comes when something else is shown is not shown there.
+    # A result that arrives while something else is shown is not shown there.
     studies.slow, studies.waiting = "/sessions/P01", []
     page.locator("[role=listitem] button").first.click()
     wait_until(lambda: studies.waiting or page.wait_for_timeout(50), "so does a result")
@@ -145,7 +145,7 @@ def test_a_file_that_has_changed_since_it_was_chosen_is_asked_for_again(
     refusal = page.locator(".refusal")
     refusal.filter(has_text="TOML").wait_for()
     plan.write_text("what the teacher has mended in it")
-    os.utime(plan, (0, 0))  # browsers look at whole seconds
+    os.utime(plan, (0, 0))  # browsers compare whole seconds
     page.get_by_role("button", name="Make the study").click()
     refusal.filter(has_text="it has changed. Choose it again.").wait_for()
 

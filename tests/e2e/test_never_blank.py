@@ -44,7 +44,7 @@ def test_what_is_lost_is_fetched_again_and_stop_works_meanwhile(
     asked = lose(context, part)
     page = context.new_page()
     page.goto(world.address)
-    if part != "video-worker.js":  # without it the page draws by itself
+    if part != "video-worker.js":  # without it the page itself draws
         page.locator("#first p", has_text="did not arrive").wait_for()
         page.locator(FIRST).tap()
         wait_until(lambda: world.rig.loop.state.emergency, "STOP works without the page")
@@ -94,7 +94,9 @@ def test_a_page_older_than_its_robot_opens_every_screen(chromium: Any, world: Wo
         opened.append(route.request.url)
         route.continue_()
 
-    def answer(route: Any) -> None:  # an updated robot has what its own page asks for alone
+    def answer(
+        route: Any,
+    ) -> None:  # an updated robot has only the files that its own page requests
         route.continue_() if opened else route.fulfill(status=404)
 
     context.route(world.address + "/", renew)

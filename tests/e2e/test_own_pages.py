@@ -99,7 +99,7 @@ def test_tilting_drives_while_the_thumb_rests(whole_chromium: Any, world: World)
         return turned() and world.action is Action.LEFT
 
     press_until(page, world, lambda: lean_to(40, -30), fingers.lift, turns_left)
-    # Leaning away drives on, under the same thumb.
+    # Leaning the phone away drives on, under the same thumb.
     press_until(
         page, world, lambda: lean_to(10, 0), fingers.lift, lambda: world.action is Action.FORWARD
     )

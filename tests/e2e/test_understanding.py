@@ -51,7 +51,9 @@ def test_undo_restores_the_exact_learner_from_before(phone: Any, world: World) -
     seconds_before = _teaching_s(world)
 
     def is_enough() -> bool:
-        wrong = world.lessons - lessons  # a busy computer learns few in the seconds that are shown
+        wrong = (
+            world.lessons - lessons
+        )  # a busy computer learns few examples in the displayed seconds
         return wrong >= 30 or (wrong > 0 and _teaching_s(world) > seconds_before + 2)
 
     hold_until(world, fingers, "right", is_enough)
@@ -160,7 +162,7 @@ def test_trial_1_from_start_to_result(phone: Any, world: World, tmp_path: Path) 
     assert session is not None
     fingers = Fingers(phone)
     teach(world, fingers, 60)
-    session.pace = 110.0  # only now: however slow the machine, enough was taught before the end
+    session.pace = 110.0  # only now, so that on any machine enough was taught before the end
     teach(world, fingers, 10_000, until=lambda: session.phase_index > 0)
     wait_until(lambda: world.mode is Mode.STOPPED, "the phase is over, the robot stands")
     phone.locator(".notice", has_text="correct it").wait_for()
@@ -213,7 +215,7 @@ def test_models_are_renamed_copied_deleted_and_brought_back(phone: Any, world: W
     use = phone.get_by_role("button", name="Use this one")
     use.tap()
     wait_until(lambda: world.lessons >= 50, "what it knew is back")
-    use.wait_for(state="detached")  # the list is drawn anew: a tap on the old one would be lost
+    use.wait_for(state="detached")  # the list is redrawn, so a tap on the old list would be lost
     phone.get_by_role("button", name="Delete").first.tap()
     phone.locator("toast-bar button").tap()
     phone.locator(".model h3", has_text="Kitchen").first.wait_for()

@@ -263,7 +263,7 @@ def begin_anew(page: Any, world: World, viewport: dict[str, int]) -> None:
         _load(page, world.address)
     wait_until_free(page)
     if was_stopped:
-        page.wait_for_timeout(600)  # STOP that is pressed twice in half a second was pressed once
+        page.wait_for_timeout(600)  # two presses of STOP within half a second count as one
 
 
 def wait_until_free(page: Any) -> None:

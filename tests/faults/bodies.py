@@ -230,7 +230,7 @@ def _ev3(seed: int) -> Iterator[TimedBody]:
     ):
         driver = Ev3Driver(Ev3Options(brick_root=str(brick.root)), clock)
 
-        def unplug_one() -> None:  # the other one is still told to turn
+        def unplug_one() -> None:  # the other wheel still has the order to turn
             if "outC" in brick.motors:
                 for file in driver._connection.motors._ports[1]._files.values():  # type: ignore[union-attr]
                     file.close()  # on a brick the next write fails with ENODEV
@@ -319,7 +319,9 @@ def stood_after_s(name: str, fault: str, seed: int, *, by_degrees: bool = False)
         began_s = body.clock.now_s()
         last_s = 0.0
         for _ in range(400):
-            if fault == "link lost" and chance.random() < 0.04:  # the server goes on, in vain
+            if (
+                fault == "link lost" and chance.random() < 0.04
+            ):  # the server continues without effect
                 send(meant)
             if _pass(body, _STEP_S):
                 last_s = body.clock.now_s() - began_s

@@ -45,7 +45,7 @@ def ws() -> Iterator[Body]:
 
 
 def check_that_it_stands(robot: Body) -> None:
-    time.sleep(1.0)  # whatever was on its way has arrived
+    time.sleep(1.0)  # every message in transit has arrived
     for _ in range(1000):
         if robot.ends_s() < time.monotonic():
             break

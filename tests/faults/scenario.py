@@ -47,7 +47,7 @@ class FaultWorld(ServedWorld):
         camera = FakeCamera(clock, pictures=[_PICTURE])
         super().__init__(clock, camera=camera, policy=FakePolicy())
         self.driver.takes_points = by_degrees
-        self.hub.nonces = NonceLedger(random.Random(1).randrange)  # as long in every run
+        self.hub.nonces = NonceLedger(random.Random(1).randrange)  # the same length in every run
 
     def connect(self, path: str, on_message: Callable[[str | bytes], None]) -> HubSocket:
         """Open a connection through the link."""
@@ -125,7 +125,7 @@ class FaultWorld(ServedWorld):
         """
         await self.settle(plan.seed)
         await self.drive(plan.mode)
-        for fault, wait_s in plan.faults:  # a link has one fault at a time: the last counts
+        for fault, wait_s in plan.faults:  # a link has one fault at a time, so the last one counts
             await self.forward(wait_s)
             fault.begin(self)
         await self.until(self.stands, plan.limit_s, f"{plan}: stands")

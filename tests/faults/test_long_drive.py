@@ -55,7 +55,8 @@ def test_ten_minutes_by_itself_with_an_ordinary_phone(
     stops: list[StopReason] = []
 
     async def scenario(world: FaultWorld) -> tuple[int, float]:
-        # The slower camera is at the limit: of ten seeds two stop it once in the ten minutes.
+        # The slower camera is at the limit: with two of ten seeds the robot stops once in the ten
+        # minutes.
         await on_wifi(world, camera, seed=0)
         await world.drive("autonomous")
         moved_s, started_s = world.driver.moved_s, world.clock.now_s()

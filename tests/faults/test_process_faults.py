@@ -44,7 +44,7 @@ def a_frozen_server_lets_the_body_stop_and_does_not_move_it_again() -> None:
         for mode in ("train", "autonomous"):
             pilot.drive_until(lambda: pilot.state["action"] == "forward", mode=mode)
             os.kill(subject.pid, signal.SIGSTOP)
-            time.sleep(1.0)  # the pilot holds on, and its messages pile up
+            time.sleep(1.0)  # the pilot keeps holding, and its messages pile up
             resumed_s = time.monotonic()
             os.kill(subject.pid, signal.SIGCONT)
             pilot.wait_for_state(mode="stopped")

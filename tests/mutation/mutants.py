@@ -48,7 +48,7 @@ class Mutant:
 def mutants(source: str) -> Iterator[Mutant]:
     """Yield every mutant of a module."""
     tree = ast.parse(source)
-    # How a class may be made and used (frozen, slots) is what the type checker looks after.
+    # The type checker checks how a class may be made and used (frozen, slots).
     declared = {
         part
         for node in ast.walk(tree)

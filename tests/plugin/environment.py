@@ -13,8 +13,8 @@ COMMANDS = {
     "pytest": "import pytest; sys.exit(pytest.main())",
     "pip": "from pip._internal.cli.main import main; sys.exit(main())",
 }
-# A stranger has none of our own pytest plugins. What builds a package is here already; that it is
-# what the package asks for, pip checks.
+# A third party has none of our own pytest plugins. The build tools are installed here already; pip
+# checks that they meet the package's requirements.
 _QUIET = {
     "PIP_DISABLE_PIP_VERSION_CHECK": "1",
     "PIP_NO_BUILD_ISOLATION": "0",  # pip means: none

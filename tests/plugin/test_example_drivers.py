@@ -111,7 +111,7 @@ def check_arming_is_asked_for_and_a_refusal_is_in_the_rover_s_words(kit: Any, mo
             ):
                 driver.send_action(Action.FORWARD)
             driver.send_action(Action.STOP)
-            body.is_armed = True  # by its owner, whose switch is said by the next heartbeat
+            body.is_armed = True  # by its owner; the next heartbeat reports the switch
             until(lambda: driver.sense() and driver.device == "ArduPilot, armed")
             driver.send_action(Action.FORWARD)
             until(lambda: body.drives().throttle > 0)

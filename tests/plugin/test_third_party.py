@@ -156,7 +156,7 @@ def test_a_strangers_robot_is_taught_recorded_exported_and_learned(
 ) -> None:
     package = followed[0] / "drivelesson-wheely"
     with running_chromium() as chromium:
-        for attempt in range(5):  # a computer that stands still meanwhile ends the drive
+        for attempt in range(5):  # a computer that is paused meanwhile ends the drive
             data = tmp_path / f"data{attempt}"
             lessons = teach_in_one_drive(environment, package, data, chromium)
             if len(list((data / "episodes").iterdir())) == 1:

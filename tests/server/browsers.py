@@ -81,7 +81,8 @@ class Browser:
             except (asyncio.IncompleteReadError, ConnectionError):
                 if is_new:
                     raise
-                # A server may end an idle connection just then: browsers ask again on a new one.
+                # A server may close an idle connection at that moment; browsers then repeat the
+                # request on a new one.
                 writer.transport.abort()
                 line = None
         assert head.startswith("HTTP/1.1 200"), (path, head)
@@ -122,7 +123,7 @@ async def dead_pages(browsers: list[Browser]) -> list[str]:
 
     visits = (come(number, browser) for number, browser in enumerate(browsers))
     ended = await asyncio.wait_for(asyncio.gather(*visits, return_exceptions=True), PATIENCE_S)
-    await asyncio.sleep(0)  # what was aborted is closed in the loop's next turn
+    await asyncio.sleep(0)  # aborted connections are closed in the loop's next turn
     return [repr(one)[:300] for one in ended if one is not None]
 
 
@@ -179,7 +180,8 @@ def _serving(way: str, folder: Path, certificates: Certificates) -> Iterator[Any
             site = (
                 site_of_the_docs(port, [server.port], folder, tls=True)
                 if "TLS" in way
-                # The uvicorn of Debian 12 refuses what is called an upgrade and is none.
+                # The uvicorn of Debian 12 refuses requests with an `Upgrade` header that are not an
+                # upgrade.
                 else plain_site(port, server.port, connection="$http_connection")
             )
             stack.enter_context(running_nginx(folder / "nginx", site, port))

@@ -28,7 +28,7 @@ def faults_of(operation: Any) -> list[str]:
     from schemathesis.core.failures import FailureGroup
 
     load_all_checks()
-    # No description tells a model's bytes from others: those are 422.
+    # The description cannot distinguish a model's bytes from other bytes, which answer 422.
     left_out = "positive_data_acceptance" if operation.path.endswith("/file") else ""
     checks = [check for check in CHECKS.get_all() if check.__name__ != left_out]
     faults = []

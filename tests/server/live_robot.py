@@ -232,7 +232,7 @@ class Pilot:
     def vanish(self) -> None:
         """Disconnect like a killed browser, without a closing handshake."""
         self._ending.set()
-        linger = struct.pack("ii", 1, 0)  # the end is a reset, not a farewell
+        linger = struct.pack("ii", 1, 0)  # the connection ends with a reset, not a close
         self.socket.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
         self.socket.socket.shutdown(socket.SHUT_RDWR)
 

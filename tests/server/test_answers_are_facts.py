@@ -110,7 +110,7 @@ def holds(root: Path) -> dict[str, Any]:
         episodes = sorted(
             (one.title, one.is_protected, one.edits, one.frames)
             for one in part.episodes.summaries()
-            if one.frames  # the runs of these servers have none
+            if one.frames  # the runs of these servers have no name
         )
         history = rig.loop.history
         return {

@@ -17,7 +17,7 @@ async def keep_busy(world: ServedWorld, late_s: float, for_s: float) -> list[tup
     until_s = world.clock.now_s() + for_s
     while world.clock.now_s() < until_s:
         world.clock._now_s += late_s  # nobody runs, ...
-        await asyncio.sleep(1e-6)  # ... and then all that is due does
+        await asyncio.sleep(1e-6)  # ... and then everything that is due
         await asyncio.sleep(world.dice.uniform(0.1, 0.3))
         state = world.loop.state
         said.append((world.loop.state.link.is_busy, state.decision.speed_scale))

@@ -125,7 +125,7 @@ def test_a_folder_is_known_again_on_another_disk(tmp_path: Path) -> None:
     away = pull(root)
     assert not presence.is_there()
     root.rmdir()
-    root.mkdir()  # the same stick, which has another number now
+    root.mkdir()  # the same stick, with another device number
     (root / MARK).write_bytes((away / MARK).read_bytes())
     assert presence.is_there() and presence.is_there()
 

@@ -111,7 +111,7 @@ def untouched(server: OwnProcess) -> Iterator[None]:
     said = [line for line in server.errors if " ERROR " in line or "Traceback" in line]
     assert said == []
     before = _turns(server)
-    while _turns(server) < before + 10:  # the test's own limit of time ends a loop that stands
+    while _turns(server) < before + 10:  # the test's own time limit ends a stalled loop
         time.sleep(0.05)
 
 

@@ -62,7 +62,7 @@ def test_what_it_was_taught_is_there_again_however_it_ended(
 ) -> None:
     a_second_server_leaves_the_folder_of_the_first_alone(tmp_path / "shared")
     ends = [signal.SIGTERM, signal.SIGINT]
-    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # else `nohup` runs this test
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # otherwise `nohup` runs this test
         ends.append(signal.SIGHUP)  # a window was closed
     for end in ends if IS_FULL else ends[:1]:
         it_ends_with_everything_saved_and_goes_on_from_there(tmp_path / end.name, end)

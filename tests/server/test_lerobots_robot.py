@@ -203,7 +203,7 @@ def test_what_the_server_refuses_is_read_and_said_once_a_second(
     line = line_to(server)
     try:
         line.begin()
-        line.points["spin_left"] = (-1.0, 0.0)  # taken when we joined, and not any more
+        line.points["spin_left"] = (-1.0, 0.0)  # accepted when we joined, but not any more
         assert line.drive(asks(-1.0, 0.0)) == (0.0, 0.0)
         for _ in range(20):
             line._send(type="drive", held="no_move")

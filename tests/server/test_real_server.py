@@ -44,7 +44,7 @@ def test_a_pilot_drives_over_real_sockets_and_others_pair_over_tls(
     tls_with_an_authority_of_our_own(tmp_path)
     (tmp_path / "browsers").mkdir()
     certificates = make_certificates(tmp_path / "tls", ["127.0.0.1"], dt.datetime.now(dt.UTC))
-    # A page has six connections and two websockets, and opens more: 32 pages on Windows.
+    # A page has six connections and two websockets, and opens more, so Windows allows 32 pages.
     count = min(size("BROWSERS", 6, 60), connection_capacity() // 12)
     ways = WAYS if IS_FULL else ("TLS", "TLS through nginx")
     check_nobody_s_page_is_dead(tmp_path / "browsers", certificates, count, ways)
@@ -84,7 +84,7 @@ def tls_with_an_authority_of_our_own(tmp_path: Path) -> None:
     certificates = make_certificates(tmp_path / "tls", names, now)
     again = make_certificates(tmp_path / "tls", names, now)
     assert again.authority.read_bytes() == certificates.authority.read_bytes()
-    if os.name != "nt":  # there it is not said by bits
+    if os.name != "nt":  # there the mode is not expressed by bits
         assert certificates.key.stat().st_mode & 0o077 == 0
     trust = ssl.create_default_context(cafile=str(certificates.authority))
     config = NetworkConfig(port=0, web=WEB, lan=True, tls=True, data=tmp_path)

@@ -129,7 +129,7 @@ class PeopleAtOneRobot(RuleBasedStateMachine):
                 self.server.address + "/api/stop", headers=self.cookies[person], timeout=60
             )
             if person == "greedy" and answer.status_code == 401:
-                return  # pushed out of his kind, by himself
+                return  # evicted by newer sessions of the same person
             assert answer.status_code == 200, f"the {person}'s STOP: {answer.status_code}"
         self._is_obeyed(f"the {person}'s")
 
@@ -138,7 +138,7 @@ class PeopleAtOneRobot(RuleBasedStateMachine):
         for socket in list(self._open_sockets(person)):
             self.sockets[person].remove(socket)
             socket.close()
-        self.server.forward(1.0)  # at most one request in so long is allowed, whoever asks
+        self.server.forward(1.0)  # at most one request in this time is allowed, for any client
         assert self._open(person), f"the {person} cannot come back"
 
     @precondition(lambda self: self.server.hub.clients)
@@ -215,12 +215,14 @@ def check_who_takes_all_places_holds_up_no_stop(
             for number in range(4 * TRIES):
                 cookie = {"Cookie": cookies["owner" if number % 2 else "pilot"]}
                 with contextlib.ExitStack() as stack:
-                    if number % 4 < 2:  # on a connection of its own; to make httpx takes 20 ms
+                    if (
+                        number % 4 < 2
+                    ):  # on a separate connection; making a client of httpx takes 20 ms
                         asker = stack.enter_context(httpx.Client(timeout=PATIENCE_S))
                         start_s = clock.now_s()
                         answer = asker.post(server.address + "/api/stop", headers=cookie)
                         assert answer.status_code == 200
-                    else:  # behind all that one socket takes, on a page that has just come back
+                    else:  # behind all messages that its socket accepts, just reconnected
                         options: Any = {"additional_headers": cookie, "open_timeout": PATIENCE_S}
                         options |= {"compression": None, "max_queue": None, "close_timeout": 0}
                         page = stack.enter_context(real_connect(url, **options))

@@ -46,21 +46,21 @@ def _teach(server: VirtualServer, lessons: int) -> None:
 
 
 def ask(server: VirtualServer, method: str, path: str, **options: Any) -> httpx.Response:
-    # No TLS anywhere here: reading the certificates would take longer than the request.
+    # There is no TLS here, because reading the certificates would take longer than the request.
     return httpx.request(method, server.address + path, timeout=10, verify=False, **options)
 
 
 def gallery(server: VirtualServer) -> dict[int, dict[str, Any]]:
     images = ask(server, "GET", "/api/gallery").json()["images"]
     for image in images:
-        del image["last_used"]  # goes on while the robot looks about
+        del image["last_used"]  # continues while the robot drives
     return {image["node"]: image for image in images}
 
 
 def test_the_gallery_lists_every_image_with_its_picture(taught: VirtualServer) -> None:
     images = gallery(taught)
     assert len(images) == 8
-    # Of the same view only a change of label is learned: every fourth example, and the next one.
+    # With one view only a change of label is learned: every fourth example, and the next one.
     assert sum(image["frames"] for image in images.values()) == 20
     assert {image["angle"] for image in images.values()} == {None}, "taught by moves"
     picture = ask(taught, "GET", f"/api/gallery/{next(iter(images))}.png")

@@ -105,7 +105,7 @@ def test_a_fault_in_the_hub_s_timer_stops_the_robot_and_not_the_timer(
         await world.until(lambda: world.driver.now is Action.FORWARD)
         owner = {"note_lateness": world.loop, "pass_on_if_lapsed": world.hub.lease}
         with monkeypatch.context() as broken:
-            # `publish_state` fails for what calls it by name: a tick, or the timer without one.
+            # `publish_state` fails for the named caller: a tick, or the timer without a tick.
             broken.setattr(owner.get(part, world.hub), part, _fail)
             if part == "publish_state":
                 world.camera.is_frozen = True

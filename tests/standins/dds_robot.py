@@ -143,7 +143,7 @@ def main() -> None:
     is_ready = threading.Event()
 
     def hear(twist: dict[str, Any]) -> None:
-        is_ready.wait()  # one line at a time, and that one first
+        is_ready.wait()  # one line at a time, and this one first
         print(json.dumps([time.monotonic(), twist["linear"]["x"], twist["angular"]["z"]]))
         sys.stdout.flush()
 

@@ -28,7 +28,7 @@ _MODULES = Path(__file__).parent / "hub_modules"
 _SERVICE = "c5f50001-8280-46da-89f4-6d8051e4aeef"
 _COMMAND_EVENT = "c5f50002-8280-46da-89f4-6d8051e4aeef"
 _CAPABILITIES = "c5f50003-8280-46da-89f4-6d8051e4aeef"
-_OTHERS = {  # what a foreign client reads besides: firmware, protocol, PnP id of a SPIKE Prime hub
+_OTHERS = {  # read by third-party clients: firmware, protocol, PnP id (SPIKE Prime)
     "00002a26-0000-1000-8000-00805f9b34fb": b"3.6.1",
     "00002a28-0000-1000-8000-00805f9b34fb": b"1.3.0",
     "00002a50-0000-1000-8000-00805f9b34fb": struct.pack("<BHHH", 1, 0x0397, 0x81, 0),
@@ -87,7 +87,7 @@ class FakeHub:
         with self._news:
             assert self._news.wait_for(happened, 60.0)
 
-    # What a person does with the hub -------------------------------------------------------------
+    # A person's actions on the hub ---------------------------------------------------------------
 
     def start_program(self) -> None:
         """Return when the program runs: a hub's program runs at once, a process does not."""

@@ -109,14 +109,14 @@ class RosBridgeServer:
         while not self._over.is_set():
             await asyncio.sleep(0.005)
             while self.frozen.is_set() and not self._over.is_set():
-                time.sleep(0.005)  # the whole process stands still, as after SIGSTOP
+                time.sleep(0.005)  # the whole process is paused, as after SIGSTOP
 
     async def _talk(self, socket: Any, path: str = "") -> None:
         self._sockets.add(socket)
         try:
             async for data in socket:
                 asked = json.loads(data)
-                # Who has left hears no answer, and what it had sent is obeyed all the same.
+                # A client that has left gets no answer, but its messages are still obeyed.
                 with contextlib.suppress(websockets.ConnectionClosed):
                     for text in self.answers(asked):
                         await socket.send(text)

@@ -69,7 +69,7 @@ class WsRobot:
         is_deaf = False
         async for message in socket:
             is_deaf = is_deaf or self.silent.is_set()
-            if is_deaf:  # for good: whoever wants an answer must connect again
+            if is_deaf:  # permanently: a client that wants an answer must connect again
                 continue
             self._obey(message.encode())
             ms = int(time.monotonic() * 1000)

@@ -143,7 +143,7 @@ def test_joined_files_are_kept_for_ever_and_the_document_is_asked_for_again() ->
         assert file.headers["content-encoding"] == "gzip"
         kind = "javascript" if address.endswith(".js") else "css"
         assert kind in file.headers["content-type"]
-        # On Windows starlette asks for it so.
+        # On Windows starlette requests it in this form.
         assert get(address.replace("/", "\\")).content == file.content
     plain = get("/", accept_encoding="identity")
     assert "content-encoding" not in plain.headers

@@ -26,7 +26,8 @@ PYTHON = PLACE / "python"
 SITE = PYTHON / "Lib" / "site-packages"
 WINE = Path("/usr/lib/wine/wine64")
 DLL = f"python{sys.version_info.major}{sys.version_info.minor}.dll"
-# Needed by the tests, by pip on Windows alone, and the newest numpy that Wine 8 can load.
+# The requirements of the tests, those of pip on Windows only, and the newest numpy that Wine 8 can
+# load.
 MORE = ["pytest", "pytest-timeout", "pytest-xdist", "hypothesis", "httpx", "jsonschema", "colorama"]
 FOR_WINE = ["numpy==1.26.4"]
 

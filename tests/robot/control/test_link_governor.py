@@ -65,7 +65,7 @@ def test_only_an_age_well_below_the_threshold_counts_as_better() -> None:
     for tenth in range(60, 70):
         governor.note_age(0.16, tenth / 10)
     assert governor.level is LinkLevel.SLOW, "0.9 s are not long enough"
-    governor.note_age(0.19, 7.0)  # and now it begins anew
+    governor.note_age(0.19, 7.0)  # and now the time starts again
     for tenth in range(71, 81):
         governor.note_age(0.16, tenth / 10)
     assert governor.level is LinkLevel.SLOW

@@ -16,7 +16,7 @@ F = Action.FORWARD
 MOVING = (Mode.TRAIN, Mode.AUTONOMOUS)
 
 
-# What is asked ----------------------------------------------------------------------------------
+# Requests ---------------------------------------------------------------------------------------
 
 
 def ask_stop(robot: BenchRobot) -> None:

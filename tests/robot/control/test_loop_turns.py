@@ -29,7 +29,7 @@ def hold_up(monkeypatch: pytest.MonkeyPatch, robot: BenchRobot, seconds: float) 
     monkeypatch.setattr(policy, "propose", slow)
 
 
-# What wakes it, and what it shows ---------------------------------------------------------------
+# Causes of ticks, and their state ---------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -99,7 +99,7 @@ def test_the_body_stands_on_time_though_the_loop_is_held_up(
         driven.loop.subscribe(hold_up)
     else:
         before(policy if where == "propose" else driven.body, where)
-    limit_s = 0.46 if where != "sense" else 0.3 + ACTION_TIMEOUT_S  # the body ends it itself
+    limit_s = 0.46 if where != "sense" else 0.3 + ACTION_TIMEOUT_S  # the body itself ends the move
     assert driven.moves_until() <= limit_s
     assert driven.loop.state.decision.mode is Mode.STOPPED
 

@@ -166,7 +166,7 @@ def test_what_a_body_declares_is_the_wrappers_own() -> None:
     body = ReplayDriver(ReplayDriver.options_type(), VirtualClock())
     wrapped = DriverThread(body, VirtualClock())
     for name in (*Driver.__annotations__, "moves", "first_moves", "takes_advice"):
-        if name != "is_remote":  # it is none any more
+        if name != "is_remote":  # it is not a fault any more
             assert getattr(wrapped, name) == getattr(body, name), name
 
 

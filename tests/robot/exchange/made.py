@@ -400,7 +400,7 @@ def ros_bag(dice: random.Random, home: Path) -> Made:
     for number, label in drive(dice):
         at_ns += dice.randint(30, 90) * 10**6
         if number == 0 and dice.random() < 0.3:
-            truth[500] = None  # nobody has said anything yet
+            truth[500] = None  # there was no command yet
             messages.append(("/camera/image", at_ns - 2 * 10**6, *image(500, at_ns)))
         if label is not last or dice.random() < 0.5:
             messages.append(("/cmd_vel", at_ns - 10**6, *order(label, at_ns)))

@@ -218,7 +218,7 @@ def lose_the_list(folder: Path, made: Dataset) -> None:
     if made.is_v3:
         cut(folder / "meta/episodes/chunk-000/file-000.parquet", made.dice)
         if made.has_films:
-            forget(made, None)  # nothing says where in the film they begin
+            forget(made, None)  # their beginning in the film is unknown
     else:
         cut(folder / "meta/episodes.jsonl", made.dice)
 

@@ -52,7 +52,7 @@ def test_breaks_exact_ties_as_the_pseudocode(cluster):
         for x in points:
             slots = ours.train(np.array(x, np.float32)), theirs.train([float(v) for v in x])
             if not all(n.count & (n.count - 1) == 0 for n in theirs.nodes):
-                break  # a share of 1/3 is not exact in binary: ties end here
+                break  # a share of 1/3 is not exact in binary, so there are no ties from here on
             assert slots[0] == slots[1]
             assert ours.nodes_.tolist() == [node.image for node in theirs.nodes]
 

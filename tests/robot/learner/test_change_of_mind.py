@@ -78,7 +78,7 @@ def test_what_was_taught_since_stays() -> None:
     lesson = taught_left()
     for _ in range(2):
         lesson.turn(RIGHT, 1)
-    lesson.turn(LEFT, 2, 1)  # takes some of it back
+    lesson.turn(LEFT, 2, 1)  # reduces the evidence
     lesson.turn(RIGHT, 1)
     assert lesson.shares_at(1)[RIGHT] > lesson.shares_at(1)[LEFT]
     assert np.array_equal(lesson.shares_at(2), SHARES)

@@ -31,7 +31,7 @@ lessons = st.lists(st.tuples(arrays(np.uint8, 6), st.sampled_from(LABELS)), min_
 def make(kind, max_nodes):
     if kind.startswith("published"):
         return BSOCClassifier.published(max_nodes, integer=kind.endswith("integer"))
-    if kind == "integer-linear":  # as on a brick: two of six values are not compared
+    if kind == "integer-linear":  # like on a brick, two of six values are not compared
         cluster = BSOC(max_nodes, group_cost=GROUP_COST, integer=True, n_compared=4)
         return BSOCClassifier(max_nodes, linear=IntegerRidge(3), cluster=cluster)
     if kind == "context":
@@ -110,7 +110,7 @@ def test_bad_lessons_are_refused_and_change_nothing(kind, x, y):
 @given(max_nodes=sizes, xs=st.lists(arrays(np.uint8, 6), min_size=1, max_size=40))
 def test_float_and_whole_numbers_see_the_same_distances(max_nodes, xs):
     exact, whole, paper = BSOC(max_nodes), BSOC(max_nodes, integer=True), PublishedBSOC(max_nodes)
-    for x in xs[:max_nodes]:  # before any merge, where ties could part them
+    for x in xs[:max_nodes]:  # before any merge, at which ties could lead to different results
         assert exact.train(x) == whole.train(x) == paper.train(x)
     for x in xs:
         np.testing.assert_allclose(exact.distances(x), paper.distances(x), atol=0.5)

@@ -54,7 +54,7 @@ def test_turning_the_vector_is_turning_the_picture():
     x, mirrored = (features.extract(frame(g)) for g in (grey, grey[:, ::-1]))
     n = features.n_gradients
     turned = x[features.mirror()].astype(float)
-    # Samples lie at every second pixel, so that it is not the same to the last bit.
+    # Samples are at every second pixel, so the result differs in the last bits.
     apart = [np.abs(each - mirrored[:n]).mean() for each in (turned, x[:n].astype(float))]
     assert apart[0] < 0.5 * apart[1]
     np.testing.assert_array_equal(x[features.mirror()][features.mirror()], x[:n])

@@ -248,7 +248,7 @@ def test_who_steers_by_degrees_is_met_closer_than_by_moves(learner: str, seed: i
     off = np.mean([abs(point.steering - bend) for bend, _, point in said])
     by_moves = np.mean([abs(means[move].steering - bend) for bend, move, _ in said])
     assert off < 0.8 * by_moves
-    for _, move, point in said:  # never far from what the move means to this pilot
+    for _, move, point in said:  # never far from this pilot's usual point for the move
         assert abs(point.steering - means[move].steering) < BAND
 
 

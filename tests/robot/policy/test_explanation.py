@@ -57,7 +57,7 @@ def test_what_is_marked_is_what_only_the_deciding_image_shares(name: str, seed: 
         assert why.alike[rows[which], columns[which]] > 0.6, "its own pattern"
         assert why.image.votes[(Action.FORWARD, Action.LEFT, Action.RIGHT)[which]] == 1
         np.testing.assert_array_equal(why.present, policy.features.thumbnail(x))
-        # A part of bare ground is alike in all images: it explains nothing.
+        # A part of bare ground is alike in all images, so it explains nothing.
         far = [
             (r, c)
             for r in range(CELL_ROWS)

@@ -63,7 +63,9 @@ def test_before_the_first_example_nothing_changes():
 def picture(kind: int, light: float, seed: int) -> Frame:
     rng = np.random.default_rng(seed)
     pixels = np.full((120, 160, 3), 150.0)
-    pixels[:, 80 * kind : 80 * kind + 80] = 90.0  # two plain halves: little but grey tells them
+    pixels[:, 80 * kind : 80 * kind + 80] = (
+        90.0  # two plain halves, which hardly differ except in grey
+    )
     pixels += rng.normal(0.0, 6.0, pixels.shape)
     data = (pixels * light).clip(0, 255).astype(np.uint8).tobytes()
     return Frame(

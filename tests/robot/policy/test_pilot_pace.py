@@ -75,7 +75,7 @@ def test_corrections_with_pauses_between_them_are_manoeuvres_of_their_own():
     pilot = Pilot()
     for _ in range(10):
         pilot.drive(L, 2.0)
-        pilot.now_s += 0.5  # the most that a pause counts in teaching time
+        pilot.now_s += 0.5  # the maximum teaching time that a pause counts for
     assert pilot.pace.longest_debt_s == pytest.approx(2.0, abs=0.3)
 
 

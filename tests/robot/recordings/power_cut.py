@@ -73,7 +73,7 @@ def live(folder: Path, out: int, wall_s: float) -> None:
         taught = [e.example.frame_id for e in tick.history_events if isinstance(e, Taught)]
         if is_loaded and (tick.decision.mode is not Mode.STOPPED or tick.history_events):
             n_examples = rig.loop.history.n_examples
-            for left in range(len(taught) - 1, 0, -1):  # each is a record of its own
+            for left in range(len(taught) - 1, 0, -1):  # each is a separate record
                 tell("tick", tick.now_s, n_examples - left)
             tell("tick", tick.now_s, n_examples, *taught)
 
@@ -109,12 +109,14 @@ def live(folder: Path, out: int, wall_s: float) -> None:
     persistence = Persistence(Storage(folder), rig, name="bench")
     persistence.part(Recordings).recorder.queue._config = RecorderConfig(spare_bytes=0)
     is_loaded = False
-    rig.loop.subscribe(note)  # first: what is on the disk at any moment has been told before
+    rig.loop.subscribe(note)  # first, so that everything on the disk was reported before
     with rig:
         persistence.disk.add(turns_told("written", lambda: lessons_queued))
         persistence.journal._thread.add(turns_told("kept", lambda: n_queued))
         persistence.start()
-        rig.loop.subscribe(note_queued)  # last: what it counts waits for the disk already
+        rig.loop.subscribe(
+            note_queued
+        )  # last, because the counted records are queued for the disk already
         persistence.autosave.load_last()
         tell("loaded", rig.loop.submit(lambda: rig.loop.history.n_examples).result())
         is_loaded = True
@@ -146,7 +148,7 @@ def cut(folder: Path, moment: str, life_s: float, wall_s: float) -> Life:
         os.close(read_end)
         try:
             live(folder, write_end, wall_s)
-        except BaseException as error:  # told to the parent, which counts it
+        except BaseException as error:  # reported to the parent, which counts it
             os.write(write_end, f"failed {error!r}\n".encode())
         os._exit(1)
     os.close(write_end)
@@ -191,7 +193,7 @@ def look_at_episodes(
     on_disk: set[int] = set()
     end_s = 0.0
     for path in set(folder.glob("episodes/*.mcap")) - before:
-        if path.stat().st_size == 0:  # killed between making the file and its first flush
+        if path.stat().st_size == 0:  # killed between the creation of the file and its first flush
             continue
         episode = open_episode(path)
         on_disk |= {
@@ -209,7 +211,7 @@ def main() -> None:
     rng = random.Random(seed)
     lives = []
     for _ in range(kills):
-        wall_s = 1.7e9 + rng.uniform(-60, 60) * 86_400  # a clock that is set anywhere
+        wall_s = 1.7e9 + rng.uniform(-60, 60) * 86_400  # a clock that is set to any time
         lives.append(cut(folder, rng.choice(MOMENTS), rng.uniform(0.0, LONGEST_LIFE_S), wall_s))
     print(json.dumps([asdict(life) for life in lives]))
 

@@ -68,7 +68,7 @@ def test_whatever_was_damaged_it_is_described_or_refused(tmp_path: Path, seed: i
     how = seed % 5
     if how == 0:
         del data[rng.randrange(len(data)) :]
-    elif how == 1:  # the footer, and what stands before it
+    elif how == 1:  # the footer, and the records before it
         data[-rng.randrange(1, 60)] ^= 1 << rng.randrange(8)
     elif how == 2:
         for _ in range(rng.randrange(1, 20)):

@@ -135,7 +135,7 @@ def test_none_is_deleted_or_rewritten_while_another_process_reads_it(storage: St
         with pytest.raises(ConfigurationError, match="exported"):
             store.compact("one")
         assert "one.mcap" in being_read(folder)
-        reader.kill()  # it ends in any way, and leaves its mark behind
+        reader.kill()  # it ends in some way, and leaves its mark behind
     assert store.delete("one").ids == ("one",)
     assert not list(folder.glob(".reading*"))
 

@@ -38,7 +38,7 @@ def test_the_drive_after_a_disk_refused_is_recorded(
     robot.stand(stood_s)
 
     taught = history.n_examples
-    if teaches_at_once:  # in the very turn of the loop in which it starts
+    if teaches_at_once:  # in the same tick in which it starts
         frame = robot.camera.show(100)
         robot.loop.set_mode(Mode.TRAIN)
         robot.clock.sleep(0.05)

@@ -102,7 +102,7 @@ def test_dates_are_those_of_the_drive_not_of_the_clocks_start(tmp_path: Path) ->
 def test_a_film_takes_as_long_as_the_drive(seed: int) -> None:
     rng = np.random.default_rng(seed)
     times_s = np.cumsum(rng.uniform(0.02, 0.09, 400)) + rng.uniform(0, 100)
-    times_s[200:] += rng.uniform(0, 0.9)  # the camera stood still for a moment
+    times_s[200:] += rng.uniform(0, 0.9)  # the camera paused for a moment
     rate = int(rng.integers(5, 61))
     (shown,) = make_timeline(times_s.tolist()).evenly(rate)
     assert len(shown) / rate == pytest.approx(times_s[-1] - times_s[0], abs=0.1 + 1.5 / rate)
@@ -116,7 +116,7 @@ def test_the_film_itself_takes_as_long_as_the_drive(tmp_path: Path) -> None:
     pytest.importorskip("cv2")
     robot = RecordedBench(tmp_path)
     robot.start(Mode.TRAIN, 0)
-    for scene in range(60):  # pictures come at odd times, one in ten late
+    for scene in range(60):  # pictures come at irregular times, one in ten late
         robot.step(scene, Action.FORWARD, seconds=0.19 if scene % 10 == 9 else 0.04)
     robot.stop()
     [path] = robot.finish()

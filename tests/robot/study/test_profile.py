@@ -21,7 +21,8 @@ def test_the_thresholds_are_the_papers() -> None:
 def test_a_profile_is_the_share_of_readings_below_each_threshold() -> None:
     profile = behavior_profile([F, F, L, F, F, Action.STOP], [0.03, 0.05, 0.01, 0.05, 9.0, 0.0])
     assert set(profile) == {F, L}
-    # Forward was driven at 3, 5, 5 cm and far: below 0, 2, 4, 6 cm are 0, 0, 1, 3 of 4 readings.
+    # Forward was driven at 3, 5, 5 cm and far away: 0, 0, 1, 3 of 4 readings are below 0, 2, 4, 6
+    # cm.
     assert profile[F][:4].tolist() == [0, 0, 0.25, 0.75]
     assert profile[F][-1] == 0.75
     assert profile[L][:3].tolist() == [0, 1, 1]

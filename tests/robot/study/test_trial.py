@@ -96,7 +96,7 @@ def test_the_phases_follow_each_other_and_end_each() -> None:
         drive.forward(seconds - 2, *how, Action.FORWARD, 1.0)
         assert drive.phase == phase
         drive.forward(2.3, *how, Action.FORWARD, 1.0)
-        drive.now_s += 60  # the pilot reads what comes next
+        drive.now_s += 60  # the pilot reads the next instruction
     assert (drive.session.step, drive.ended) == (SessionStep.QUESTIONS, 3)
 
 

@@ -156,7 +156,7 @@ def test_endless_bodies_are_cut_off(here: VirtualServer) -> None:
         try:
             status = client.post(here.address + "/api/pair", content=endless()).status_code
         except httpx.HTTPError:
-            return  # the server hung up in the middle: as good
+            return  # the server closed the connection before the end, which is also right
         assert status in (400, 404)
 
 
@@ -215,13 +215,13 @@ def test_who_comes_when_all_places_are_taken(tmp_path: Path) -> None:
 
             def page(cookie: dict[str, str]) -> VirtualSocket:
                 socket = connect(server.ws("/ws/drive"), additional_headers=cookie)
-                server.forward(0.1)  # until who gave way is gone
+                server.forward(0.1)  # until the evicted session is gone
                 return stack.enter_context(socket)  # type: ignore[no-any-return]
 
             many = [page(greedy) for _ in range(5)]
             assert [one.close_code for one in many] == [1013, 1013, None, None, None]
             page(second)
-            page(third)  # who has most makes room
+            page(third)  # the client with the most uploads gives way
             assert many[2].close_code == 1013
             assert _socket_status(server, **third) == 503, "who would have as many as greedy"
             stack.enter_context(VirtualPilot(server, headers=owner))
@@ -240,7 +240,7 @@ def test_uploads_that_never_end_take_the_memory_of_two(tmp_path: Path) -> None:
                 path = f"{server.address}/api/models/mine/file"
                 request = httpx.Request("PUT", path, content=b"x", headers=cookie)
                 exchange = Exchange(server, request, None)
-                exchange._incoming.get_nowait()  # the end does not come
+                exchange._incoming.get_nowait()  # the end of the body never arrives
                 return exchange
 
             exchange = server.run(ask())

@@ -10,12 +10,12 @@ from server.access.listener import _Connection
 
 def check_what_a_client_has_not_read_is_known_though_its_system_has_taken_it() -> None:
     if sys.platform != "linux":
-        return  # only Linux says how large a window is
+        return  # only Linux reports the size of a window
     listener = socket.create_server(("127.0.0.1", 0))
     client = socket.create_connection(listener.getsockname())
     plain, _ = listener.accept()
     with listener, client, _Connection(fileno=plain.detach()) as connection:
-        for _ in range(30):  # its system offers more as it sees that the client reads
+        for _ in range(30):  # its system enlarges the window when the client reads
             connection.sendall(bytes(8000))
             _read(client, 8000)
             connection.unread()
@@ -24,7 +24,7 @@ def check_what_a_client_has_not_read_is_known_though_its_system_has_taken_it() -
             connection.sendall(bytes(8000))
         assert 20_000 < connection.unread() < 27_000
         _read(client, 24_000)
-        connection.sendall(b"x")  # the answer to it says how large the window is by now
+        connection.sendall(b"x")  # the answer contains the current size of the window
         assert connection.unread() < 1500
 
 

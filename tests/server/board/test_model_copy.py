@@ -82,7 +82,7 @@ def test_what_fails_is_named_and_the_others_get_it(step: str, fault: str) -> Non
         return await copy_model(one, [two, three])
 
     faults = asyncio.run(scenario())
-    # An empty answer to `load` is none that can be told from a good one; the file may be empty.
+    # An empty answer to `load` cannot be distinguished from a good one, and the file may be empty.
     is_harmless = fault == "empty" and step in ("get", "load")
     if is_harmless:
         assert not faults and 3 in robots.loaded

@@ -76,7 +76,7 @@ def _check_a_drive(folder: Path) -> None:
                 pilot.wait_for_state(mode="stopped")
                 _search("websocket", repr(pilot.messages).encode())
             answers = [client.get(address) for address in _addresses(client)]
-            # On a busy machine /healthz says that the loop stands: an answer, too.
+            # On a busy machine /healthz reports that the loop stalls, which is a valid answer.
             assert sum(answer.status_code in (200, 503) for answer in answers) > 20
         for answer in answers:
             _search(str(answer.url), repr(answer.headers).encode() + answer.content)

@@ -54,7 +54,8 @@ def test_a_file_is_utf_8_whatever_the_system_writes(
     file = tmp_path / "robot.toml"
     file.write_bytes(f'name = "{name}"{end}port = 8001{end}'.encode(encoding))
     assert read_settings(file, {}).flags == {"name": name, "port": 8001}
-    # Python's own encoding is another on Windows; here a C locale without UTF-8 mode stands for it.
+    # Python's default encoding differs on Windows; here a C locale without UTF-8 mode simulates
+    # this.
     program = f"""
 from pathlib import Path
 from server.cli.settings import read_settings

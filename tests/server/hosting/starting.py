@@ -30,7 +30,7 @@ def check_it_names_what_is_still_starting_and_then_lets_the_server_answer() -> N
         page.part = StartingPart.MODEL
         assert b"what it has learned" in ask(listener)
         with socket.create_connection(listener.getsockname()):
-            pass  # one that leaves at once holds up nobody
+            pass  # a client that leaves at once delays nobody
         assert b"Retry-After" in ask(listener, b"\x16\x03\x01 no HTTP at all")
 
         page.stop()

@@ -128,7 +128,7 @@ async def flood_for_a_minute(first: bytes, again: bytes) -> None:
         while line.is_read:
             protocol.data_received(piece)
             n_frames += len(piece) // len(PING)
-            await asyncio.sleep(0)  # the application takes what has come
+            await asyncio.sleep(0)  # the application reads the received messages
             await asyncio.sleep(0)
             assert n_frames < (now_s - began_s + BURST_S) / FRAME_S + 1000
         now_s, call = later.pop(0)

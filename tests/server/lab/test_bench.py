@@ -22,7 +22,7 @@ def test_bench_link_measures_viewers_and_commands(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("websockets.asyncio.client", reason="Debian 12's websockets has it not")
-    monkeypatch.setattr(link, "_SETTLE_S", 0.05)  # figures that nobody judges need no rest
+    monkeypatch.setattr(link, "_SETTLE_S", 0.05)  # figures that are not judged need no pause
     monkeypatch.setattr(link, "_COMMANDS", 8)
     monkeypatch.setattr(link, "_COMMAND_EVERY_S", 0.1)
     file = tmp_path / "link.json"

@@ -103,7 +103,7 @@ class Armel:
             "-OO",
             *args,
         ]
-        # In a mount namespace of its own, so that nothing stays mounted whatever happens.
+        # In a separate mount namespace, so that nothing stays mounted in any case.
         script = (
             'mount -t proc proc "$0/proc" && mount --rbind /dev "$0/dev" && exec chroot "$0" "$@"'
         )

@@ -130,7 +130,7 @@ def test_a_brick_is_calibrated_by_driving(
 ) -> None:
     file = tmp_path / "drivelesson.toml"
     file.write_text("forward_speed_mps = 0.2\nport = 8001\n")
-    # 0.6 s of 20 cm/s by the old measures; the ruler says a tenth more, and a third less turning.
+    # 0.6 s at 20 cm/s by the old settings; the ruler shows a tenth more, and a third less turning.
     monkeypatch.setattr("sys.stdin", io.StringIO("\nabout so\n13,2\n\n7.4\n"))
     words = [
         "calibrate",

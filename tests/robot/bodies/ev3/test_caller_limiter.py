@@ -60,7 +60,7 @@ def test_who_does_not_join_at_once_has_to_leave(agent: VirtualAgent) -> None:
     line.settimeout(5)
     began_s = clock.now_s()
     for byte in wire.pack_json({"do": "join", "nonce": "a" * 32, "proof": "b"})[:8]:
-        line.sendall(bytes([byte]))  # a letter now and then does not help
+        line.sendall(bytes([byte]))  # sending a byte from time to time does not help
         clock.sleep(0.1)
     while line.recv(1024):
         pass
@@ -182,7 +182,7 @@ def test_a_relay_never_drives(virtual_brick: FakeBrick, agent: VirtualAgent, ide
         with suppress(DriveError):
             driver.send_action(Action.FORWARD)
         assert clock.wait(relay.did, 5.0)
-        # The agent hangs up on it, and its motors stand; the owner alone was ever obeyed.
+        # The agent closes its connection, and the motors stand; only the owner was ever obeyed.
         brick.wait_until(lambda: not brick.is_moving())
         brick.catch_up()
         assert seen_speeds(brick) <= {360}

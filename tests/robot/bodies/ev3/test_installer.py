@@ -144,7 +144,7 @@ def test_installing_is_safe_to_repeat(
 
     def build(
         folder: Path, release: str, mirror: str
-    ) -> None:  # the real one is what `make test-brick` runs
+    ) -> None:  # `make test-brick` runs the real one
         builds.append(folder)
         (folder / "usr/lib/python3.11").mkdir(parents=True)
         (folder / "usr/lib/python3.11/this.py").write_text("print('here')\n")
@@ -220,7 +220,7 @@ def test_a_packed_server_is_installed_without_building_anything(
     keep = ["--keep", str(tmp_path / "keep")]
     assert main(["brick", "pack", str(file), *mirror, *keep]) == 0
     assert f"install root@ADDRESS --from {file}" in capsys.readouterr().out
-    monkeypatch.setattr(command, "build_userland", None)  # and nothing is built from now on
+    monkeypatch.setattr(command, "build_userland", None)  # nothing is built from here on
     assert main(["brick", "install", "10.0.0.9", "--from", str(file)]) == 0
     there = far_home / "opt/drivelesson"
     assert (there / "root/usr/lib/python3.13/this.py").is_file()
@@ -228,7 +228,7 @@ def test_a_packed_server_is_installed_without_building_anything(
     assert (there / "packages").read_text().startswith("trixie python3 ")
     assert "enable drivelesson" in (far_home / "systemctl").read_text()
     (there / "root/usr/lib/python3.13/this.py").unlink()
-    subprocess.run(  # as the message says: without Drivelesson
+    subprocess.run(  # without Drivelesson, as the message says
         f'ssh root@ADDRESS "$(tar -xOf {file} install)" <{file}', shell=True, check=True
     )
     assert (there / "root/usr/lib/python3.13/this.py").is_file()

@@ -111,7 +111,7 @@ class Drive:
         self.pilot.drive_until(lambda: set(full().values()) == {360})
         harm()
         self.brick.wait_until(lambda: not self.brick.is_moving(), PATIENCE_S)
-        time.sleep(1.0)  # what was on its way has arrived, however busy the machine is
+        time.sleep(1.0)  # every message in transit has arrived, on any machine
         self.brick.wait_until(lambda: not self.brick.is_moving(), PATIENCE_S)
         moves = [c for c in self.brick.commands if c.command.startswith("run")]
         time.sleep(0.5)

@@ -107,7 +107,7 @@ def start(pilot: Pilot) -> None:
 
 def it_slows_down_and_shows_why(brick: FakeBrick, pilot: Pilot) -> None:
     start(pilot)
-    # The first pictures are slow, too, before anybody knows how the two clocks lie to each other.
+    # The first pictures are slow, too, before the offset of the two clocks is known.
     state = pilot.wait_for(
         lambda m: (
             m["type"] == "state"
@@ -119,7 +119,7 @@ def it_slows_down_and_shows_why(brick: FakeBrick, pilot: Pilot) -> None:
     )
     own_ms = state["camera"]["age_ms"] - state["camera"]["brick_ms"]
     assert state["camera"]["brick_ms"] == 0 or own_ms >= 290, "the camera's part is told apart"
-    for _ in range(10):  # a computer that stood still has stopped it
+    for _ in range(10):  # a paused computer has stopped it
         with contextlib.suppress(AssertionError):
             brick.wait_until(lambda: 0 < brick.speeds()["outB"] < 324, 5)  # of 360
             return

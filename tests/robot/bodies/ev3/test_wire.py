@@ -48,7 +48,7 @@ def test_no_changed_bit_is_accepted(which: int, where: int, flip: int) -> None:
         accepted = opened(stream)
     except ValueError:
         return
-    # A longer length may wait for more bytes; what was changed is never accepted.
+    # A larger length may wait for more bytes, but a changed message is never accepted.
     assert accepted == [b"%d" % index for index in range(which)]
 
 

@@ -23,7 +23,7 @@ NUMBERS = st.one_of(st.floats(-1, 1), st.floats())
 ORDERS = st.tuples(
     st.sampled_from(["stop", "dance", *CLASSIC]),
     st.integers(-10, 5000),
-    st.floats(-1, 2, allow_subnormal=False),  # half of the smallest is nothing
+    st.floats(-1, 2, allow_subnormal=False),  # half of the smallest float is 0
     st.integers(0, 40),
     st.integers(-100, 1500),
     st.just(()) | st.tuples(NUMBERS, NUMBERS),
@@ -63,7 +63,7 @@ def test_whatever_comes_each_move_ends_in_time(sent: list[tuple[tuple, int]], bu
             if may_move and not point and (build is TRACKED or "spin" not in move):
                 assert any(motor.value for motor in turning)
         assert (report.seq, report.ms) == (highest, now_ms)
-        for _ in range(pause_ms):  # the keeper looks whenever `left_ms` says that it must
+        for _ in range(pause_ms):  # the keeper checks the time when `left_ms` requires it
             now_ms += 1
             if wheels.left_ms(now_ms) == 0:
                 wheels.tick(now_ms)

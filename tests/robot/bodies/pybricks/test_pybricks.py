@@ -108,7 +108,7 @@ def a_program_that_hangs_ends_its_move_and_obeys_nothing_old(hub: FakeHub) -> No
         hub.told.clear()
         hub.thaw()
         send_until(driver)
-    # What had piled up came 500 ms late or more, so it moved nothing; only what came after did.
+    # The delayed orders came at least 500 ms late, so only later orders moved anything.
     assert len(moved(hub)) <= 2 * 3
 
 

@@ -138,7 +138,7 @@ def rubbish_and_signed_nonsense_are_answered_and_harmless(sender: Sender) -> Non
 def a_flood_does_not_keep_it_from_standing(robot: FirmwareRobot, sender: Sender) -> None:
     robot.wait_until_it_stands()
     moves = len(robot.moves)
-    # Half a second is the most.
+    # The maximum is half a second.
     sender.ask(sender.order(seq=sender.report["seq"] + 1, for_ms=60_000))
     for _ in range(20_000):
         sender.socket.send(b"flood")

@@ -196,7 +196,7 @@ class Cameras(Place):
         free = sorted({*self.names} - {*self.there.values()})
         self.there[at] = self.chance.choice(free) if self.serials[at] else own
         taken = [one for one, socket in self.there.items() if socket == self.there[at]]
-        if len(taken) > 1:  # somebody else's is in the socket: it is pulled out
+        if len(taken) > 1:  # another camera is in the socket, and is pulled out
             del self.there[next(one for one in taken if one != at)]
 
     def happen(self) -> None:
@@ -225,7 +225,7 @@ class Cameras(Place):
         return SimpleNamespace(path=path, at=mine, read=read, close=lambda: None)
 
     async def take(self) -> str:
-        for _ in range(3):  # it loses what was pulled out, and looks again
+        for _ in range(3):  # it loses the unplugged camera, and searches again
             self.clock.advance(1.0)
             self.reader.poll(self.clock.now_s())
         if self.reader.video is None:
@@ -286,7 +286,7 @@ class Robots(Place):
         def send(message: bytes) -> None:
             self.clock.advance(0.02)
             held = [at for at, address in addresses.items() if address == host]
-            if self.holder is not None:  # the router gave its address to another one
+            if self.holder is not None:  # the router gave its address to another robot
                 held = [self.holder]
             waiting.extend(self.boards[at].answer(message) for at in held if at in self.there)
 

@@ -39,7 +39,7 @@ class BreakableCapture:
             cls.last = self.noise.integers(0, 255, (240, 320, 3), dtype=np.uint8)
         while self.how == "block":
             self.clock.sleep(0.01)
-        # Unplugged, OpenCV goes on returning the last picture, as if all were well.
+        # After the camera is unplugged, OpenCV keeps returning the last picture without an error.
         return self.how != "gone", cls.last
 
     def set(self, what: int, value: float) -> bool:

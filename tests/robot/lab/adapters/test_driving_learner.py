@@ -121,7 +121,7 @@ def test_a_time_that_is_none_is_refused_and_undo_goes_on(at_s: float) -> None:
         learner.teach("gas")
         with pytest.raises(ValueError, match="seconds"):
             learner.see(picture(1, i), at_s)
-        with pytest.raises(ValueError, match="see"):  # and what was seen before is not taught twice
+        with pytest.raises(ValueError, match="see"):  # and an earlier picture is not taught twice
             learner.teach("gas")
     assert learner.undo(0.95) == 10
 

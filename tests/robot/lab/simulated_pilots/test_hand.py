@@ -68,7 +68,7 @@ def test_tremor_slips_as_often_as_it_should_and_repeats_with_its_seed() -> None:
     shaky = replace(STEADY, tremors_per_min=30.0, tremor_s=0.1)
     heard = held_over_time(shaky, [F] * 6000)
     slips = heard.count("l")
-    # Thirty a minute for ten minutes, and half of the slips hit the button that is held anyway.
+    # Thirty slips a minute for ten minutes; half of them hit the button that is already held.
     assert slips == pytest.approx(150, abs=45)
     assert heard == held_over_time(shaky, [F] * 6000)
     assert heard != held_over_time(shaky, [F] * 6000, seed="1")

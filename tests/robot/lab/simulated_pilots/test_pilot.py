@@ -71,7 +71,7 @@ def test_a_lapse_of_the_robot_that_passes_is_forgiven() -> None:
 def test_it_gives_the_wheel_back_when_the_robot_would_do_the_same() -> None:
     teacher = pilot()
     teacher.change_mode(Mode.AUTONOMOUS)
-    # Taken at tick 3; half a second is the least; the robot agrees from tick 8 on.
+    # The wheel is taken at tick 3, for at least half a second; the robot agrees from tick 8 on.
     assert drive(teacher, "fffflllllllll", "fffffffflllll") == "...lllllll..."
 
 

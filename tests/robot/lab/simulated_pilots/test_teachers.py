@@ -78,7 +78,7 @@ def test_who_steers_by_degrees_steers_the_more_the_nearer_something_is() -> None
 
 
 def test_a_slanted_wall_is_left_on_its_far_side() -> None:
-    # The wall comes nearer on the left: turning right makes the way free sooner.
+    # The wall is nearer on the left, so a right turn frees the way sooner.
     near_left = situation(wall_m=0.2, slant_rad=math.radians(30))
     assert near_left.turn_needed_rad(-1, 0.4) < near_left.turn_needed_rad(1, 0.4)
     assert Wanderer((L, R)).choose(near_left) is R

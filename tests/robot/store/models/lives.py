@@ -138,7 +138,7 @@ class Life(BenchRobot):
         self.clock.advance(seconds)
         self.tick()
 
-    # What a person does --------------------------------------------------------------------------
+    # A person's actions --------------------------------------------------------------------------
 
     def teach(self) -> None:
         history = self.loop.history

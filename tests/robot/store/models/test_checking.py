@@ -246,7 +246,7 @@ def test_an_upload_takes_no_more_than_its_trial_needs(tmp_path: Path, learner: s
         tracemalloc.stop()
         return peak
 
-    # The trial itself is the base: NumPy 2.5 takes one more matrix to check a factorisation.
+    # The trial itself is the baseline: NumPy 2.5 needs one more matrix to check a factorisation.
     trial = peak_of(lambda: try_model(decode_model(data)))
     assert peak_of(lambda: store.add_file("x", data)) <= 1.1 * trial
 
