@@ -159,7 +159,7 @@ KeyError: 'port'; the log has the traceback: send that to the plug-in's author
             self._said = said
             log.error(said, exc_info=error)
         return self._error_type(
-            f"{said}; the log has the traceback: send it to the plug-in's author"
+            f"{said}; the log has the traceback: send that to the plug-in's author"
         )
 
 

@@ -28,7 +28,7 @@ Pair = tuple[float, float]
 _OTHER = {"left": "right", "right": "left"}
 _NOT_CORRECTED = {
     "reverse": "its own program turns the motors, so reverse them there",
-    "swap_sides": "it has no moves to the left and to the right",
+    "swap_sides": "it has no moves that steer left and right",
     "trim": "it is not steered by degrees",
 }
 """The reason why a correction does not apply to a body."""

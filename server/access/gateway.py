@@ -112,11 +112,15 @@ class NetworkGateway(Gateway):
         add("--behind-proxy", default="", metavar="URL", help=text)
         text = "address or network from which this proxy connects (default: this machine)"
         add("--proxy-at", default="127.0.0.0/8,::1", metavar="ADDRESS", help=text)
-        add("--tls", action="store_true", help="serve https, with a certificate of ours")
-        text = f"with --lan, answer to this name with .local behind it{shown}"
+        add(
+            "--tls",
+            action="store_true",
+            help="serve https, with a certificate that Drivelesson makes",
+        )
+        text = f"with --lan, answer to this name followed by .local{shown}"
         add("--hostname", type=_read_label, default=DEFAULT_HOSTNAME, help=text)
-        text = "a further name that this machine has in its network, such as rover.fritz.box; may "
-        text += "be repeated, or be several with commas"
+        text = "another name of this machine in its network, such as rover.fritz.box; may "
+        text += "be repeated, or list several with commas"
         add("--also-at", action="append", default=[], metavar="NAME", help=text)
 
     @classmethod
