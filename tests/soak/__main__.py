@@ -35,7 +35,7 @@ EVERY_S = 5.0
 class Served:
     """A server in a separate process, measured from outside."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, rate_hz: float) -> None:
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             self.port = free.getsockname()[1]
@@ -45,6 +45,7 @@ class Served:
             [
                 *(sys.executable, "-m", "tests.soak.server", "serve", "--no-page"),
                 *("--robot", "sim", "--port", str(self.port), "--data", str(folder / "data")),
+                *("--frame-rate-hz", str(rate_hz)),
             ],
             cwd=ROOT,
             env={**os.environ, "SOAK_OBJECTS": str(self._objects)},
@@ -131,10 +132,11 @@ def drive(pilot: Pilot, minutes: float) -> Iterator[None]:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=60.0)
+    parser.add_argument("--rate", type=float, default=30.0, metavar="HZ", help="pictures a second")
     parser.add_argument("--lessons", type=int, default=0, help="of a year in virtual time")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
-        served = Served(Path(name))
+        served = Served(Path(name), args.rate)
         ending = threading.Event()
         viewers = threading.Thread(target=come_and_go, args=(served, ending), daemon=True)
         viewers.start()
@@ -147,12 +149,15 @@ def main() -> int:
             times_s.append(time.monotonic() - began_s)
             rows.append(served.measure())
             pictures.append(pilot.picture or 0)
+            if len(rows) % 60 == 0:  # every five minutes: the run may be ended early
+                told = ", ".join(f"{name} {value:.1f}" for name, value in rows[-1].items())
+                print(f"{times_s[-1] / 60:.0f} minutes: {told}", file=sys.stderr, flush=True)
         lessons = pilot.state.get("examples", "?")
         ending.set()
         pilot.close()
         viewers.join(10)
         ended_s = served.stop()
-        again = Served(Path(name))
+        again = Served(Path(name), args.rate)
         recovery_s = again.ready_s
         again.stop()
     skipped_s = min(300.0, times_s[-1] / 4)
