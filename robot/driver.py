@@ -117,7 +117,8 @@ def point_of(name: Action, declared: Iterable[Move] = ()) -> Point | None:
     """Return the steering and throttle of a move or STOP; None if they are not declared."""
     if name is Action.STOP:
         return Point(0.0, 0.0)
-    return describe([name], declared)[0].point
+    known = next((move for move in declared if move.name == name), CLASSIC.get(name))
+    return None if known is None else known.point
 
 
 def side_of(steering: float, threshold: float = TURNS_BEYOND) -> int:

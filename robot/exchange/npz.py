@@ -70,7 +70,7 @@ def write_npz(episode: Episode, notes: Notes, path: Path) -> int:
     points = array("f"), array("f")
     # The pictures may not fit into memory, and their array's header contains its length.
     with tempfile.TemporaryFile(dir=path.parent) as pictures:
-        for moment in moments(episode, notes):
+        for moment in moments(episode, notes, about=()):
             if is_example(moment):
                 frame = episode.frame(moment.frame_id)
                 is_kept = frame.encoding is Encoding.JPEG and (frame.width, frame.height) == SIZE

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from itertools import islice
 from pathlib import Path
 from typing import Any, TextIO
@@ -23,7 +23,7 @@ from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
 from robot.exchange.files import PICTURES, files_ending, read_picture_file, write_picture
 from robot.exchange.reading import Reading
 from robot.exchange.stamps import seconds_of
-from robot.exchange.steering import Said, done_at, point_said, read_meant, read_point
+from robot.exchange.steering import Said, point_said, read_meant, read_point
 from robot.exchange.tub_records import (
     IMAGE,
     MOVES,
@@ -33,10 +33,11 @@ from robot.exchange.tub_records import (
     read_first,
     read_second,
 )
-from robot.recordings.editing import moments
+from robot.recordings.editing import EpisodeFrame, moments
 from robot.recordings.edits import Notes
 from robot.recordings.episode import Episode
-from robot.types import Action
+from robot.recordings.messages import Topic
+from robot.types import Action, Point
 
 _ANGLE, _THROTTLE, _MODE = "user/angle", "user/throttle", "user/mode"
 _STEERED = _ANGLE, _THROTTLE
@@ -55,6 +56,7 @@ _INPUTS = {
     **dict.fromkeys((_CORRECTION, _DEGREES), "boolean"),
 }
 _CATALOG_RECORDS = 1000
+_encode = json.JSONEncoder(allow_nan=False, sort_keys=True).encode
 
 
 def read_tub(folder: Path, reading: Reading, report: ImportReport) -> Drive:
@@ -180,8 +182,10 @@ def _write_records(
 ) -> _Seen:
     """Write pictures, and a line of JSON for each record."""
     seen, origin_ms = _Seen(), episode.origin_ns // 10**6
-    declared = episode.declared_moves
-    for moment in moments(episode, notes):
+    declared = tuple(episode.declared_moves)
+    pointed = cache(lambda move: point_of(Action(move), declared))
+    about = (Topic.PREDICTION,) if taught_only else (Topic.PREDICTION, Topic.DECISION)
+    for moment in moments(episode, notes, about):
         if moment.is_deleted or (taught_only and moment.label is None):
             continue
         frame, index = episode.frame(moment.frame_id), seen.count
@@ -195,25 +199,33 @@ def _write_records(
             "_session_id": "drivelesson_0",
             "_timestamp_ms": origin_ms + round(frame.captured_s * 1000),
         }
-        if point := done_at(moment, declared)[1]:
+        if point := _done(moment, pointed):
             record.update(zip(_STEERED, point, strict=True))
         if moment.point is not None:
             record[_DEGREES] = True
         proposed = moment.predicted_point
         if proposed is None and moment.predicted:
-            proposed = point_of(Action(moment.predicted), declared)
+            proposed = pointed(moment.predicted)
         if proposed:
             record.update(zip(_PILOT, proposed, strict=True))
         lines.write(_as_line(record))
         seen.count += 1
-        seen.columns |= record.keys()
-        seen.labels |= {record[_LABEL]} - {""}
+        if not record.keys() <= seen.columns:
+            seen.columns |= record.keys()
+        if moment.label:
+            seen.labels.add(moment.label)
         seen.all_steered &= _ANGLE in record
     return seen
 
 
+def _done(moment: EpisodeFrame, pointed: Callable[[str], Point | None]) -> Point | None:
+    """Return the point of `done_at`; `pointed` returns the point of a move."""
+    by_degrees = moment.point if moment.label else moment.sent_point
+    return by_degrees or pointed(moment.label or moment.sent or Action.STOP)
+
+
 def _as_line(record: Record) -> str:
-    return json.dumps(record, allow_nan=False, sort_keys=True) + "\n"
+    return _encode(record) + "\n"
 
 
 def _write_catalogs(folder: Path, records: Iterable[str], episode: Episode, seen: _Seen) -> None:
@@ -265,5 +277,5 @@ def _without_steering(record: Record) -> Record:
 
 
 def _write_lines(path: Path, values: list[Any]) -> None:
-    text = "".join(json.dumps(value, allow_nan=False, sort_keys=True) + "\n" for value in values)
+    text = "".join(_encode(value) + "\n" for value in values)
     path.write_text(text, encoding="ascii", newline="\n")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from bisect import bisect_left
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, groupby, islice
 from typing import BinaryIO
@@ -32,7 +32,10 @@ robot stood in between."""
 _LATE_S = 2.0
 """Longest delay from a picture to its proposal, on a slow computer, in seconds."""
 _MOST_WAITING = 20_000
-_ABOUT = Topic.DECISION, Topic.SENSORS, Topic.PREDICTION
+_BATCH = 256
+"""Number of pictures that are read together, unless messages about them follow late."""
+ABOUT = Topic.DECISION, Topic.SENSORS, Topic.PREDICTION
+"""The topics of messages about a picture."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,16 +67,30 @@ class EpisodeFrame:
     """True if the pose was estimated from the wheels; in simulation it is exact."""
 
 
-def moments(episode: Episode, notes: Notes) -> Iterator[EpisodeFrame]:
+def moments(
+    episode: Episode, notes: Notes, about: Collection[Topic] = ABOUT
+) -> Iterator[EpisodeFrame]:
     """Yield the recording's pictures in order, each with label, prediction and driver.
 
-    The recording is read chunk by chunk; two or three chunks are in memory.
+    The recording is read chunk by chunk; the chunks of some hundred pictures are in memory. With
+    `about` only the messages of these topics are read, and without any no chunk is read.
     """
     table, labels = episode.frames, taught_frames(episode)
-    in_file = _told(episode, notes, labels, episode.blocks(), range(len(table)))
+    ranks = range(len(table))
+    if not about:
+        return _labelled(episode, notes, labels)
+    in_file = _told(episode, notes, labels, episode.blocks(), ranks, about)
     if table.is_ordered:
         return in_file
     return iter(sorted(in_file, key=lambda moment: moment.frame_id))
+
+
+def _labelled(episode: Episode, notes: Notes, labels: Labels) -> Iterator[EpisodeFrame]:
+    """Yield the pictures in order, without messages."""
+    said = _Said(), _Said(), _Said()
+    for begin in range(0, len(episode.frames), _BATCH):
+        ranks = np.arange(begin, min(begin + _BATCH, len(episode.frames)))
+        yield from _tell(episode, notes, labels, ranks, said)
 
 
 def sample(
@@ -170,6 +187,7 @@ def _told(
     labels: Labels,
     blocks: Iterable[Block],
     ranks: Sequence[int],
+    about: Collection[Topic] = ABOUT,
 ) -> Iterator[EpisodeFrame]:
     """Yield the pictures with these ranks while their chunks are read."""
     table, origin_ns = episode.frames.table, episode.origin_ns
@@ -180,8 +198,9 @@ def _told(
     chunks, stamps_ns = table["chunk"][by_place], table["log_ns"][by_place]
     told = came = 0
     for block in blocks:
-        for messages, topic in zip(said, _ABOUT, strict=True):
-            messages.add(block, topic, origin_ns)
+        for messages, topic in zip(said, ABOUT, strict=True):
+            if topic in about:
+                messages.add(block, topic, origin_ns)
         came = int(np.searchsorted(chunks, block.offset, side="right"))
         known_ns = 0
         if len(block.rows):
@@ -190,6 +209,8 @@ def _told(
         late = waiting_ns >= known_ns
         count = int(late.argmax()) if late.any() else len(late)
         count = max(count, len(waiting_ns) - _MOST_WAITING)
+        if count < min(_BATCH, len(by_place) - told):
+            continue
         yield from _tell(episode, notes, labels, by_place[told : told + count], said)
         told += count
         if told == len(by_place):

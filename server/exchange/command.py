@@ -192,7 +192,7 @@ def _export(
     if len(sizes) > 1 and form in ("film", "lerobot"):
         print(f"  pictures of {len(sizes)} sizes were scaled to that of the first")
     for episode, notes in episodes if form in TIMED else ():
-        times_s = [m.at_s for m in moments(episode, notes) if TIMED[form](m)]
+        times_s = [m.at_s for m in moments(episode, notes, about=()) if TIMED[form](m)]
         line = make_timeline(times_s)
         if line.remark:
             print(f"  {episode.id}: {line.remark}")
