@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -170,6 +170,14 @@ class Learner(Protocol):
     def explain_in(self, x: Vector, context: int | None) -> Evidence:
         """Return the prediction in one context; None: independent of context, as `explain_one`."""
         return self.explain_one(x)
+
+    def begin_like(self, earlier: Sequence[State]) -> int:
+        """Expect this place to resemble those of earlier models, until examples say otherwise.
+
+        Call this before the first example. Return the number of earlier models that were used; 0
+        if the learner expects nothing.
+        """
+        return 0
 
     def begin_angles(self, of_labels: Mapping[Label, float]) -> None:
         """Learn an angle from -1 to 1 with each example from now on. Each earlier frame gets the

@@ -26,7 +26,7 @@ from robot.learner.change_of_mind import ChangeOfMind
 from robot.learner.clusters import MOST_FRAMES, Clusters
 from robot.learner.part import Array, Stateful, Value
 from robot.learner.published import PublishedBSOC
-from robot.learner.ridge import EVERY, MIRRORED, LinearPart
+from robot.learner.ridge import EVERY, MIRRORED, LinearPart, RecursiveRidge
 from robot.learner.values import count
 
 GROUP_COST = 1000.0
@@ -153,6 +153,20 @@ class BSOCClassifier(Stateful, Learner):
 
     def learn_one(self, x: Vector, y: Label) -> None:
         self.learn_in(x, y, EVERY)
+
+    def begin_like(self, earlier: Sequence[State]) -> int:
+        linear = self.linear
+        if not isinstance(linear, RecursiveRidge) or self.n_seen_:
+            return 0
+        alike = [
+            (state.labels, state.arrays["linear"])
+            for state in earlier
+            if state.kind == self._kind and state.arrays["linear"].shape[0] == linear.size
+        ]
+        # The mean keeps what the places have in common: what differs cancels out.
+        for labels, weights in alike:
+            linear.begin_like([self._know(label) for label in labels], weights / len(alike))
+        return len(alike)
 
     def begin_angles(self, of_labels: Mapping[Label, float]) -> None:
         if self._node_angles is None:

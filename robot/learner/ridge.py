@@ -65,6 +65,13 @@ class LinearPart(Stateful, ABC):
     def add_label(self) -> None:
         """Add a label that no earlier frame had."""
 
+    def begin_like(self, columns: Sequence[int], weights: Floats) -> None:
+        """Add weights of these labels to the expected weights, before the first frame.
+
+        They count like the penalty, so the first frames weaken them.
+        """
+        raise ValueError("it cannot begin with other weights")
+
     def begin_angles(self, of_labels: Floats) -> None:
         """Also learn an angle from now on; each earlier frame gets the angle of its label."""
 
@@ -161,6 +168,9 @@ class RecursiveRidge(LinearPart):
     def scores(self, x: Vector, context: int | None = None) -> Floats:
         scores: Floats = self._scaled(x).dot(self._weights)
         return scores
+
+    def begin_like(self, columns: Sequence[int], weights: Floats) -> None:
+        self._weights[:, columns] += weights
 
     def begin_angles(self, of_labels: Floats) -> None:
         # Weights are linear in their targets, so this equals learning angles from the start.

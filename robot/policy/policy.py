@@ -277,6 +277,23 @@ class Policy(Stateful):
                 yield "it has labels that are not among its moves"
                 break
 
+    def begin_like(self, earlier: Sequence[State]) -> int:
+        """Expect this place to resemble those of earlier policies; return how many were used.
+
+        The learner then judges views by their weights from the first example on, and every example
+        of its own counts more than them. Call this before the first example.
+
+        Args:
+            earlier: States of policies (`get_state`). Those of other learners are ignored, and so
+                are those with moves that this policy does not have.
+        """
+        usable = [
+            replace(state, kind=state.kind.removeprefix("policy:"))
+            for state in earlier
+            if set(state.labels) <= set(self.moves)
+        ]
+        return self.learner.begin_like(usable)
+
     @property
     def can_be_alike(self) -> bool:
         """True if `set_alike` is supported: the learner and the features can mirror, and there is a

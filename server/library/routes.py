@@ -10,7 +10,7 @@ from typing import Any
 
 from fastapi import APIRouter, HTTPException, Request, Response
 
-from robot.devices.raw_value import text
+from robot.devices.raw_value import must_be, text
 from robot.errors import RobotError
 from robot.store.models.store import StoredModel
 from server.library.models import ModelLibrary
@@ -28,9 +28,10 @@ class ModelChange(Named):
 
 
 class NewModel(ModelChange):
-    """The name of an empty model, and its learner."""
+    """The name of an empty model, its learner, and models of places that this place resembles."""
 
     learner: str | None = text(None)
+    like: list[str] = must_be("a list of models' names", [])
 
 
 _NEW = NewModel()
@@ -76,8 +77,9 @@ def list_models(request: Request) -> ModelList:
 
 @router.post("", dependencies=[FREE_MODEL], status_code=201)
 def begin_model(request: Request, body: NewModel = _NEW) -> dict[str, str | bool]:
-    """Save the model in use and start an empty one."""
-    name = persistence_of(request).autosave.begin(body.name, body.learner, body.place)
+    """Save the model in use and start an empty one, or one that expects a place like others."""
+    begin = persistence_of(request).autosave.begin
+    name = begin(body.name, body.learner, body.place, like=body.like)
     return _in_use(request, name)
 
 

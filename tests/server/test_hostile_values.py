@@ -31,7 +31,8 @@ VALUES = (
 NAMES = ("\ufffd", "x" * 3_000, "a\0b", "CON", "%", " ", "\U0001f600")
 BODIES = [
     ("POST", "/api/models", "name"), ("POST", "/api/models", "learner"),
-    ("POST", "/api/models", "place"), ("POST", "/api/models/restore", "undo"),
+    ("POST", "/api/models", "place"), ("POST", "/api/models", "like"),
+    ("POST", "/api/models/restore", "undo"),
     ("PATCH", "/api/models/bench", "name"), ("PATCH", "/api/models/bench", "place"),
     ("POST", "/api/models/bench/copy", "name"), ("POST", "/api/episodes/restore", "undo"),
     ("PATCH", "/api/episodes/ID", "title"), ("PATCH", "/api/episodes/ID", "protected"),

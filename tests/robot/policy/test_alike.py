@@ -171,3 +171,32 @@ def test_who_cannot_refuses(name):
 def test_without_a_counterpart_there_is_nothing_to_be_alike():
     assert not make_policy("default-8", (F, L)).can_be_alike
     assert make_policy("default-8").can_be_alike
+
+
+def test_a_start_from_earlier_models_knows_their_views_and_gives_way():
+    earlier = [make_policy("default-32") for _ in range(2)]
+    for number, policy in enumerate(earlier):
+        for i in range(45):
+            wall, label = [("none", F), ("left", R), ("right", L)][(i + number) % 3]
+            policy.learn(policy.extract(frame(picture(wall, 100 * number + i))), label, i / 10)
+    states = [policy.get_state() for policy in earlier]
+    fresh, begun = make_policy("default-32"), make_policy("default-32")
+    assert begun.begin_like([*states, make_policy("published-8").get_state()]) == 2
+    assert begun.propose(1, begun.extract(frame(picture("left", 5)))).action is None
+    for policy in (fresh, begun):
+        for i in range(8):
+            policy.learn(policy.extract(frame(picture("none", i))), F, i / 10)
+    assert [says(fresh, wall) for wall in ("left", "right")] == [F, F]
+    assert [says(begun, wall) for wall in ("none", "left", "right")] == [F, R, L]
+    assert begun.n_nodes == fresh.n_nodes
+
+    again = make_policy("default-32")
+    again.set_state(begun.get_state())
+    for policy in (begun, again):
+        for i in range(8, 40):
+            wall, label = ("left", L) if i % 2 else ("none", F)
+            policy.learn(policy.extract(frame(picture(wall, i))), label, i / 10)
+    assert says(begun, "left") is L
+    arrays, others = begun.get_state().arrays, again.get_state().arrays
+    assert all(np.array_equal(arrays[name], others[name]) for name in arrays)
+    assert begun.begin_like(states) == 0  # too late: it has examples of its own

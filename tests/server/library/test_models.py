@@ -67,6 +67,20 @@ def test_a_taught_model_is_saved_listed_and_previewed(bench: Bench) -> None:
     assert preview.content.startswith(b"\x89PNG")
 
 
+def test_a_new_model_begins_like_earlier_models_of_its_learner_only(bench: Bench) -> None:
+    bench.teach(3)  # published-8, which has no linear part
+    new = {"learner": "default-8", "name": "kitchen"}
+    assert bench.client.post("/api/models", json=new).status_code == 201
+    bench.teach(12)
+    refused = bench.client.post("/api/models", json={"like": ["kitchen", "bench"]})
+    assert refused.status_code == 409 and "default-8" in refused.json()["detail"]
+    assert bench.client.get("/api/models").json()["current"] == "kitchen"
+    begun = bench.client.post("/api/models", json={"name": "hall", "like": ["kitchen"]})
+    assert begun.status_code == 201, begun.text
+    state = bench.persistence.models.load("hall").state
+    assert state.labels == [Action.LEFT] and state.arrays["linear"].any()
+
+
 @pytest.mark.parametrize("ask", ["begin", "load"])
 def test_a_full_disk_refuses_another_model_and_keeps_what_was_taught(
     bench: Bench, ask: str, monkeypatch: pytest.MonkeyPatch
@@ -157,6 +171,9 @@ def test_download_and_upload(bench: Bench) -> None:
         ("POST", "/api/models", b'{"name": 7}', 400),
         ("POST", "/api/models", b'{"name": "../x"}', 409),
         ("POST", "/api/models", b'{"learner": "oracle-7"}', 409),
+        ("POST", "/api/models", b'{"like": 7}', 400),
+        ("POST", "/api/models", b'{"like": ["nobody"]}', 404),
+        ("POST", "/api/models", b'{"like": ["a","a","a","a","a","a","a","a","a"]}', 409),
     ],
 )
 def test_what_cannot_be_done_is_said(

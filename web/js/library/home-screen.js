@@ -12,6 +12,10 @@ import { sectionsOf } from '../parts.js';
  *   taught: Record<string, number>, lessons: number, nodes: number}} Model
  */
 
+/** A model with fewer examples knows too little about places. */
+const ENOUGH = 300;
+const MOST = 8;
+
 export class HomeScreen extends Screen {
   build() {
     /** @type {string | null} */
@@ -25,8 +29,10 @@ export class HomeScreen extends Screen {
         file.value = ''; // otherwise the same file could not be chosen again
         if (chosen) this.upload(chosen);
       } });
+    this.alike = h('input', { type: 'checkbox' });
+    this.like = h('label', { class: 'choice', hidden: true }, this.alike, h('span', {}, t('home.like')));
     append(this, [
-      h('h2', {}, t('home.models')), this.models,
+      h('h2', {}, t('home.models')), this.models, this.like,
       h('div', { class: 'row' },
         h('button', { type: 'button', onclick: () => this.begin() }, t('home.begin')),
         h('button', { type: 'button', onclick: () => file.click() }, t('home.upload')), file),
@@ -42,6 +48,7 @@ export class HomeScreen extends Screen {
   }
 
   draw() {
+    /** @type {HTMLElement} */ (this.like).hidden = !this.earlier().length;
     fill(/** @type {Element} */ (this.models),
       ...(this.known?.length ? this.known.map((model) => this.card(model)) : [h('p', { class: 'hint', role: 'listitem' }, t('home.none'))]));
   }
@@ -99,9 +106,20 @@ export class HomeScreen extends Screen {
     return answer;
   }
 
+  /** @returns {string[]} the last models that were taught enough to know something about places */
+  earlier() {
+    const current = this.known?.find((model) => model.current);
+    const isAlike = (/** @type {Model} */ model) => model.readable && model.lessons >= ENOUGH &&
+      model.learner === current?.learner && model.moves.join() === current?.moves.join();
+    return (this.known ?? []).filter(isAlike).slice(0, MOST).map((model) => model.name);
+  }
+
   async begin() {
-    const begun = await this.act(() => ask('POST', 'api/models', {}));
-    if (begun) this.page?.toast(t('home.begun', { name: begun.name }));
+    const like = this.alike?.checked ? this.earlier() : [];
+    const begun = await this.act(() => ask('POST', 'api/models', { like }));
+    if (!begun) return;
+    const { name } = begun;
+    this.page?.toast(like.length ? t('home.begun_like', { name, names: like.join(', ') }) : t('home.begun', { name }));
   }
 
   /** @param {string} name */
