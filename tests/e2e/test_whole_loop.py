@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from robot.exchange.replay_driver import ReplayDriver
 from robot.types import Action, DrivenBy, Mode
 from tests.kit.wait import wait_until
 
 from .hand import Fingers, choose, hold_until, pad, teach, turned_rad
-from .world import PHONE, World, open_page, running_world
+from .world import World
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -108,43 +105,6 @@ def test_teach_drive_correct_and_stop_in_the_simulator(phone: Any, world: World)
     here = world.pose
     phone.wait_for_timeout(300)
     assert world.pose == here, "stopped is stopped"
-
-
-def recordings() -> Path:
-    given = os.environ.get("DRIVELESSON_RECORDINGS")
-    return Path(given) if given else Path(__file__).resolve().parents[3] / "shared" / "recordings"
-
-
-@pytest.mark.recordings
-def test_teach_drive_correct_and_stop_on_recorded_footage(chromium: Any, tmp_path: Path) -> None:
-    recording = recordings() / "office1_A.npz"
-    if not recording.is_file():
-        pytest.skip(f"no recorded footage: {recording} is not there")
-    with running_world(tmp_path, "replay", recording=str(recording)) as world:
-        context = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
-        page = open_page(context, world.address)
-        driver = world.rig.driver
-        assert isinstance(driver, ReplayDriver)
-        fingers = Fingers(page)
-
-        choose(page, world, Mode.TRAIN)
-        for move in ("forward", "left", "forward"):
-            wanted = world.lessons + 25
-            hold_until(world, fingers, move, lambda n=wanted: world.lessons > n)
-            wait_until(lambda m=move: driver.action.value == m, "the body does as the finger says")
-            fingers.lift()
-        assert agreement(page) >= 0
-        assert page.locator("video-view .vote.best").count() == 1
-
-        choose(page, world, Mode.AUTONOMOUS)
-        wait_until(lambda: driver.action is not Action.STOP, "the robot would drive")
-        fingers.press(pad("right"))
-        wait_until(lambda: driver.action is Action.RIGHT, "the touch takes the wheel")
-        fingers.lift()
-        wait_until(lambda: world.rig.loop.state.decision.driven_by is DrivenBy.ROBOT, "let go")
-        choose(page, world, Mode.STOPPED)
-        wait_until(lambda: driver.action is Action.STOP, "stopped")
-        context.close()
 
 
 def test_emergency_stop_latches_until_it_is_released(rovers_phone: Any, rover: World) -> None:

@@ -25,7 +25,11 @@ from .mutants import Mutant, mutants
 
 ROOT = Path(__file__).resolve().parents[2]
 SUBJECTS: dict[str, tuple[str, ...]] = {
-    "server.clients.lease": ("tests/server/clients/test_lease.py", "tests/server/test_drive.py"),
+    "server.clients.lease": (
+        "tests/server/clients/test_lease.py",
+        "tests/server/test_drive.py",
+        "tests/faults/test_faults_in_train.py",
+    ),
     "server.clients.flow_control": (
         "tests/server/clients/test_flow_control.py",
         "tests/server/clients",
