@@ -37,7 +37,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     from server.cli.main import main as run
 
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a pipe on Windows encodes few characters
+        # By default a pipe on Windows can encode only few characters.
+        if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
     try:
         status = run(argv)

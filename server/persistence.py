@@ -163,7 +163,7 @@ class Persistence(StartStop):
     def _recover(self) -> None:
         self.models.retry_damaged()
         if self.models.set_failed_aside():
-            return  # it would only fail again
+            return  # the model would only fail again
         recovered = recover(self.storage.journal, self.models, self._loop.history.declared)
         if recovered is not None:
             try_model(recovered.model)
@@ -190,7 +190,7 @@ class Persistence(StartStop):
         """Record that the learner in use failed, so that the next start sets it aside."""
         why, name = self._loop.learning.failure, self.autosave.name
         if why is not None and why != self._noted_failure and name is not None:
-            with contextlib.suppress(OSError, RobotError):  # retried at the next check
+            with contextlib.suppress(OSError, RobotError):  # this is retried at the next check
                 self.models.note_failure(name, why)
                 self._noted_failure = why
 

@@ -89,7 +89,7 @@ class Challenge:
         step_s = min(max(step_s, 0.0), _LONGEST_STEP_S)
         self._last_s = tick.now_s
         if any(isinstance(event, Replaced) for event in tick.history_events):
-            self.cancel()  # another model would be another robot
+            self.cancel()  # with another model, the try would be another robot's
             self.tries, self.best_m, self.is_shown = (), None, False
         is_alone = tick.decision.driven_by is DrivenBy.ROBOT
         if self.is_armed and is_alone and tick.sensors.pose is not None:

@@ -76,7 +76,7 @@ class CameraTiming:
         self._shortest_timeout_s = shortest_timeout_s
         self._periods_s: deque[float] = deque(maxlen=self._WINDOW)
         self._ages_s: deque[float] = deque(maxlen=self._WINDOW)
-        self._captured_s = self._noted_s = math.inf  # inf: no picture yet
+        self._captured_s = self._noted_s = math.inf  # infinite: there was no picture yet
         self.state = self._judge(USUAL_PERIOD_S, 0.0)
 
     def note(self, captured_s: float, delivered_s: float, *, is_moving: bool) -> None:

@@ -202,7 +202,8 @@ class Gate:
     def _robot_drives(self, prediction: Prediction | None) -> Decision:
         if prediction is None or prediction.action is None:
             return self.stand(DrivenBy.ROBOT, asks_pilot=True)
-        if prediction.needs_help:  # not a trip: the robot goes on as soon as the pilot steers
+        # This is not a trip: the robot goes on as soon as the pilot steers.
+        if prediction.needs_help:
             asks = self.stand(DrivenBy.ROBOT, asks_pilot=True)
             return replace(asks, stop_reason=StopReason.NEEDS_HELP)
         # Turning away leads out of an unknown view, so a turn is never slowed down.

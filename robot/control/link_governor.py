@@ -20,7 +20,9 @@ class LinkLevel(StrEnum):
     GOOD = "good"
     SLOW = "slow"  # the pilot is warned
     CAPPED = "capped"  # the robot also drives slower
-    NOT_LEARNING = "not_learning"  # it also learns nothing: labels would meet the wrong pictures
+    NOT_LEARNING = (
+        "not_learning"  # it also learns nothing, because labels would meet the wrong pictures
+    )
     TOO_SLOW = "too_slow"  # the robot stops
 
 

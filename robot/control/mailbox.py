@@ -51,7 +51,7 @@ class Mailbox:
                 continue
             try:
                 self._answers.append(partial(future.set_result, request()))
-            except Exception as error:  # passed to the caller; the loop goes on
+            except Exception as error:  # pass the error to the caller; the loop goes on
                 self._answers.append(partial(future.set_exception, error))
 
     def answer(self) -> None:

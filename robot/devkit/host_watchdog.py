@@ -141,7 +141,9 @@ class MoveEnder:
         while not self._is_ending:
             due_s = self._due_s
             if due_s is not None and self._clock.now_s() >= due_s:
-                with contextlib.suppress(Exception):  # repeated; the next request reports it
+                with contextlib.suppress(
+                    Exception
+                ):  # the stop is repeated; the next request reports it
                     self._stop()
                 continue
             self._clock.wait(self._wake, None if due_s is None else due_s - self._clock.now_s())
@@ -201,7 +203,9 @@ class HostWatchdog(ConnectedDriver[_C]):
 
     def stop(self) -> None:
         if self.__ender is not None:
-            with contextlib.suppress(DriveError):  # repeated; the next request reports it
+            with contextlib.suppress(
+                DriveError
+            ):  # the stop is repeated; the next request reports it
                 self.__ender.stop()
 
     def __order(self, action: Action, send: Callable[[], Action]) -> Action:
@@ -213,4 +217,4 @@ class HostWatchdog(ConnectedDriver[_C]):
         return action
 
 
-assert ACTION_TIMEOUT_S - LONGEST_LEAD_S > ACTION_TIMEOUT_S / 2  # renewed moves go on
+assert ACTION_TIMEOUT_S - LONGEST_LEAD_S > ACTION_TIMEOUT_S / 2  # a move that is renewed goes on

@@ -50,7 +50,7 @@ def write_film(
     """
     av = need(*AV)
     count, stream = 0, None
-    os.environ.setdefault("SVT_LOG", "1")  # else the AV1 encoder logs to the terminal
+    os.environ.setdefault("SVT_LOG", "1")  # otherwise the AV1 encoder logs to the terminal
     path.parent.mkdir(parents=True, exist_ok=True)
     with av.open(str(path), "w", options={"movflags": "faststart"}) as container:
         for picture in pictures:
@@ -114,7 +114,7 @@ class FilmReader:
 
     def at(self, t_s: float) -> Picture:
         """Return the picture at this time as a JPEG; raises RecordingError if there is none."""
-        if t_s < self._asked_s:  # a step back, or the first call
+        if t_s < self._asked_s:  # this is a step back, or the first call
             self._begin(t_s)
         self._asked_s = t_s
         self._skip_to(t_s)

@@ -114,7 +114,7 @@ def _find_tables(path: Path) -> list[Source] | None:
         is_table = path.suffix.lower() in ENDINGS
         return [Source(path.name, partial(read_table, path))] if is_table else None
     tables = files_ending(path, *ENDINGS)
-    if path / TABLE in tables:  # exported here: its tables repeat the labels
+    if path / TABLE in tables:  # this program exported it, and its tables repeat the labels
         tables = [path / TABLE]
     if len(tables) > 1 or (tables and (are_classes(path) or are_steered(path))):
         tables = [table for table in tables if names_pictures(table)]

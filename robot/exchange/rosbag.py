@@ -117,13 +117,13 @@ class _Bag:
     def opened(self) -> Iterator[Any]:
         """Open the bag; raises RecordingError if it is damaged."""
         high, types = need(*ROSBAGS), need("rosbags.typesys", *ROSBAGS[1:])
-        store = types.get_typestore(types.Stores.LATEST)  # for bags without type definitions
+        store = types.get_typestore(types.Stores.LATEST)  # needed for bags without type definitions
         try:
             with high.AnyReader([self._path], default_typestore=store) as reader:
                 yield reader
         except (RobotError, KeyboardInterrupt):
             raise
-        except Exception as error:  # from the library or its dependencies
+        except Exception as error:  # errors of the library or its dependencies
             why = str(error)[:200] or repr(error)
             raise RecordingError(f"the ROS bag {self._path} cannot be read: {why}") from error
 

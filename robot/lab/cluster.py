@@ -60,7 +60,7 @@ def run_on_cluster(
             # If it cannot connect, a Client waits another 20 s and prints a traceback.
             asyncio.run(_knock(scheduler))
             client = distributed.Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
-        except Exception as error:  # the kind depends on the address and the network
+        except Exception as error:  # the kind of error depends on the address and the network
             raise ConfigurationError(
                 f"no Dask scheduler answers at {scheduler}: {_first_line(error)}; is it running, "
                 "is the address right, and does tls:// have its certificates?"
@@ -227,7 +227,7 @@ class _Run:
         is_lost = error is None or type(error).__name__ == "KilledWorker"
         if is_lost or not key:
             worker.key = key
-            self._let_go(address)  # if it still exists, it is identified again
+            self._let_go(address)  # if the worker still exists, it is identified again
             return
         raise ConfigurationError(
             f"the worker at {worker.name} cannot run {self._tasks[key]}: "

@@ -129,7 +129,8 @@ def evaluate(
 
 def seen_by(policy: Policy, drive: Drive, known: Vectors, light: float = 1.0) -> Seen:
     """Return a drive with the policy's features, its brightness multiplied by `light`."""
-    whose = policy.name if getattr(policy.features, "__dict__", True) else ""  # for one policy only
+    # Stored for one policy only.
+    whose = policy.name if getattr(policy.features, "__dict__", True) else ""
     key = (type(policy.features), whose, drive.name, light)
     if key not in known:
         frames = (shot.frame(0, 0.0) for shot in drive.shots)

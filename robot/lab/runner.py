@@ -69,7 +69,8 @@ def run_all(
         ConfigurationError: If the cluster cannot be used, or a file that a task names changes
             meanwhile, because the version that ran would be unknown.
     """
-    keys = [task.key() for task in tasks]  # once, because a key reads all files of its task
+    # Computed once, because a key reads all files of its task.
+    keys = [task.key() for task in tasks]
     done: dict[str, Result] = {}
     waiting: dict[str, Task] = {}
     for key, task in zip(keys, tasks, strict=True):

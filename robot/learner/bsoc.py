@@ -121,7 +121,7 @@ class BSOC(Clusters):
         is_recent = self._touched[: distances.size] >= self.n_trained_ - HELD_OUT
         held = np.where(is_recent, np.float32(np.inf), distances)
         nearest = int(held.argmin())
-        if is_recent[nearest]:  # few nodes are all recent: use the nearest
+        if is_recent[nearest]:  # if all nodes are recent, use the nearest
             nearest = int(distances.argmin())
         return 2.0 * float(distances[nearest])
 
@@ -212,7 +212,7 @@ class BSOC(Clusters):
         self._images.follow(self._counts)
         self._masses = self._counts.astype(np.float32)
         misfit, right = self._misfit()
-        if 0.1 < misfit <= 1.0:  # larger than the rounding errors of learning
+        if 0.1 < misfit <= 1.0:  # this bound is larger than the rounding errors of learning
             self._distances[: self.n_nodes_, : self.n_nodes_] = right
         super().restored()
 

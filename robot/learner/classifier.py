@@ -113,7 +113,7 @@ class BSOCClassifier(Stateful, Learner):
         if n_voters < 1:
             raise ValueError(f"n_voters must be at least 1, not {n_voters}")
         self.max_nodes, self.n_voters = max_nodes, n_voters
-        if cluster is None:  # not `not cluster`: an empty clustering is false
+        if cluster is None:  # not `not cluster`, because an empty clustering is false
             cluster = BSOC(max_nodes, group_cost=group_cost, integer=integer)
         self.cluster = cluster
         self.labels_: list[Label] = []
@@ -345,7 +345,8 @@ class BSOCClassifier(Stateful, Learner):
     def faults(self) -> Iterator[str]:
         if len(set(self.labels_)) < len(self.labels_):
             yield "a label occurs twice"
-        if self.n_nodes_ > 0 and not self.labels_:  # without images: the last was deleted
+        # There may be labels without images, after the last image was deleted.
+        if self.n_nodes_ > 0 and not self.labels_:
             yield "it has images without labels"
         if self.cluster.groups_.max(initial=-1) >= len(self.labels_):
             yield "an image has a label that does not exist"

@@ -67,7 +67,8 @@ class Images(Stateful):
         distances: Floats = (self._rows if is_full else self._rows[:size]).dot(centred)
         np.subtract(self._norms if is_full else self._norms[:size], distances, out=distances)
         distances += norm
-        if size and distances[distances.argmin()] < 0.0:  # rounding errors, for near-duplicates
+        # Rounding errors may be negative for near-duplicates.
+        if size and distances[distances.argmin()] < 0.0:
             np.maximum(distances, 0.0, out=distances)
         return distances
 

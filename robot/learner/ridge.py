@@ -219,13 +219,13 @@ class RecursiveRidge(LinearPart):
         direction = self._solve(single)
         rest = 1.0 + weight * float(single @ direction)
         if weight < 0.0 and -weight * float(direction @ direction) > rest * self._most:
-            return  # not all was learned here: the rest would be negative
+            return  # not all frames were learned here, so the rest would be negative
         gain = weight / rest
         step = np.multiply(direction, gain, dtype=np.float64)[:, None]
         self._weights += step.dot((targets - z.dot(self._weights))[None])  # faster than np.outer
         if self._angles is not None:
             self._angles += step.dot((angle - z.dot(self._angles))[None])
-        if gain < 0.0:  # a frame taken back is rare
+        if gain < 0.0:  # frames are rarely removed
             self._write()
             self._inverse -= gain * np.outer(direction, direction)
             return
@@ -394,7 +394,7 @@ class ContextRidge(RecursiveRidge):
     def restored(self) -> None:
         super().restored()
         for i, ridge in enumerate(self._ridges):
-            for field in ridge.fields:  # check first: the copy below would hide bad values
+            for field in ridge.fields:  # check first, because the copy below would hide bad values
                 field.check(ridge)
             if ridge.is_indefinite:  # the other context's frames were removed from it
                 self._ridges[i] = self._copy()

@@ -45,7 +45,7 @@ def _weighed(
     voters = np.arange(distances.size)
     if distances.size > n_voters:
         voters = distances.argpartition(n_voters - 1)[:n_voters]
-        if not counts[voters].any():  # of equal images one has all the votes
+        if not counts[voters].any():  # of several equal images, one has all the votes
             voting = np.unique(counts.nonzero()[0])
             voters = voting[distances[voting].argsort()[:n_voters]]
     near = distances[voters].tolist()

@@ -235,7 +235,7 @@ class ActionFilter(PolicyPart):
         """Return the best move that is not barred; on a tie, the first."""
         under_way, shares, turns, pace = seen.under_way, seen.shares, self._kinds.turns, self.pace
         urge = 0.0
-        if self._gives_up:  # only then: comparing pictures is slow
+        if self._gives_up:  # only then, because comparing pictures is slow
             self._stall_detector.look(seen, pace)
             urge = self._watch(under_way, seen.at_s, ALLOWANCE * pace.debt_limit_s)
         futile = self._stall_detector.futile

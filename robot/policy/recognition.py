@@ -94,7 +94,7 @@ class Degrees(PolicyPart):
                 angle += seen.kept * (self._steering - angle)
             width = BAND * self._deviation(seen.action)
             steering = self._steering = min(max(angle, steering - width), steering + width)
-            if seen.bumped and side:  # the curve hits an obstacle: turn fully
+            if seen.bumped and side:  # the curve hits an obstacle, so turn fully
                 steering = float(side)
         seen.point = Point(min(max(steering, -1.0), 1.0), usual.throttle)
         seen.spread = seen.evidence.spread

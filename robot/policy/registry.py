@@ -145,7 +145,8 @@ def make_policy(name: str = "default-32", moves: tuple[Action, ...] = DEFAULT_MO
         raise
     except (ImportError, AttributeError) as error:
         raise PluginError(f"the learner {kind!r} cannot be loaded: {error}") from error
-    is_whole = platform.machine().startswith("armv5")  # a processor without fast floats
+    # A processor without fast floating-point numbers.
+    is_whole = platform.machine().startswith("armv5")
     return maker(number, name, moves, is_whole)
 
 

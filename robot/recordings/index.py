@@ -39,7 +39,7 @@ _MOST_RESULTS = 1000
 _MOST_BYTES = 2**26
 _HEAD = struct.Struct("<II")
 """The checksum of a section, and the length of its description."""
-READ = set(Topic) - {Topic.POSE}  # the sensors also contain the pose
+READ = set(Topic) - {Topic.POSE}  # not /pose, because the sensors also contain the pose
 
 
 class Columns:

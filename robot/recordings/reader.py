@@ -367,7 +367,7 @@ def _parse(kind: str, body: bytes) -> Any:
 
     try:
         return getattr(records, kind).read(ReadDataStream(io.BytesIO(body)))
-    except Exception as error:  # from the library or its dependencies
+    except Exception as error:  # errors of the library or its dependencies
         reason = str(error) or "it is shorter than its header says"
         raise RecordingError(f"a record is damaged: {reason}") from error
 

@@ -93,7 +93,7 @@ class Recorder:
             with contextlib.suppress(TimeoutError):
                 self._loop.clock.result(self._loop.submit(self._end), 2.0)
         self._unsubscribe()
-        self.queue.end(None, is_kept=True)  # in case the loop hangs
+        self.queue.end(None, is_kept=True)  # the timeout is for a loop that hangs
         self._disk.stop()
 
     # On the loop's thread ----------------------------------------------------------------------

@@ -82,7 +82,7 @@ class Simulation:
         self._contacts_rad = []
         self.action, self.point = Action.STOP, None
         self.pose = self._start_pose()
-        self._entered = first_world  # set last: another thread reads it (`shown_world`)
+        self._entered = first_world  # set last, because another thread reads it (`shown_world`)
 
     @property
     def shown_world(self) -> World:
@@ -94,7 +94,8 @@ class Simulation:
         """Return the sensors' readings: sonar with noise, bumpers, and the true pose."""
         noise_m = float(self._sonar_rng.normal(0.0, _SONAR_NOISE_M)) if self.is_noisy else 0.0
         measured_in, measured_at, free_m = self._measured
-        if measured_in is not self.world or measured_at != self.pose:  # some motion since
+        # This allows for some motion since.
+        if measured_in is not self.world or measured_at != self.pose:
             free_m = sonar_m(self.world, self.pose)
             self._measured = self.world, self.pose, free_m
         pressed = bumpers(self._contacts_rad)

@@ -164,7 +164,8 @@ def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
     """
     require_present(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{get_native_id()}.part")  # two may write at once
+    # Two programs may write at the same time.
+    temporary = path.with_name(f".{path.name}.{get_native_id()}.part")
     try:
         flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
         with os.fdopen(os.open(temporary, flags, mode), "wb") as file:
@@ -172,7 +173,7 @@ def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
             if not file.closed:
                 file.flush()
                 os.fsync(file.fileno())
-        if path.is_dir() and not path.is_symlink():  # a folder of this name
+        if path.is_dir() and not path.is_symlink():  # there is a folder of this name
             set_aside(path)
         move(temporary, path)
     except BaseException:

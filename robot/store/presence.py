@@ -51,7 +51,7 @@ class Presence:
                 return False
         except OSError:
             return False
-        self._place = place  # back, perhaps with a new number of the disk
+        self._place = place  # the folder is back, perhaps on a disk with a new number
         return True
 
     def watch(self) -> None:

@@ -35,7 +35,7 @@ _EVER = dt.datetime(2000, 1, 1, tzinfo=dt.UTC), dt.datetime(2049, 12, 31, tzinfo
 """Validity of the authority; wide, because the robot's clock may be years off at that time."""
 _RENEWED_BEFORE = dt.timedelta(days=30)
 """A certificate is renewed when its remaining validity is less than this."""
-_A_DAY, _MOST = dt.timedelta(days=1), dt.timedelta(days=397)  # phones accept no more
+_A_DAY, _MOST = dt.timedelta(days=1), dt.timedelta(days=397)  # phones accept no longer validity
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -186,7 +186,7 @@ class _Connection(socket.socket):
         A busy connection is reset. An idle one is not, because its last answer may still be on the
         way.
         """
-        admission, self.admission = self.admission, None  # frees its slot
+        admission, self.admission = self.admission, None  # this frees its slot
         with contextlib.suppress(OSError):
             if admission is None or not admission.is_idle(self.peer):
                 self.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)

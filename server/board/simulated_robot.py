@@ -161,7 +161,7 @@ def simulated_robots(
         if model is not None:
             robot.keep_model(*model)
     cores = os.cpu_count() or 1
-    starting = ThreadPoolExecutor(cores)  # more at once would block the board
+    starting = ThreadPoolExecutor(cores)  # starting more at once would block the board
     nurseries: list[Nursery] = []
     begun = itertools.count(1)
 
@@ -209,7 +209,8 @@ def _end_with_input() -> None:
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have set it to ignore
+    # A shell may have set the signal to be ignored.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     if hasattr(os, "nice"):
         os.nice(BELOW)
     threading.Thread(target=_end_with_input, daemon=True).start()

@@ -153,7 +153,8 @@ class Hub:
         now_s = self.clock.now_s()
         if self.lease.give_up(client.id, now_s):
             drivers = [one for one in self.clients.values() if one.role.may_drive]
-            if self.lease.owner is None and len(drivers) == 1:  # usually the pilot, reconnected
+            # This is usually the pilot, who reconnected.
+            if self.lease.owner is None and len(drivers) == 1:
                 self.lease.join(drivers[0].id, now_s)
             self._pilot_changed()
         else:

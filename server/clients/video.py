@@ -108,7 +108,8 @@ class VideoHub:
         self._nonce = 0
         self._pictures: dict[bool, Frame] = {}
         self._messages: dict[tuple[bool, bool], bytes] = {}
-        self.captured_s: OrderedDict[int, float] = OrderedDict()  # by id, of the last frames
+        # Capture times of the last frames, by id.
+        self.captured_s: OrderedDict[int, float] = OrderedDict()
         self.frames_encoded = 0
         self.frames_sent = 0
         self.on_drawn: Callable[[float], None] = lambda age_s: None
@@ -164,7 +165,8 @@ class VideoHub:
         if now_s - viewer.last_sent_s < _EARLY_SHARE * viewer.every_s:
             return
         window = viewer.window
-        is_large = viewer.size.is_large and not viewer.every_s  # an interval means many robots
+        # A page with an interval shows many robots.
+        is_large = viewer.size.is_large and not viewer.every_s
         picture = self._pictures.get(is_large) or self._picture_of(frame, is_large)
         n_bytes = len(picture.data)
         if not window.may_send(n_bytes):

@@ -163,7 +163,7 @@ class Guard:
 
         try:
             await self.app(scope, _limited(receive, self._most_bytes(scope)), send_guarded)
-        except ClientDisconnect:  # it left in mid-body, or its body was too long
+        except ClientDisconnect:  # the client left before the body's end, or its body was too long
             await _refuse(scope, receive, send, _TOO_LARGE, self.gateway)
 
 

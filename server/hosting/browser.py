@@ -14,7 +14,7 @@ def has_screen(system: str, environment: Mapping[str, str]) -> bool:
 
     A text browser does not count, because it would take over the terminal.
     """
-    if "SSH_CONNECTION" in environment:  # the person sits at another machine
+    if "SSH_CONNECTION" in environment:  # the person uses another machine
         return False
     has_display = bool(environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
     return system in ("win32", "darwin") or has_display

@@ -47,7 +47,7 @@ def make_protocol() -> type[Any] | None:
 
         def handle_connect(self, event: Request) -> None:
             super().handle_connect(event)
-            if hasattr(self, "scope"):  # missing if the handshake was refused
+            if hasattr(self, "scope"):  # the attribute is missing if the handshake was refused
                 scope: dict[str, Any] = self.scope  # type: ignore[assignment]
                 scope["extensions"] = {**scope["extensions"], DIRECT: self}
 
@@ -86,7 +86,7 @@ def make_protocol() -> type[Any] | None:
 
         async def receive(self) -> Any:
             message = await super().receive()
-            if self._is_held:  # uvicorn must not resume it
+            if self._is_held:  # uvicorn must not resume reading
                 self.transport.pause_reading()
             return message
 

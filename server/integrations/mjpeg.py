@@ -39,7 +39,7 @@ async def mjpeg(request: Request) -> StreamingResponse:
     hub = services_of(request).hub
     frame = hub.robot.camera.latest()
     if frame is not None:
-        hub.video.encoder.encode_jpeg(frame)  # 501 if this needs OpenCV
+        hub.video.encoder.encode_jpeg(frame)  # answers 501 if this needs OpenCV
     gateway, looks = services_of(request).gateway, itertools.count(1)
     sent = itertools.count(1)
 

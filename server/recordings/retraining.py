@@ -73,7 +73,8 @@ class _Run:
     def __init__(self, episodes: list[EditedEpisode], learner: str, clock: Clock) -> None:
         self._episodes, self._learner, self._clock = episodes, learner, clock
         unedited = [(episode, Notes()) for episode, _ in episodes]
-        self._total = count_steps(unedited) + 2 * count_steps(episodes)  # the maximum of steps
+        # The largest possible number of steps.
+        self._total = count_steps(unedited) + 2 * count_steps(episodes)
         self._done = 0
         self._report = Report(taught=Counter())
         self._comparison: Comparison | None = None
@@ -104,7 +105,7 @@ class _Run:
         self._done += 1
         self._clock.sleep(_BREATH_S)
         if self.is_dropped:
-            raise RuntimeError("dropped")  # ends the thread; nobody reads the error
+            raise RuntimeError("dropped")  # this ends the thread; nobody reads the error
 
     def describe(self) -> dict[str, Any]:
         state = "running" if self.is_running else "failed" if self._error else "done"

@@ -297,7 +297,7 @@ class Conductor(StartStop):
         episode = self._kept.run
         if episode is not None and episode != self._episode:
             self._episode = episode
-            self._kept.keep_run()  # even if nothing is taught in it
+            self._kept.keep_run()  # keep it even if nothing is taught in it
             events.append(session.make("recording", wall_s, value=episode))
         events += session.note(tick, wall_s, self._measure)
         event_log.note(events)

@@ -29,9 +29,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.timeout(300))
 
 
-@pytest.fixture(
-    scope="package"
-)  # with the scope of a session, Playwright's event loop would block all other tests
+# With the scope of a session, Playwright's event loop would block all other tests.
+@pytest.fixture(scope="package")
 def chromium() -> Iterator[Any]:
     with running_chromium() as browser:
         yield browser

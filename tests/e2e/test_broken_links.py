@@ -44,9 +44,8 @@ def test_closing_the_tab(phone: Any, world: World) -> None:
 
 
 def test_blocking_the_main_thread(phone: Any, world: World) -> None:
-    for _ in range(
-        5
-    ):  # a computer that is paused meanwhile stops the robot because of a picture's age
+    # A computer that is paused meanwhile stops the robot because of a picture's age.
+    for _ in range(5):
         drive(phone, world)
         debugger = phone.context.new_cdp_session(phone)
         debugger.send("Debugger.enable")

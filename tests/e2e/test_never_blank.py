@@ -94,9 +94,10 @@ def test_a_page_older_than_its_robot_opens_every_screen(chromium: Any, world: Wo
         opened.append(route.request.url)
         route.continue_()
 
+    # An updated robot has only the files that its own page requests.
     def answer(
         route: Any,
-    ) -> None:  # an updated robot has only the files that its own page requests
+    ) -> None:
         route.continue_() if opened else route.fulfill(status=404)
 
     context.route(world.address + "/", renew)

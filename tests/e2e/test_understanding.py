@@ -51,9 +51,8 @@ def test_undo_restores_the_exact_learner_from_before(phone: Any, world: World) -
     seconds_before = _teaching_s(world)
 
     def is_enough() -> bool:
-        wrong = (
-            world.lessons - lessons
-        )  # a busy computer learns few examples in the displayed seconds
+        # A busy computer learns few examples in the displayed seconds.
+        wrong = world.lessons - lessons
         return wrong >= 30 or (wrong > 0 and _teaching_s(world) > seconds_before + 2)
 
     hold_until(world, fingers, "right", is_enough)

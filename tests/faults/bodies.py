@@ -319,9 +319,8 @@ def stood_after_s(name: str, fault: str, seed: int, *, by_degrees: bool = False)
         began_s = body.clock.now_s()
         last_s = 0.0
         for _ in range(400):
-            if (
-                fault == "link lost" and chance.random() < 0.04
-            ):  # the server continues without effect
+            # The server continues without effect.
+            if fault == "link lost" and chance.random() < 0.04:
                 send(meant)
             if _pass(body, _STEP_S):
                 last_s = body.clock.now_s() - began_s

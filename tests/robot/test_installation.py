@@ -22,11 +22,12 @@ ROOT = Path(__file__).parents[2]
 
 
 def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    # Without site-packages, so only the folder's packages are seen.
     command = [
         sys.executable,
         "-S",
         *words,
-    ]  # without site-packages, so only the folder's packages are seen
+    ]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 

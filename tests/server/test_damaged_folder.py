@@ -370,9 +370,8 @@ def test_what_an_older_program_set_aside_is_used_again_though_that_one_ran_since
         learned = rig.loop.history.n_examples
     for version in sorted((root / "models" / "bench").glob("*.npz"))[1:]:
         version.rename(version.with_name(version.name + ".damaged"))
-    with (
-        pytest.MonkeyPatch.context() as older
-    ):  # it reads the previous version, and changes nothing
+    # It reads the previous version, and changes nothing.
+    with pytest.MonkeyPatch.context() as older:
         older.setattr(ModelStore, "retry_damaged", lambda store: None)
         older.setattr("server.persistence.recover", lambda *_: None)
         with running(root) as (rig, _):

@@ -215,9 +215,8 @@ def check_who_takes_all_places_holds_up_no_stop(
             for number in range(4 * TRIES):
                 cookie = {"Cookie": cookies["owner" if number % 2 else "pilot"]}
                 with contextlib.ExitStack() as stack:
-                    if (
-                        number % 4 < 2
-                    ):  # on a separate connection; making a client of httpx takes 20 ms
+                    # On a separate connection; making a client of httpx takes 20 ms.
+                    if number % 4 < 2:
                         asker = stack.enter_context(httpx.Client(timeout=PATIENCE_S))
                         start_s = clock.now_s()
                         answer = asker.post(server.address + "/api/stop", headers=cookie)

@@ -214,7 +214,8 @@ class FakeBrick(StartStop):
             motor.write("position", f"{motor.position:012.0f}")
         if motor.command.stat().st_mtime_ns == _SEEN_NS:
             return
-        os.utime(motor.command, ns=(_SEEN_NS, _SEEN_NS))  # first: a command from now on counts
+        # First, because commands from now on count.
+        os.utime(motor.command, ns=(_SEEN_NS, _SEEN_NS))
         if command := motor.read("command"):
             self._obey(motor, command, now_s)
 
@@ -247,7 +248,8 @@ class FakeBrick(StartStop):
         for name, value in DEFAULTS.items():
             if name not in motor.kept:
                 motor.write(name, value)
-        motor.write("position", "000000000000")  # last: a reader that sees it sees the rest too
+        # Last, because its readers must also see everything else.
+        motor.write("position", "000000000000")
 
     def start(self) -> None:
         if self._thread is None:

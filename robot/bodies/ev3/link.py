@@ -132,7 +132,7 @@ class BrickLink:
         try:
             self._send(do, **rest)
         except OSError as error:
-            self._hang_up()  # half a message may have been sent
+            self._hang_up()  # a part of the message may have been sent
             raise DriveError(self._say_lost(error)) from error
 
     def answer(self, name: str) -> Any:
@@ -207,7 +207,8 @@ class BrickLink:
         elif "fault" in message:
             self.report = {**self.report, "fault": message["fault"]}
         else:
-            if self._opens_again and "failed" in message:  # not an answer; it is retried
+            # This is not an answer; the next ping retries.
+            if self._opens_again and "failed" in message:
                 raise OSError(message["failed"])
             self._opens_again = self._opens_again and "opened" not in message
             self._answers.append(message)

@@ -95,7 +95,7 @@ def build_userland(folder: Path, release: str = DEFAULT_RELEASE, mirror: str = "
 
 def _choose_alternatives(folder: Path) -> None:
     """Replace the packages' scripts, which did not run, because packages were only unpacked."""
-    for name in ("bin", "sbin", "lib"):  # since trixie these are links into usr
+    for name in ("bin", "sbin", "lib"):  # since trixie these folders are links into usr
         if not (folder / name).exists():
             (folder / name).symlink_to(f"usr/{name}")
     for name in ("blas", "lapack"):
@@ -129,7 +129,7 @@ def _python_of(version: tuple[int, int]) -> str | None:
     if sys.version_info[:2] == version:
         return sys.executable
     other = shutil.which(f"python{version[0]}.{version[1]}")
-    # It may be a version manager's stub that runs nothing.
+    # The program may be a version manager's stub that runs nothing.
     if other is None or subprocess.run([other, "-V"], capture_output=True).returncode != 0:
         return None
     return other

@@ -79,7 +79,7 @@ def hold(settings: dict[str, Any]) -> None:
 
 
 def _kill(pid: int, *_: object) -> None:
-    with contextlib.suppress(ProcessLookupError):  # it has just ended
+    with contextlib.suppress(ProcessLookupError):  # the child has just ended
         os.kill(pid, signal.SIGKILL)
 
 

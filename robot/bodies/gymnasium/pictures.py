@@ -100,9 +100,11 @@ def _pictures(seen: Any, space: Any, name: str) -> Iterator[_Found]:
 
 def _as_array(seen: Any) -> NDArray[Any] | None:
     """Return the numbers of an array, a list of lists, a tensor or an image; None for others."""
-    if hasattr(seen, "detach") and hasattr(seen, "cpu"):  # a tensor, perhaps on a GPU
+    if hasattr(seen, "detach") and hasattr(seen, "cpu"):  # a tensor, which may be on a GPU
         seen = seen.detach().cpu()
-    elif hasattr(seen, "convert") and hasattr(seen, "getbands"):  # an image, perhaps of a palette
+    elif hasattr(seen, "convert") and hasattr(
+        seen, "getbands"
+    ):  # an image, which may have a palette
         seen = seen.convert("RGB")
     try:
         array = np.asarray(seen)

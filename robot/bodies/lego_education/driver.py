@@ -81,7 +81,8 @@ class LegoEducationDriver(ConnectedDriver[Any]):
                 "elsewhere?"
             )
         nameless = [one for one in found if one.address == one.name]
-        if nameless and len(found) < len(searched):  # the library logs only their names
+        # The library logs only the names of further motors.
+        if nameless and len(found) < len(searched):
             raise DriveError(
                 f"which double motor? Several in range are called {nameless[0]}; give each a name "
                 "of its own, or install a newer version of LEGO's library, which shows addresses"

@@ -52,7 +52,7 @@ class Answer(HTTPResponse):
             raise ConnectionError("it closed the connection without an answer")
         picture = _START.search(head)
         end = picture.start() if picture else len(head)
-        if head.lstrip().startswith(b"--"):  # no head: the stream began at once
+        if head.lstrip().startswith(b"--"):  # there is no head: the stream began at once
             end = 0
         text, self._rest = head[:end].lstrip(), head[end:]
         status = _STATUS.match(text)

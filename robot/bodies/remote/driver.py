@@ -134,7 +134,7 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         for_ms = round(1000 * ACTION_TIMEOUT_S)
         order = Order(action, for_ms, speed_scale, self._seq, report.ms, point)
         self._exchange(self.hello if self._is_other else self._encode(order, report.nonce))
-        if self._heard_s > heard_s:  # it may answer an earlier order, so repeat the stop
+        if self._heard_s > heard_s:  # this report may answer an earlier order, so repeat the stop
             is_obeyed = self._report is not None and self._report.seq > report.seq
             self._disobeyed = 0 if is_obeyed else self._disobeyed + 1
 
@@ -149,7 +149,7 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
             while data is not None:
                 self._take(data)
                 data = line.receive(0.0)
-        except OSError as error:  # also a refused datagram, if nobody listens
+        except OSError as error:  # also raised for a refused datagram, if nobody listens
             self._trouble = f" ({error})" if str(error) else ""
             self._clock.sleep(REPLY_S / 10)
 

@@ -109,7 +109,7 @@ class ReconnectingLink(ReconnectingConnection):
     def _take_message(self, message: bytes) -> None:
         if self._received.full():
             with contextlib.suppress(queue.Empty):
-                self._received.get_nowait()  # drop the unread one: the newest counts
+                self._received.get_nowait()  # drop the unread message: only the newest counts
         self._received.put_nowait(message)
 
     def receive(self, timeout_s: float) -> bytes | None:
@@ -122,7 +122,7 @@ class ReconnectingLink(ReconnectingConnection):
 async def _or_connection_error(work: Coroutine[Any, Any, None]) -> None:
     try:
         await work
-    except Exception as error:  # libraries report a loss by many kinds of errors
+    except Exception as error:  # libraries report a lost connection by many kinds of errors
         raise ConnectionError(_said(error)) from error
 
 

@@ -129,7 +129,7 @@ class RosDriver(ConnectedDriver[Topics]):
 
     def _begin(self) -> None:
         self._has_signed.clear()
-        if self.options.transport == DDS:  # DDS knows the subscribers at once
+        if self.options.transport == DDS:  # over DDS the subscribers are known at once
             self._check_taken(self._connected())
         if self.options.watchdog and not self._clock.wait(self._has_signed, _FIRST_SIGN_S):
             raise DriveError(f"{self._connected().where} is there, but {_NO_WATCHDOG}")

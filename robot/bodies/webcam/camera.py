@@ -106,7 +106,7 @@ class OpencvCamera(WatchedCamera):
             if is_read:
                 self._take(picture, now_s)
             if not is_read or self._freshness.fault(now_s) is not None:
-                return  # opened again later; the watching thread reports the fault
+                return  # the source is opened again later; the watching thread reports the fault
 
     def _take(self, pixels: Any, now_s: float) -> None:
         if not self._freshness.is_new(pixels.tobytes(), now_s):

@@ -96,7 +96,7 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
             self.learn_one(row, label)
 
     def predict_proba_many(self, X: pd.DataFrame) -> pd.DataFrame:  # noqa: N803
-        import pandas as pd  # like river: a caller that passes frames has pandas
+        import pandas as pd  # as in river, a caller that passes data frames has pandas
 
         rows = [self.predict_proba_one(row) for row in X.to_dict(orient="records")]
         return pd.DataFrame(rows, index=X.index, columns=list(self._labels))

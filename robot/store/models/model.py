@@ -72,7 +72,8 @@ class Model:
 
     def to_policy(self) -> Policy:
         what = f"the model of the learner {self.summary.learner[:40]!r} cannot be opened"
-        with told_as(RecordingError, what, Exception):  # any: the learner may be a plugin
+        # The plugin of a learner may raise any error.
+        with told_as(RecordingError, what, Exception):
             policy = make_policy(self.summary.learner, self.summary.moves)
             policy.set_state(self.state)
         return policy

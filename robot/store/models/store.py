@@ -215,7 +215,7 @@ class ModelStore:
         The order is by journal position, or by the time of saving if there is no position.
         """
         current = self.current
-        if current is not None:  # first: the many others are seldom needed
+        if current is not None:  # this one first, because the many others are seldom needed
             with contextlib.suppress(RecordingError, NotFoundError):
                 yield current, self.load(current)
         for other in sorted(self.saved(), key=_age_of, reverse=True):

@@ -42,7 +42,7 @@ def try_model(model: Model) -> None:
             policy.check()
     except RecordingError:
         raise
-    except Exception as error:  # any: the learner may be a plugin
+    except Exception as error:  # the plugin of a learner may raise any error
         raise RecordingError(f"the model is invalid: {str(error)[:250] or repr(error)}") from error
 
 

@@ -114,9 +114,8 @@ def live(folder: Path, out: int, wall_s: float) -> None:
         persistence.disk.add(turns_told("written", lambda: lessons_queued))
         persistence.journal._thread.add(turns_told("kept", lambda: n_queued))
         persistence.start()
-        rig.loop.subscribe(
-            note_queued
-        )  # last, because the counted records are queued for the disk already
+        # Last, because the counted records are queued for the disk already.
+        rig.loop.subscribe(note_queued)
         persistence.autosave.load_last()
         tell("loaded", rig.loop.submit(lambda: rig.loop.history.n_examples).result())
         is_loaded = True

@@ -37,7 +37,7 @@ def forms(token: str) -> Iterator[str]:
     texts.append(f"http://[fe80::1]:8000/pair#{token}")
     for text in texts:
         yield from (text, f"  or open   {text}", f"To watch: {text}", f"{text} .", f"<{text}>")
-        yield f"The next one that is to drive: {text}\n\n"
+        yield f"To pair another one that may drive: {text}\n\n"
         yield f"\x1b[1m{text}\x1b[0m"
     other = "http://10.0.0.2:8000/pair#VVVV-WWWW-XXXX-YYYY"
     yield f"  or open   http://h/pair#{token}\n  at one of http://10.0.0.2\n  To watch: {other}\n"

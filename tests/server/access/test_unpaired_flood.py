@@ -143,9 +143,8 @@ def test_a_flood_neither_stops_the_pilot_nor_locks_out_a_new_phone(
         while server.ask()["evicted"] < 100:
             await asyncio.sleep(0.05)
         before = phone.driven
-        second = Phone(
-            server, await asyncio.to_thread(server.pair)
-        )  # a new connection during the flood
+        # A new connection during the flood.
+        second = Phone(server, await asyncio.to_thread(server.pair))
         coming = asyncio.create_task(second.drive())
         while not second.states:
             await asyncio.sleep(0.05)

@@ -48,7 +48,7 @@ class BrickBody:
         read = self.sensors.read()
         try:
             read["wheels_deg"] = self.motors.positions()
-        except DriveError:  # reported at the next move instead
+        except DriveError:  # the next move reports it instead
             read["wheels_deg"] = None
         return read
 

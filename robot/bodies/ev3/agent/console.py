@@ -50,7 +50,7 @@ class Console:
         try:
             fcntl.ioctl(self._keys, EVIOCGRAB, take)
         except OSError:
-            pass  # no input device, or grabbed by another program: then both receive the buttons
+            pass  # no input device, or grabbed already: then both receive the buttons
 
     def take_button(self) -> Optional[str]:
         """Return "start" (the middle button) or "stop" (any other) if one was pressed."""

@@ -6,7 +6,7 @@ from typing import Any, Dict, List, Optional
 
 try:
     from robot.errors import DriveError as DriveError
-except ImportError:  # the agent includes only modules for Python 3.5
+except ImportError:  # the agent's archive includes only modules for Python 3.5
 
     class DriveError(Exception):  # type: ignore[no-redef]
         """A motor, sensor or camera is missing or failed; the message names it and the remedy."""

@@ -115,7 +115,7 @@ class Agent:
                     self._obey(caller, command)
                 except DriveError as error:
                     caller.send({"failed": str(error)})
-            elif command is moves[-1]:  # of several waiting moves only the last counts
+            elif command is moves[-1]:  # if several moves wait, only the last counts
                 self._move(caller, command, now_s)
         caller.received_s = now_s
 

@@ -142,9 +142,8 @@ def test_installing_is_safe_to_repeat(
 ) -> None:
     builds = []
 
-    def build(
-        folder: Path, release: str, mirror: str
-    ) -> None:  # `make test-brick` runs the real one
+    # `make test-brick` runs the real one.
+    def build(folder: Path, release: str, mirror: str) -> None:
         builds.append(folder)
         (folder / "usr/lib/python3.11").mkdir(parents=True)
         (folder / "usr/lib/python3.11/this.py").write_text("print('here')\n")

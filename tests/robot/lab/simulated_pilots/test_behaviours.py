@@ -36,9 +36,8 @@ def test_the_wall_follower_goes_round_with_the_wall_at_its_right(seed: int) -> N
 @pytest.mark.parametrize("seed", [481, 489])
 def test_the_wall_follower_gets_on_among_gaps(seed: int) -> None:
     seen = drive("office", WallFollower(), 60.0, seed)
-    for start in range(
-        0, 400, 50
-    ):  # it never alternates between left and right on one spot for 20 s
+    # It never alternates between left and right on one spot for 20 s.
+    for start in range(0, 400, 50):
         at = [s.pose for s in seen[start : start + 200]]
         assert (
             math.dist(
