@@ -284,7 +284,7 @@ def test_the_recorder_keeps_nothing_of_earlier_parts(tmp_path: Path) -> None:
                     data=bytes(300),
                 )
             )
-            queue.write_message(Topic.LESSON, now_s, describe_event(event))
+            queue.write_messages(now_s, [(Topic.LESSON, describe_event(event))])
             if number % 20 == 0:
                 queue.write_waiting()
                 if number % 200 == 0:
