@@ -30,7 +30,8 @@ _ASK_EVERY_S = 60.0
 def read_list(text: str) -> list[RobotAddress]:
     """Read `HOST:PORT,...`, or a file with one address per line; `#` begins a comment."""
     file = Path(text)
-    if "," not in text and (file.is_file() or file.suffix == ".txt"):
+    is_path = file.suffix == ".txt" or ("://" not in text and file.name != text)
+    if "," not in text and (file.is_file() or is_path):
         with told_as(ConfigurationError, f"cannot read {file}", OSError, ValueError):
             lines = file.read_text("utf-8-sig").splitlines()
         words = [line.partition("#")[0].strip() for line in lines]

@@ -40,6 +40,8 @@ WRONG = [
     (["serve", "--world", "offce"], "unknown world 'offce' (did you mean 'office'?)"),
     (["class", "--robots", "abc"], "'abc' is neither a number of simulated robots, nor HOST:PORT"),
     (["class", "--lesson", "foolit"], "(did you mean 'fool-it'?)"),
+    (["class", "kep"], "(did you mean 'keep'?)"),
+    (["board", "--robots", "lists/none"], "cannot read lists"),
     (["class", "--robots", "2,rover"], "'rover' is neither a number"),
     (["serve", "--jpeg-quality", "0"], "--jpeg-quality: must be a whole number from 1 to 100"),
 ]
