@@ -8,7 +8,8 @@ STILL_S = 0.35
 """Time without a new picture, in addition to the camera's period, after which a camera counts as
 broken, in seconds: a fault is detected within 500 ms plus the period."""
 LONGEST_PERIOD_S = 1.2
-"""Upper bound of the period that is allowed for, in seconds; a slower camera gets no more time."""
+"""Longest camera period that extends the time limit, in seconds; a slower camera gets no more
+time."""
 _BURST_S = 0.02
 """Gap below which two pictures count as sent together, in seconds: it is not the camera's
 period."""

@@ -136,7 +136,9 @@ class FrameTable(Mapping[int, FrameEntry]):
         ids = self.ids
         if not 0 <= frame_id < 2**32:
             return None
-        index = int(ids.searchsorted(np.uint32(frame_id)))  # an int would convert all ids
+        index = int(
+            ids.searchsorted(np.uint32(frame_id))
+        )  # numpy would convert all ids for a Python int
         return index if index < len(ids) and ids[index] == frame_id else None
 
     def __getitem__(self, frame_id: int) -> FrameEntry:
