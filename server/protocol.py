@@ -240,7 +240,7 @@ def _check_point(numbers: dict[str, Any], may_be: bool, seq: int | None) -> None
         if name in numbers and not may_be:
             raise _bad_field(name, "left out: nothing is held, or this robot takes moves only", seq)
         if name in numbers and other not in numbers:
-            raise _bad_field(other, f"a number, since there is a {name}", seq)
+            raise _bad_field(other, f"a number when {name} is given", seq)
 
 
 def _bad_field(name: str, wanted: str, seq: int | None) -> ProtocolError:

@@ -213,9 +213,9 @@ FORMS: tuple[Form, ...] = (
     ),
     Form(
         name="table of pictures",
-        there="`.csv`, `.tsv` or `metadata.jsonl`, also without a head line; pictures beside it or "
-        "below, found by the last parts of their paths: also Udacity's `driving_log.csv`, Hugging "
-        "Face's `metadata.csv`, logs of courses",
+        there="`.csv`, `.tsv` or `metadata.jsonl`, with or without a line of column names, such as "
+        "Udacity's `driving_log.csv` or Hugging Face's `metadata.csv`; the pictures lie in the "
+        "same folder or below it and are found by the last parts of their paths",
         label="a column by its name: a move (`label`, `move`, `action`); steering (`angle`, "
         "`steering`, `user/angle`: -1 to 1, right positive, unless `--full-lock` says otherwise) "
         "with `throttle` and `speed`; left and right wheel (ahead positive); linear and angular "

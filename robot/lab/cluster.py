@@ -32,7 +32,7 @@ _CONNECT_S = 10.0
 _LOOK_S = 1.0
 """Interval at which the scheduler is asked for its workers, in seconds."""
 _FIRST_WORKER_S, _NO_WORKER_S = 10.0, 60.0
-"""Time without any worker after which the call ends, at the start and later, in seconds."""
+"""The call ends after this time without any worker, in seconds: at the start, and later."""
 _SILENT_S = 20.0
 """Time after which a silent or unidentified worker is reported, in seconds."""
 _MOST_LOSSES = 3

@@ -55,7 +55,7 @@ class BSOC(Clusters):
             raise ValueError(f"group_cost must be at least 1, not {group_cost}")
         self.group_cost = group_cost
         self.integer = integer
-        self._masses = np.zeros(max_nodes, np.float32)  # the counts, as weights
+        self._masses = np.zeros(max_nodes, np.float32)  # how much each node counts
         self._touched = np.zeros(max_nodes, np.int64)
         self._groups = np.zeros(max_nodes, np.int64)
         self._distances = np.zeros((max_nodes, max_nodes), np.float32)

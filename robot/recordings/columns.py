@@ -136,9 +136,8 @@ class FrameTable(Mapping[int, FrameEntry]):
         ids = self.ids
         if not 0 <= frame_id < 2**32:
             return None
-        index = int(
-            ids.searchsorted(np.uint32(frame_id))
-        )  # numpy would convert all ids for a Python int
+        # np.uint32: for a Python int, numpy would convert all ids.
+        index = int(ids.searchsorted(np.uint32(frame_id)))
         return index if index < len(ids) and ids[index] == frame_id else None
 
     def __getitem__(self, frame_id: int) -> FrameEntry:

@@ -24,7 +24,7 @@ class BoardViewer:
 
     Attributes:
         due: Set when there is something to send; it wakes the page's task.
-        may_send: Set while the page has drawn all pictures that it was sent.
+        may_send: Set while the page waits for pictures: it has drawn all that were sent to it.
     """
 
     def __init__(self) -> None:

@@ -95,7 +95,7 @@ class Unwrapping:
         parts[number] = str(part["data"])
         if len(parts) == total:
             return "".join(parts[at] for at in range(total))
-        self._parts[key] = parts  # the newest key last
+        self._parts[key] = parts  # the last key is the newest
         while sum(len(data) for some in self._parts.values() for data in some.values()) > (
             _MOST_BYTES
         ):

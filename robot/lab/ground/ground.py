@@ -102,8 +102,8 @@ GROUND = Experiment(
     text="MiniWorld (score: share of drives that reach the red box), CarRacing (percent of the "
     "track's tiles in 150 decisions), ViZDoom (tics survived, of 2,100). After 50 examples "
     "by demonstration the robot drives: with 'corrections' the teacher takes the wheel when it "
-    "was wrong twice running; 'asked' only when the robot asks. In brackets the 95 % interval "
-    "of the mean over seeds (bootstrap).",
+    "was wrong twice in succession; with 'asked' only when the robot asks. The 95 % interval of "
+    "the mean over seeds (bootstrap) is in brackets.",
     plan=_plan,
     tables=_tables,
     plots=_plots,
