@@ -27,6 +27,7 @@ def main() -> int:
     parser.add_argument("--kills", type=int, default=0, help="0: one in 400 steps")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=1, help="robots at a time, a folder for each")
+    parser.add_argument("--first", action="store_true", help="end at the first violation")
     args = parser.parse_args()
     began_s = time.monotonic()
     jobs = max(1, args.jobs)
@@ -38,6 +39,7 @@ def main() -> int:
             [-(-args.steps // jobs)] * jobs,
             [-(-kills // jobs)] * jobs,
             [1000 * args.seed + job for job in range(jobs)],
+            [args.first] * jobs,
         )
         outcome = sum(outcomes, Outcome())
     print(f"{outcome}; {time.monotonic() - began_s:.0f} s, seed {args.seed}")

@@ -463,10 +463,18 @@ class Life:
 
     def release(self) -> None:
         page = self._page()
-        if page is not None:
-            self.released.add(page.pilot.page.state["stop_number"])
-            page.pilot.release()
-            self.server.forward(0.05)
+        if page is None:
+            return
+        self.released.add(page.pilot.page.state["stop_number"])
+        is_late = not self._is_link_bad() and self.dice.random() < 0.3
+        if is_late:
+            self._bad_s = self.server.clock.now_s()
+            self.server.link.conditions = LinkConditions(delay_s=self.dice.uniform(0.05, 0.3))
+        page.pilot.release()
+        if is_late:  # a newer STOP, which goes another way
+            self.server.link.conditions = LinkConditions()
+            self._send("POST", "/api/stop", None, self.cookies[self.dice.choice(PEOPLE)])
+        self.server.forward(0.35 if is_late else 0.05)
 
     def pair(self) -> None:
         """Pair another browser, or unpair it."""

@@ -6,6 +6,7 @@ import gc
 import json
 import os
 import random
+import shutil
 import signal
 import sys
 import time
@@ -20,6 +21,10 @@ from server.access.pairing import Pairing
 from server.gateway.roles import Role
 from tests.client.facts import Facts
 from tests.client.life import Life, describe
+
+_ANEW = 8
+"""The number of lives in one data folder. Later lives would spend their time on reading all that
+the earlier ones have recorded."""
 
 
 @dataclass
@@ -51,21 +56,17 @@ class Outcome:
         )
 
 
-def run(folder: Path, steps: int, kills: int, seed: int) -> Outcome:
-    """Run this number of steps, with this number of kills; print violations as they are found."""
+def run(folder: Path, steps: int, kills: int, seed: int, is_first_enough: bool = False) -> Outcome:
+    """Run this number of steps and kills; print violations as they are found.
+
+    With `is_first_enough`, end after the life in which the first was found.
+    """
     dice, outcome = random.Random(seed), Outcome()
-    root = folder / "data"
-    root.mkdir(parents=True)
-    pairing = Pairing(10, file=root / "paired.json")
-    secrets = {}
-    roles = {"owner": Role.PILOT, "pupil": Role.PILOT, "viewer": Role.VIEWER}
-    for person, role in roles.items():
-        paired: Any = pairing.redeem(pairing.tokens[role], 0.0)
-        secrets[person] = paired.secret
-    wanted: Facts = {}
+    root, wanted = folder / "data", Facts()
+    secrets = _begin(root)
     spec = describe(folder / "other")
     gc.freeze()
-    while outcome.steps < steps:
+    while outcome.steps < steps and not (is_first_enough and outcome.violations):
         each = max(1, (steps - outcome.steps) // max(1, kills - outcome.kills))
         planned = dice.randint(max(1, each // 2), max(2, each * 3 // 2))
         is_last = outcome.kills >= kills
@@ -81,7 +82,22 @@ def run(folder: Path, steps: int, kills: int, seed: int) -> Outcome:
         )
         if outcome.lives % 10 == 0:
             print(f"{folder.name}: {outcome}", flush=True)
+        if outcome.lives % _ANEW == 0:
+            shutil.rmtree(root)
+            secrets, wanted = _begin(root), Facts()
     return outcome
+
+
+def _begin(root: Path) -> dict[str, str]:
+    """Make a data folder; return the secrets of the browsers that it knows."""
+    root.mkdir(parents=True)
+    pairing = Pairing(10, file=root / "paired.json")
+    secrets = {}
+    roles = {"owner": Role.PILOT, "pupil": Role.PILOT, "viewer": Role.VIEWER}
+    for person, role in roles.items():
+        paired: Any = pairing.redeem(pairing.tokens[role], 0.0)
+        secrets[person] = paired.secret
+    return secrets
 
 
 def _one_life(

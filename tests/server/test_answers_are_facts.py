@@ -20,7 +20,7 @@ import pytest
 from robot.coaching.gallery import images
 from robot.recordings.store import EpisodeStore
 from robot.store.folder import Storage
-from robot.types import Example, Mode
+from robot.types import Action, Example, Mode
 from server.access.pairing import Pairing, cookie_name
 from server.cli.main import main as run_command
 from server.gateway.roles import Role
@@ -127,7 +127,7 @@ def holds(root: Path) -> dict[str, Any]:
 
 def ask(
     folder: Path, write: str, first: int, *, for_ever: bool, scratch: Path
-) -> tuple[httpx.Response, dict[str, Any], int]:
+) -> tuple[httpx.Response, Path, int]:
     """Make one write on a failing disk; return the answer, the folder after a kill, and the
     calls."""
     root = scratch / "data"
@@ -180,7 +180,7 @@ def ask(
         )
         disk.heal()
         shutil.copytree(root, scratch / "killed")
-    return answer, holds(scratch / "killed"), disk.calls
+    return answer, scratch / "killed", disk.calls
 
 
 def is_kept(answer: httpx.Response) -> bool:
@@ -203,13 +203,45 @@ def test_nothing_answered_as_kept_is_gone(folder: Path, tmp_path: Path, write: s
         scratch.mkdir()
         return ask(folder, write, first, for_ever=for_ever, scratch=scratch)
 
-    answer, wanted, calls = make(0, for_ever=False)
+    answer, killed, calls = make(0, for_ever=False)
     assert is_kept(answer), answer.text
+    wanted = holds(killed)
     for first, always in failures(calls):
-        answer, held, _ = make(first, for_ever=always)
+        answer, killed, _ = make(first, for_ever=always)
         assert answer.status_code in (200, 201, 404, 409, 422, 507), answer.text
         if is_kept(answer):
-            assert held == wanted, f"call {first} failed, all later ones: {always}"
+            assert holds(killed) == wanted, f"call {first} failed, all later ones: {always}"
+
+
+def test_every_message_is_obeyed_though_the_disk_refuses_all(folder: Path, tmp_path: Path) -> None:
+    root = tmp_path / "data"
+    shutil.copytree(folder, root)
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        VirtualServer(data=root, name="bench") as server,
+        server.pilot() as pilot,
+    ):
+        disk = Disk(root)
+        disk.install(patch.setattr)
+        if (writer := server.persistence.journal._writer) is not None:
+            writer._files = disk.lay_beneath(writer._files)
+        disk.fail(0, lasts=True)
+        for mode in ("train", "autonomous", "train"):
+            pilot.mode(mode)
+            pilot.wait_for_state(mode=mode)
+        pilot.hold("forward")
+        server.wait_until(lambda: server.driver.now is Action.FORWARD)
+        pilot.send(type="stop")
+        server.wait_until(lambda: server.driver.now is Action.STOP, 0.1)
+        pilot.wait_for_state(emergency=True)
+        pilot.release()
+        pilot.wait_for_state(emergency=False)
+        for word, is_pilot in (("yield", False), ("take", True)):
+            pilot.send(type=word)
+            pilot.wait_for_state(you_are_pilot=is_pilot)
+        server.wait_until(lambda: server.persistence.journal.fault is not None, what="it is said")
+        assert pilot.errors() == [] and disk.calls
+        disk.heal()
 
 
 COMMANDS = {
