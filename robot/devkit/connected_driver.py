@@ -4,6 +4,7 @@ all bodies."""
 from __future__ import annotations
 
 import contextlib
+import inspect
 from abc import abstractmethod
 from collections.abc import Callable
 from functools import partial
@@ -70,6 +71,22 @@ class ConnectedDriver(Driver, Generic[_C]):
         self.options = options
         self.__clock = clock or RealClock()
         self.__opening = self.__clock.lock()
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Refuse a subclass that reuses the name of a base method for something else.
+
+        Raises:
+            TypeError: If an overriding method does not accept the overridden method's arguments.
+        """
+        super().__init_subclass__(**options)
+        for name, theirs in vars(cls).items():
+            ours = next((vars(base)[name] for base in cls.__mro__[1:] if name in vars(base)), None)
+            if inspect.isfunction(ours) and name != "__init__" and not _takes_calls(theirs, ours):
+                given = str(inspect.signature(theirs)) if callable(theirs) else f" = {theirs!r}"
+                raise TypeError(
+                    f"{cls.__name__}.{name}{given} has the name of a method that Drivelesson calls "
+                    f"as {name}{inspect.signature(ours)}; choose another name"
+                )
 
     @abstractmethod
     def _open(self) -> _C:
@@ -227,3 +244,22 @@ def clock_of(driver: ConnectedDriver[Any]) -> Clock:
 
 def _words(error: BaseException) -> str:
     return getattr(error, "strerror", None) or str(error)[:300] or type(error).__name__
+
+
+def _takes_calls(theirs: Any, ours: Callable[..., object]) -> bool:
+    """Return whether `theirs` accepts the calls that `ours` accepts: with all arguments, and with
+    only the required ones. True for objects that are not plain functions."""
+    if not callable(theirs):
+        return isinstance(theirs, property | staticmethod | classmethod)
+    if not inspect.isfunction(theirs):
+        return True
+    known = inspect.signature(ours).parameters.values()
+    plain = [each for each in known if each.kind is not each.KEYWORD_ONLY]
+    least = [each for each in plain if each.default is each.empty]
+    named = {each.name: None for each in known if each.kind is each.KEYWORD_ONLY}
+    try:
+        inspect.signature(theirs).bind(*least)
+        inspect.signature(theirs).bind(*plain, **named)
+    except TypeError:
+        return False
+    return True

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot.errors import ConfigurationError
+from robot.policy.policy import Policy
 from robot.store.folder import Storage, check_name, fold, paths_in
 from robot.store.models.autosave import Autosave
 from robot.store.models.model import decode_model, stamp
 from robot.store.models.store import ModelStore
+
+MOST_EARLIER = 8
+"""Maximum number of models that a new model begins like; each takes a moment to load."""
 
 
 class ModelLibrary:
@@ -60,6 +65,24 @@ class ModelLibrary:
                     autosave.save(place)
                     return
         store.save(name, stamp(store.load(name), place=place))
+
+    def begin_like(self, policy: Policy, names: Sequence[str]) -> None:
+        """Begin a policy like models whose places its place may resemble (`Policy.begin_like`).
+
+        Raises:
+            ConfigurationError: If a model does not exist or is of another kind, or there are more
+                than `MOST_EARLIER`.
+            RecordingError: If a model is damaged.
+        """
+        if len(names) > MOST_EARLIER:
+            raise ConfigurationError(f"a model can begin like {MOST_EARLIER} models, not more")
+        # An uploaded model can contain anything, which `to_policy` checks.
+        states = [self._store.load(name).to_policy().get_state() for name in names]
+        if policy.begin_like(states) < len(names):
+            raise ConfigurationError(
+                f"a new model of {policy.name} cannot begin like {', '.join(names)}: they must be "
+                "models of this learner with these moves, and the learner needs a linear part"
+            )
 
     def copy(self, name: str, new_name: str | None = None) -> str:
         """Copy a model; return the copy's name."""

@@ -78,8 +78,10 @@ def list_models(request: Request) -> ModelList:
 @router.post("", dependencies=[FREE_MODEL], status_code=201)
 def begin_model(request: Request, body: NewModel = _NEW) -> dict[str, str | bool]:
     """Save the model in use and start an empty one, or one that expects a place like others."""
-    begin = persistence_of(request).autosave.begin
-    name = begin(body.name, body.learner, body.place, like=body.like)
+    begin, like = persistence_of(request).autosave.begin, library_of(request).begin_like
+    name = begin(
+        body.name, body.learner, body.place, prepare=lambda policy: like(policy, body.like)
+    )
     return _in_use(request, name)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 
 from robot.control.loop import ControlLoop
 from robot.control.state import Tick
@@ -28,8 +28,6 @@ from robot.types import Action, Mode
 log = logging.getLogger(__name__)
 
 SAVE_EVERY_S = 10.0
-MOST_EARLIER = 8
-"""Maximum number of models that a new model begins like; each takes a moment to load."""
 
 
 class Autosave:
@@ -172,17 +170,11 @@ class Autosave:
         learner: str | None = None,
         place: str | None = None,
         moves: tuple[Action, ...] | None = None,
-        like: Sequence[str] = (),
+        prepare: Callable[[Policy], None] = lambda policy: None,
     ) -> str:
         """Save the model in use, and begin an empty model; return the new model's name.
 
-        Args:
-            like: Names of models whose places this place may resemble (`Policy.begin_like`).
-
-        Raises:
-            ConfigurationError: If the robot is not stopped, or a model of `like` does not exist or
-                is of another kind.
-            RecordingError: If a model of `like` is damaged.
+        `prepare` changes the new policy before it is saved, or raises an error.
         """
         with self.lock:
             learner = learner or self._loop.state.learner
@@ -192,23 +184,12 @@ class Autosave:
             self._check_stopped()
             if self.has_unsaved:
                 self.save()
-            self._begin_like(policy, like)
+            prepare(policy)
             model = take_model(policy, {}, place=place, position=position)
             new_name = self.store.free_name(name or self._wanted_name)
             self.store.save(new_name, model)
             self._use(new_name, model)
             return new_name
-
-    def _begin_like(self, policy: Policy, names: Sequence[str]) -> None:
-        if len(names) > MOST_EARLIER:
-            raise ConfigurationError(f"a model can begin like {MOST_EARLIER} models, not more")
-        # An uploaded model can contain anything, which `to_policy` checks.
-        states = [self.store.load(name).to_policy().get_state() for name in names]
-        if policy.begin_like(states) < len(names):
-            raise ConfigurationError(
-                f"a new model of {policy.name} cannot begin like {', '.join(names)}: they must be "
-                "models of this learner with these moves, and the learner needs a linear part"
-            )
 
     def _lacks(self, model: Model) -> str:
         """Return the names of the model's moves that this robot does not have."""
