@@ -10,6 +10,7 @@ import re
 import socket
 import ssl
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 from urllib.parse import parse_qs
 
@@ -58,6 +59,10 @@ _UNPAIRED = Refusal(
 )
 _BAD_KEY = Refusal(401, "key", "The key in this address is not valid. Maybe it was replaced.")
 _LABEL = re.compile(r"[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?", re.IGNORECASE)
+_WATCH_BY = (
+    "For a player, or an <img> of another site, run `drivelesson player-key` on the robot's "
+    "computer and use the address that it prints."
+)
 _COOKIES = re.compile(rb"\r\ncookie:([^\r]*)\r\n", re.I)
 
 
@@ -71,10 +76,6 @@ class NetworkGateway(Gateway):
 
     limits_type: ClassVar[type[NetworkLimits]] = NetworkLimits
     config: NetworkConfig
-    watch_by = (
-        "For a player, or an <img> of another site, run `drivelesson player-key` on the robot's "
-        "computer and use the address that it prints."
-    )
 
     def __init__(
         self,
@@ -258,10 +259,14 @@ class NetworkGateway(Gateway):
         config = self.config
         return Proxies(config.public, config.proxies, admits_all=self.admits_all)
 
-    def explain(self, refusal: Refusal, asked: Headers, headers: dict[str, str]) -> Response:
-        """Answer with a page if a person opened an unknown name."""
+    def explain(self, refusal: Refusal, scope: Scope, headers: dict[str, str]) -> Response:
+        """Answer with a page if a person opened an unknown name; tell a player how it can
+        watch."""
+        asked = Headers(scope=scope)
+        if scope["path"] == VIDEO and refusal.status in (401, 403):
+            refusal = replace(refusal, sentence=f"{refusal.sentence} {_WATCH_BY}")
         if refusal.reason != "host" or "text/html" not in asked.get("accept", ""):
-            return super().explain(refusal, asked, headers)
+            return super().explain(refusal, scope, headers)
         name = opened_name(asked.get("host", ""))[:80]
         page = explain_unknown_name(name, refusal.open_at, asked.get("accept-language", ""))
         headers["content-security-policy"] = "default-src 'none'"

@@ -7,7 +7,9 @@ import dataclasses
 import logging
 import os
 import sys
-from collections.abc import Sequence
+import threading
+import webbrowser
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +32,6 @@ from server.cli.parser import declare, number, whole
 from server.cli.settings import PREFIX, Settings, apply_to, build, read_settings
 from server.config import Config
 from server.gateway.gateway import gateway_type
-from server.hosting.browser import show_page
 from server.hosting.logs import start_logging
 from server.services import installed, make_services
 
@@ -246,3 +247,20 @@ def _make_loop_config(settings: Settings) -> LoopConfig:
         governor=build(LinkGovernorConfig, settings.tables.get("governor", {}), "governor"),
         camera=build(CameraTimingConfig, settings.tables.get("patience", {}), "patience"),
     )
+
+
+def has_screen(system: str, environment: Mapping[str, str]) -> bool:
+    """True if a browser can open a window.
+
+    A text browser does not count, because it would take over the terminal.
+    """
+    if "SSH_CONNECTION" in environment:  # the person uses another machine
+        return False
+    has_display = bool(environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
+    return system in ("win32", "darwin") or has_display
+
+
+def show_page(address: str) -> None:
+    """Open the address in the browser without waiting for it."""
+    if has_screen(sys.platform, os.environ):
+        threading.Thread(target=webbrowser.open, args=[address], daemon=True).start()

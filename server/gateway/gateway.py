@@ -14,7 +14,6 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import entry_points
 from typing import Any, ClassVar
 
-from starlette.datastructures import Headers
 from starlette.responses import JSONResponse, Response
 from starlette.types import Scope
 
@@ -46,8 +45,6 @@ class Gateway:
     """
 
     limits_type: ClassVar[type[Limits]] = Limits
-    watch_by: str = ""
-    """Sentence that tells a video player without a session how it can watch."""
     tls_files: tuple[str, str] | None = None
     """The files of key and chain if the page is served by https."""
 
@@ -109,7 +106,7 @@ class Gateway:
         """Return the access rules, given the extensions' public and open paths."""
         return AccessRules(names=frozenset(loopback_names(self.config)), public=public, open=open)
 
-    def explain(self, refusal: Refusal, asked: Headers, headers: dict[str, str]) -> Response:
+    def explain(self, refusal: Refusal, scope: Scope, headers: dict[str, str]) -> Response:
         """Return the answer that says why a request is refused; `headers` are the answer's."""
         told = {"error": refusal.reason, "detail": refusal.sentence}
         return JSONResponse(told, refusal.status, headers)

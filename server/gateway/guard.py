@@ -12,7 +12,7 @@ import logging
 import re
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import ClientDisconnect, HTTPConnection
@@ -71,9 +71,6 @@ class Guard:
         headers = _headers(scope)
         verdict = seen if isinstance(seen, Refusal) else self._judge(scope, headers)
         if isinstance(verdict, Refusal):
-            if scope["path"] == VIDEO and verdict.status in (401, 403) and self.gateway.watch_by:
-                told = f"{verdict.sentence} {self.gateway.watch_by}"
-                verdict = replace(verdict, sentence=told)
             self.refused[verdict.reason] += 1
             if verdict.status != 429 or self.gateway.may_log(
                 scope.get(_PERSON, ""), verdict.reason
@@ -259,7 +256,7 @@ async def _refuse(
         headers["connection"] = "close"
     if refusal.location is not None:
         headers["location"] = scope.get(PREFIX, "") + refusal.location
-    answer = gateway.explain(refusal, Headers(scope=scope), headers)
+    answer = gateway.explain(refusal, scope, headers)
     start = {"status": answer.status_code, "headers": answer.raw_headers}
     await send({"type": f"{prefix}.start", **start})
     await send({"type": f"{prefix}.body", "body": answer.body})

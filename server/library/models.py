@@ -4,19 +4,31 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot.errors import ConfigurationError
 from robot.policy.policy import Policy
-from robot.store.folder import Storage, check_name, fold, paths_in
+from robot.store.folder import Storage, check_name, fold, paths_in, size_of
 from robot.store.models.autosave import Autosave
-from robot.store.models.model import decode_model, stamp
+from robot.store.models.model import ModelSummary, decode_model, stamp
 from robot.store.models.store import ModelStore
 
 MOST_EARLIER = 8
 """Maximum number of models that a new model begins like; each takes a moment to load."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredModel:
+    """One model in the list; `summary` is None if no version can be read."""
+
+    name: str
+    summary: ModelSummary | None
+    bytes: int
+    is_current: bool
+    damaged: tuple[str, ...]
 
 
 class ModelLibrary:
@@ -26,6 +38,21 @@ class ModelLibrary:
         self, storage: Storage, store: ModelStore, autosave: Autosave | None = None
     ) -> None:
         self._storage, self._store, self._autosave = storage, store, autosave
+
+    def saved(self) -> list[StoredModel]:
+        """List all models, last saved first."""
+        store, current = self._store, self._store.current
+        saved = [
+            StoredModel(
+                name=name,
+                summary=store.summary(name),
+                bytes=sum(map(size_of, store.versions(name)[-1:])),
+                is_current=name == current,
+                damaged=tuple(store.aside(name)),
+            )
+            for name in store.names()
+        ]
+        return sorted(saved, key=lambda s: -s.summary.saved_at_s if s.summary else 0.0)
 
     def rename(self, name: str, new_name: str) -> str:
         """Rename a model; return the new name in its stored form."""

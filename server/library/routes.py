@@ -12,8 +12,7 @@ from fastapi import APIRouter, HTTPException, Request, Response
 
 from robot.devices.raw_value import must_be, text
 from robot.errors import RobotError
-from robot.store.models.store import StoredModel
-from server.library.models import ModelLibrary
+from server.library.models import ModelLibrary, StoredModel
 from server.routes.answers import PNG, Route, answer, attachment, media, png
 from server.routes.bodies import FREE_MODEL, NAMED, Key, Named, do
 from server.services import Extension, persistence_of
@@ -70,9 +69,8 @@ class ModelList:
 @router.get("")
 def list_models(request: Request) -> ModelList:
     """List all models, the last saved first."""
-    persistence = persistence_of(request)
-    models = [_describe(saved) for saved in persistence.models.saved()]
-    return ModelList(current=persistence.autosave.name, models=models)
+    models = [_describe(saved) for saved in library_of(request).saved()]
+    return ModelList(current=persistence_of(request).autosave.name, models=models)
 
 
 @router.post("", dependencies=[FREE_MODEL], status_code=201)

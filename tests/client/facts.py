@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 from robot.coaching.gallery import images
+from server.library.models import ModelLibrary
 from server.recordings.part import Recordings
 from tests.server.virtual_server import VirtualServer
 
@@ -20,7 +21,11 @@ def read(server: VirtualServer, secrets: dict[str, str], groups: tuple[str, ...]
 
 def _models(server: VirtualServer, _: dict[str, str]) -> Any:
     kept = server.persistence
-    saved = {one.name: one.summary.place for one in kept.models.saved() if one.summary}
+    saved = {
+        one.name: one.summary.place
+        for one in ModelLibrary(kept.storage, kept.models).saved()
+        if one.summary
+    }
     in_use = kept.autosave.name if kept.autosave.name == kept.models.current else None
     return {"saved": saved, "in use": in_use}  # None: the answer said that it is not saved
 

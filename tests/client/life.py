@@ -678,7 +678,7 @@ class Life:
         """Read the existing names, to use them in requests."""
         if self.dice.random() < 0.1:
             self.pool.names = [
-                *(one.name for one in self.server.persistence.models.saved()),
+                *self.server.persistence.models.names(),
                 "new one",
             ]
             headers = self.cookies["owner"]
@@ -693,7 +693,7 @@ class Life:
 
     def _export(self) -> bytes:
         with contextlib.suppress(Exception):
-            names = [one.name for one in self.server.persistence.models.saved()]
+            names = self.server.persistence.models.names()
             return self.server.persistence.models.read_file(names[0])
         return b""
 

@@ -25,6 +25,7 @@ from server.access.pairing import Pairing, cookie_name
 from server.cli.main import main as run_command
 from server.gateway.roles import Role
 from server.identity import IdentityFile
+from server.library.models import ModelLibrary
 from server.recordings.part import Recordings
 from tests.client.disk import Disk
 from tests.kit.sizes import few, size
@@ -103,7 +104,7 @@ def holds(root: Path) -> dict[str, Any]:
     with running(root) as (rig, persistence):
         models = {
             saved.name: (saved.summary.place, saved.summary.n_examples, saved.summary.learner)
-            for saved in persistence.models.saved()
+            for saved in ModelLibrary(persistence.storage, persistence.models).saved()
             if saved.summary is not None
         }
         part = persistence.part(Recordings)

@@ -22,6 +22,7 @@ from robot.testing import FakeCamera, FakeDriver, VirtualClock
 from robot.types import Action, Example
 from server.access.pairing import Pairing
 from server.identity import IdentityFile
+from server.library.models import ModelLibrary
 from server.persistence import Persistence
 from server.recordings.part import Recordings
 from server.recordings.selection import find_id
@@ -172,7 +173,7 @@ def test_every_start_serves_drives_and_keeps(whole: Path, tmp_path: Path, seed: 
         assert started.storage.fault is None, done
         lessons = teach(rig)
         assert lessons >= 5
-        persistence.models.saved()
+        ModelLibrary(persistence.storage, persistence.models).saved()
         persistence.part(Recordings).episodes.summaries()
         persistence.part(Recordings).episodes.offered()
         name = persistence.autosave.save()
@@ -207,7 +208,7 @@ def test_where_nothing_can_be_kept_the_robot_drives_and_says_so(tmp_path: Path) 
         assert teach(rig) == 5
         assert persistence.part(Recordings).recorder.queue.fault and "recording_off" in started.told
         assert (
-            persistence.models.saved() == []
+            ModelLibrary(persistence.storage, persistence.models).saved() == []
             and persistence.part(Recordings).episodes.summaries() == []
         )
         with pytest.raises(OSError):
@@ -241,7 +242,7 @@ def test_a_disk_that_takes_nothing_stops_no_start_and_no_drive(
         with started as (rig, persistence):
             assert teach(rig) >= 5
             persistence.part(Recordings).episodes.summaries()
-            persistence.models.saved()
+            ModelLibrary(persistence.storage, persistence.models).saved()
             with pytest.raises(OSError):
                 persistence.autosave.save()
             persistence.autosave.save_if_changed()

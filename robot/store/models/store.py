@@ -8,7 +8,6 @@ import logging
 import re
 import zlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
@@ -21,7 +20,6 @@ from robot.store.folder import (
     free_name,
     paths_in,
     set_aside,
-    size_of,
     write_whole,
 )
 from robot.store.models.model import (
@@ -52,17 +50,6 @@ _ASIDE = re.compile(r"\.(damaged|failed)(-\d+)?$", re.ASCII)
 _DAMAGED_VERSION = re.compile(r"\d{1,9}\.npz\.damaged(-\d+)?", re.ASCII)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StoredModel:
-    """One model in the list; `summary` is None if no version can be read."""
-
-    name: str
-    summary: ModelSummary | None
-    bytes: int
-    is_current: bool
-    damaged: tuple[str, ...]
-
-
 class ModelStore:
     """All file operations on models. Safe for one writer and any number of readers."""
 
@@ -85,20 +72,13 @@ class ModelStore:
         found = [path for path in paths_in(self._storage.models) if not path.is_symlink()]
         return sorted((path.name for path in found if _is_model(path)), key=str.casefold)
 
-    def saved(self) -> list[StoredModel]:
-        """List all models, last saved first."""
-        current = self.current
-        saved = [
-            StoredModel(
-                name=name,
-                summary=next(self._sound(name, decode_summary), None),
-                bytes=sum(map(size_of, self._versions(name)[-1:])),
-                is_current=name == current,
-                damaged=tuple(p.name for p in self._files(name) if _ASIDE.search(p.name)),
-            )
-            for name in self.names()
-        ]
-        return sorted(saved, key=lambda s: -s.summary.saved_at_s if s.summary else 0.0)
+    def summary(self, name: str) -> ModelSummary | None:
+        """Return the summary of the newest readable version; None if there is none."""
+        return next(self._sound(name, decode_summary), None)
+
+    def aside(self, name: str) -> list[str]:
+        """Return the names of the versions that were set aside."""
+        return [path.name for path in self._files(name) if _ASIDE.search(path.name)]
 
     @property
     def current(self) -> str | None:
@@ -115,7 +95,7 @@ class ModelStore:
     def save(self, name: str, model: Model) -> Path:
         if name not in self.names():  # existing names are not checked
             name = check_name(name)
-        versions = self._versions(name)
+        versions = self.versions(name)
         number = int(versions[-1].stem) + 1 if versions else 1
         path = self._storage.models / name / f"{number:05d}.npz"
         write_whole(path, encode_model(stamp(model, saved_at_s=self._wall_s())))
@@ -126,7 +106,7 @@ class ModelStore:
 
     def load(self, name: str) -> Model:
         """Read the newest valid version; damaged versions are renamed and stay on the disk."""
-        for version in reversed(self._versions(self.require(name))):
+        for version in reversed(self.versions(self.require(name))):
             try:
                 model = decode_model(_read(version))
                 try_model(model)
@@ -155,7 +135,7 @@ class ModelStore:
             for model, file in self._readable_again(name):
                 if model.summary.saved_at_s <= self._newest_s(name):
                     continue
-                numbers = [int(version.stem) for version in self._versions(name)]
+                numbers = [int(version.stem) for version in self.versions(name)]
                 number = max([int(file.name.partition(".")[0]), *(n + 1 for n in numbers[-1:])])
                 in_use = self.current
                 is_newest = in_use is None or model.summary.saved_at_s > self._newest_s(in_use)
@@ -196,7 +176,7 @@ class ModelStore:
             with contextlib.suppress(OSError):
                 why = read_regular(mark, 4096).decode(errors="replace")
                 mark.unlink()
-            for version in self._versions(name)[-1:]:
+            for version in self.versions(name)[-1:]:
                 self._set_aside(name, version, why, _BROKEN)
         return failed
 
@@ -205,7 +185,7 @@ class ModelStore:
         return self._sound(name, decode_model)
 
     def _sound(self, name: str, decode: Callable[[bytes], _T]) -> Iterator[_T]:
-        for version in reversed(self._versions(name)):
+        for version in reversed(self.versions(name)):
             with contextlib.suppress(RecordingError, OSError):
                 yield decode(_read(version))
 
@@ -218,13 +198,13 @@ class ModelStore:
         if current is not None:  # this one first, because the many others are seldom needed
             with contextlib.suppress(RecordingError, NotFoundError):
                 yield current, self.load(current)
-        for other in sorted(self.saved(), key=_age_of, reverse=True):
-            if other.name != current:
-                with contextlib.suppress(RecordingError, NotFoundError):
-                    yield other.name, self.load(other.name)
+        others = {name: _age_of(self.summary(name)) for name in self.names() if name != current}
+        for name in sorted(others, key=others.__getitem__, reverse=True):
+            with contextlib.suppress(RecordingError, NotFoundError):
+                yield name, self.load(name)
 
     def read_file(self, name: str) -> bytes:
-        for newest in self._versions(self.require(name))[-1:]:
+        for newest in self.versions(self.require(name))[-1:]:
             return _read(newest)
         raise RecordingError(f"the model {name!r} has no readable version")
 
@@ -251,7 +231,7 @@ class ModelStore:
     def _files(self, name: str) -> list[Path]:
         return paths_in(self._storage.models / name)
 
-    def _versions(self, name: str) -> list[Path]:
+    def versions(self, name: str) -> list[Path]:
         """List the versions, oldest first, including entries that are not files."""
         versions = [path for path in self._files(name) if _VERSION.fullmatch(path.name)]
         return sorted(versions, key=lambda path: int(path.stem))
@@ -263,8 +243,7 @@ def _is_model(folder: Path) -> bool:
     return any(_VERSION.match(path.name) for path in paths_in(folder))
 
 
-def _age_of(stored: StoredModel) -> tuple[int, int, float]:
-    summary = stored.summary
+def _age_of(summary: ModelSummary | None) -> tuple[int, int, float]:
     if summary is None:
         return -1, 0, 0.0
     position = summary.position or JournalPosition(run="", boot=0, change=0)

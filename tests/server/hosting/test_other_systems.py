@@ -19,8 +19,8 @@ from robot.types import Action
 from server.__main__ import main
 from server.access.listener import connection_capacity
 from server.access.terminal_code import draw_qr
+from server.cli.serve import has_screen
 from server.hosting import serving
-from server.hosting.browser import has_screen
 from server.hosting.static_files import CompressedFiles
 from tests.server.virtual_server import WEB, VirtualServer
 

@@ -11,18 +11,32 @@ from robot.errors import ConfigurationError, NotFoundError
 from robot.store.folder import Storage
 from robot.store.models.store import ModelStore
 from server.library.models import ModelLibrary
-from tests.robot.store.models.test_model import some_model
+from tests.robot.store.models.test_model import same, some_model
 from tests.robot.store.models.test_store import everything
 
 
 @pytest.fixture
 def store(tmp_path: Path) -> ModelStore:
-    return ModelStore(Storage(tmp_path), wall_s=lambda: 1000.0)
+    times = iter(range(1000, 2000))
+    return ModelStore(Storage(tmp_path), wall_s=lambda: float(next(times)))
 
 
 @pytest.fixture
 def library(tmp_path: Path, store: ModelStore) -> ModelLibrary:
     return ModelLibrary(Storage(tmp_path), store)
+
+
+def test_what_is_saved_is_listed_and_loaded(store: ModelStore, library: ModelLibrary) -> None:
+    model = some_model()
+    store.save("kitchen", model)
+    store.save("hall", model)
+    store.current = "kitchen"
+    hall, kitchen = library.saved()
+    assert (hall.name, hall.is_current) == ("hall", False)
+    assert (kitchen.name, kitchen.is_current) == ("kitchen", True)
+    assert kitchen.summary is not None and kitchen.summary.n_examples == 40
+    assert kitchen.summary.place == "the kitchen"
+    assert same(store.load("kitchen").state, model.state)
 
 
 def test_rename_copy_delete_and_restore(store: ModelStore, library: ModelLibrary) -> None:
