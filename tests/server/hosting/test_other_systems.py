@@ -81,7 +81,7 @@ def test_the_loop_asks_the_door_who_is_accepted(monkeypatch: pytest.MonkeyPatch)
     async def look() -> None:
         seen.append(asyncio.get_running_loop())
 
-    serving._run(look())
+    serving.run(look())
     assert isinstance(seen[0], asyncio.SelectorEventLoop)
 
 
