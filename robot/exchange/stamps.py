@@ -6,6 +6,7 @@ import contextlib
 import math
 import re
 from datetime import UTC, datetime
+from email.utils import parsedate_to_datetime
 
 _UNITS = {"ns": 1e-9, "nsec": 1e-9, "us": 1e-6, "ms": 1e-3, "msec": 1e-3, "s": 1.0, "sec": 1.0}
 _UNIT = re.compile(r"(?:^|[\W_])(ns|nsec|us|ms|msec|milliseconds)(?:$|[\W_])")
@@ -13,6 +14,10 @@ _DIGITS = re.compile(r"(?<!\d)(1\d{9})(\d{0,9})(?:[._](\d{1,9}))?(?!\d)")
 _DATE = re.compile(
     r"(?<!\d)(20\d\d)[-_]?([01]\d)[-_]?([0-3]\d)[-_ T]?([0-2]\d)[-_:]?([0-5]\d)[-_:]?([0-5]\d)"
     r"(?:[-_.](\d{1,9}))?(?!\d)"
+)
+_WRITTEN = re.compile(
+    r"(\d{1,2}|\d{4})([./-])(\d{1,2})\2(\d{1,4})[ T,]+(\d{1,2}):(\d\d)"
+    r"(?::(\d\d)(?:[.,:](\d{1,9}))?)? ?(?:([APap])\.?[Mm]\.?)?"
 )
 _SINCE_1970 = {1e17: 1e-9, 1e14: 1e-6, 1e11: 1e-3}
 """Lower bounds of numbers that are nanoseconds, microseconds and milliseconds since 1970, with
@@ -28,6 +33,8 @@ def seconds_of(value: object, name: str = "") -> float | None:
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
     try:
+        if "_" in str(value):  # between digits float() skips it, and reads a date as one number
+            return _date_of(str(value))
         number = float(value)
     except (ValueError, OverflowError):
         return _date_of(str(value))
@@ -40,10 +47,36 @@ def seconds_of(value: object, name: str = "") -> float | None:
 
 
 def _date_of(text: str) -> float | None:
-    with contextlib.suppress(ValueError):
-        date = datetime.fromisoformat(text.strip())
-        return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
-    return None
+    text = text.strip()
+    date = None
+    for read in (datetime.fromisoformat, parsedate_to_datetime, _asctime, _written):
+        with contextlib.suppress(ValueError, OverflowError):
+            date = date or read(text)
+    if date is None:
+        return seconds_in_name(f"{text}.")
+    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
+
+
+def _asctime(text: str) -> datetime:
+    return datetime.strptime(text, "%a %b %d %H:%M:%S %Y")
+
+
+def _written(text: str) -> datetime | None:
+    """Read a date of digits. Between slashes the month is first, unless it cannot be a month; only
+    differences matter, so a wrong guess shows only where a drive goes on after midnight."""
+    found = _WRITTEN.fullmatch(text)
+    if found is None:
+        return None
+    first, mark, second, third, hour, minute, second_s, fraction, half = found.groups()
+    year, month, day = int(third), int(first), int(second)
+    if len(first) == 4:
+        year, month, day = int(first), int(second), int(third)
+    elif mark == "." or month > 12:
+        month, day = day, month
+    hours = int(hour) % 12 + 12 * (half.lower() == "p") if half else int(hour)
+    micros = int((fraction or "0").ljust(6, "0")[:6])
+    year += 2000 * (year < 100)
+    return datetime(year, month, day, hours, int(minute), int(second_s or 0), micros, tzinfo=UTC)
 
 
 def seconds_in_name(name: str) -> float | None:

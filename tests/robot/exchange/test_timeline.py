@@ -17,6 +17,7 @@ from robot.devkit.pictures import Picture
 from robot.exchange.drive import Drive, FrameEvent, write_episode
 from robot.exchange.film import write_look
 from robot.exchange.lerobot import CAMERA, write_lerobot
+from robot.exchange.stamps import seconds_of
 from robot.exchange.timeline import make_timeline
 from robot.recordings.edits import Notes
 from robot.recordings.episode import Episode, open_episode
@@ -117,3 +118,32 @@ def test_films_and_data_sets_have_all_pictures_and_the_right_length(
     assert (make_timeline(times_s).remark is None) is (
         name in ("even", "slow", "five seconds without pictures")
     )
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("2019-04-05 20:43:31.162168", "2019-04-05T20:43:31.162168Z", "20190405T204331.162168"),
+        *("2019-04-05 22:43:31.162168+02:00", "2019/04/05 20:43:31.162168"),
+        *("04/05/2019 20:43:31.162168", "4/5/2019, 8:43:31.162168 PM", "4/5/19 08:43:31.162168 pm"),
+        *("05.04.2019 20:43:31,162168", "2019_04_05_20_43_31_162168", "1554497011.162168"),
+        *("1554497011162.168", " 2019-04-05 20:43:31.162168\n", "05-04-2019 20:43:31.162168"),
+    ],
+)
+def test_a_written_time_is_read(text: str) -> None:
+    seconds = seconds_of(text)
+    assert seconds is not None
+    apart_s = abs(seconds - 1554497011.162168)
+    assert apart_s < 1e-3 or apart_s == pytest.approx(29 * 86400), "or the other of day and month"
+
+
+@pytest.mark.parametrize("text", ["Fri Apr  5 20:43:31 2019", "Fri, 05 Apr 2019 20:43:31 GMT"])
+def test_a_written_time_without_a_fraction_is_read(text: str) -> None:
+    assert seconds_of(text) == 1554497011.0
+
+
+@pytest.mark.parametrize(
+    "text", ["", "soon", "left", "12:30", "99/99/2019 20:43", "1.2.3.4", "0x10"]
+)
+def test_what_is_no_time_is_none(text: str) -> None:
+    assert seconds_of(text) is None
