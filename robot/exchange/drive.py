@@ -206,8 +206,8 @@ def _hint(drive: Drive) -> str | None:
     trim = f"--trim {middle:.2f}" if abs(middle) >= _LEAST_TRIM else "a smaller --threshold"
     return (
         f"no example of {missing[0]}: steering lies between {min(steered):.2f} and "
-        f"{max(steered):.2f}, its middle at {middle:.2f}; if the car drives straight on there, "
-        f"import again with {trim}"
+        f"{max(steered):.2f}, with a median of {middle:.2f}; if the car drives straight at the "
+        f"median, import again with {trim}"
     )
 
 

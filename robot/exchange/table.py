@@ -192,4 +192,4 @@ def _tell_of_others(table: ColumnTable, pictures: Pictures, report: ImportReport
     }
     missing = [path for path in pictures.all() if path.rpartition("/")[2].casefold() not in last]
     if missing:
-        report.remark(f"left out, as the table does not list them: {len(missing)} pictures")
+        report.remark(f"left out: {len(missing)} pictures that the table does not list")

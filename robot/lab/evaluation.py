@@ -48,8 +48,8 @@ class Lesson(NamedTuple):
 
     Attributes:
         frames: Maximum number of frames; None: all.
-        in_a_row: True: the first frames, as a pilot teaches. False: frames spread evenly over the
-            drive, which flatters learners that need few examples.
+        in_a_row: True to use the first frames, as when a pilot teaches; False to use frames spread
+            evenly over the drive, which flatters learners that need few examples.
     """
 
     frames: int | None = None

@@ -73,7 +73,7 @@ def describe_run(
         "declared_moves": to_text(declared_moves),
         "options": json.dumps(dict(options or {}), default=str),
         "source": source,
-        "timed": "1",  # examples have teaching times, unlike in 0.1
+        "timed": "1",  # 0.1 did not write when an example was taught
     }
 
 

@@ -33,7 +33,7 @@ class SimCameraOptions(Options):
     """Options of the simulated camera."""
 
     frame_rate_hz: float = option(30.0, "simulated pictures a second", range=(1.0, 120.0))
-    jpeg_quality: int = option(75, "of simulated pictures", range=(1, 100))
+    jpeg_quality: int = option(75, "JPEG quality of simulated pictures", range=(1, 100))
 
 
 class SimCamera(WorldCamera[SimDriver]):

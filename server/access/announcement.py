@@ -139,7 +139,7 @@ class Announcement:
         with contextlib.suppress(OSError):
             self._responder.send(question)  # the next call reads the answers
         before = [other for other in others if own and _lowest([other]) < _lowest(own)]
-        self._next = max(2, 1 + len(before))  # so that all get different numbers at once
+        self._next = max(2, 1 + len(before))  # each robot takes a different number at once
         return bool(before)
 
     def close(self) -> None:

@@ -69,7 +69,9 @@ class AccessRules:
         if origin is not None:
             if origin in (f"{scheme}://{host}", *self.origins):
                 return None
-            told = f"Origin is {short(origin)}, but it was asked as {short(f'{scheme}://{host}')}"
+            told = (
+                f"Origin is {short(origin)}, but the request went to {short(f'{scheme}://{host}')}"
+            )
             return _cross_site(f"{told}.{self.advise(None, short(origin))}")
         site = headers.get("sec-fetch-site", "none")
         # A link on another site may open the page, but no other site may frame the page.

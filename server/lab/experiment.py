@@ -63,7 +63,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add("--jobs", type=whole(1), metavar="N", help="runs at a time (default: one a processor)")
     add("--backend", choices=("processes", "dask"), default="processes", help="where runs run")
-    add("--scheduler", metavar="ADDRESS", help="of an existing Dask cluster")
+    add("--scheduler", metavar="ADDRESS", help="address of an existing Dask cluster's scheduler")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -152,8 +152,8 @@ class CarRacing(ForeignWorld):
     """A car on a race track; the score is the share of its tiles, in percent.
 
     The moves are the five of the world's discrete form. The teacher knows the track. It steers to a
-    point ahead only if the point is well to one side, because a car that steers gets no gas, and it
-    is slower in bends.
+    point ahead only if the point is well to one side, because a move that steers gives no gas. It
+    drives more slowly in bends.
 
     Args:
         names: The names of left, right, gas, brake and nothing.

@@ -9,7 +9,7 @@ import { mainMove } from './gallery-screen.js';
 import { Screen } from './screen.js';
 
 const REFRESH_MS = 500;
-const DARKEST = 0.55; // opacity over areas that are not alike
+const DARKEST = 0.55; // opacity of the dark areas, in which the two pictures differ
 const MARKED = 0.5; // share of the greatest likeness from which an area is framed
 const [WIDTH, HEIGHT] = [40, 30];
 
