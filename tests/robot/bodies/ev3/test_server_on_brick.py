@@ -14,7 +14,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from typing import Self
 
 import pytest
@@ -79,6 +79,13 @@ class Served:
 
 @pytest.fixture(scope="module")
 def served() -> Iterator[Served]:
+    with serve_on_brick() as served:
+        yield served
+
+
+@contextmanager
+def serve_on_brick() -> Iterator[Served]:
+    """Serve on an emulated brick with a filmed camera; skipped if an emulator is missing."""
     armel = Armel()
     film = armel.root / "opt/film"
     install_film(film)
@@ -130,7 +137,7 @@ class Watcher:
     def __enter__(self) -> Self:
         self._stack = ExitStack()
         self._socket = self._stack.enter_context(
-            connect(self._address + "/ws/video", compression=None, open_timeout=30)
+            connect(self._address + "/ws/video", compression=None, open_timeout=120)
         )
         self._thread.start()
         return self
