@@ -66,9 +66,10 @@ class _Eye:
     async def run(self) -> None:
         """Serve the phone until it disconnects or another phone replaces it."""
         before, self._camera.source = self._camera.source, self
+        ending: asyncio.Task[None] | None = None
+        if isinstance(before, _Eye):  # closing a dead connection takes seconds; STOP must not wait
+            ending = asyncio.create_task(before.give_way())
         try:
-            if isinstance(before, _Eye):  # it may be gone before its task notices
-                await end_with_either(before._websocket.close(4001, "another phone is the eye now"))
             await converse(
                 self._websocket,
                 self._clock,
@@ -82,6 +83,12 @@ class _Eye:
             if self._camera.source is self:
                 self._camera.source = None
                 self._camera.lose()
+            if ending is not None:
+                await ending
+
+    async def give_way(self) -> None:
+        """Close the connection, because another phone is the eye now; it may be gone already."""
+        await end_with_either(self._websocket.close(4001, "another phone is the eye now"))
 
     def _hear(self, text: str | bytes) -> None:
         assert isinstance(text, str)  # bytes are passed to `_see`

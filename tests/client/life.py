@@ -441,9 +441,11 @@ class Life:
     def stop(self) -> None:
         """Anybody's STOP is obeyed: within 100 ms, or when late messages have arrived."""
         is_late = self._was_latched = False
+        socket = None
         if self.eye is not None and not self.eye.socket.is_closed and self.dice.random() < 0.3:
             if self._is_link_bad():
                 return
+            socket = self.eye.socket
             self.eye.stop()
             is_late = self.server.clock.now_s() - self._bad_s < LATE_S
         elif self.dice.random() < 0.5:
@@ -455,11 +457,14 @@ class Life:
             page = self._page()
             if page is None or self._is_link_bad():
                 return
+            socket = page.pilot.page.socket
             page.pilot.send(type="stop")
             is_late = self.server.clock.now_s() - self._bad_s < LATE_S
         self.server.forward(LATE_S if is_late else 0.1)
-        if not self._was_latched:  # a late release may have arrived since
-            self.violate("a STOP was not obeyed")
+        if socket is not None and socket.is_closed:
+            return  # the connection had ended: a page or an eye says it again on the next one
+        if not self._was_latched:  # a release that was late may have come since
+            self.violate(f"a STOP was not obeyed (late: {is_late}, eye: {self.has_eye})")
 
     def release(self) -> None:
         page = self._page()

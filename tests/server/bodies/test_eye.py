@@ -155,6 +155,23 @@ def test_a_phone_that_comes_back_before_its_old_line_has_ended_is_the_eye_again(
     robot.wait_until(lambda: camera.source is None)
 
 
+def test_stop_counts_at_once_while_the_connection_of_the_phone_before_is_closing(
+    robot: VirtualServer,
+) -> None:
+    """Closing a dead connection takes seconds, and the phone is back before."""
+    camera: Any = robot.rig.camera
+    with phone(robot.address) as first:
+        first.wait_for("hello")
+
+        async def close(*_: object) -> None:
+            await robot.clock.pause(2.0)
+
+        camera.source._websocket.close = close
+        with phone(robot.address) as again:
+            again.socket.send('{"type": "stop"}')
+            robot.wait_until(lambda: robot.rig.loop.state.emergency, 0.1, "it stands")
+
+
 def test_whoever_sends_rubbish_is_shown_out(robot: VirtualServer) -> None:
     address = robot.address
     with phone(address) as eye:
