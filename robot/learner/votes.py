@@ -95,10 +95,11 @@ def rarity(counts: NDArray[np.int64] | Floats, power: float) -> Floats:
     towards this label: "logit adjustment", Menon et al. (2021).
 
     Args:
-        counts: Number of examples of each label.
+        counts: Number of examples of each label; without examples the factor is 1.
         power: Exponent of a label's frequency; 1 cancels the effect of the frequencies.
     """
-    weights: Floats = (np.maximum(counts, 1) / max(float(counts.sum()), 1.0)) ** -power
+    shown = np.where(counts > 0, counts / max(float(counts.sum()), 1.0), 1.0)
+    weights: Floats = shown**-power
     return weights
 
 

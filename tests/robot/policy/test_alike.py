@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from robot.learner.votes import rarity
 from robot.policy.features import GradientFeatures
 from robot.policy.history import TrainingHistory
 from robot.policy.registry import make_policy
@@ -200,3 +201,8 @@ def test_a_start_from_earlier_models_knows_their_views_and_gives_way():
     arrays, others = begun.get_state().arrays, again.get_state().arrays
     assert all(np.array_equal(arrays[name], others[name]) for name in arrays)
     assert begun.begin_like(states) == 0  # too late: it has examples of its own
+
+
+def test_a_move_known_only_from_elsewhere_gets_no_votes_for_being_rare():
+    unseen, rare, frequent = rarity(np.array([0, 1, 99]), 0.2)
+    assert unseen == 1.0 < frequent < rare
