@@ -160,7 +160,7 @@ const SETBACKS = ['corrected', 'pushed', 'helpless', 'unknown_view'];
 const GONE_BACK_S = 5;
 
 /**
- * Why there is more left to drive alone than before; null if there is not.
+ * Why the robot must now drive by itself for longer than before; null if it need not.
  * @param {import('./readiness.js').Readiness | null} before
  * @param {import('./readiness.js').Readiness} now
  */

@@ -1,4 +1,4 @@
-"""Finds an environment's names of its numbered actions, wherever they are.
+"""Finds the names that an environment gives its numbered actions.
 
 There is no standard: Atari and NES have `get_action_meanings()`, MiniGrid and MiniWorld an
 enumeration `actions`, highway-env a dictionary in `action_type`, Stable-Retro a list `buttons`, and

@@ -80,7 +80,7 @@ export default {
   'settings.camera_hint': '{name}, {size}, {rate} pictures per second. Choose another one at the start with --camera.',
   'settings.turn': 'Turn the picture',
   'settings.mirrored': 'The picture is mirrored',
-  'settings.turn_hint': 'What it learned from the picture as it was no longer fits.',
+  'settings.turn_hint': 'After a change, what the robot learned before no longer fits.',
   'settings.body': 'Body',
   'settings.body_hint': 'What the directions mean stays the same.',
   'settings.trim': 'It pulls to one side: steer against it',
