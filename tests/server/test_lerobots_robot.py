@@ -128,7 +128,15 @@ def test_a_message_that_is_read_late_was_sent_when_the_robot_says() -> None:
 
 
 @pytest.mark.realtime
-def test_an_order_waits_for_a_proof_that_is_young_enough(
+def test_an_order_needs_the_wheel_and_a_young_proof_and_hears_a_refusal(
+    server: LiveServer, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    without_the_wheel_it_does_not_begin(server, monkeypatch)
+    an_order_waits_for_a_proof_that_is_young_enough(server, monkeypatch)
+    what_the_server_refuses_is_read_and_said_once_a_second(server, caplog)
+
+
+def an_order_waits_for_a_proof_that_is_young_enough(
     server: LiveServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     line = line_to(server)
@@ -159,12 +167,11 @@ def test_an_order_waits_for_a_proof_that_is_young_enough(
         line.close()
 
 
-@pytest.mark.realtime
-def test_without_the_wheel_it_does_not_begin(
+def without_the_wheel_it_does_not_begin(
     server: LiveServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(part("line"), "_WHEEL_S", 0.3)
-    with Pilot(server.ws("/ws/drive"), sees=True) as pilot:
+    with monkeypatch.context() as hasty, Pilot(server.ws("/ws/drive"), sees=True) as pilot:
+        hasty.setattr(part("line"), "_WHEEL_S", 0.3)
         pilot.drive_until(lambda: server.driver.now is Action.FORWARD)
         line = line_to(server)
         try:
@@ -196,10 +203,10 @@ def a_line_that_nobody_closes_lets_the_program_end(server: LiveServer) -> None:
     assert done.returncode == 1 and done.stderr.strip().endswith("no wheel"), done.stderr
 
 
-@pytest.mark.realtime
-def test_what_the_server_refuses_is_read_and_said_once_a_second(
+def what_the_server_refuses_is_read_and_said_once_a_second(
     server: LiveServer, caplog: pytest.LogCaptureFixture
 ) -> None:
+    caplog.clear()
     line = line_to(server)
     try:
         line.begin()
