@@ -102,7 +102,7 @@ class Person:
         """Teach, then let it drive, with one correction if the phase asks for one."""
         session = self.conductor.session
         assert session is not None
-        self.page.locator(".notice", has_text="tap Teach").wait_for()
+        self.page.locator(".notice", has_text="tap “Teach”").wait_for()
         session.pace = WAITING
         choose(self.page, self.world, Mode.TRAIN)
         fingers = Fingers(self.page)

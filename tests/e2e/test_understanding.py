@@ -151,7 +151,7 @@ def test_trial_1_from_start_to_result(phone: Any, world: World, tmp_path: Path) 
     phone.goto(world.address + "/#study")
     phone.get_by_role("button", name="Begin the trial").tap()
     phone.get_by_role("button", name="Begin", exact=True).tap()
-    phone.locator(".notice", has_text="tap Teach").wait_for()
+    phone.locator(".notice", has_text="tap “Teach”").wait_for()
     assert set(world.rig.loop.state.moves) == {Action.FORWARD, Action.LEFT}
 
     choose(phone, world, Mode.TRAIN)

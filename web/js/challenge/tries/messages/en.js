@@ -6,7 +6,7 @@ export default {
   'challenge.rules': 'Rules: only straight stretches forwards count. A touch, a bump, a question or STOP ends the try, and what I drove until then counts. Standing still, circling and driving back and forth score nothing. A stretch counts less each time I drive it again.',
   'challenge.start': 'Start a try',
   'challenge.shown': 'Show our best try on the board of our class',
-  'challenge.armed': 'Tap Drive itself, then keep your hands off for one minute.',
+  'challenge.armed': 'Tap “Drive itself”, then keep your hands off for one minute.',
   'challenge.on': 'The try is running: {metres} m.',
   'challenge.left': 'Try {n} of {of}: {metres} m, {left} left. Hands off!',
   'challenge.next': 'Next try',

@@ -6,7 +6,7 @@ export default {
   'challenge.rules': 'Reglas: solo cuentan los tramos rectos hacia delante. Tocarme, un choque, una pregunta o ALTO termina el intento, y cuenta lo recorrido hasta entonces. Estar parado, dar vueltas en círculo y avanzar y retroceder no cuentan. Un tramo cuenta menos cada vez que lo repito.',
   'challenge.start': 'Empezar un intento',
   'challenge.shown': 'Mostrar nuestro mejor intento en el tablero de la clase',
-  'challenge.armed': 'Toca Autónomo y no toques nada más durante un minuto.',
+  'challenge.armed': 'Toca «Autónomo» y no toques nada más durante un minuto.',
   'challenge.on': 'El intento está en marcha: {metres} m.',
   'challenge.left': 'Intento {n} de {of}: {metres} m, quedan {left}. ¡No toques nada!',
   'challenge.next': 'Otro intento',
