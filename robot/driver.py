@@ -57,7 +57,7 @@ class Move:
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", Action(self.name))
         if self.name is Action.STOP:
-            raise ValueError("'stop' is not a move: every body can stop")
+            raise ValueError("do not list 'stop' as a move: every robot can stop without it")
         if any(not text or len(text) > _LONGEST_LABEL for text in self.labels.values()):
             raise ValueError(f"the label of {self.name!r} must have 1 to {_LONGEST_LABEL} letters")
         if len(self.icon) > _LONGEST_ICON or len(self.does) > _LONGEST_MEANING:

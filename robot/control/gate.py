@@ -219,7 +219,7 @@ class Gate:
         )
 
     def stand(self, driven_by: DrivenBy = DrivenBy.NOBODY, *, asks_pilot: bool = False) -> Decision:
-        """Return the decision to stand, with the current mode and stop reason."""
+        """Return a decision that keeps the robot still, with the current mode and stop reason."""
         return Decision(
             action=Action.STOP,
             driven_by=driven_by,

@@ -55,7 +55,7 @@ class SameCamera:
         there = sorted(devices.values(), key=_number)
         if len(there) > 1:
             raise SeveralCamerasError(
-                "{} cameras are plugged in: {}; name yours with {} {}".format(
+                "{} cameras are plugged in: {}; choose yours with {} {}".format(
                     len(there), ", ".join(map(describe, there)), self._flag, there[0].path
                 )
             )

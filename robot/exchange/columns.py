@@ -184,7 +184,9 @@ def _meanings(
             found = [i for i in found if i not in of_pictures]
         if len(found) > 1 and role != "time" and not _are_equal(found, rows):
             told = " and ".join(repr(header[i].strip()) for i in found)
-            raise ValueError(f"{told} may both be the {role}: say which by --columns {role}=NAME")
+            raise ValueError(
+                f"{told} may both be the {role}: choose one with --columns {role}=NAME"
+            )
         if found:
             columns[role] = min(found, key=lambda i: known.index(names[i]) if role == "time" else i)
     for pair in _PAIRS:
@@ -234,7 +236,8 @@ def _by_content(
         ahead = [i for i in of_pictures if not all(_SIDES.search(row[i]) for row in sample)]
         if len(ahead or of_pictures) > 1:
             raise ValueError(
-                f"{len(of_pictures)} columns name pictures: say which by --columns picture=NUMBER"
+                f"{len(of_pictures)} columns name pictures: "
+                "choose one with --columns picture=NUMBER"
             )
         columns["picture"] = (ahead or of_pictures)[0]
     free -= {*of_pictures, *columns.values()}

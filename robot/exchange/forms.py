@@ -164,7 +164,7 @@ FORMS: tuple[Form, ...] = (
     Form(
         name="Teachable Machine project",
         there="`.tm`: `manifest.json` and `CLASS-!-N.jpg`",
-        label="the class, if it is named as a move or `--moves` says which it is",
+        label="the class, if it has the name of a move or `--moves` assigns it to one",
         time=_NO_TIME,
         find=_one(_folder(is_project), read_project),
     ),

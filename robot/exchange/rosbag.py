@@ -171,8 +171,8 @@ def _topics(path: Path, reader: Any, reading: Reading, report: ImportReport) -> 
             raise RecordingError(f"{path} has no {what}; it has {types or 'no messages'}")
         if len(names) > 1:
             raise RecordingError(
-                f"{path} has {what} on {len(names)} topics: {', '.join(names)}; say which by "
-                "--topics CAMERA,VELOCITIES"
+                f"{path} has {what} on {len(names)} topics: {', '.join(names)}; "
+                "choose the topics with --topics CAMERA,VELOCITIES"
             )
     report.remark(f"taken: {cameras[0].topic}, {told[0].topic}")
     return cameras, told

@@ -84,7 +84,7 @@ def names_pictures(path: Path) -> bool:
         head = "\n".join([*read_text(path).splitlines()[:50], ""])
         table = read_table_file(head, path.name, {}, ImportReport())
     except RecordingError as error:
-        return "say which" in str(error)
+        return "choose one with --columns" in str(error)
     return bool(table.pictures)
 
 
@@ -141,7 +141,8 @@ def _labelled(
         return _steered(table, reading, cells)
     if label is None:
         raise ValueError(
-            f"the label {text[:40]!r} is not a move; --moves says which it is, as {text[:40]}=left"
+            f"the label {text[:40]!r} is not a move; assign it to a move with --moves, "
+            f"for example --moves {text[:40]}=left"
         )
     if table.cell(cells, "degrees") != "yes":
         return label, None

@@ -1,6 +1,6 @@
 """Runs independent tasks in parallel processes on this machine, or on a Dask cluster.
 
-Each result is saved as soon as its run is finished, so a crash or Ctrl-C loses no results.
+Each result is saved as soon as its run is finished, so a crash or Ctrl-C does not lose it.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from robot.types import Action, Prediction
 
 
 class NoClock(ActionFilter):
-    """Turns lose no votes, however long the robot turns."""
+    """A turn keeps all its votes, however long it lasts."""
 
     def _watch(self, *seen: Any) -> float:
         super()._watch(*seen)

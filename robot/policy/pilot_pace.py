@@ -104,8 +104,9 @@ class Headway:
 
     Turning to either side, and pushing without effect, increase the debt by their duration. Driving
     straight with effect reduces it by four times its duration, but not below 0. A curve by degrees
-    counts partly as turning and partly, by the share that it lacks to full lock, as driving
-    straight. Changes from one side to the other count until the debt is paid.
+    counts partly as turning and partly as driving straight. The part that counts as driving
+    straight grows with the distance from full lock. Changes from one side to the other count
+    until the debt is paid.
 
     Attributes:
         debt_s: The debt, in seconds.

@@ -162,7 +162,7 @@ class EpisodeWriter:
             self._add(record.channel, record.log_ns, record.data, record.sequence)
 
     def flush(self) -> None:
-        """Flush to the disk, so that a kill or a power cut loses no data written so far."""
+        """Flush to the disk, so that a kill or a power cut does not lose earlier data."""
         self._writer.flush()
         self._follow()
         _sync(self._file)

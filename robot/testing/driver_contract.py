@@ -72,7 +72,9 @@ class DriverContract:
         moves = driver_case.driver.moves
         assert moves, "the driver declares no move"
         assert len(set(moves)) == len(moves), f"moves with the same name: {sorted(moves)}"
-        assert Action.STOP not in moves, "every body can stop: 'stop' is no move to declare"
+        assert Action.STOP not in moves, (
+            "do not list 'stop' as a move: every robot can stop without it"
+        )
         for move in describe(moves, driver_case.driver.declared_moves):
             assert move.name in CLASSIC or move.labels.get("en"), f"{move.name} needs a label"
 

@@ -97,7 +97,7 @@ class Nursery:
                 self._process.stdin.close()
 
     def wait(self) -> None:
-        """Return when all robots have ended."""
+        """Wait until all robots have ended."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(END_S + 5.0)
         self._process.kill()

@@ -90,7 +90,7 @@ class FakeHub:
     # A person's actions on the hub ---------------------------------------------------------------
 
     def start_program(self) -> None:
-        """Return when the program runs: a hub's program runs at once, a process does not."""
+        """Start the program and wait until it runs; on a real hub it runs at once."""
         self._is_up.clear()
         self.process = subprocess.Popen(
             [find_micropython(), str(PROGRAM)],

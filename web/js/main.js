@@ -68,7 +68,7 @@ async function start() {
   store.watch(['robot'], ({ robot }) => {
     if (robot) document.body.classList.toggle('mapless', robot.frame !== null && !robot.pose);
   });
-  // Load everything that the first picture does not need after the first picture.
+  // After the first picture, load everything that it did not need.
   const unwatch = store.watch(['frame'], ({ frame }) => {
     if (frame === null) return;
     unwatch();

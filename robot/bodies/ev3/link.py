@@ -104,7 +104,7 @@ class BrickLink:
         """
         if self._thread is None:
             if not self.address:
-                raise DriveError("which brick? name it with --brick ADDRESS")
+                raise DriveError("which brick? choose yours with --brick ADDRESS")
             self._connection = self._join()
             self._answers.clear()
             self._ending.clear()

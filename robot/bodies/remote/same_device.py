@@ -62,8 +62,8 @@ class SameDevice:
             first, *_ = sorted(fitting)
             listed = ", ".join(str(fitting[address]) for address in sorted(fitting))
             raise ConnectionError(
-                f"{len(fitting)} {self._kind}s in range match: {listed}; name yours with "
-                f"{self._flag} {first}, or give each a name of its own"
+                f"{len(fitting)} {self._kind}s in range match: {listed}; choose yours with "
+                f"{self._flag} {first}, or give each device a different name"
             )
         return next(iter(fitting.values()), None)
 

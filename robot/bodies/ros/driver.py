@@ -147,7 +147,8 @@ class RosDriver(ConnectedDriver[Topics]):
             connection.publish(self._topic, message, ends)
         except OSError as error:
             raise DriveError(
-                f"{connection.where} does not accept velocities: {error or 'too slow'}"
+                f"{connection.where} does not accept velocities: "
+                f"{error or 'it took too long to answer'}"
             ) from error
         if ends is not None:  # a stop is sent in spite of any fault
             self._check_heard(connection)

@@ -227,7 +227,7 @@ CAR_MOVES = {
 class CarRacingByDegrees(CarRacing):
     """The same world's continuous form, with the moves of the discrete form.
 
-    The teacher steers in proportion to the bearing, and gives gas meanwhile.
+    The teacher steers in proportion to the bearing, and accelerates at the same time.
     """
 
     def __init__(self) -> None:

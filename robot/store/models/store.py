@@ -181,7 +181,7 @@ class ModelStore:
         return failed
 
     def sound_versions(self, name: str) -> Iterator[Model]:
-        """Yield the readable versions of a model, newest first; changes no files."""
+        """Yield the readable versions of a model, newest first; does not change any file."""
         return self._sound(name, decode_model)
 
     def _sound(self, name: str, decode: Callable[[bytes], _T]) -> Iterator[_T]:

@@ -68,7 +68,10 @@ def table_of(folder: Path, text: str, *names: str) -> Path:
         ("a.jpg,0.5,0.3\nb.jpg,0.1,0.3\n", "columns 2 and 3 may each be the steering"),
         ("a.jpg,b.jpg,0.5\n", "2 columns name pictures"),
         ("file,angle,steering\na.jpg,0.5,0.1\n", "'angle' and 'steering' may both be"),
-        ("file,label\na.jpg,3\n", "'3' is not a move; --moves"),
+        (
+            "file,label\na.jpg,3\n",
+            "'3' is not a move; assign it to a move with --moves, for example --moves 3=left",
+        ),
         ("file,angle\na.jpg,17.5\n", "not a number from -1 to 1"),
         ("file,speed\na.jpg,1\n", "no column for a label.*its columns: file, speed"),
     ],

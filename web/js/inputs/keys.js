@@ -1,4 +1,4 @@
-// The moves of keys, and the keys that are down (key-name.js identifies keys and stop keys).
+// Which move each key stands for, and which keys are held down (key-name.js identifies keys and stop keys).
 //
 // Letters and digits count by their position, so that all layouts drive alike; arrows also count by their
 // name, in any position.

@@ -130,7 +130,7 @@ class Console:
             pass
 
     def close(self) -> None:
-        """Return buttons and screen to the brick's menu; idempotent."""
+        """Give the buttons and the screen back to the brick's menu; safe to call more than once."""
         self._give_screen_back()
         self._shown = ""
         if self._keys >= 0:

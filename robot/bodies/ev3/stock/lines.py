@@ -287,7 +287,7 @@ def find_usb(wanted: str = "", root: Path | None = None) -> Path:
         there = [shown_id(one) for one in bricks]
         raise DriveError(
             (f"the brick {shown_id(wanted)} is not connected by USB" if wanted else "which brick?")
-            + f"; connected by USB: {', '.join(there)}; name one with --brick {there[0]}"
+            + f"; connected by USB: {', '.join(there)}; choose yours with --brick {there[0]}"
         )
     return bricks.get(wanted) or next(iter(bricks.values()))
 
