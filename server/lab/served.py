@@ -29,5 +29,5 @@ def served(app: Any, config: Config) -> Iterator[str]:
         yield f"{scheme}://{config.host}:{listener.getsockname()[1]}"
     finally:
         server.should_exit = True
-        thread.join(10)
+        thread.join()
         listener.close()
