@@ -164,9 +164,9 @@ def a_topic_that_sends_something_else_is_a_fault(ros: RosBridgeServer) -> None:
     with RosCamera(RosCameraOptions(address=ros.address), RealClock()) as camera:
         wait_until(camera.latest)
         for broken, says in (
-            ({"format": "png", "data": "iVBORw0KGgo="}, "'png', no JPEG"),
-            ({"format": "jpeg", "data": "%%%"}, "no JPEG"),
-            ({"format": 7}, "no JPEG"),
+            ({"format": "png", "data": "iVBORw0KGgo="}, "'png', which is not JPEG"),
+            ({"format": "jpeg", "data": "%%%"}, "which is not JPEG"),
+            ({"format": 7}, "which is not JPEG"),
         ):
             ros.images = lambda index, broken=broken: broken
             wait_until(lambda says=says: camera.fault is not None and says in camera.fault)
