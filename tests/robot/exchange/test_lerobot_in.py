@@ -324,7 +324,7 @@ def test_an_export_comes_back_with_its_labels_and_corrections(
     wanted[20:30] = [Action.BACKWARD] * 10
     assert [got.get(frame_id) for frame_id in back.frames] == wanted
     assert (
-        None in wanted and report.skipped == [] and "not driven by the pilot" in report.lines()[0]
+        None in wanted and report.skipped == [] and "the pilot did not drive" in report.lines()[0]
     )
 
     def corrections(one: Episode) -> int:
