@@ -21,8 +21,6 @@ from pathlib import Path
 
 ENTRY = "js/main.js"
 _ICONS = (".png", ".svg", ".webmanifest")
-_APART = "-apart-"
-"""Part of the names of files that not every visitor fetches; they are cached once used."""
 STYLES = ("base.css", "drive.css", "screens.css")
 _BLOCK = r"/\*(?:[^*]|\*(?!/))*\*/"
 _COMMENT = re.compile(
@@ -68,7 +66,7 @@ def bundle(folder: Path, target: Path) -> None:
     for name, data in joiner.files.items():
         (target / name).write_bytes(data)
     icons = sorted(path for path in folder.rglob("*") if path.suffix in _ICONS)
-    shell = ["./", *(name for name in joiner.files if _APART not in name)]
+    shell = ["./", *joiner.files]
     shell += [path.relative_to(folder).as_posix() for path in icons]
     (target / "shell.json").write_text(json.dumps(shell), "utf-8")
 
@@ -126,7 +124,7 @@ class _Joiner:
             below = [f"js/{room.name}/{path.name}" for path in sorted(room.glob("*.js"))]
             modules = [module for module in self._closure(below) if module not in known]
             if room.name != "messages" and modules:
-                name = "screens" if room.name == "components" else f"apart-{room.name}"
+                name = "screens" if room.name == "components" else room.name
                 text = "const { modules: $m, load: $load } = globalThis.joined;\n"
                 own = _beside(self.add(f"js/{name}.js", text + self._text(modules)))
                 # The earlier files that contain modules it imports, then its own file.

@@ -32,7 +32,7 @@ async function keepAll() {
   const files = await (await fetch('shell.json')).json();
   const kept = new Set((await cache.keys()).map((request) => below(request.url)));
   await cache.addAll(files.filter((file) => !HASHED.test(file) || !kept.has(file)));
-  for (const old of kept) if (!files.includes(old) && !old.includes('-apart-')) await cache.delete(old);
+  for (const old of kept) if (!files.includes(old)) await cache.delete(old);
 }
 
 /** The cached answer; undefined if there is none, or if the device's storage fails. */
