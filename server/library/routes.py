@@ -106,6 +106,7 @@ def load_model(request: Request, name: str) -> dict[str, str | bool]:
 def change_model(request: Request, name: str, body: ModelChange) -> dict[str, str]:
     """Rename a model, or set the place where it was taught; both, or none."""
     library = library_of(request)
+    persistence_of(request).models.require(name)
     renamed = name if body.name is None or body.name == name else library.rename(name, body.name)
     if body.place is not None:
         try:

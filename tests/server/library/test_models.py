@@ -145,6 +145,24 @@ def test_rename_copy_delete_and_undo(bench: Bench) -> None:
     assert {one["place"] for one in models} == {"home"}, "a refusal changes nothing"
 
 
+@pytest.mark.parametrize("is_deleted", [False, True])
+def test_after_a_kill_a_model_has_the_name_that_it_was_given_last(
+    bench: Bench, is_deleted: bool
+) -> None:
+    bench.teach(5)
+    bench.client.post("/api/models/save")
+    undone = bench.client.post("/api/teaching/undo", json={"seconds": 0.12})
+    assert undone.status_code == 200, "which only the journal has"
+    bench.client.patch("/api/models/bench", json={"name": "Küche"})
+    assert bench.client.patch("/api/models/bench", json={"name": "bench"}).status_code == 404
+    if is_deleted:
+        bench.client.delete("/api/models/Küche")
+    store = bench.persistence.models
+    recovered = recover(bench.persistence.storage.journal, store)
+    assert recovered is not None
+    assert recovered.name == (None if is_deleted else "Küche")
+
+
 def test_download_and_upload(bench: Bench) -> None:
     bench.teach(5)
     bench.client.post("/api/models/save")
