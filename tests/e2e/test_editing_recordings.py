@@ -311,7 +311,7 @@ def test_forty_recordings_are_home_in_one_zip_and_gone_in_four_touches(
     phone.locator("toast-bar", has_text="Restored: 40.").wait_for()
     assert {file.name: file.read_bytes() for file in path.parent.glob("*.mcap")} == before
     phone.get_by_label("Find recordings").fill("YARD simulation")
-    phone.get_by_text("13 recordings").wait_for()
+    phone.get_by_text("13 in total").wait_for()
     phone.get_by_label("Select all").tap()
     phone.get_by_text("13 selected ·").wait_for()
     assert phone.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0

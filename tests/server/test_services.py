@@ -33,11 +33,11 @@ def test_the_services_are_frozen() -> None:
         services.persistence = None
 
 
-def test_only_one_place_reads_the_applications_state() -> None:
+def test_only_one_place_reads_the_applications_services() -> None:
     readers = {
         file.relative_to(SERVER).as_posix()
         for file in SERVER.rglob("*.py")
-        if re.search(r"app\.state\.", file.read_text())
+        if re.search(r"app\.state\.services", file.read_text())
     }
     assert readers == {"app.py", "services.py"}
 

@@ -25,7 +25,7 @@ def assert_refused_by_a_full_disk(
     def refuse(self: object, *_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    for name in ("robot.store.folder.os.fsync", "pathlib.Path.write_bytes"):
+    for name in ("robot.store.folder.os.fsync", "robot.exchange.files._write"):
         monkeypatch.setattr(name, refuse)
     told = say(words, capsys, status=1)
     assert told.splitlines()[-1].endswith("No space left on device")

@@ -199,7 +199,7 @@ def a_hub_is_found_by_its_name(hub: FakeHub) -> None:
     with pytest.raises(DriveError, match=r"the hub 'Otto'.*in range"):
         driver_for(hub, "Otto").connect()
     hub.is_in_reach = False
-    with pytest.raises(DriveError, match="is it on"):
+    with pytest.raises(DriveError, match="is it switched on"):
         driver_for(hub).connect()
     hub.is_in_reach = True
 
