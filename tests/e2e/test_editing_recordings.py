@@ -319,7 +319,7 @@ def test_forty_recordings_are_home_in_one_zip_and_gone_in_four_touches(
     phone.get_by_role("button", name="Delete 13").tap()
     phone.get_by_role("button", name="Restore the last deleted").wait_for()
     phone.get_by_label("Find recordings").fill("")
-    phone.get_by_text("27 recordings").wait_for()
+    phone.get_by_text("27 in total").wait_for()
     settle(phone)
     phone.get_by_role("button", name="Empty the trash").tap()
     phone.get_by_role("button", name="Delete for good").tap()

@@ -29,7 +29,10 @@ def test_a_file_that_is_no_recording_is_told(data: Path, tmp_path: Path) -> None
     words = [*PLAY, str(tmp_path / "broken.mcap"), "--port", "0", "--data", str(data)]
     played = subprocess.run(words, capture_output=True, text=True, check=False)
     assert (played.returncode, played.stdout) == (2, "")
-    assert played.stderr.splitlines()[-1] == "drivelesson: broken.mcap cannot be read: broken.mcap is not an MCAP file"
+    assert (
+        played.stderr.splitlines()[-1]
+        == "drivelesson: broken.mcap cannot be read: broken.mcap is not an MCAP file"
+    )
 
 
 def test_a_name_that_nothing_has_is_told(

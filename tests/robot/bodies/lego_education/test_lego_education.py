@@ -104,7 +104,10 @@ def test_the_library_s_own_traceback_is_a_sentence(
     motor: FakeDoubleMotor, caplog: pytest.LogCaptureFixture
 ) -> None:
     motor.search_fails = OSError("[org.freedesktop.DBus.Error.ServiceUnknown] org.bluez")
-    with pytest.raises(DriveError, match=r"cannot search for double motors: this computer's Bluetooth is off or missing"):
+    with pytest.raises(
+        DriveError,
+        match=r"cannot search for double motors: this computer's Bluetooth is off or missing",
+    ):
         driver_for(motor).connect()
     assert not [record for record in caplog.records if record.exc_info]
 

@@ -315,7 +315,9 @@ def what_listens_for_another_type_is_a_sentence() -> None:
     with DdsRobot(own_domain()) as robot:
         stamped = robot.reader("/base/cmd_vel", STAMPED)
         driver = driver_for(cmd_vel_topic="/base/cmd_vel")
-        with pytest.raises(DriveError, match=r"TwistStamped on the robot.*start with --stamped true"):
+        with pytest.raises(
+            DriveError, match=r"TwistStamped on the robot.*start with --stamped true"
+        ):
             driver.connect()
         assert not driver.is_connected
         del stamped
