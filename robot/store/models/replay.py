@@ -132,11 +132,10 @@ def _rebuild(run: _Run, store: ModelStore) -> Recovered | None:
     # restored since.
     if not numbers and (is_file or _is_saved(model, name, store, among_all=run.last <= _LOADED)):
         return None
-    if name is not None and name not in store.names():
-        name = store.current  # it was renamed after the checkpoint; a deleted one has no name
     return Recovered(
         model=_learn_on(model, run, numbers),
-        name=name,
+        # A missing model was renamed after the checkpoint, or deleted: then none is current.
+        name=name if name is None or name in store.names() else store.current,
         replayed=len(numbers),
     )
 
