@@ -172,7 +172,7 @@ def a_hub_that_comes_back_into_reach_is_driven_again(hub: FakeHub) -> None:
 
 def a_lost_hub_is_not_replaced_by_its_twin(hub: FakeHub) -> None:
     with FakeHub(address="00:16:53:00:00:02") as twin, mock.patch.object(hub, "others", [twin]):
-        with pytest.raises(DriveError, match=r"2 hubs .* fit:.*--hub 00:16:53:00:00:01"):
+        with pytest.raises(DriveError, match=r"2 hubs in range match:.*--hub 00:16:53:00:00:01"):
             driver_for(hub).connect()
         with driver_for(hub, hub.address) as driver:
             assert driver.device == "'Pybricks Hub' (00:16:53:00:00:01)"
