@@ -91,7 +91,8 @@ class RobotStop:
         if self.channel is None:
             return
         if stop != self.id:
-            self.refuse_release()
+            self.is_release_refused = self.stage is not None
+            self._on_change()
             return
         if self._pressing is not None:  # its request would arrive after the release
             self._pressing.cancel()

@@ -382,8 +382,9 @@ class Life:
         if page is None:
             self.come_or_go()
             return
-        self.released.add(self.server.hub.stop_number)
-        self.server.rig.loop.release_emergency()
+        if self.server.hub.stop_held_by is None:  # else only the board releases it
+            self.released.add(self.server.hub.stop_number)
+            self.server.rig.loop.release_emergency()
         page.pilot.is_silent = False
         page.pilot.send(type="take")
         self.server.forward(0.1)
