@@ -25,7 +25,7 @@ from pathlib import Path
 
 from tests.server.live_robot import Pilot
 from tests.soak.lessons import year
-from tests.soak.slopes import slope
+from tests.soak.measured import describe_growth, disk_mb, measure_process
 
 ROOT = Path(__file__).parents[2]
 MOVES = ("forward", "left", "forward", "right")
@@ -60,20 +60,10 @@ class Served:
         self.ready_s = time.monotonic() - began_s
 
     def measure(self) -> dict[str, float]:
-        place = Path(f"/proc/{self.process.pid}")
-        status = dict(
-            line.split(":", 1)
-            for line in (place / "status").read_text().splitlines()
-            if ":" in line
-        )
-        used = (place / "stat").read_text().rpartition(")")[2].split()
         return {
-            "memory MB": int(status["VmRSS"].split()[0]) / 1024,
+            **measure_process(self.process.pid),
             "objects": self._count(),
-            "handles": len(list((place / "fd").iterdir())),
-            "threads": int(status["Threads"]),
-            "disk MB": sum(map(_size, (self.folder / "data").rglob("*"))) / 1e6,
-            "CPU s": (int(used[11]) + int(used[12])) / os.sysconf("SC_CLK_TCK"),
+            "disk MB": disk_mb(self.folder / "data"),
         }
 
     def _count(self) -> int:
@@ -91,12 +81,6 @@ class Served:
         self.process.send_signal(signal.SIGTERM)
         self.process.wait(60)
         return time.monotonic() - began_s
-
-
-def _size(path: Path) -> int:
-    with contextlib.suppress(OSError):  # it is gone
-        return path.stat().st_size if path.is_file() else 0
-    return 0
 
 
 def come_and_go(served: Served, ending: threading.Event) -> None:
@@ -152,7 +136,7 @@ def main() -> int:
             if len(rows) % 60 == 0:  # every five minutes: the run may be ended early
                 told = ", ".join(f"{name} {value:.1f}" for name, value in rows[-1].items())
                 print(f"{times_s[-1] / 60:.0f} minutes: {told}", file=sys.stderr, flush=True)
-        lessons = pilot.state.get("examples", "?")
+        lessons = pilot.state["lessons"]
         ending.set()
         pilot.close()
         viewers.join(10)
@@ -162,15 +146,9 @@ def main() -> int:
         again.stop()
     skipped_s = min(300.0, times_s[-1] / 4)
     kept = [index for index, time_s in enumerate(times_s) if time_s >= skipped_s]
-    print(f"{args.minutes:g} minutes, {pictures[-1]} pictures, {lessons} examples")
-    print(f"{'':12} {'at first':>10} {'at last':>10} {'an hour':>10}  95 % of the slope")
-    for name in rows[0]:
-        values = [rows[index][name] for index in kept]
-        line = slope([times_s[index] for index in kept], values)
-        print(
-            f"{name:12} {values[0]:10.1f} {values[-1]:10.1f} {line.hourly:+10.2f}  "
-            f"+-{line.margin:.2f}{'' if line.is_flat else '  GROWS' if line.hourly > 0 else ''}"
-        )
+    print(f"{args.minutes:g} minutes, {pictures[-1]} pictures, {lessons} lessons")
+    for line in describe_growth([times_s[i] for i in kept], [rows[i] for i in kept]):
+        print(line)
     spent = rows[kept[-1]]["CPU s"] - rows[kept[0]]["CPU s"]
     seen = max(pictures[kept[-1]] - pictures[kept[0]], 1)
     print(f"CPU a picture {1000 * spent / seen:.2f} ms; SIGTERM {ended_s:.1f} s; ", end="")
