@@ -26,6 +26,6 @@ FOLDER = FolderKind(
     "            NAME.parts has the further files of a long run; keep it next to NAME.mcap\n"
     "            NAME.edits.json next to it lists a person's edits; the recording is not changed\n"
     "            drivelesson episodes empty-trash deletes what is in trash/ for good",
-    reads=re.compile(r"[^.].*(\.mcap|\.edits\.json|\.parts)", re.DOTALL),
+    reads=re.compile(r"[^./][^/]*(\.mcap|\.edits\.json|\.parts/([1-9]\d*\.mcap)?)", re.ASCII),
     debris=_debris,
 )

@@ -72,7 +72,7 @@ class FolderKind:
     Attributes:
         about: Lines about the folder's content for README.txt. Empty: the folder is created when
             needed.
-        reads: The names of the files in the folder that the program reads.
+        reads: The paths in the folder that the program reads; folders' paths end with a slash.
         files: The extension's files next to the folder.
         secrets: The names of those files and folders that only the owner may read.
         debris: Returns the unfinished files in the folder that a power cut may have left.
@@ -401,7 +401,7 @@ class Storage:
         for old in (path.name.removesuffix(ending) for path in found):
             names[old] = free_name(old, taken)
             taken.add(names[old])
-        for path in paths_in(place):
+        for path in sorted(paths_in(place), key=found.__contains__):  # notes and parts first
             owners = [old for old in names if path.name == old or path.name.startswith(f"{old}.")]
             old = max(owners, key=len, default="")
             move(path, folder / (names.get(old, "") + path.name[len(old) :]))

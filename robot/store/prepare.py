@@ -43,15 +43,16 @@ def prepare(root: Path) -> list[tuple[str, str]]:
         for file in (root / name for name in (*_FILES, *own_files, *_NOTES)):
             clear(file, _is_a(file, stat.S_ISREG) and os.access(file, os.R_OK | os.W_OK))
         for inside, names in read.items():
-            for path in _found_in(root / inside):
-                if names.fullmatch(path.name):
-                    clear(path, _is_a(path, stat.S_ISREG) and is_text(path.name))
+            for path in (p for top in _found_in(root / inside) for p in (top, *_found_in(top))):
+                name = path.relative_to(root / inside).as_posix()
+                for end, kind in (("", stat.S_ISREG), ("/", stat.S_ISDIR)):
+                    if names.fullmatch(name + end):
+                        clear(path, _is_a(path, kind) and is_text(path.name))
     return moved
 
 
 def _found_in(folder: Path) -> list[Path]:
-    """List the entries of a folder; empty for a link, since its target is not part of the data
-    folder."""
+    """List a folder's entries; empty for a link, whose target is not part of the data folder."""
     try:
         return [] if folder.is_symlink() else list(folder.iterdir())
     except OSError:

@@ -226,4 +226,5 @@ IMPORT = EpisodeVerb(
     "read tubs, LeRobot, ROS bags, OpenBot, tables or folders of pictures; archives, too",
     configure_import,
     import_episode,
+    changes=True,
 )

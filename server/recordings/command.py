@@ -21,6 +21,7 @@ from robot.recordings.episode import Episode
 from robot.recordings.folder import NAME
 from robot.recordings.free_path import free_path
 from robot.recordings.reading import reading
+from robot.recordings.rejoining import strays
 from robot.recordings.store import EpisodeStore
 from robot.recordings.summary import EpisodeSummary
 from robot.store.folder import (
@@ -57,17 +58,21 @@ VERBS = "drivelesson.episode-commands"
 def configure(parser: argparse.ArgumentParser) -> None:
     commands = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
 
-    def add(verb: str, action: Any, text: str, *, of_one: bool = True) -> argparse.ArgumentParser:
+    def add(
+        verb: str, action: Any, text: str, *, of_one: bool = True, changes: bool = True
+    ) -> argparse.ArgumentParser:
         made: argparse.ArgumentParser = commands.add_parser(verb, help=text, description=text)
-        made.set_defaults(action=action)
+        made.set_defaults(action=action, changes=changes)
         if of_one:
             made.add_argument("episode", metavar="EPISODE", help=EPISODE_HELP)
         add_data(made)
         return made
 
-    listed = add("list", list_episodes, "list all episodes, the newest first", of_one=False)
+    text = "list all episodes, the newest first"
+    listed = add("list", list_episodes, text, of_one=False, changes=False)
     listed.add_argument("--search", metavar="TEXT", help=_SEARCH_HELP)
-    add("show", show, "show one as a timeline: labels, and what the robot proposed")
+    text = "show one as a timeline: labels, and what the robot proposed"
+    add("show", show, text, changes=False)
     for verb, text in _RANGED.items():
         ranged = add(verb, edit, text, of_one=verb != "delete")
         if verb == "delete":
@@ -79,7 +84,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
             text = "name of a move, such as left"
             ranged.add_argument("--label", required=True, metavar="MOVE", help=text)
     add("undo", undo, "undo the last edit")
-    zipped = add("zip", write_zip, "write several into one zip file, with edits", of_one=False)
+    text = "write several into one zip file, with edits"
+    zipped = add("zip", write_zip, text, of_one=False, changes=False)
     add_several(zipped)
     zipped.add_argument("--out", type=Path, metavar="FILE", help="new file (default: in exports/)")
     text = "delete them once the zip file is complete; `restore` brings them back"
@@ -92,12 +98,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("unprotect", protect, "remove the protection: offer it for deletion again")
     for point in points(VERBS):
         added: EpisodeVerb = point.load()
-        added.configure(add(point.name, added.run, added.help, of_one=False))
+        verb = add(point.name, added.run, added.help, of_one=False, changes=added.changes)
+        added.configure(verb)
     budget = add(
         "budget",
         show_budget,
         "show the space that is used, and what could be deleted",
         of_one=False,
+        changes=False,
     )
     budget.add_argument("--gigabytes", type=number(least=0), help="space for episodes")
     text = f"delete for good what was deleted; after {TRASH_DAYS} days it goes by itself"
@@ -105,7 +113,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    storage = Storage(args.data or default_root())
+    storage = Storage(args.data or default_root(), must_be_usable=args.changes)
+    if storage.fault and not storage.folder(NAME).is_dir():
+        raise ConfigurationError(
+            f"the data folder cannot be used: {storage.fault}; choose another with --data FOLDER"
+        )
     return int(args.action(args, EpisodeStore(storage), storage) or 0)
 
 
@@ -161,6 +173,11 @@ def _print_half_done(storage: Storage) -> None:
         print(
             f"unfinished: {what}, {size_of(path) / 1e6:.1f} MB: the program that wrote it was "
             "ended; the next start of the robot, or the next import, removes it"
+        )
+    for path, name in strays(storage.folder(NAME)):
+        print(
+            f"{path.name}, {size_below(path) / 1e6:.1f} MB: {name}.mcap is missing; if it was "
+            "deleted, the next start of the robot moves this to the trash, too"
         )
 
 

@@ -10,6 +10,7 @@ from robot.driver import describe
 from robot.recordings.folder import NAME
 from robot.recordings.queue import RecorderConfig
 from robot.recordings.recorder import Recorder
+from robot.recordings.rejoining import rejoin
 from robot.recordings.store import EpisodeStore
 from server.persistence import Persistence, PersistencePart
 
@@ -28,6 +29,7 @@ class Recordings(PersistencePart):
             config=RecorderConfig(keeps_drives=kept.settings.get("keep_drives", True)),
             disk=kept.disk,
         )
+        self._storage = kept.storage
         self.episodes = EpisodeStore(kept.storage, recording=lambda: self.run)
 
     @property
@@ -36,6 +38,7 @@ class Recordings(PersistencePart):
         return self.recorder.queue.episode_id
 
     def start(self) -> None:
+        rejoin(self._storage)
         self.recorder.start()
 
     def stop(self) -> None:

@@ -18,11 +18,16 @@ EPISODE_HELP = "name, beginning of a name, file, or last"
 
 
 class EpisodeVerb(NamedTuple):
-    """A verb that an extension adds to `drivelesson episodes`."""
+    """A verb that an extension adds to `drivelesson episodes`.
+
+    Attributes:
+        changes: True if it writes into the data folder; others also work if it is read-only.
+    """
 
     help: str
     configure: Callable[[argparse.ArgumentParser], None]
     run: Callable[[argparse.Namespace, EpisodeStore, Storage], int | None]
+    changes: bool = False
 
 
 def add_data(parser: argparse.ArgumentParser) -> None:

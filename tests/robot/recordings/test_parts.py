@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import io
 import shutil
@@ -27,6 +28,7 @@ from robot.recordings.messages import Topic
 from robot.recordings.parts import part_paths
 from robot.recordings.queue import RecorderConfig, RecordingQueue
 from robot.recordings.reader import CUT_SHORT, Block, walk
+from robot.recordings.rejoining import rejoin, strays
 from robot.recordings.store import EpisodeStore
 from robot.recordings.summary import read_summary
 from robot.recordings.teaching import learn_again
@@ -35,12 +37,14 @@ from robot.store.disk import no_announcement
 from robot.store.folder import Storage
 from robot.store.models.events import describe_event
 from robot.store.models.model import same_nodes
+from robot.store.prepare import ASIDE, prepare
 from robot.testing import VirtualClock
 from robot.types import Action, Encoding, Example, Frame, Mode
 from tests.kit.sizes import size
 
 from .drives import RecordedBench
 
+MANY = 10**6
 WHOLE = RecorderConfig(spare_bytes=0)
 SHORT = RecorderConfig(spare_bytes=0, part_s=1.0)
 
@@ -155,6 +159,62 @@ def test_the_trash_takes_and_returns_all_files(store: EpisodeStore, tmp_path: Pa
     [restored] = store.restore(key)
     assert restored != episode_id
     assert told(store.open(restored)) == wanted and store.notes(restored).title == "long"
+
+
+def test_a_start_moves_no_file_of_a_recording(store: EpisodeStore, tmp_path: Path) -> None:
+    [episode_id] = store.ids()
+    store.set_title(episode_id, "long")
+    wanted = told(store.open(episode_id))
+    path = store.path(episode_id)
+    [strange, pipe] = path.with_suffix(".parts") / "9.mcap", path.with_name("other.parts")
+    strange.mkdir()
+    pipe.touch()
+    moved = prepare(tmp_path)
+    assert sorted(moved) == [("9.mcap", "set-aside/9.mcap.1"), (pipe.name, f"set-aside/{pipe.name}.1")]
+    assert prepare(tmp_path) == [] and told(store.open(episode_id)) == wanted
+    path.with_suffix(".parts").rename(tmp_path / ASIDE / f"{episode_id}.parts.1")  # an old version
+    rejoin(Storage(tmp_path))
+    assert told(store.open(episode_id)) == wanted
+
+
+@pytest.mark.parametrize("is_taken", [False, True])
+def test_a_kill_separates_no_files_of_a_recording(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_taken: bool
+) -> None:
+    """Killed before any move of a deletion or of a restoration, it is in the list or the trash."""
+    left = [MANY]
+
+    def moving(one: Path, target: Path) -> None:
+        left[0] -= 1
+        if left[0] < 0:
+            raise KeyboardInterrupt
+        one.replace(target)
+
+    monkeypatch.setattr("robot.store.folder.move", moving)
+    wanted = told(open_episode(path))
+    for is_restored in (False, True):
+        for kept in range(4):
+            root = tmp_path / f"{is_restored}{kept}"
+            storage = Storage(root)
+            shutil.copytree(path.parent, root / NAME, dirs_exist_ok=True)
+            store = EpisodeStore(storage)
+            [episode_id] = store.ids()
+            store.set_title(episode_id, "long")
+            left[0] = MANY if is_restored else kept
+            with contextlib.suppress(KeyboardInterrupt):
+                key = store.delete(episode_id).key or ""
+                left[0] = kept
+                if is_taken:
+                    shutil.copytree(path.parent, root / NAME, dirs_exist_ok=True)
+                    shutil.rmtree(root / NAME / f"{episode_id}.parts")
+                store.restore(key)
+            left[0] = MANY
+            rejoin(Storage(root))
+            assert not list(strays(root / NAME))
+            titled = [one.id for one in store.summaries() if one.title == "long"]
+            [found] = titled or store.restore(max(store.trash()))
+            assert told(store.open(found)) == wanted and store.notes(found).title == "long"
+            assert store.trash() == []
 
 
 def test_edits_compacting_and_splitting_cover_all_files(store: EpisodeStore) -> None:

@@ -1,0 +1,61 @@
+"""Brings the files of one recording together again.
+
+A recording is deleted and restored file by file. A kill or a power cut in between separates them.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from robot.recordings.folder import NAME
+from robot.recordings.parts import ENDING, files_of, parts_folder
+from robot.store.folder import Storage, move, paths_in
+from robot.store.prepare import ASIDE
+
+log = logging.getLogger(__name__)
+
+_COPY = re.compile(r" \(\d+\)\Z", re.ASCII)
+"""The ending of the name under which a recording is restored if its own name is in use."""
+
+
+def strays(folder: Path) -> Iterator[tuple[Path, str]]:
+    """Yield the notes and parts without a recording, with the name of their recording."""
+    found = paths_in(folder)
+    names = {path.stem for path in found if path.suffix == ".mcap"}
+    for path in found:
+        for ending in (".edits.json", ENDING):
+            if path.name.endswith(ending) and (name := path.name.removesuffix(ending)) not in names:
+                yield path, name
+
+
+def rejoin(storage: Storage) -> None:
+    """Move strays to the rest of their recording in the trash, as a deletion would have done.
+
+    Parts that an earlier version has set aside at a start are moved back. Never raises.
+    """
+    folder = storage.folder(NAME)
+    try:
+        for path, name in strays(folder):
+            if place := _place_of(path, name, storage):
+                move(path, place)
+        for path in paths_in(storage.root / ASIDE):
+            first = folder / f"{path.name.rpartition(f'{ENDING}.')[0]}.mcap"
+            is_free = first.is_file() and not parts_folder(first).exists()
+            if is_free and path.is_dir() and not path.is_symlink():
+                move(path, parts_folder(first))
+    except OSError as error:
+        log.warning("files of a deleted recording were not moved: %s", error)
+
+
+def _place_of(path: Path, name: str, storage: Storage) -> Path | None:
+    """Return the place in the trash, next to the first file of its recording."""
+    for key in reversed(storage.deleted()):
+        for one in (name, _COPY.sub("", name)):
+            first = storage.trash / key / f"{one}.mcap"
+            place = next(file for file in files_of(first) if file.suffix == path.suffix)
+            if first.is_file() and not place.exists():
+                return place
+    return None
