@@ -98,8 +98,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("unprotect", protect, "remove the protection: offer it for deletion again")
     for point in points(VERBS):
         added: EpisodeVerb = point.load()
-        verb = add(point.name, added.run, added.help, of_one=False, changes=added.changes)
-        added.configure(verb)
+        made = add(point.name, added.run, added.help, of_one=False, changes=added.changes)
+        added.configure(made)
     budget = add(
         "budget",
         show_budget,

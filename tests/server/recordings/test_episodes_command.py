@@ -12,11 +12,13 @@ from typing import Any, Literal
 
 import pytest
 
+from robot.recordings.folder import NAME
 from robot.recordings.store import EpisodeStore
 from robot.store.folder import Storage
 from server.__main__ import main
 from tests.kit.sizes import crossed
 from tests.server.cli.typed import assert_refused_by_a_full_disk, say
+from tests.server.test_damaged_folder import DiskThatRefuses
 
 
 @pytest.mark.parametrize("words", ["episodes compact last", "episodes title last x"])
@@ -28,6 +30,38 @@ def test_a_full_disk_is_told_in_a_sentence_and_nothing_is_lost(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert_refused_by_a_full_disk(words, data, monkeypatch, capsys)
+
+
+@pytest.mark.parametrize("why", [errno.EIO, errno.EROFS])
+def test_a_folder_that_cannot_be_written_is_read(
+    episode_id: str,
+    data: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    why: int,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path_factory.mktemp("out")
+    disk = DiskThatRefuses(data, why)
+    disk.install(monkeypatch)
+    for words, told in {
+        "list": episode_id,
+        "show last": episode_id,
+        "budget": "data folder",
+        f"zip last --out {out / 'a.zip'}": "1 episode",
+        f"export last --as npz --out {out / 'a.npz'}": "a.npz",
+    }.items():
+        assert told in say(f"episodes {words}", capsys)
+    for words in ("title last x", "delete last", "restore", f"import {out / 'a.zip'}"):
+        assert "cannot be used" in say(f"episodes {words}", capsys, status=2)
+
+
+def test_list_names_parts_without_their_recording(
+    episode_id: str, data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "is missing" not in say("episodes list", capsys)
+    (data / NAME / "gone.parts").mkdir()
+    assert "gone.parts, 0.0 MB: gone.mcap is missing" in say("episodes list", capsys)
 
 
 def test_list_and_show(episode_id: str, capsys: pytest.CaptureFixture[str]) -> None:
