@@ -16,14 +16,17 @@ Source: lerobot, datasets/utils.py, dataset_writer.py and docs/source/lerobot-da
 from __future__ import annotations
 
 import json
+from array import array
 from collections.abc import Iterator, Sequence
+from functools import partial
+from itertools import groupby, islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.driver import point_of
+from robot.driver import Move, point_of
 from robot.errors import RecordingError, need
 from robot.exchange.film import AV, AV1, of_size, write_film
 from robot.exchange.lerobot_tables import (
@@ -81,8 +84,21 @@ A LeRobot dataset, written by Drivelesson. `meta/info.json` says what is in it.
 Stats = dict[str, dict[str, list[Any]]]
 """Minimum, maximum, mean, standard deviation, quantiles and count, by feature."""
 
-Part = tuple[Episode, list[EpisodeFrame]]
-"""One LeRobot episode: a recording, and some of its moments, evenly spaced in time."""
+
+class _Part(NamedTuple):
+    """One LeRobot episode: some pictures of a recording, evenly spaced in time."""
+
+    source: int
+    episode: Episode
+    notes: Notes
+    places: list[int]
+    """The pictures' indices in the recording, in order; an index may repeat."""
+    times_s: NDArray[np.float64]
+    labels: set[Action]
+
+
+_Shown = tuple[Episode, tuple[Move, ...], EpisodeFrame]
+"""A picture's recording, the moves that its robot declared, and what is known of the picture."""
 
 
 def write_lerobot(
@@ -104,28 +120,39 @@ def write_lerobot(
     need(*PYARROW)
     need(*AV)
     rate = fps
-    parts = [part for episode, notes in episodes for part in _split(episode, notes, rate, plain)]
+    parts = [
+        part
+        for source, (episode, notes) in enumerate(episodes)
+        for part in _split(source, episode, notes, rate, plain)
+    ]
     if not parts:
         raise RecordingError("there are no pictures to export")
-    columns, features = _table(parts, rate)
+    table = _Table(parts, rate)
+    columns, features = table.columns, table.features
     for name in _OWN if plain else ():
-        columns.pop(name), features.pop(name)
+        features.pop(name)
     folder.mkdir(parents=True)
     rows, seen = [], np.zeros((3, 256), np.int64)
-    shown = parts[0][0].frame(parts[0][1][0].frame_id)
+    first, frames = parts[0], _frames(parts)
+    shown = first.episode.frame(int(first.episode.frames.ids[first.places[0]]))
     size = shown.width, shown.height
     for index, part in enumerate(parts):
         chunk, file = divmod(index, _FILES_A_CHUNK)
         name = _FILMS.format(video_key=CAMERA, chunk_index=chunk, file_index=file)
         counts = np.zeros_like(seen)
-        pictures = _pictures(part, size, counts)
+        pictures = _pictures(islice(frames, len(part.places)), size, counts, table)
         write_film(
-            pictures, folder / name, rate, key_every=_KEY_EVERY, **(_AS_LEROBOT if plain else {})
+            pictures,
+            folder / name,
+            rate,
+            key_every=_KEY_EVERY,
+            **(_AS_LEROBOT if plain else {"preset": "ultrafast"}),
         )
         seen += counts
         own = columns["episode_index"] == index
-        part_columns = {name: values[own] for name, values in columns.items()}
+        part_columns = {name: columns[name][own] for name in features}
         rows.append(_episode_row(part_columns, counts, (chunk, file), rate, task))
+    columns = {name: columns[name] for name in features}
     write_data(folder, columns)
     write_episodes(folder, rows)
     write_tasks(folder, task)
@@ -153,114 +180,156 @@ def write_lerobot(
     return len(parts)
 
 
-def _split(episode: Episode, notes: Notes, fps: int, taught_only: bool) -> list[Part]:
-    kept = [
-        moment
-        for moment in moments(episode, notes)
-        if not moment.is_deleted and (moment.label is not None or not taught_only)
+def _split(source: int, episode: Episode, notes: Notes, fps: int, taught_only: bool) -> list[_Part]:
+    places, times_s, labels = array("q"), array("d"), list[Action | None]()
+    for place, moment in enumerate(moments(episode, notes, about=())):
+        if not moment.is_deleted and (moment.label is not None or not taught_only):
+            places.append(place)
+            times_s.append(moment.at_s)
+            labels.append(moment.label)
+    return [
+        _Part(
+            source=source,
+            episode=episode,
+            notes=notes,
+            places=[places[i] for i in stretch],
+            times_s=np.array(times_s)[stretch],
+            labels={label for i in stretch if (label := labels[i])},
+        )
+        for stretch in make_timeline(times_s).evenly(fps)
     ]
-    stretches = make_timeline([moment.at_s for moment in kept]).evenly(fps)
-    return [(episode, [kept[i] for i in stretch]) for stretch in stretches]
 
 
-def _pictures(part: Part, size: tuple[int, int], counts: NDArray[np.int64]) -> Iterator[Pixels]:
-    """Yield pictures, shape (height, width, 3), and add their colour histograms to `counts`, shape
-    (3, 256), from which all statistics are computed."""
-    episode, taken = part
-    for moment in taken:
+def _frames(parts: Sequence[_Part]) -> Iterator[_Shown]:
+    """Yield the moments of all parts in order; each recording is read once, chunk by chunk."""
+    for _, same in groupby(parts, key=lambda part: part.source):
+        of = list(same)
+        episode, declared = of[0].episode, of[0].episode.declared_moves
+        found = enumerate(moments(episode, of[0].notes, (Topic.DECISION,)))
+        place, moment = next(found)
+        for wanted in (wanted for part in of for wanted in part.places):
+            while place < wanted:
+                place, moment = next(found)
+            yield episode, declared, moment
+
+
+def _pictures(
+    frames: Iterator[_Shown],
+    size: tuple[int, int],
+    counts: NDArray[np.int64],
+    table: _Table,
+) -> Iterator[Pixels]:
+    """Yield pictures, shape (height, width, 3), while their rows are added to the table. Adds their
+    colour histograms to `counts`, shape (3, 256), from which all statistics are computed."""
+    import cv2
+
+    histogram = partial(cv2.calcHist, mask=None, histSize=[256], ranges=[0, 256])
+    for episode, declared, moment in frames:
         picture = of_size(episode.frame(moment.frame_id), size)
-        counts += [np.bincount(colour, minlength=256) for colour in picture.reshape(-1, 3).T]
+        for colour, count in enumerate(counts):
+            count += histogram([picture], [colour]).ravel().astype(np.int64)
+        table.add(declared, moment)
         yield picture
 
 
-def _table(parts: list[Part], fps: int) -> tuple[Columns, dict[str, Any]]:
-    """Return the values of all frames, and the description of each column.
+class _Table:
+    """The values of all frames, and the description of each column.
 
     The action is steering and throttle. If a move of the robot has no steering and throttle, the
     action is a number for each move. All zero: the robot stands.
     """
-    frames = [(of, moment) for of, taken in parts for moment in taken]
-    lengths = [len(taken) for _, taken in parts]
-    within = np.concatenate([np.arange(length, dtype=np.int64) for length in lengths])
-    moves = _moves(parts)
-    is_steered = all(
-        point_of(Action(move), of.declared_moves) is not None for of, _ in parts for move in moves
-    )
-    names = [*_STEERED] if is_steered else moves
 
-    def numbers(action: Action, point: Point | None) -> Sequence[float]:
-        return (point or _STANDS) if is_steered else [action == name for name in names]
-
-    done = [done_at(moment, of.declared_moves) for of, moment in frames]
-    does = [_does(of, moment) for of, moment in frames]
-    columns: Columns = {
-        "action": np.array([numbers(*each) for each in done], np.float32),
-        "observation.state": np.array([numbers(*each) for each in does], np.float32),
-        "intervention": np.array([m.is_intervention for _, m in frames], bool),
-        PILOT: np.array([moves.index(m.label) if m.label else -1 for _, m in frames], np.int64),
-        DEGREES: np.array([is_steered and m.point is not None for _, m in frames], bool),
-        SENSORS: np.concatenate([_all_sensed(part) for part in parts]).astype(np.float32),
-        "timestamp": (within / fps).astype(np.float32),
-        "frame_index": within,
-        "episode_index": np.repeat(np.arange(len(parts), dtype=np.int64), lengths),
-        "index": np.arange(len(frames), dtype=np.int64),
-        "task_index": np.zeros(len(frames), np.int64),
-    }
-    named = {"action": names, "observation.state": names, SENSORS: list(_SENSORS)}
-    features: dict[str, Any] = {
-        name: {
-            "dtype": values.dtype.name,
-            "shape": [*values.shape[1:]] or [1],
-            "names": named.get(name),
+    def __init__(self, parts: Sequence[_Part], fps: int) -> None:
+        lengths = [len(part.places) for part in parts]
+        count = sum(lengths)
+        within = np.concatenate([np.arange(length, dtype=np.int64) for length in lengths])
+        self._moves = _moves(parts)
+        self._is_steered = all(
+            point_of(Action(move), declared) is not None
+            for declared in {part.source: part.episode.declared_moves for part in parts}.values()
+            for move in self._moves
+        )
+        self._names = [*_STEERED] if self._is_steered else self._moves
+        self._row = 0
+        self.columns: Columns = {
+            "action": np.zeros((count, len(self._names)), np.float32),
+            "observation.state": np.zeros((count, len(self._names)), np.float32),
+            "intervention": np.zeros(count, bool),
+            PILOT: np.full(count, -1, np.int64),
+            DEGREES: np.zeros(count, bool),
+            SENSORS: np.concatenate([*_sensed(parts)]),
+            "timestamp": (within / fps).astype(np.float32),
+            "frame_index": within,
+            "episode_index": np.repeat(np.arange(len(parts), dtype=np.int64), lengths),
+            "index": np.arange(count, dtype=np.int64),
+            "task_index": np.zeros(count, np.int64),
         }
-        for name, values in columns.items()
-    }
-    features[PILOT]["info"] = {"moves": moves}
-    return columns, features
+
+    @property
+    def features(self) -> dict[str, Any]:
+        named = dict.fromkeys(("action", "observation.state"), self._names)
+        named[SENSORS] = list(_SENSORS)
+        features: dict[str, Any] = {
+            name: {
+                "dtype": values.dtype.name,
+                "shape": [*values.shape[1:]] or [1],
+                "names": named.get(name),
+            }
+            for name, values in self.columns.items()
+        }
+        features[PILOT]["info"] = {"moves": self._moves}
+        return features
+
+    def add(self, declared: tuple[Move, ...], moment: EpisodeFrame) -> None:
+        """Add the next frame's values; `declared` are the robot's moves."""
+        row, columns = self._row, self.columns
+        done = done_at(moment, declared)
+        columns["action"][row] = self._numbers(*done)
+        if moment.sent is not None:
+            sent = Action(moment.sent)
+            done = sent, moment.sent_point or point_of(sent, declared)
+        columns["observation.state"][row] = self._numbers(*done)
+        columns["intervention"][row] = moment.is_intervention
+        if moment.label:
+            columns[PILOT][row] = self._moves.index(moment.label)
+        columns[DEGREES][row] = self._is_steered and moment.point is not None
+        self._row += 1
+
+    def _numbers(self, action: Action, point: Point | None) -> Sequence[float]:
+        return (point or _STANDS) if self._is_steered else [action == name for name in self._names]
 
 
-def _moves(parts: list[Part]) -> list[str]:
+def _moves(parts: Sequence[_Part]) -> list[str]:
     """Return all moves of the robots, including unused moves, and all other labels."""
-    declared = {str(move.name) for of, _ in parts for move in of.declared_moves}
-    known = declared | {str(move) for of, _ in parts for move in of.moves}
-    taught = {str(moment.label) for _, taken in parts for moment in taken if moment.label}
-    return sorted((known | taught) - {str(Action.STOP)})
+    known = {str(move.name) for part in parts for move in part.episode.declared_moves}
+    known |= {str(move) for part in parts for move in (*part.episode.moves, *part.labels)}
+    return sorted(known - {str(Action.STOP)})
 
 
-def _does(episode: Episode, moment: EpisodeFrame) -> tuple[Action, Point | None]:
-    """Return the robot's action at a picture if the action was recorded, else the label."""
-    if moment.sent is None:
-        return done_at(moment, episode.declared_moves)
-    action = Action(moment.sent)
-    return action, moment.sent_point or point_of(action, episode.declared_moves)
+def _sensed(parts: Sequence[_Part]) -> Iterator[NDArray[np.float32]]:
+    """Yield the sensors' last values at each part's pictures, shape (pictures, sensors). Before a
+    sensor's first value it is the first value; without values it is 0."""
+    for _, same in groupby(parts, key=lambda part: part.source):
+        of = list(same)
+        readings = _readings(of[0].episode)
+        for part in of:
+            found = np.zeros((len(part.places), len(_SENSORS)), np.float32)
+            for column, (times_s, values) in enumerate(readings):
+                if len(times_s):
+                    at = np.searchsorted(times_s, part.times_s, side="right") - 1
+                    found[:, column] = values[at.clip(0)]
+            yield found
 
 
-def _all_sensed(part: Part) -> NDArray[np.float64]:
-    """Return each sensor's last value at each picture, shape (pictures, sensors)."""
-    return np.stack([_sensed(part, name) for name in _SENSORS], axis=1)
-
-
-def _readings(episode: Episode, name: str) -> NDArray[np.float64]:
-    """Return the times and values of a sensor, shape (n, 2)."""
-    said = [
-        (now_s - episode.start_s, float(words[name]))
-        for now_s, words in episode.messages(Topic.SENSORS)
-        if words.get(name) is not None
-    ]
-    return np.array(said).reshape(-1, 2)
-
-
-def _sensed(part: Part, name: str) -> NDArray[np.float64]:
-    """Return a sensor's last value at each picture. Before the first value it is the first value;
-    without values it is 0."""
-    episode, taken = part
-    readings = _readings(episode, name)
-    if not len(readings):
-        return np.zeros(len(taken))
-    times_s = [moment.at_s for moment in taken]
-    at = np.searchsorted(readings[:, 0], times_s, side="right") - 1
-    found: NDArray[np.float64] = readings[np.clip(at, 0, None), 1]
-    return found
+def _readings(episode: Episode) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Return the times and values of each sensor."""
+    start_s, found = episode.start_s, [(array("d"), array("d")) for _ in _SENSORS]
+    for now_s, words in episode.messages(Topic.SENSORS):
+        for name, (times_s, values) in zip(_SENSORS, found, strict=True):
+            if (value := words.get(name)) is not None:
+                values.append(float(value))
+                times_s.append(now_s - start_s)
+    return [(np.array(times_s), np.array(values)) for times_s, values in found]
 
 
 def _stats(columns: Columns, counts: NDArray[np.int64]) -> Stats:

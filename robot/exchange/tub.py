@@ -184,13 +184,14 @@ def _write_records(
     seen, origin_ms = _Seen(), episode.origin_ns // 10**6
     declared = tuple(episode.declared_moves)
     pointed = cache(lambda move: point_of(Action(move), declared))
+    pictures = folder / "images"
     about = (Topic.PREDICTION,) if taught_only else (Topic.PREDICTION, Topic.DECISION)
     for moment in moments(episode, notes, about):
         if moment.is_deleted or (taught_only and moment.label is None):
             continue
         frame, index = episode.frame(moment.frame_id), seen.count
         record: Record = {
-            IMAGE: write_picture(frame, folder / "images", f"{index}_cam_image_array_"),
+            IMAGE: write_picture(frame, pictures, f"{index}_cam_image_array_"),
             _MODE: "user" if moment.label else "local",
             _LABEL: moment.label or "",
             _FRAME: moment.frame_id,

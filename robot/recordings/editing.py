@@ -175,7 +175,7 @@ class _Said:
 def _fields_in(message: bytes) -> Fields:
     """Read a message; return empty fields if it is damaged."""
     try:
-        fields = json.loads(message)
+        fields = json.loads(str(message, "utf-8"))  # for bytes, the module would guess
     except UNREADABLE:
         return {}
     return fields if isinstance(fields, dict) else {}

@@ -66,6 +66,11 @@ class Served:
             "disk MB": disk_mb(self.folder / "data"),
         }
 
+    def peak_mb(self) -> float:
+        """Return the highest resident memory so far, in MB."""
+        status = Path(f"/proc/{self.process.pid}/status").read_text()
+        return int(status.split("VmHWM:")[1].split()[0]) / 1024
+
     def _count(self) -> int:
         self._objects.unlink(missing_ok=True)
         self.process.send_signal(signal.SIGUSR1)
@@ -158,4 +163,5 @@ def main() -> int:
     return 0
 
 
-sys.exit(main())
+if __name__ == "__main__":
+    sys.exit(main())

@@ -18,6 +18,7 @@ import pytest
 import server
 from robot.bodies.ev3.archive import make_bundle
 from robot.bodies.ev3.rootfs import DEFAULT_RELEASE, build_userland, precompile, userland_stamp
+from robot.bodies.ev3.scripts import ENVIRONMENT
 from server.config import Config
 
 ROOT = Path(__file__).parents[4]
@@ -105,25 +106,15 @@ class Armel:
         ]
         # In a separate mount namespace, so that nothing stays mounted in any case.
         script = (
-            'mount -t proc proc "$0/proc" && mount --rbind /dev "$0/dev" && exec chroot "$0" "$@"'
+            'mount -t proc proc "$0/proc" && mount --rbind /dev "$0/dev" && '
+            'exec /usr/sbin/chroot "$0" "$@"'
         )
         return ["unshare", "--mount", "sh", "-c", script, str(self.root), *emulator]
-
-    @property
-    def env(self) -> dict[str, str]:
-        """The environment that the start-up unit also sets."""
-        return {
-            "PATH": "/usr/sbin:/usr/bin:/sbin:/bin",
-            "PYTHONPATH": "/opt/drivelesson",
-            "HOME": "/root",
-            "PYTHONDONTWRITEBYTECODE": "1",
-            "LC_ALL": "C.UTF-8",
-        }
 
     def run(self, *args: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
             self.command(*args),
-            env=self.env,
+            env=ENVIRONMENT,
             capture_output=True,
             text=True,
             check=False,

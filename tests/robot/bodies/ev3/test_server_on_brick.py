@@ -22,6 +22,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from robot.bodies.ev3.fake_brick import FakeBrick
+from robot.bodies.ev3.scripts import ENVIRONMENT
 from server.bodies.lean import PUT_OFF
 from server.protocol import encode_acknowledgement
 from tests.robot.bodies.ev3 import film_camera
@@ -91,7 +92,7 @@ def serve_on_brick() -> Iterator[Served]:
     install_film(film)
     for left_over in ("tmp/brick", "tmp/data"):
         shutil.rmtree(armel.root / left_over, ignore_errors=True)
-    env = {**armel.env, "PYTHONPATH": "/opt/drivelesson:/opt/film"}
+    env = {**ENVIRONMENT, "PYTHONPATH": "/opt/drivelesson:/opt/film"}
     with FakeBrick(armel.root / "tmp/brick") as brick:
         brick.add_sensor("in4", "lego-ev3-us", 1234, decimals=1)
         process = subprocess.Popen(
