@@ -34,7 +34,12 @@ _LOOK_S = 1.0
 _FIRST_WORKER_S, _NO_WORKER_S = 10.0, 60.0
 """The call ends after this time without any worker, in seconds: at the start, and later."""
 _SILENT_S = 20.0
-"""Time after which a silent or unidentified worker is reported, in seconds."""
+"""Interval at which a silent or unidentified worker is reported, in seconds."""
+_FROZEN_S = 60.0
+"""Time after which the task of a silent worker is reassigned, in seconds; Dask waits for 300 s."""
+_FETCH_S = 3.0
+"""Longest time to fetch an answer, in seconds. If its worker was killed meanwhile, it never comes.
+"""
 _MOST_LOSSES = 3
 """Number of lost workers after which their task is not tried again."""
 
@@ -86,7 +91,8 @@ class _Worker:
     key: str = ""
     """The key of its task; empty while it is being identified."""
     is_used: bool = False
-    is_silent: bool = False
+    said_s: float = 0.0
+    """The time of silence that was reported last, in seconds."""
 
 
 class _Run:
@@ -145,29 +151,34 @@ class _Run:
         self._end_if_alone(now_s)
 
     def _listen(self, address: str, heard: float, now_s: float) -> None:
+        """Report a silent worker, and after a while reassign its task."""
         worker = self._workers[address]
         if heard != worker.heard:
-            worker.heard, worker.heard_s, worker.is_silent = heard, now_s, False
+            worker.heard, worker.heard_s, worker.said_s = heard, now_s, 0.0
         since_s = worker.heard_s if worker.is_used or worker.future is None else worker.began_s
-        if now_s - since_s > _SILENT_S and not worker.is_silent:
-            worker.is_silent = True
-            self._say(f"the worker at {worker.name} has been silent for {_SILENT_S:.0f} s")
+        silent_s = now_s - since_s
+        if silent_s > _FROZEN_S and worker.is_used:
+            # If it answers again, it is identified again.
+            self._let_go(address, "does not answer; its task goes to another", losses=0)
+        elif silent_s > worker.said_s + _SILENT_S:
+            worker.said_s += _SILENT_S
+            self._say(f"the worker at {worker.name} has been silent for {worker.said_s:.0f} s")
 
-    def _let_go(self, address: str) -> None:
+    def _let_go(self, address: str, why: str = "is gone", losses: int = 1) -> None:
         """Reassign the task of a lost worker."""
         worker = self._workers.pop(address)
         self._refused.pop(address, None)
         if worker.future is not None:
             worker.future.release()
         if worker.key:
-            self._lost[worker.key] += 1
+            self._lost[worker.key] += losses
             if self._lost[worker.key] >= _MOST_LOSSES:
                 raise ConfigurationError(
                     f"the run {self._tasks[worker.key]} was tried {_MOST_LOSSES} times, and each "
                     "time its worker was lost; have the workers enough memory?"
                 )
             self._todo.append(worker.key)
-        self._say(f"the worker at {worker.name} is gone")
+        self._say(f"the worker at {worker.name} {why}")
 
     def _end_if_alone(self, now_s: float) -> None:
         if any(worker.is_used or worker.future for worker in self._workers.values()):
@@ -211,15 +222,23 @@ class _Run:
 
     def _take(self, address: str, worker: _Worker) -> Iterator[tuple[str, Outcome, str]]:
         """Process a worker's answer: its identity, or a task's outcome."""
-        future, key = worker.future, worker.key
+        future, key, answer = worker.future, worker.key, None
+        if future.status == "finished":
+            try:
+                answer = future.result(timeout=_FETCH_S)
+            except TimeoutError:
+                self._events.put((address, future))  # until its worker is lost, or answers
+                return
+            except Exception:  # its worker was killed, and Dask tried again
+                future.release()
         worker.future, worker.key = None, ""
-        if future.status != "finished":
+        if answer is None:
             self._take_failure(address, worker, future, key)
         elif key:
             self._left -= 1
-            yield key, future.result(), f" on the worker at {worker.name}"
+            yield key, answer, f" on the worker at {worker.name}"
         else:
-            self._judge(address, worker, future.result())
+            self._judge(address, worker, answer)
 
     def _take_failure(self, address: str, worker: _Worker, future: Any, key: str) -> None:
         """Handle a task without an answer: it was not run, or its worker was lost."""

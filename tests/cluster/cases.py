@@ -128,6 +128,20 @@ def one_of_two_killed(folder: Path) -> tuple[Ended, str]:
 
 
 @case
+def one_of_two_frozen(folder: Path) -> tuple[Ended, str]:
+    """Like a laptop that falls asleep, perhaps before its answer was fetched."""
+    with Cluster(folder) as cluster:
+        victim = cluster.add("good")
+        cluster.add("good")
+
+        def freeze() -> None:
+            time.sleep(1.5)
+            victim.freeze()
+
+        return run_client(folder, cluster.address, after_first=freeze, hold="3"), "equal"
+
+
+@case
 def killed_and_started_again(folder: Path) -> tuple[Ended, str]:
     with Cluster(folder) as cluster:
         victim = cluster.add("good")

@@ -6,6 +6,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
+import time
 from pathlib import Path
 
 from robot.errors import RobotError
@@ -29,6 +30,14 @@ def main(scheduler: str, *options: str) -> int:
     learner, runs = chosen.get("learner", "default-8"), int(chosen.get("runs", "4"))
     tasks = [Task(run_lesson, {**LESSON, "learner": learner, "seed": n}) for n in range(runs)]
     is_here = scheduler == "here"
+    hold_s = float(chosen.get("hold", "0"))
+
+    def tell(task: Task) -> None:
+        nonlocal hold_s
+        print(f"done {task}")
+        time.sleep(hold_s)
+        hold_s = 0.0
+
     try:
         results = run_all(
             tasks,
@@ -36,7 +45,7 @@ def main(scheduler: str, *options: str) -> int:
             jobs=int(chosen.get("jobs", "1")),
             backend="processes" if is_here else "dask",
             scheduler=None if is_here else scheduler,
-            on_done=lambda task: print(f"done {task}"),
+            on_done=tell,
             on_workers=lambda count, change: print(f"{count} workers: {change}"),
         )
     except RobotError as error:

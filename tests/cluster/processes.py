@@ -37,6 +37,9 @@ class Process:
             os.killpg(self.popen.pid, signal.SIGKILL)
         self.popen.wait()
 
+    def freeze(self) -> None:
+        os.killpg(self.popen.pid, signal.SIGSTOP)
+
 
 class Cluster:
     """A scheduler on a separate port, and the added workers."""
