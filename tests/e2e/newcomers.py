@@ -6,7 +6,8 @@ newcomer first corrects it by habit. After reading when the page wants to be tou
 touches it only then. Each has another screen and language: five sizes and en, es, zh in turn. The
 requirement: within four minutes of opening the page the robot drives by itself for a minute without
 pushing a wall. With `--challenge` the newcomer continues: it finds the challenge, starts it, and
-completes three tries.
+completes three tries. With `--beside FOLDER` the same newcomer uses another checkout at the same
+time, so that both have the same load.
 
 All runs in real time: a newcomer takes two to four minutes. `--habits regular,late` chooses some.
 """
@@ -17,11 +18,13 @@ import argparse
 import contextlib
 import json
 import re
+import subprocess
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from robot.lab.simulated_pilots.habits import HABITS
@@ -316,6 +319,25 @@ def run(story: Story, world_name: str = "box", with_challenge: bool = False) -> 
         return newcomer.take_challenge() if with_challenge and story.is_done else story
 
 
+@contextlib.contextmanager
+def beside(folder: Path | None, habit: str, world: str) -> Iterator[list[dict[str, Any]]]:
+    """Run the same newcomer on another checkout meanwhile; afterwards the list has its result."""
+    stories: list[dict[str, Any]] = []
+    if folder is None:
+        yield stories
+        return
+    with tempfile.TemporaryDirectory() as kept:
+        told = Path(kept) / "stories.json"
+        command = [folder / ".venv/bin/python", "-m", "tests.e2e.newcomers"]
+        options = ["--habits", habit, "--world", world, "--json", told]
+        out = subprocess.DEVNULL
+        with subprocess.Popen([*command, *options], cwd=folder, stdout=out) as other:
+            yield stories
+        # Its exit status says whether the newcomer was in time, which the result says as well.
+        assert told.exists(), f"{folder} ended with {other.returncode} and without a result"
+        stories += json.loads(told.read_text())
+
+
 def main(argv: list[str] | None = None, run: Callable[..., Story] = run) -> int:
     """Run them one after the other; 0 if at most one in twelve fails."""
     parser = argparse.ArgumentParser(prog="python -m tests.e2e.newcomers", description=__doc__)
@@ -323,15 +345,20 @@ def main(argv: list[str] | None = None, run: Callable[..., Story] = run) -> int:
     parser.add_argument("--world", default="box")
     text = "and take the challenge: three minutes more each"
     parser.add_argument("--challenge", action="store_true", help=text)
+    text = "run each newcomer on this checkout at the same time"
+    parser.add_argument("--beside", type=Path, metavar="FOLDER", help=text)
     parser.add_argument("--json", type=Path, help="write all that happened here")
     args = parser.parse_args(argv)
-    stories = []
+    stories, others = [], []
     print("habit        screen          taps  hands over   ready    done  corrected  longest push")
     for habit in args.habits.split(","):
         i = list(HABITS).index(habit)
         (width, height), language = SIZES[i % len(SIZES)], LANGUAGES[i % len(LANGUAGES)]
-        story = run(Story(habit, f"{width}x{height}", language), args.world, args.challenge)
+        story = Story(habit, f"{width}x{height}", language)
+        with beside(args.beside, habit, args.world) as other:
+            story = run(story, args.world, args.challenge)
         stories.append(story)
+        others += other
         times = (story.first_move_s, story.handed_over_s, story.called_ready_s, story.done_s)
         told = [f"{at_s:5.0f} s" if at_s is not None else "   none" for at_s in times]
         print(
@@ -344,6 +371,10 @@ def main(argv: list[str] | None = None, run: Callable[..., Story] = run) -> int:
             said = ", ".join(f"{at_s:.0f} s" if at_s is not None else "never" for at_s in at)
             tries = ", ".join(f"{one['metres']:.1f} m ({one['ended_by']})" for one in story.tries)
             print(f"            challenge offered, started, three tries over: {said}; {tries}")
+        for one in other:
+            at = (one["handed_over_s"], one["done_s"])
+            said = ", ".join(f"{at_s:.0f} s" if at_s is not None else "never" for at_s in at)
+            print(f"            beside: hands over, done: {said}", flush=True)
     done = sum(story.is_done for story in stories)
     soon = sum((story.done_s or LIMIT_S) <= SOON_S for story in stories)
     print(f"{done} of {len(stories)} have a robot that drives a minute by itself within 4 minutes")
@@ -351,6 +382,10 @@ def main(argv: list[str] | None = None, run: Callable[..., Story] = run) -> int:
     if args.challenge:
         tried = sum(story.tried_s is not None for story in stories)
         print(f"{tried} of {len(stories)} have found, started and finished the challenge")
+    for what in ("handed_over_s", "called_ready_s", "done_s") if others else ():
+        ours = median(getattr(story, what) or LIMIT_S for story in stories)
+        theirs = median(other[what] or LIMIT_S for other in others)
+        print(f"{what}, median: {ours:.0f} s; beside {theirs:.0f} s")
     if args.json:
         args.json.write_text(json.dumps([asdict(story) for story in stories], indent=1))
     return 0 if 12 * done >= 11 * len(stories) else 1

@@ -25,7 +25,7 @@ const WORDS = {
     pair: 'Vincular',
     wait: 'Un momento…',
     wrong: 'Este código es incorrecto o ya se ha usado. El terminal muestra el más reciente.',
-    not_kept: 'Emparejado, pero el disco del robot no lo guarda: si el robot se reinicia, empareja de nuevo.',
+    not_kept: 'Vinculado, pero el disco del robot no lo guarda: si el robot se reinicia, vincúlalo de nuevo.',
     later: 'Demasiados códigos erróneos. Espera un minuto y vuelve a intentarlo.',
     away: 'El robot no responde. ¿Está el teléfono en la misma red?',
   },

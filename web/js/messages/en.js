@@ -59,7 +59,7 @@ export default {
   'move.spin_right': 'Spin right',
   'move.stop': 'Stop',
   'moves.forward': 'straight stretches',
-  'moves.backward': 'ways back',
+  'moves.backward': 'stretches in reverse',
   'moves.left': 'left turns',
   'moves.right': 'right turns',
   'moves.spin_left': 'spins to the left',

@@ -1,6 +1,6 @@
 // What the screen of models says.
 export default {
-  'home.models': '这台机器人会的',
+  'home.models': '这台机器人学会的',
   'home.none': '还没有保存任何东西。你教的会自动保存在这里。',
   'home.current': '使用中',
   'home.more': '关于 {name} 的更多内容',
