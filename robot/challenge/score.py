@@ -1,9 +1,10 @@
 """The challenge's score: the metres that the robot drove by itself. Pure.
 
 The path is divided into stretches of `STRETCH_M`, measured in a straight line. A stretch counts if
-the robot drove it forward and nearly straight. So standing, turning on the spot and small circles
-score nothing. If the robot drives back over a stretch, forward or backward, the stretch's score is
-subtracted and the stretch never counts again, so driving back and forth scores nothing. A stretch
+the robot drove it forward and nearly straight, and drove the stretch before or after it in nearly
+the same direction. So standing, turning on the spot and circles narrower than the smallest box
+score nothing. Metres driven backward are subtracted. If the robot drives back over a stretch, its
+score is subtracted and it never counts again, so driving back and forth scores nothing. A stretch
 that is driven again in the same direction counts a half, then a third, so a larger course is worth
 more than many rounds of a small course.
 """
@@ -11,17 +12,18 @@ more than many rounds of a small course.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from robot.types import Pose
 
-STRETCH_M = 0.3
-"""Length of a stretch, in metres: longer than a robot, and shorter than the straight part of a
-course in the smallest box."""
+STRETCH_M = 0.2
+"""Length of a stretch, in metres: about the length of a robot."""
 _STRAIGHT_RAD = math.radians(25)
-"""Largest angle between the robot's heading and the stretch, at either end, in radians."""
-_SPOT_M = 0.02
-"""Distance from the beginning of a stretch within which the robot may still turn, in metres."""
+"""Largest change of the robot's heading within a stretch, in radians; a larger one begins a new
+stretch."""
+_ONWARD_RAD = math.radians(20)
+"""Largest angle between two successive stretches of a straight run, in radians. A circle exceeds it
+if its radius is less than 0.57 m, half the width of the smallest box."""
 _NEAR_M, _ALIKE_RAD = 0.2, math.radians(50)
 """Two stretches are the same if their midpoints differ by at most `_NEAR_M` and their directions by
 at most `_ALIKE_RAD`."""
@@ -44,11 +46,15 @@ class Score:
     def __init__(self) -> None:
         self._start: Pose | None = None
         self._stretches: list[_Stretch] = []
+        self._run: list[_Stretch] = []
+        """The stretches of the current straight run; the first counts with the second."""
+        self._backward_m = 0.0
 
     @property
     def metres(self) -> float:
         """The score so far, in metres."""
-        return math.fsum(stretch.metres for stretch in self._stretches)
+        forward_m = math.fsum(stretch.metres for stretch in self._stretches)
+        return max(0.0, forward_m - self._backward_m)
 
     def note(self, pose: Pose) -> None:
         """Process the robot's current pose."""
@@ -59,29 +65,42 @@ class Score:
             self._start = pose
             return
         x_m, y_m = pose.x_m - start.x_m, pose.y_m - start.y_m
-        length_m = math.hypot(x_m, y_m)
-        if length_m < STRETCH_M:
-            if length_m < _SPOT_M:  # turns on the spot do not count
-                self._start = replace(start, heading_rad=pose.heading_rad)
-            elif _angle(pose.heading_rad, start.heading_rad) > 2 * _STRAIGHT_RAD:
-                self._start = pose
+        length_m, way_rad = math.hypot(x_m, y_m), math.atan2(y_m, x_m)
+        turned_rad = _angle(pose.heading_rad, start.heading_rad)
+        if length_m < STRETCH_M and turned_rad <= _STRAIGHT_RAD:
             return
         self._start = pose
         if length_m > 2 * STRETCH_M:  # the robot was carried, or its pose corrected
+            self._run = []
             return
-        way_rad = math.atan2(y_m, x_m)
         aside_rad = max(_angle(one.heading_rad, way_rad) for one in (start, pose))
-        stretch = _Stretch(start.x_m + x_m / 2, start.y_m + y_m / 2, way_rad, 0.0)
-        self._count(stretch, length_m if aside_rad <= _STRAIGHT_RAD else 0.0)
+        if length_m >= STRETCH_M and aside_rad <= _STRAIGHT_RAD:
+            self._go_on(_Stretch(start.x_m + x_m / 2, start.y_m + y_m / 2, way_rad, length_m))
+            return
+        self._run = []
+        if aside_rad > math.pi / 2 and length_m >= STRETCH_M / 2:  # turning moves a body less
+            self._backward_m += length_m
 
-    def _count(self, stretch: _Stretch, length_m: float) -> None:
+    def _go_on(self, stretch: _Stretch) -> None:
+        """Count a stretch if it continues a straight run, and the first stretch of this run."""
+        if self._run and _angle(self._run[-1].way_rad, stretch.way_rad) > _ONWARD_RAD:
+            self._run = []
+        self._run.append(stretch)
+        if len(self._run) == 2:
+            self._count(self._run[0])
+        if len(self._run) >= 2:
+            self._count(stretch)
+
+    def _count(self, stretch: _Stretch) -> None:
         near = [one for one in self._stretches if one.is_near(stretch)]
         turned = [_angle(one.way_rad, stretch.way_rad) for one in near]
         back = [one for one, a in zip(near, turned, strict=True) if a >= math.pi - _ALIKE_RAD]
         for one in back:
             one.metres = 0.0
-        if not back:
-            stretch.metres = length_m / (1 + sum(a <= _ALIKE_RAD for a in turned))
+        if back:
+            stretch.metres = 0.0
+        else:
+            stretch.metres /= 1 + sum(a <= _ALIKE_RAD for a in turned)
         self._stretches.append(stretch)
 
 

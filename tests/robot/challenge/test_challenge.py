@@ -53,6 +53,15 @@ def _shake() -> Way:
         yield from _for(0.1, dice.choice([-1.0, 1.0]), dice.uniform(-1, 1))
 
 
+def _polygon(corners: int, side_m: float) -> Callable[[], Way]:
+    turn_s = math.tau / corners / TURN_RAD_S
+    return _repeat((side_m / SPEED_M_S, 1.0, 0.0), (turn_s, 0.0, 1.0))
+
+
+def _round(radius_m: float) -> Callable[[], Way]:
+    return _repeat((1.0, 1.0, SPEED_M_S / radius_m / TURN_RAD_S))
+
+
 CHEATS = {
     "stand still": _repeat((1.0, 0.0, 0.0)),
     "spin": _repeat((1.0, 0.0, 1.0)),
@@ -64,21 +73,21 @@ CHEATS = {
     "only backwards": _repeat((1.0, -1.0, 0.0)),
     "spiral": _spiral,
     "shake": _shake,
-    "small square": _repeat((1.2, 1.0, 0.0), (QUARTER_S, 0.0, 1.0)),
-}
-
-
-def _polygon(corners: int, side_m: float) -> Callable[[], Way]:
-    turn_s = math.tau / corners / TURN_RAD_S
-    return _repeat((side_m / SPEED_M_S, 1.0, 0.0), (turn_s, 0.0, 1.0))
-
-
-FEWER = {
+    "wiggle on the spot": _repeat((0.5, 0.0, 1.0), (0.5, 0.0, -1.0)),
+    "round a stool": _round(0.36),
+    "round a table": _round(0.5),
+    "circles that drift": _repeat((math.tau * 0.36 / SPEED_M_S, 1.0, 0.35), (1.0, 1.0, 0.0)),
+    "small square": _polygon(4, 0.35),
+    "small hexagon": _polygon(6, 0.32),
     "small polygon": _polygon(12, 0.2),
-    "small triangle": _polygon(3, 0.32),
+    "back in two curves": _repeat((1.6, 1.0, 0.0), (1.9, -1.0, 0.8), (1.9, -1.0, -0.8)),
+}
+FEWER = {
+    "small triangle": _polygon(3, 0.4),
     "drifting square": _repeat((1.5, 1.0, 0.0), (1.03 * QUARTER_S, 0.0, 1.0)),
     "star": _repeat((1.6, 1.0, 0.0), (math.radians(135) / TURN_RAD_S, 0.0, 1.0)),
-    "back on a curve": _repeat((1.6, 1.0, 0.0), (1.9, -1.0, 0.8), (1.9, -1.0, -0.8)),
+    "back in a curve": _repeat((4.5, 1.0, 0.0), (4.5, -1.0, 0.5)),
+    "back in a wide curve": _repeat((7.5, 1.0, 0.0), (7.5, -1.0, 0.3)),
     "narrow lanes": _repeat(
         (2.0, 1.0, 0.0),
         (QUARTER_S, 0.0, 1.0),
