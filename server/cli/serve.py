@@ -28,7 +28,7 @@ from robot.errors import ConfigurationError, RecordingError
 from robot.policy.registry import MOST_NODES, full_name, split_name
 from robot.store.folder import Storage, default_root
 from robot.store.prepare import prepare
-from server.cli.parser import declare, number, whole
+from server.cli.parser import Parser, declare, number, whole
 from server.cli.settings import PREFIX, Settings, apply_to, build, read_settings
 from server.config import Config
 from server.gateway.gateway import gateway_type
@@ -82,7 +82,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
     """Declare the options of the chosen robot and camera, and take defaults from the settings."""
-    first = argparse.ArgumentParser(add_help=False)
+    first = Parser(prog=parser.prog, add_help=False)
     for flag in ("--robot", "--camera", "--config"):
         first.add_argument(flag)
     chosen, _ = first.parse_known_args(list(words))

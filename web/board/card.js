@@ -109,7 +109,7 @@ export class Card {
 export const codeOf = (robot) => `api/robots/${robot.number}/qr.svg?${robot.invitations}`;
 
 /** @param {Record<string, string | number>} values */
-const plain = (values) => Object.fromEntries(Object.entries(values).map(([name, value]) => [name, value.toLocaleString(language)]));
+const plain = (values) => Object.fromEntries(Object.entries(values).map(([name, value]) => [name, value.toLocaleString(language, { maximumFractionDigits: 1 })]));
 
 /** @param {Robot} robot @returns {string[]} */
 export function figures(robot) {

@@ -33,7 +33,7 @@ function draw({ number, name, address, status, detail, colour }) {
   const network = wifi.value.trim();
   const steps = [network ? t('board.card_wifi', { name: network }) : t('board.card_wifi_any'), t('board.card_scan'), t('board.card_teach')];
   return h('article', { 'data-colour': colour ?? 'grey' },
-    h('h2', {}, h('img', { alt: '', src: 'icons/plate.svg' }), name, h('small', {}, t(`board.colour.${colour ?? 'grey'}`))),
+    h('h2', {}, h('img', { alt: '', src: 'icons/face.svg' }), name, h('small', {}, t(`board.colour.${colour ?? 'grey'}`))),
     code, h('ol', {}, ...steps.map((step) => h('li', {}, step))),
     h('p', {}, t('board.card_nothing')), h('p', {}, address));
 }

@@ -84,7 +84,7 @@ export class Panel {
       h('p', {}, t('board.all_hint')),
       this.locks(this.robots),
       this.lessonEnd(),
-      h('p', {}, h('a', { class: 'button', href: 'lesson', target: '_blank' }, t('board.lessons'))),
+      h('div', { class: 'row' }, ...['codes', 'lesson'].map((href) => h('a', { class: 'button', href, target: '_blank' }, t(href === 'codes' ? 'board.codes' : 'board.lessons')))),
       h('div', { class: 'row' }, choice),
     ];
   }

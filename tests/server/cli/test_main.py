@@ -24,6 +24,7 @@ from server.cli.main import commands, load_command, main
 WRONG = [
     (["serv"], "unknown command 'serv' (did you mean 'serve'?)"),
     (["serve", "--lerner", "x"], "(did you mean '--learner'?)"),
+    (["serve", "--robot"], "drivelesson serve: argument --robot: expected one argument; see"),
     (["serve", "--robot", "smi"], "(did you mean 'sim'?)"),
     (["serve", "--learner", "defualt"], "(did you mean 'default'?)"),
     (["episodes", "lst"], "(did you mean 'list'?)"),

@@ -70,7 +70,7 @@ export default {
   'board.untaught': 'not taught yet',
   'board.battery': 'battery {share}',
   'board.shown.challenge': 'challenge {best_m} m',
-  'board.delay': '{ms} ms',
+  'board.delay': '{ms} ms',
   'board.link_slow': 'slow link',
   'board.busy': 'computer busy',
   'board.who.nobody': 'Nobody drives',

@@ -70,7 +70,7 @@ export default {
   'board.untaught': 'sin enseñar',
   'board.battery': 'batería {share}',
   'board.shown.challenge': 'reto {best_m} m',
-  'board.delay': '{ms} ms',
+  'board.delay': '{ms} ms',
   'board.link_slow': 'conexión lenta',
   'board.busy': 'ordenador ocupado',
   'board.who.nobody': 'Nadie conduce',

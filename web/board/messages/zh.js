@@ -70,7 +70,7 @@ export default {
   'board.untaught': '尚未教学',
   'board.battery': '电量 {share}',
   'board.shown.challenge': '挑战 {best_m} 米',
-  'board.delay': '{ms} 毫秒',
+  'board.delay': '{ms} 毫秒',
   'board.link_slow': '连接缓慢',
   'board.busy': '电脑很忙',
   'board.who.nobody': '无人驾驶',

@@ -4,18 +4,27 @@ import { ask } from '../api.js';
 import { Screen } from '../components/screen.js';
 import { append, fill, h, say } from '../dom.js';
 import { t } from '../i18n.js';
-import { metresOf, tellTry } from './results.js';
+import { armTry, metresOf, tellTry } from './results.js';
 
 const LOOK_MS = 2000;
 
+/** What follows the best try. @param {import('./results.js').Challenge} now */
+function tellState({ can_measure: canMeasure, is_on: isOn, metres, best_m: bestM, tries, tries_of: of }) {
+  if (!canMeasure) return t('challenge.no_way');
+  if (isOn) return t('challenge.on', { metres: metresOf(metres) });
+  if (bestM === null) return t('challenge.none');
+  return tries.length >= of ? t('challenge.over') : '';
+}
+
 export class ChallengeScreen extends Screen {
   build() {
-    this.best = h('p', { class: 'lead', role: 'status' });
+    this.best = h('strong', { class: 'score' });
+    this.now = h('span');
     this.tries = h('ol', { class: 'panel stack' });
     this.start_button = h('button', { type: 'button', class: 'primary wide', onclick: () => this.begin() }, t('challenge.start'));
     this.shown = h('input', { type: 'checkbox', onchange: () => this.showOnBoard() });
     const choice = h('label', { class: 'choice' }, this.shown, h('span', {}, t('challenge.shown')));
-    append(this, [h('p', { class: 'lead' }, t('challenge.lead')), this.best, this.tries, this.start_button, choice, h('p', { class: 'hint' }, t('challenge.rules'))]);
+    append(this, [h('p', { class: 'lead' }, t('challenge.lead')), h('p', { class: 'lead', role: 'status' }, this.best, this.now), this.tries, this.start_button, choice, h('p', { class: 'hint' }, t('challenge.rules'))]);
     return this.every(LOOK_MS, () => this.refresh());
   }
 
@@ -27,9 +36,8 @@ export class ChallengeScreen extends Screen {
     const shown = /** @type {HTMLInputElement} */ (this.shown);
     shown.disabled = !now.can_measure;
     shown.checked = now.is_shown;
-    const over = now.tries.length >= now.tries_of ? ` ${t('challenge.over')}` : '';
-    const best = now.best_m === null ? t('challenge.none') : t('challenge.best', { metres: metresOf(now.best_m) });
-    say(/** @type {Node} */ (this.best), !now.can_measure ? t('challenge.no_way') : now.is_on ? t('challenge.on', { metres: metresOf(now.metres) }) : best + over);
+    say(/** @type {Node} */ (this.best), now.best_m === null ? '' : t('challenge.best', { metres: metresOf(now.best_m) }));
+    say(/** @type {Node} */ (this.now), tellState(now));
     const tries = /** @type {HTMLElement} */ (this.tries);
     tries.hidden = !now.tries.length;
     if (tries.childElementCount !== now.tries.length) fill(tries, ...now.tries.map((one, i) => h('li', {}, tellTry(one, i + 1, now.tries_of))));
@@ -42,11 +50,8 @@ export class ChallengeScreen extends Screen {
   }
 
   async begin() {
-    await this.attempt(async () => {
-      await ask('POST', 'api/challenge/try');
-      this.page?.toast(t('challenge.armed'));
-      location.hash = 'drive';
-    });
+    const page = /** @type {import('../page.js').Page} */ (this.page);
+    await this.attempt(() => armTry(page).then(() => page.toast(t('challenge.armed'))));
   }
 }
 

@@ -3,33 +3,37 @@
 
 import { ask } from '../api.js';
 import { t } from '../i18n.js';
-import { tellNow, tellTry } from './results.js';
+import { armTry, tellNow, tellTry } from './results.js';
 
 const LOOK_MS = 1500;
 
 /** @typedef {import('./results.js').Challenge} Challenge */
 
-/** @param {import('../page.js').Page} page */
-export function offerChallenge(page) {
+/** @param {import('../page.js').Page} page @param {() => void} noteKnown  called when the pilot may know the challenge */
+export function offerChallenge(page, noteKnown) {
   let isOffered = false;
+  let hasLooked = false; // for tries before this page was opened
   /** @type {Challenge | null} */
   let before = null;
   let said = '';
   const open = () => { location.hash = 'challenge'; };
-  const armNext = () => ask('POST', 'api/challenge/try').then(look, open);
+  const armNext = () => armTry(page).then(look, open);
   /** @param {string} label @param {() => void} act */
   const step = (label, act) => ({ label, act });
   const look = async () => {
     const { readiness, screen, lead, link } = page.store.state;
-    if (link !== 'open' || screen !== 'drive' || lead || document.hidden || readiness?.stage !== 'ready' && !before) return;
+    if (link !== 'open' || screen !== 'drive' || lead || document.hidden) return;
     const isReady = readiness?.stage === 'ready';
+    if (!isReady && !before && hasLooked) return;
     if (!isReady && page.store.state.toast?.text === t('challenge.offer')) { // taught something else since
       page.store.set({ toast: null });
       isOffered = false;
     }
     const now = /** @type {Challenge | null} */ (await ask('GET', 'api/challenge').catch(() => null));
+    hasLooked = true;
     page.store.set({ told: now && tellNow(now) });
-    if (!now?.can_measure) return;
+    if (!now?.can_measure || !isReady && !now.tries.length && !now.is_armed && !now.is_on) return;
+    noteKnown();
     const count = before && now.tries.length > before.tries.length ? now.tries.length : 0;
     const next = count < now.tries_of ? step(t('challenge.next'), armNext) : step(t('screen.challenge'), open);
     if (now.is_on && page.store.state.toast?.text === said) page.store.set({ toast: null });
@@ -38,6 +42,9 @@ export function offerChallenge(page) {
     isOffered ||= isReady;
     before = now;
   };
+  page.store.watch(['screen'], ({ screen, toast }) => { // the screen says the same
+    if (screen === 'challenge' && toast?.text === said) page.store.set({ toast: null });
+  });
   const goOn = () => setTimeout(() => look().finally(goOn), LOOK_MS);
   goOn();
 }

@@ -1,5 +1,6 @@
 // Texts about tries of the challenge.
 
+import { ask } from '../api.js';
 import { language, t } from '../i18n.js';
 
 /**
@@ -7,6 +8,14 @@ import { language, t } from '../i18n.js';
  * @typedef {{can_measure: boolean, is_armed: boolean, is_on: boolean, metres: number, left_s: number,
  *   tries: Try[], tries_of: number, try_s: number, best_m: number | null, is_shown: boolean}} Challenge
  */
+
+/** Make the next drive a try, and show the drive screen. @param {import('../page.js').Page} page */
+export async function armTry(page) {
+  await ask('POST', 'api/challenge/try');
+  const { robot } = page.store.state;
+  if (robot?.you_are_pilot && robot.mode === 'stopped') page.choose('stopped'); // else why it stopped hides what to do
+  location.hash = 'drive';
+}
 
 /** @param {number} metres */
 export const metresOf = (metres) => metres.toLocaleString(language, { minimumFractionDigits: 1, maximumFractionDigits: 1 });
