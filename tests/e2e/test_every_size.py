@@ -1,17 +1,26 @@
-"""Every screen at every size and in every language: nothing is truncated, nothing overlaps."""
+"""Every screen at every size and in every language: nothing is truncated, nothing overlaps.
+
+With DRIVELESSON_SIZES=all each screen is measured at the whole grid of test_holds_still.py, with
+text from 100 to 200 %; each language takes another part of the grid.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
 
+from robot.challenge.tries import Ending, Try
+from server.challenge.extension import ChallengeExtension
+from server.services import Services
 from tests.kit.sizes import IS_FULL
 
 from .boxes import drive_faults, faults, speak_longer
 from .class_world import LiveClass, running_class
 from .test_editing_recordings import drive
+from .test_holds_still import GRID, IS_WHOLE, TEXT
 from .world import World, finish_recording, open_page, running_world, settle, show
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
@@ -59,6 +68,7 @@ def taught(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
     with running_world(folder, world="office") as running:
         drive(running, 60)
         finish_recording(running)
+        have_tried(running.services)
         yield running
 
 
@@ -109,8 +119,8 @@ def test_no_advice_moves_the_pad_under_the_hand(
     context = chromium.new_context(locale=language, has_touch=True, service_workers="block")
     page = open_page(context, taught.address)
     for size in _sizes(page, language):
-        if int(size.split("x")[0]) < 360:
-            continue  # a foldable phone, closed, or zoom: there a sentence may need two lines
+        if int(size.split("x")[0]) < 360 or not size.endswith(" 100 %"):
+            continue  # a foldable phone, closed, zoom or large text: a sentence may need two lines
         places = page.evaluate(_SAY_IN_TURN, language)
         assert len(places) == 1, f"{size}: {places}"
     context.close()
@@ -133,8 +143,10 @@ def test_the_board_of_a_class_has_room_everywhere(
     if language == "longer":
         speak_longer(context)
     page = context.new_page()
+    for robot in school.robots:
+        have_tried(robot)
     page.goto(school.address)
-    page.locator(".robot[data-status=there]").nth(2).wait_for()
+    page.locator(".robot .figures", has_text=re.compile("3[.,]1")).nth(2).wait_for()
     rule = page.locator(".robot .figures").first.evaluate("e => getComputedStyle(e).borderTopWidth")
     assert rule == "0px", "what the menu's figures look like is not what a card's do"
     page.locator("button.stop").click()
@@ -151,8 +163,30 @@ def test_the_board_of_a_class_has_room_everywhere(
         wrong += _everywhere(page, language, opener)
         wrong += _everywhere(page, language, opener, lambda p: faults(p, _STOP_LIES_ON_THE_PANEL))
         page.locator("#panel .title button").click()
+    page.goto(f"{school.address}/codes")
+    page.fill("#wifi", "Institut-Schule-WLAN-2.4-GHz")
+    page.locator("#wifi").blur()
+    page.locator("article li", has_text="2.4-GHz").nth(2).wait_for()
+    wrong += _everywhere(page, language, "cards", _faults_without_stop)
+    for part in ("teach-it", "fool-it", "fair-data", "answers"):
+        page.goto(f"{school.address}/lesson#{part}")
+        page.locator(f"nav [href$={part}][aria-current]").wait_for()
+        wrong += _everywhere(page, language, part, _faults_without_stop)
     context.close()
     assert not wrong, "\n".join(wrong)
+
+
+def have_tried(robot: Services) -> None:
+    """Give a robot a challenge's result, and show it on the board."""
+    challenge = robot.extension(ChallengeExtension).challenge
+    challenge.tries = (Try(3.08, 60.0, Ending.TIME), Try(1.92, 31.0, Ending.BUMPED))
+    challenge.best_m, challenge.is_shown = 3.08, True
+    robot.show()
+
+
+def _faults_without_stop(page: Any) -> list[str]:
+    """Return the faults of a page that commands no robot."""
+    return [fault for fault in faults(page) if fault != "STOP is not on the screen"]
 
 
 def _everywhere(
@@ -167,12 +201,16 @@ def _sizes(page: Any, language: str) -> Any:
     """Yield all sizes in CI, and otherwise the sizes that belong to this language."""
     devtools = page.context.new_cdp_session(page)
     first = LANGUAGES.index(language)
-    for width, height in SIZES if IS_FULL else SIZES[first :: len(LANGUAGES)]:
+    part = slice(first, None, len(LANGUAGES))
+    sizes = GRID[part] if IS_WHOLE else SIZES if IS_FULL else SIZES[part]
+    for i, (width, height) in enumerate(sizes):
+        text = TEXT[i % len(TEXT)] if IS_WHOLE else 100
+        page.evaluate(f"document.documentElement.style.fontSize = '{text}%'")
         size = {"width": width, "height": height, "screenWidth": width, "screenHeight": height}
         devtools.send(
             "Emulation.setDeviceMetricsOverride", {**size, "deviceScaleFactor": 1, "mobile": False}
         )
-        yield f"{width}x{height}"
+        yield f"{width}x{height} {text} %"
     devtools.detach()
 
 

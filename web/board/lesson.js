@@ -31,7 +31,11 @@ const spoken = (words) => words.map(({ kind, text: said }) => (kind === 'text' ?
 function draw(piece) {
   if (piece.kind === 'ul') return h('ul', {}, ...piece.items.map((item) => h('li', {}, ...spoken(item))));
   if (piece.kind !== 'table') return h(piece.kind === 'h2' ? 'h1' : 'p', {}, ...spoken(piece.words));
-  const row = (/** @type {Word[][]} */ cells) => h('tr', {}, ...cells.map((cell) => h('td', {}, ...spoken(cell))));
+  /** A step with nothing to look for has the room of both. @param {Word[][]} cells */
+  const row = (cells) => {
+    const said = cells.filter((cell, i) => i === 0 || cell.length);
+    return h('tr', {}, ...said.map((cell, i) => h('td', { colspan: i === said.length - 1 ? cells.length - i : 1 }, ...spoken(cell))));
+  };
   return h('table', {},
     h('thead', {}, h('tr', {}, ...piece.head.map((cell) => h('th', { scope: 'col' }, ...spoken(cell))))),
     h('tbody', {}, ...piece.rows.map(row)));
