@@ -3,7 +3,8 @@
 `python -m tests.soak.vanish --drives 300 --load 4`: a real server with the simulator. In each drive
 a pilot holds a move and then, at random, falls silent or is cut off. `--load 4` keeps every core
 busy with four processes of equal priority. The report has the time from the pilot's last message
-until no wheel turns, and the number of drives in which a wheel turned again.
+until no wheel turns, and the number of drives in which a wheel turned again: a busy computer may
+stop the robot for a late picture and drive on with the next, while the pilot's last order is valid.
 """
 
 from __future__ import annotations
@@ -91,7 +92,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
     took_s: list[float] = []
-    again = skipped = 0
+    again = again_late = skipped = 0
     with tempfile.TemporaryDirectory() as name, socket.socket() as free:
         folder = Path(name)
         free.bind(("127.0.0.1", 0))
@@ -126,6 +127,7 @@ def main() -> int:
                 took_s.append(after[-1][0])
                 if any(turn for _, turn in after):
                     again += 1
+                    again_late += any(turn and at_s > ASKED_S for at_s, turn in after)
                     print("turned again:", [(round(at_s, 3), turn) for at_s, turn in after])
         finally:
             for process in [*busy, server]:
@@ -136,7 +138,8 @@ def main() -> int:
     print(f"{len(took_s)} drives, load {args.load} (machine: {os.getloadavg()[0]:.1f})", end="; ")
     print(f"{skipped} more in which the robot stood before the pilot vanished")
     print(f"it stands after {1000 * took_s[len(took_s) // 2]:.0f} ms (median), ", end="")
-    print(f"{1000 * took_s[-1]:.0f} ms (worst); after 500 ms {late}; turned again {again}")
+    print(f"{1000 * took_s[-1]:.0f} ms (worst); after 500 ms {late}; ", end="")
+    print(f"turned again {again}, of these after 500 ms {again_late}")
     return 0
 
 
