@@ -101,10 +101,7 @@ def options_of(options_type: type[Any]) -> list[Option]:
 
 
 def make_options(options_type: type[Any], given: Mapping[str, Any]) -> Any:
-    """Build the dataclass from the given values; text is parsed, and missing values get the
-    defaults.
-
-    Names that this dataclass does not declare are ignored, because they belong to other classes.
+    """Build the dataclass from values or their texts, without those of other classes.
 
     Raises:
         ConfigurationError: If a value has a wrong type, or is out of range.

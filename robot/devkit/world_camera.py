@@ -7,7 +7,7 @@ from abc import abstractmethod
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from robot.clock import Clock
-from robot.devkit.watched_camera import ThreadedCamera
+from robot.devkit.threaded_camera import ThreadedCamera
 from robot.driver import Driver
 from robot.errors import CameraError, ConfigurationError, RobotError
 from robot.types import Frame

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 from robot.clock import Clock
 from robot.devices.options import Options, option
 from robot.devkit.pictures import Picture
-from robot.devkit.watched_camera import ThreadedCamera
+from robot.devkit.threaded_camera import ThreadedCamera
 from robot.errors import ConfigurationError, RecordingError, told_as
 from robot.exchange.files import files_ending
 from robot.exchange.npz import load_recording

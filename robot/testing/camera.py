@@ -9,7 +9,7 @@ import numpy as np
 
 from robot.clock import Clock
 from robot.devices.options import Options
-from robot.devkit.watched_camera import ThreadedCamera
+from robot.devkit.threaded_camera import ThreadedCamera
 from robot.driver import Driver
 from robot.types import Encoding, Frame
 

@@ -24,7 +24,7 @@ from robot.devices.plugins import (
     load_camera,
     load_driver,
 )
-from robot.errors import ConfigurationError, RecordingError
+from robot.errors import ConfigurationError, PluginError, RecordingError
 from robot.policy.registry import MOST_NODES, full_name, split_name
 from robot.store.folder import Storage, default_root
 from robot.store.prepare import prepare
@@ -93,13 +93,18 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
         driver_type = load_driver(str(robot))
         camera_name = chosen.camera or settings.get("camera") or driver_type.default_camera
         kinds = [("robot", driver_type), ("camera", load_camera(str(camera_name)))]
-    declared = {action.dest for action in parser._actions}  # some cameras declare the same options
+    ours = {action.dest for action in parser._actions}
+    declared = {"jpeg_quality"}  # of the server, for cameras that encode pictures themselves
     for title, kind in kinds:
         group = parser.add_argument_group(f"options of the {title} {kind.name}")
         for option in options_of(kind.options_type):
-            if option.name not in declared:
-                declared.add(option.name)
-                declare(group, option)
+            if option.name in declared:  # a robot and its camera may share options
+                continue
+            if option.name in ours:
+                text = f"the {title} {kind.name!r} declares {option.flag}, which is an option of "
+                raise PluginError(text + "drivelesson serve: its author must rename it")
+            declared.add(option.name)
+            declare(group, option)
     apply_to(parser, settings)
     parser.set_defaults(settings=settings)
 
@@ -250,10 +255,7 @@ def _make_loop_config(settings: Settings) -> LoopConfig:
 
 
 def has_screen(system: str, environment: Mapping[str, str]) -> bool:
-    """True if a browser can open a window.
-
-    A text browser does not count, because it would take over the terminal.
-    """
+    """True if a browser can open a window: a text browser would take over the terminal."""
     if "SSH_CONNECTION" in environment:  # the person uses another machine
         return False
     has_display = bool(environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 from robot.bodies.ev3.link import BrickLink, RemotePicture
 from robot.bodies.v4l2.camera import UsbCameraOptions
 from robot.clock import Clock
-from robot.devkit.watched_camera import WatchedCamera
+from robot.devkit.threaded_camera import WatchedCamera
 from robot.driver import Driver
 from robot.errors import CameraError, ConfigurationError, DriveError
 

@@ -15,7 +15,7 @@ from robot.clock import Clock
 from robot.devices.options import Options, option
 from robot.devkit.freshness import LONGEST_PERIOD_S, REOPEN_S
 from robot.devkit.pictures import check_kind, read_jpeg, read_picture, reduce_picture
-from robot.devkit.watched_camera import WatchedCamera
+from robot.devkit.threaded_camera import WatchedCamera
 from robot.errors import CameraError, ConfigurationError, RecordingError, need
 
 _JPEG = b"\xff\xd8"

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from robot.devices.options import Options, option
 from robot.devkit.pictures import Picture
-from robot.devkit.watched_camera import WatchedCamera
+from robot.devkit.threaded_camera import WatchedCamera
 from robot.errors import need
 
 GONE = "The phone that is the robot's eye is gone: open its page again."

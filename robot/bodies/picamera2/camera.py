@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 from robot.clock import Clock
 from robot.devices.options import Options, option
-from robot.devkit.watched_camera import WatchedCamera
+from robot.devkit.threaded_camera import WatchedCamera
 from robot.errors import CameraError, told_as
 from robot.types import Encoding
 

@@ -14,7 +14,7 @@ from robot.bodies.ros.topics import COMPRESSED, RAW, Message, Topics, check_topi
 from robot.bodies.ros.transport import TransportOptions, open_topics
 from robot.devices.options import option
 from robot.devkit.pictures import MAX_SIDE_PX, Picture, read_jpeg
-from robot.devkit.watched_camera import WatchedCamera
+from robot.devkit.threaded_camera import WatchedCamera
 from robot.errors import CameraError, DriveError, RecordingError, need
 from robot.types import Encoding
 

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 from robot.bodies.v4l2.reader import CameraReader
 from robot.devices.options import Options, option
-from robot.devkit.watched_camera import ThreadedCamera
+from robot.devkit.threaded_camera import ThreadedCamera
 from robot.errors import CameraError
 from robot.types import Encoding
 

@@ -11,8 +11,8 @@ from typing import Any, ClassVar
 from robot.clock import Clock
 from robot.devices.options import Options, option
 from robot.devkit.freshness import REOPEN_S
+from robot.devkit.threaded_camera import WatchedCamera
 from robot.devkit.usb_camera import AUTO, SameCamera, SeveralCamerasError
-from robot.devkit.watched_camera import WatchedCamera
 from robot.errors import CameraError, need, told_as
 from robot.types import Encoding
 

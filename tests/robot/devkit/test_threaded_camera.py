@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from robot.devkit.watched_camera import ThreadedCamera
+from robot.devkit.threaded_camera import ThreadedCamera
 from robot.testing import VirtualClock
 
 
@@ -21,7 +21,7 @@ class BenchCamera(ThreadedCamera):
 def machine(monkeypatch: pytest.MonkeyPatch) -> VirtualClock:
     """The machine's own clock, by which kernel drivers stamp their pictures."""
     clock = VirtualClock(50.0)
-    monkeypatch.setattr("robot.devkit.watched_camera.time", SimpleNamespace(monotonic=clock.now_s))
+    monkeypatch.setattr("robot.devkit.threaded_camera.time", SimpleNamespace(monotonic=clock.now_s))
     return clock
 
 

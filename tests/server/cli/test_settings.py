@@ -7,7 +7,7 @@ import os
 import re
 import subprocess
 import sys
-from dataclasses import fields
+from dataclasses import fields, make_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ import pytest
 from robot.control.camera_timing import CameraTimingConfig
 from robot.control.gate import GateConfig
 from robot.control.link_governor import LinkGovernorConfig
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, PluginError
 from robot.store.folder import default_root
 from server.access.config import NetworkLimits
 from server.cli import serve
@@ -112,6 +112,20 @@ def test_a_value_that_cannot_be_is_refused_where_it_stands(
     variable = f"DRIVELESSON_{name.upper()}"
     with pytest.raises(ConfigurationError, match=f"^{variable}.*{said}"):
         _parse(None, {variable: value})
+
+
+@pytest.mark.parametrize("name", ["rate", "name", "port", "no_page"])
+def test_a_plug_in_does_not_take_an_option_of_the_server(
+    monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    options = make_dataclass("PicturesOptions", [(name, str | None, None)])
+    camera = type("Pictures", (), {"name": "pictures", "options_type": options})
+    monkeypatch.setattr(serve, "load_camera", lambda _: camera)
+    parser = argparse.ArgumentParser()
+    serve.configure(parser)
+    flag = "--" + name.replace("_", "-")
+    with pytest.raises(PluginError, match=f"the camera 'pictures' declares {flag}, which is"):
+        serve.extend(parser, ["--robot", "sim", "--camera", "pictures"])
 
 
 def test_an_empty_folder_is_the_usual_one_and_not_where_one_stands(
