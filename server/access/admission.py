@@ -63,8 +63,6 @@ class Slot:
     is_taken: bool = True
     is_known: bool = False
     """True if a pending connection's session is known: the slot can be evicted but not time out."""
-    unread: Callable[[], int] = lambda: 0
-    """Returns the number of bytes sent that the client has not read, as far as known."""
 
     def gives_way(self, before_s: float) -> bool:
         """True if the slot is idle, or its request was read at `before_s` or earlier."""
@@ -203,17 +201,8 @@ class AdmissionControl:
         first = min(self.pending, key=Slot.rank)
         return first.idle_s < math.inf or self._read_until_s - first.came_s >= _READ_S
 
-    def arrive(
-        self,
-        peer: Peer,
-        now_s: float,
-        close: Callable[[], None],
-        unread: Callable[[], int] = lambda: 0,
-    ) -> None:
-        """Add a new connection as pending; `close` may be called before `left`.
-
-        `unread` returns the number of bytes sent that the client has not read, as far as known.
-        """
+    def arrive(self, peer: Peer, now_s: float, close: Callable[[], None]) -> None:
+        """Add a new connection as pending; `close` may be called before `left`."""
         self.expire(now_s)
         if before := self.connections.get(peer):  # an ended connection whose port is reused
             self.left(peer)
@@ -222,7 +211,7 @@ class AdmissionControl:
         stranger = Session(Role.VIEWER, f"stranger {address_key(peer[0])}")
         place = self.pending.take(stranger, now_s, lambda: self._close(peer, close))
         assert place is not None, "a newcomer always finds a place"
-        place.came_s, place.unread = self._read_until_s, unread
+        place.came_s = self._read_until_s
         self.connections[peer] = place
 
     def may_come(self, head: bytes, address: str, now_s: float) -> bool:
@@ -268,7 +257,6 @@ class AdmissionControl:
                 return True
             if admitted is not None:
                 self.pending.give_back(place)
-                admitted.unread = place.unread
                 self.connections[peer] = place = admitted
             else:  # no connection can be evicted: answer it as pending
                 place.is_known, is_refused = True, is_at_limit

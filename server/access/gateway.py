@@ -298,9 +298,8 @@ class NetworkGateway(Gateway):
             return None
         return self.pairing.find(cookie_parser(found[1].decode("latin-1")).get(self._cookie, ""))
 
-    def unread(self, scope: Scope) -> int:
-        slot = self.admission.connections.get(_peer(scope))
-        return slot.unread() if slot is not None else 0
+    def peer(self, scope: Scope) -> Peer:
+        return scope.get(PEER) or super().peer(scope)
 
     def anonymous(self, address: str) -> Session:
         return Session(Role.VIEWER, address_key(address))
@@ -320,7 +319,7 @@ class NetworkGateway(Gateway):
         return self.admission.may_ask(person, self.clock.now_s())
 
     def note_asked(self, scope: Scope, session: Session | None, *, lasts: bool) -> Refusal | None:
-        peer, line = _peer(scope), session
+        peer, line = self.peer(scope), session
         if PEER in scope:  # a proxy's connection may carry many people's requests
             line = Session(Role.VIEWER, f"proxy {peer[0]}", is_crowd=True)
         if self.admission.asked(peer, line, self.clock.now_s(), lasts=lasts):
@@ -328,7 +327,7 @@ class NetworkGateway(Gateway):
         return Refusal(429, "connections", TOO_MANY_CONNECTIONS)
 
     def note_answered(self, scope: Scope) -> None:
-        self.admission.answered(_peer(scope), self.clock.now_s())
+        self.admission.answered(self.peer(scope), self.clock.now_s())
 
     def take_slot(
         self, scope: Scope, person: Session, end: Callable[[], object], *, is_upload: bool
@@ -361,12 +360,6 @@ def advise(name: str | None, address: str) -> str:
     return (
         f"{known} If a proxy forwarded this request, start the robot with --behind-proxy {address}"
     )
-
-
-def _peer(scope: Scope) -> Peer:
-    """Return the peer of the connection: the client or its proxy."""
-    peer: Peer = scope.get(PEER) or tuple(scope.get("client") or ("", 0))
-    return peer
 
 
 def _read_label(text: str) -> str:

@@ -12,7 +12,6 @@ import json
 import os
 import socket
 import struct
-import sys
 from collections import deque
 from typing import Any
 
@@ -29,8 +28,6 @@ _MOST_CONNECTIONS = 1024
 _MOST_IN_SELECT = 512
 """Maximum number of sockets that `select` can wait for on Windows."""
 _HEAD = 4096
-_WINDOW_AT = 228
-"""Offset of `tcpi_snd_wnd` in Linux's `struct tcp_info` (5.4 and newer), in bytes."""
 STOP = b"POST /api/stop "
 """First bytes of a page's STOP request without a websocket."""
 _RESET = struct.pack("ii", 1, 0)
@@ -106,7 +103,7 @@ class AdmissionListener(socket.socket):
                 connection.refuse()
                 continue
             connection.admission = self.admission
-            self.admission.arrive(connection.peer, now_s, connection.abort, connection.unread)
+            self.admission.arrive(connection.peer, now_s, connection.abort)
             (self._waiting.appendleft if is_stop else self._waiting.append)(connection)
 
     def close(self) -> None:
@@ -132,37 +129,6 @@ class _Connection(socket.socket):
 
     admission: AdmissionControl | None = None
     peer: Peer = ("", 0)
-    _widest = 0
-    """The largest window that the client has offered."""
-
-    def unread(self) -> int:
-        """Return the number of bytes that the client has not read; always 0 except on Linux.
-
-        Unread bytes are in flight, or in the client's receive buffer, which shrinks its window.
-        """
-        try:
-            import fcntl
-            import termios
-
-            size = bytearray(4)
-            fcntl.ioctl(self.fileno(), termios.TIOCOUTQ, size)
-            info = self.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _WINDOW_AT + 4)
-            [window] = struct.unpack_from("I", info, _WINDOW_AT)
-        except (ImportError, AttributeError, OSError, struct.error):
-            return 0
-        if not self._widest:
-            self._ask_for_windows()
-        self._widest = max(self._widest, window)
-        return int(int.from_bytes(size, sys.byteorder) + self._widest - window)
-
-    def _ask_for_windows(self) -> None:
-        """Have the client's system report its window each second while nothing is sent.
-
-        The system does not always report unasked that the client has read more.
-        """
-        self.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        self.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 1)
-        self.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 1)
 
     def peek(self) -> bytes | None:
         """Return the waiting bytes, which stay; empty if the client has left, None if none wait."""

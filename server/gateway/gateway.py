@@ -135,9 +135,9 @@ class Gateway:
         """
         return None
 
-    def unread(self, scope: Scope) -> int:
-        """Return the number of bytes sent that the client has not read yet, as far as known."""
-        return 0
+    def peer(self, scope: Scope) -> tuple[str, int]:
+        """Return the other end of the connection: the client, or its proxy."""
+        return tuple(scope.get("client") or ("", 0))
 
     def anonymous(self, address: str) -> Session:
         """Return the session by which a client without a session is counted."""

@@ -17,14 +17,17 @@ from fastapi.responses import StreamingResponse
 from robot.clock import Clock
 from server.clients.video import VideoHub
 from server.gateway.roles import Refusal, Session
+from server.integrations.unread import Room, measure_connection
 from server.routes.answers import Route
 from server.services import services_of
 
 router = APIRouter(route_class=Route)
-_LEAST_ROOM = 2048
-"""Number of unread bytes that are ignored, because windows are reported in steps of kilobytes."""
-_LOOKS = 2000
-"""Number of polls, 10 ms each, after which a viewer that seems not to read gets a frame."""
+_VLC_WAITS_FOR, _VLC_ADDS = 15 * 1024, 5 * 1024
+"""Number of bytes that VLC 3 waits for before it looks for a picture's end, and by how many it
+increases this number while it has not found the end. It ignores the length."""
+_VLC_END = 12
+"""Number of bytes from the picture's end to the last byte that VLC waits for: it must have the next
+boundary, but nothing that comes with the next picture."""
 _KEY_EVERY = 32
 """Number of frames between two checks of the key in the address."""
 _ROOM_EVERY_S = 0.01
@@ -40,17 +43,8 @@ async def mjpeg(request: Request) -> StreamingResponse:
     frame = hub.robot.camera.latest()
     if frame is not None:
         hub.video.encoder.encode_jpeg(frame)  # answers 501 if this needs OpenCV
-    gateway, looks = services_of(request).gateway, itertools.count(1)
-    sent = itertools.count(1)
-
-    def has_room(n_bytes: int) -> bool:
-        """Return True if at most one and a half frames are unread.
-
-        Occasionally a frame is sent anyway, because a system may shrink a window without unread
-        bytes.
-        """
-        unread = gateway.unread(request.scope)
-        return unread <= max(1.5 * n_bytes, _LEAST_ROOM) or next(looks) % _LOOKS == 0
+    gateway = services_of(request).gateway
+    sent, room = itertools.count(1), Room(measure_connection(gateway.peer(request.scope)))
 
     def is_allowed() -> bool:
         """Return False once the key in the address is no longer valid."""
@@ -61,8 +55,13 @@ async def mjpeg(request: Request) -> StreamingResponse:
     if isinstance(gateway.session_by_address(request.scope), Session):
         headers["cross-origin-resource-policy"] = "cross-origin"
         headers["access-control-allow-origin"] = "*"
-    stream = frames_of(hub.video, hub.clock, has_room)
-    parts = _parts(stream, is_allowed, for_browser=_is_browser(request))
+    stream = frames_of(hub.video, hub.clock, room.is_there)
+    if "VLC/" in request.headers.get("user-agent", ""):
+        parts = _parts_that_end_at_once(_padded_for_vlc(stream), is_allowed)
+    elif _is_browser(request):
+        parts = _parts_that_end_at_once(stream, is_allowed)
+    else:
+        parts = _parts_with_length(stream, is_allowed)
     hub.show_newest()
     return StreamingResponse(parts, media_type=_MEDIA_TYPE, headers=headers)
 
@@ -100,23 +99,43 @@ def _is_browser(request: Request) -> bool:
     return "sec-fetch-mode" in request.headers or "image/" in accept or "text/html" in accept
 
 
-async def _parts(
-    stream: AsyncGenerator[bytes, None], is_allowed: Callable[[], bool], *, for_browser: bool
+async def _parts_with_length(
+    stream: AsyncGenerator[bytes, None], is_allowed: Callable[[], bool]
 ) -> AsyncIterator[bytes]:
-    """Yield the parts of the answer, each as soon as its client can show it.
+    """Yield the parts of the answer for players.
 
-    Browsers show a part only when the next part's header has arrived, so that header is sent with
-    the frame. Players based on FFmpeg wait for the headers of the next two parts, unless a part
-    says its length.
+    Players based on FFmpeg wait for the headers of the next two parts, unless a part says its
+    length.
     """
-    if for_browser:
-        yield _BOUNDARY + _END_OF_HEADER
     async with contextlib.aclosing(stream) as frames:
         async for jpeg in frames:
-            if for_browser:
-                yield jpeg + b"\r\n" + _BOUNDARY + _END_OF_HEADER
-            else:
-                length = b"Content-Length: %d\r\n" % len(jpeg)
-                yield _BOUNDARY + length + _END_OF_HEADER + jpeg + b"\r\n"
+            length = b"Content-Length: %d\r\n" % len(jpeg)
+            yield _BOUNDARY + length + _END_OF_HEADER + jpeg + b"\r\n"
             if not is_allowed():
                 return
+
+
+async def _parts_that_end_at_once(
+    stream: AsyncGenerator[bytes, None], is_allowed: Callable[[], bool]
+) -> AsyncIterator[bytes]:
+    """Yield the parts of the answer for browsers.
+
+    Browsers show a part only when the next part's header has arrived, so that header is sent with
+    the frame.
+    """
+    yield _BOUNDARY + _END_OF_HEADER
+    async with contextlib.aclosing(stream) as frames:
+        async for jpeg in frames:
+            yield jpeg + b"\r\n" + _BOUNDARY + _END_OF_HEADER
+            if not is_allowed():
+                return
+
+
+async def _padded_for_vlc(stream: AsyncGenerator[bytes, None]) -> AsyncGenerator[bytes, None]:
+    """Yield each frame with zeros behind it, so that VLC need not wait for the next frames."""
+    waits_for = _VLC_WAITS_FOR
+    async with contextlib.aclosing(stream) as frames:
+        async for jpeg in frames:
+            while len(jpeg) + _VLC_END > waits_for:
+                waits_for += _VLC_ADDS
+            yield jpeg.ljust(waits_for - _VLC_END, b"\0")

@@ -9,6 +9,7 @@ import httpx
 from robot.types import Frame
 from server.integrations.extension import IntegrationsExtension
 from server.integrations.mjpeg import frames_of
+from server.integrations.unread import Room
 from server.protocol import encode_acknowledgement, parse_picture
 from tests.server.virtual import ServedWorld, virtually
 from tests.server.virtual_server import VirtualServer, connect
@@ -51,6 +52,49 @@ def test_a_viewer_that_does_not_read_is_sent_the_newest_and_none_between() -> No
         await stream.aclose()
 
     virtually(scenario)
+
+
+def test_a_viewer_that_stalls_is_tried_ever_less_often_and_a_smaller_window_is_learned() -> None:
+    window = [100_000]
+    room = Room(lambda: (0, window[0]))
+    assert room.is_there(10_000)
+    window[0] = 60_000  # the client stalls, and each frame makes its window smaller
+    for _ in range(60_000):  # ten minutes
+        if room.is_there(10_000):
+            window[0] -= 10_000
+    assert window[0] == 10_000, "it was tried after 20, 41, 82, 164 and 328 seconds"
+    window[0] = 100_000
+    assert room.is_there(10_000)
+    window[0] = 60_000  # its system offers less for good: it reads all at once
+    assert sum(room.is_there(10_000) for _ in range(10_000)) > 7000
+
+
+def test_all_that_vlc_waits_for_comes_with_the_picture(server: VirtualServer) -> None:
+    """VLC 3 reads 15 KiB from a picture's beginning, then 5 KiB more until it finds the end."""
+    vlc = {"user-agent": "VLC/3.0.24 LibVLC/3.0.24", "accept": "*/*"}
+    head, waits_for, received, pictures = (
+        b"--frame\r\nContent-Type: image/jpeg\r\n\r\n",
+        15 * 1024,
+        b"",
+        0,
+    )
+    with (
+        httpx.Client() as client,
+        client.stream("GET", server.address + "/video.mjpg", headers=vlc) as answer,
+    ):
+        chunks = answer.iter_raw()
+        while pictures < 5:
+            received += next(chunks)
+            if received == head:
+                continue
+            assert received.startswith(head)
+            body = received[len(head) :]
+            while body.find(b"--frame", 0, waits_for - 1) < 0:
+                waits_for += 5 * 1024
+                assert len(body) >= waits_for, "it waits for the next picture"
+            jpeg, end = body.split(b"\r\n--frame")[0], body.find(b"--frame")
+            assert jpeg.startswith(b"\xff\xd8") and jpeg.rstrip(b"\0").endswith(b"\xff\xd9")
+            received, pictures = body[end:], pictures + 1
 
 
 def test_an_mjpeg_part_is_followed_at_once_by_the_next_header(server: VirtualServer) -> None:
