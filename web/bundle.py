@@ -97,7 +97,10 @@ class _Joiner:
         return self._sentences(name, "messages", "*/messages")
 
     def _later_messages(self, name: str) -> str:
-        """Return the sentences in subfolders, which are fetched after the first picture."""
+        """Return the sentences in subfolders, which are fetched after the first picture.
+
+        Sentences that the language lacks are in English here, too.
+        """
         return self._sentences(name, "*/*/messages")
 
     def _sentences(self, name: str, *folders: str) -> str:
@@ -116,8 +119,9 @@ class _Joiner:
         for code, first in languages.items():
             name = f"{code}.js"
             later = self.add(f"js/later-{name}", self._later_messages(name))
-            for path in sorted((self._folder / "js").rglob(f"messages/{name}")):
-                module = path.relative_to(self._folder).as_posix()
+            # A file that the language lacks has an address, too: its sentences are in English.
+            for path in sorted((self._folder / "js").rglob("messages/en.js")):
+                module = path.with_name(name).relative_to(self._folder).as_posix()
                 addresses[module] = [_beside(first if module.count("/") < 4 else later)]
         start, homes = self._text(known), dict[str, list[str]]()
         for room in sorted(path for path in (self._folder / "js").iterdir() if path.is_dir()):

@@ -64,7 +64,7 @@ test('the person chooses before the browser does, and English comes last', () =>
 
 test('the name of a link begins with the words that are seen on it', async () => {
   for (const code of Object.keys(LANGUAGES)) {
-    const { like, like_long: name } = await read(code);
+    const { like, like_long: name } = { ...await read('en'), ...await read(code) };
     assert.equal(name.slice(0, like.length).toLowerCase(), like.toLowerCase(), code);
   }
 });

@@ -52,13 +52,18 @@ def test_each_module_is_in_one_file_and_each_file_is_named_by_its_content() -> N
     assert {m for m in modules if modules.count(m) > 1} == shared
     for address, data in page.items():
         assert address.split("/")[1].startswith(hashlib.sha256(data).hexdigest()[:10] + "-")
-    asked = set(HASHED.findall((joined_page() / "index.html").read_text("utf-8")))
-    for text in page.values():
-        beside = re.findall(r"(?:js|\.)(/[0-9a-f]{10}-[\w-]+\.js)", text.decode())
-        asked |= {f"js{name}" for name in beside}
-    assert asked == set(page), "what is asked for is there, and nothing else"
+    assert asked_for(joined_page()) == set(page), "what is asked for is there, and nothing else"
     cached = json.loads((joined_page() / "shell.json").read_text("utf-8"))
     assert set(page) < set(cached)
+
+
+def asked_for(page: Path) -> set[str]:
+    """Return the addresses of files that the document and the files name."""
+    asked = set(HASHED.findall((page / "index.html").read_text("utf-8")))
+    for text in files(page).values():
+        beside = re.findall(r"(?:js|\.)(/[0-9a-f]{10}-[\w-]+\.js)", text.decode())
+        asked |= {f"js{name}" for name in beside}
+    return asked
 
 
 def given(text: str) -> list[str]:
@@ -77,11 +82,23 @@ def test_only_what_changes_gets_another_name(web: Path) -> None:
 def test_a_language_is_one_file_with_the_sentences_of_the_extensions(web: Path) -> None:
     few = "export default {\n  emergency_stop: 'HALT',\n};\n"
     (web / "js/messages/de.js").write_text(few)
+    (web / "js/components/screens/messages/de.js").write_text(
+        "export default {\n  'gallery.order': 'Folge',\n};\n"
+    )
     page = joined(web)
     languages = {name_of(name): (name, data) for name, data in files(page).items()}
     german = languages["de.js"][1].decode()
     assert "emergency_stop: 'HALT',\n" in german and german.count("emergency_stop") == 1
     assert "back: 'Back to driving',\n" in german, "what it lacks is in English"
+    later = languages["later-de.js"][1].decode()
+    assert "'gallery.order': 'Folge'" in later and "'gallery.newest': 'Newest first'" in later
+    [table] = re.findall(r"\$files = (\{.*?\})[,;]", languages["drive.js"][1].decode())
+    for module in json.loads(table):
+        if module.endswith("/messages/es.js"):
+            assert module.replace("es.js", "de.js") in json.loads(table), (
+                "no part is left to English"
+            )
+    assert asked_for(page) == set(files(page))
     assert f'"de": "{languages["de.js"][0]}"' in (page / "index.html").read_text("utf-8")
     spanish = languages["es.js"][1].decode()
     assert "'screen.study'" in spanish and "'screen.home'" in spanish

@@ -16,7 +16,8 @@ const READY = 'fair-data';
 const find = (id) => /** @type {HTMLElement} */ (document.getElementById(id));
 
 await loadLanguage([(code) => import(`./messages/${code}.js`)]);
-const text = await fetch(`lesson/${language}`).then((answer) => answer.text());
+const own = await fetch(`lesson/${language}`);
+const text = await (own.ok ? own : await fetch('lesson/en')).text();
 /** @type {Piece[][]} */
 const parts = [];
 for (const piece of piecesIn(text)) {
