@@ -156,7 +156,7 @@ $(OLDEST)/.made: tests/oldest/debian-12.txt pyproject.toml Makefile
 	$(OLDEST)/bin/python -m pip install --quiet --no-compile --constraint tests/oldest/debian-12.txt \
 	  pytest pytest-timeout hypothesis 'httpx>=0.27' 'opencv-python-headless<4.9' python-ev3dev2 vermin \
 	  'cryptography>=42' 'segno>=1.6' 'zeroconf>=0.131' 'panda3d>=1.10.14' 'mcap>=1.1' 'tqdm>=4.65' \
-	  'protobuf>=4.22' 'imagesize>=1.4' 'shtab>=1.6' 'pytest-xdist>=3.5'
+	  'protobuf>=4.22' 'imagesize>=2.0' 'shtab>=1.6' 'pytest-xdist>=3.5'
 	$(OLDEST)/bin/python -m pip install --quiet --no-deps --target $(OLDEST)/newer websockets
 	mv $(OLDEST)/newer/websockets $(OLDEST)/lib/python3.11/site-packages/newer_websockets
 	$(OLDEST)/bin/python -m pip install --quiet --no-deps --editable .

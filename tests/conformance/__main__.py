@@ -124,7 +124,7 @@ def check_lerobot_robot(home: Path, samples: Samples) -> Iterator[Result]:
     plugin = ROOT / "docs" / "examples" / "lerobot"
     _get([python, "-m", "pip", "install", "--quiet", "--force-reinstall", "--no-deps", plugin])
     version = _said([python, "-c", "import lerobot; print(lerobot.__version__)"]).strip()
-    for check, attempt in tries(python, _fresh(home / "out")):
+    for check, attempt in tries(python, _fresh(home / "out"), samples):
         try:
             told, outcome = attempt(), "passed"
         except Exception as error:

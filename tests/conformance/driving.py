@@ -15,10 +15,13 @@ from pathlib import Path
 
 import httpx
 
+from robot.exchange.lerobot import write_lerobot
+from robot.recordings.edits import Notes
+from robot.recordings.episode import open_episode
 from tests.kit.wait import wait_until
 from tests.server.live_robot import Pilot
 
-from .samples import imports_of
+from .samples import Samples, imports_of
 
 _PATIENCE_S = 600
 _RANDOM_MINUTES = 10
@@ -27,8 +30,16 @@ _TRAINING = (
     "--policy.chunk_size=4 --policy.n_action_steps=4 --policy.dim_model=64 --policy.n_heads=2 "
     "--policy.dim_feedforward=64 --policy.n_encoder_layers=1 --policy.use_vae=false "
     "--policy.device=cpu --dataset.video_backend=pyav --steps=3 --save_freq=3 --batch_size=2 "
-    "--num_workers=0 --wandb.enable=false --dataset.repo_id=me/driven"
+    "--num_workers=0 --wandb.enable=false --dataset.repo_id=me/all"
 )
+_MERGE = """
+import sys
+from pathlib import Path
+from lerobot.datasets.dataset_tools import merge_datasets
+from lerobot.datasets.lerobot_dataset import LeRobotDataset
+*parts, out = map(Path, sys.argv[1:])
+merge_datasets([LeRobotDataset(f"me/{p.name}", root=p) for p in parts], "me/all", output_dir=out)
+"""
 Tried = tuple[str, Callable[[], str]]
 
 
@@ -70,7 +81,7 @@ def taught(address: str) -> int:
     return int(found[1]) if found else 0
 
 
-def tries(python: Path, out: Path) -> Iterator[Tried]:
+def tries(python: Path, out: Path, samples: Samples) -> Iterator[Tried]:
     """Yield what is tried, in order; each returns what a person should know, or fails."""
     here, here_is = Path(sys.executable), Path(__file__).parent
     with (
@@ -116,6 +127,26 @@ def tries(python: Path, out: Path) -> Iterator[Tried]:
             lambda: drives("lerobot_record", f"{both.removesuffix(' --fps=10')} {recording}"),
         )
         yield "its recording comes in", lambda: imports_of(driven)
+        merged = out / "merged"
+
+        def merge() -> str:
+            parts = [driven]
+            for recording in (samples.recording, samples.lesson):
+                parts.append(out / f"plain-{len(parts)}")
+                write_lerobot([(open_episode(recording), Notes())], parts[-1], fps=10, plain=True)
+            done = subprocess.run(
+                [python, "-c", _MERGE, *parts, merged],
+                capture_output=True,
+                text=True,
+                env={**os.environ, "HF_HUB_OFFLINE": "1"},
+                check=False,
+            )
+            assert done.returncode == 0, done.stderr.strip()[-200:]
+            apart, together = imports_of(*parts), imports_of(merged)
+            assert apart == together, (apart, together)
+            return together
+
+        yield "merges with two lessons, and comes back", merge
         replay = f"--dataset.repo_id=me/driven --dataset.root={driven} --dataset.episode=0"
         yield (
             "lerobot-replay",
@@ -151,8 +182,11 @@ def tries(python: Path, out: Path) -> Iterator[Tried]:
             return "an error that says so"
 
         yield "lerobot-teleoperate without the wheel", is_refused
-        words = f"{_TRAINING} --dataset.root={driven} --output_dir={trained}"
-        yield "lerobot-train, three steps of ACT", lambda: command("lerobot_train", words) or ""
+        words = f"{_TRAINING} --dataset.root={merged} --output_dir={trained}"
+        yield (
+            "lerobot-train on all three, three steps of ACT",
+            lambda: command("lerobot_train", words) or "",
+        )
         policy = trained / "checkpoints" / "last" / "pretrained_model"
         rollout = f"--policy.path={policy} --policy.device=cpu --duration=5 --task=drive --fps=10"
         yield (

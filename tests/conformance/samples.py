@@ -27,6 +27,7 @@ class Samples:
     lesson as a dataset and as a plain dataset; and `/metrics`."""
 
     recording: Path
+    lesson: Path
     tub: Path
     lerobot: Path
     other: Path
@@ -39,8 +40,12 @@ def make_samples(folder: Path) -> Samples:
     """Drive in the simulator, and export."""
     recording = drive_in_simulator(folder, "default-8").path
     episode, notes = open_episode(recording), Notes()
+    home = folder / "second"
+    home.mkdir()
+    lesson = drive_in_simulator(home, "default-8", steps=60).path
     made = Samples(
         recording=recording,
+        lesson=lesson,
         tub=folder / "tub",
         lerobot=folder / "lerobot",
         other=folder / "other",
@@ -51,11 +56,8 @@ def make_samples(folder: Path) -> Samples:
     write_tub(episode, notes, made.tub)
     write_lerobot([(episode, notes), (episode, notes)], made.lerobot)
     write_look(episode, notes, made.film)
-    home = folder / "second"
-    home.mkdir()
-    lesson = open_episode(drive_in_simulator(home, "default-8", steps=60).path)
-    write_lerobot([(lesson, notes)], made.other)
-    write_lerobot([(lesson, notes)], made.plain, plain=True)
+    write_lerobot([(open_episode(lesson), notes)], made.other)
+    write_lerobot([(open_episode(lesson), notes)], made.plain, plain=True)
     return made
 
 
@@ -74,11 +76,12 @@ def metrics_of_a_robot() -> str:
     return virtually(scenario)
 
 
-def imports_of(folder: Path) -> str:
-    """Import everything in a folder, strictly; return the numbers of imports."""
+def imports_of(*folders: Path) -> str:
+    """Import everything in some folders, strictly; return the numbers of imports."""
     frames = examples = 0
     with tempfile.TemporaryDirectory() as scratch:
-        for number, source in enumerate(find_drives(folder)):
+        found = (source for folder in folders for source in find_drives(folder))
+        for number, source in enumerate(found):
             path = Path(scratch) / f"{number}.mcap"
             frames += write_episode(source.read(Reading(), ImportReport(is_strict=True)), path)
             examples += len(taught_frames(open_episode(path)))

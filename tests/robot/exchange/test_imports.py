@@ -233,6 +233,17 @@ def test_an_image_that_is_no_image_is_refused(tmp_path: Path, data: bytes) -> No
     refused(tub, tmp_path, "picture|pixels")
 
 
+@pytest.mark.parametrize("turn", range(1, 9))
+def test_a_picture_that_its_camera_says_to_turn_is_whole(turn: int) -> None:
+    """imagesize 1.4 returns the sides as stored, so that turned pictures seemed damaged."""
+    jpeg = cv2.imencode(".jpg", np.zeros((120, 160, 3), np.uint8))[1].tobytes()
+    entry = struct.pack("<HHIHH", 0x112, 3, 1, turn, 0)  # the orientation, one short number
+    exif = b"Exif\0\0II*\0" + struct.pack("<IH", 8, 1) + entry + bytes(4)
+    marked = jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + jpeg[2:]
+    picture = read_picture(marked, "x")
+    assert (picture.width, picture.height) == ((160, 120) if turn < 5 else (120, 160))
+
+
 @pytest.mark.parametrize(
     "manifest", ["", "{}", "[]\n[]\n{}\n{}\n", "[]\n[]\n{}\n{}\n[]\n", "[" * 10_000]
 )
