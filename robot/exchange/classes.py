@@ -29,6 +29,8 @@ from robot.types import Action
 _OF_PROJECT = "-!-"
 """Separator of class and number in the names of pictures in a Teachable Machine project."""
 _STEERED_NAME = re.compile(r"(\d{6})([-_+]?)([-+]?\d?\.\d+|[-+]?[01])(?:\(\d+\))?")
+_POINT_NAME = re.compile(r"(?:xy_)?\d+_\d+_[0-9a-f]{8}(?:-[0-9a-f]+)+")
+"""Names of pictures by JetBot's road following and JetRacer: a point, and a random number."""
 _OTHER_PICTURES = (".webp", ".bmp", ".gif", ".tif", ".tiff", ".ppm")
 Classes = Mapping[str, list[Path]]
 
@@ -92,6 +94,12 @@ def _read(
 ) -> Drive:
     moves = {name: reading.move(name) for name in classes}
     unknown = [name for name, move in moves.items() if move is None]
+    of_points = [p.stem for name in unknown for p in classes[name] if _POINT_NAME.fullmatch(p.stem)]
+    if of_points:
+        raise RecordingError(
+            f"{folder} has pictures whose names hold a point to drive to, as in {of_points[0]}, "
+            "but no steering; import a table of the pictures and their steering"
+        )
     if unknown:
         told = ", ".join(f"{name[:40]} ({len(classes[name])} pictures)" for name in unknown[:8])
         asked = ",".join(f"{name[:40]}=MOVE" for name in unknown[:3])

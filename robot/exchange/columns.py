@@ -11,7 +11,9 @@ from dataclasses import dataclass
 from robot.errors import RecordingError, did_you_mean, told_as
 from robot.exchange.drive import ImportReport
 from robot.exchange.files import PICTURES, parse
+from robot.exchange.reading import Reading
 from robot.exchange.stamps import seconds_of
+from robot.types import Action
 
 Cells = list[str]
 Row = tuple[str, Cells]
@@ -23,7 +25,16 @@ NAMES: dict[str, tuple[str, ...]] = {
         *("img_path", "image_name", "picture", "photo", "cam/image_array"),
         *("center", "centre", "center_image", "frame_path"),
     ),
-    "label": ("label", "move", "action", "class", "direction", "drivelesson/label", "text"),
+    "label": (
+        "label",
+        "move",
+        "action",
+        "class",
+        "direction",
+        "drivelesson/label",
+        "text",
+        "choice",
+    ),
     "steering": ("angle", "steering", "user/angle", "steering_angle", "steer", "steering_pos"),
     "throttle": ("throttle", "user/throttle", "throttle_vel", "gas"),
     "speed": ("speed", "velocity"),
@@ -53,7 +64,12 @@ _MEANT = "label", "steering", "left_wheel", "linear"
 _PAIRS = ("left_wheel", "right_wheel"), ("linear", "angular")
 _SIDES = re.compile(r"(?:^|[\W_])(left|right)(?:$|[\W_])", re.IGNORECASE)
 _PEEK_ROWS = 50
+_ONE_OR_NONE = "", "0", "1", "0.0", "1.0"
 _UDACITY = "steering", "throttle", "brake", "speed"
+
+
+class UnclearColumnsError(ValueError):
+    """Several columns may have one meaning, and a person must choose."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,17 +97,19 @@ class ColumnTable:
         return self.names[self.columns[role]] or role
 
 
-def read_table_file(
-    text: str, name: str, said: Mapping[str, str], report: ImportReport
-) -> ColumnTable:
+def read_table_file(text: str, name: str, reading: Reading, report: ImportReport) -> ColumnTable:
     """Read the complete rows, and find the columns' meanings.
 
-    `said` maps the meanings given by a person to the name or number of the column.
+    `reading.columns` are the meanings that a person said.
     Raises RecordingError if the pictures or their labels cannot be found.
     """
     is_json = name.lower().endswith(".jsonl")
     head_line = next((line for line in text.splitlines() if line.strip()), "")
-    delimiter = max(",;\t", key=head_line.count)
+    is_list = name.lower().endswith(".txt")
+    delimiter = max(",; " if is_list else ",;\t", key=head_line.count)
+    if is_list:  # blanks, of which there may be several, as in `1.jpg  0.5`
+        text = re.sub(r"[ \t,]+" if delimiter != ";" else r"[ \t]*;[ \t]*", ";", text)
+        delimiter = ";"
     read = _json_lines(text, name, report) if is_json else _lines(text, name, delimiter, report)
     rows: list[Row] = []
     header: Cells | None = None
@@ -109,7 +127,10 @@ def read_table_file(
     if rows and not text.endswith(("\n", "\r")) and not is_json:
         report.skip(rows.pop()[0], "no line break follows, so the row may be cut")
     with told_as(RecordingError, f"the table {name} cannot be used", ValueError):
-        names, columns = _meanings(header, [cells for _, cells in rows], width, said)
+        if header is not None and not reading.columns.keys() & {*_MEANT}:
+            header, rows = _with_labels(header, rows, reading)
+            width = len(header)
+        names, columns = _meanings(header, [cells for _, cells in rows], width, reading.columns)
     sample = [cells for _, cells in rows[:_PEEK_ROWS]]
     return ColumnTable(
         rows=rows,
@@ -184,7 +205,7 @@ def _meanings(
             found = [i for i in found if i not in of_pictures]
         if len(found) > 1 and role != "time" and not _are_equal(found, rows):
             told = " and ".join(repr(header[i].strip()) for i in found)
-            raise ValueError(
+            raise UnclearColumnsError(
                 f"{told} may both be the {role}: choose one with --columns {role}=NAME"
             )
         if found:
@@ -194,6 +215,32 @@ def _meanings(
             columns.pop(next(iter(columns.keys() & set(pair))))
     _check(columns, names, of_pictures)
     return [name.strip() for name in header], columns
+
+
+def _with_labels(header: Cells, rows: list[Row], reading: Reading) -> tuple[Cells, list[Row]]:
+    """Add a column of labels to a table with a column for each move, 1 for the move of the picture
+    and 0 for the others, as Roboflow writes it."""
+    moves = {i: reading.move(plain(name)) for i, name in enumerate(header)}
+    there = [i for i, move in moves.items() if move is not None]
+    cells = [[row[i].strip() for i in there] for _, row in rows]
+    if len(there) < 2 or any(cell not in _ONE_OR_NONE for row in cells for cell in row):
+        return header, rows
+    if {moves[i] for i in there} <= {Action.LEFT, Action.RIGHT}:
+        if any(not row.count("0") and "" not in row for row in cells):
+            return header, rows  # both wheels turn
+        told = " and ".join(repr(header[i].strip()) for i in there)
+        raise UnclearColumnsError(
+            f"{told} may be moves or wheels: rename them to left_wheel and right_wheel, or replace "
+            "them with a column named label"
+        )
+    labels = [
+        " and ".join(
+            header[i].strip() for i, cell in zip(there, row, strict=True) if cell[:1] == "1"
+        )
+        for row in cells
+    ]
+    labelled = [(place, [*row, label]) for (place, row), label in zip(rows, labels, strict=True)]
+    return [*header, "label"], labelled
 
 
 def _said_column(role: str, which: str, names: list[str]) -> int:
@@ -235,7 +282,7 @@ def _by_content(
     if "picture" not in columns and of_pictures:
         ahead = [i for i in of_pictures if not all(_SIDES.search(row[i]) for row in sample)]
         if len(ahead or of_pictures) > 1:
-            raise ValueError(
+            raise UnclearColumnsError(
                 f"{len(of_pictures)} columns name pictures: "
                 "choose one with --columns picture=NUMBER"
             )
@@ -256,12 +303,19 @@ def _by_content(
     if columns.keys() & set(_MEANT):
         return
     if len(numeric) == 1 and not texts:
-        columns["steering"] = numeric[0]
+        [column] = numeric
+        if all(row[column].strip().isdecimal() for row in sample):
+            raise UnclearColumnsError(
+                f"it has no line of column names, and the whole numbers in column {column + 1} may "
+                f"be classes or the steering: choose with --columns label={column + 1} or "
+                f"--columns steering={column + 1}"
+            )
+        columns["steering"] = column
     elif len(texts) == 1 and not numeric:
         columns["label"] = texts[0]
     elif numeric or texts:
         told = " and ".join(str(i + 1) for i in sorted((*numeric, *texts)))
-        raise ValueError(
+        raise UnclearColumnsError(
             f"it has no line of column names, and columns {told} may each be the steering: say "
             "which by --columns steering=NUMBER"
         )
@@ -282,6 +336,6 @@ def _check(columns: Mapping[str, int], names: list[str], of_pictures: list[int])
         there = [name for name in names if name]
         told = f"; its columns: {', '.join(there)[:200]}" if there else ""
         raise ValueError(
-            f"it has no column for a label, steering, two wheels or velocities{told}; name the "
-            "column of the steering with --columns steering=NAME"
+            f"it has no column for a label, steering, two wheels or velocities{told}; name one "
+            "with --columns label=NAME or --columns steering=NAME"
         )

@@ -31,7 +31,7 @@ from robot.exchange.own import copy_recording, is_own
 from robot.exchange.reading import Reading
 from robot.exchange.rosbag import is_bag, read_bag
 from robot.exchange.steering import FULL_MPS, FULL_TURN_RAD_S
-from robot.exchange.table import ENDINGS, names_pictures, read_table
+from robot.exchange.table import ENDINGS, LIST, names_pictures, read_table
 from robot.exchange.tub import read_tub
 from robot.exchange.tub_records import is_tub
 from robot.recordings.parts import is_part
@@ -111,9 +111,9 @@ def _find_lerobot(path: Path) -> list[Source] | None:
 
 def _find_tables(path: Path) -> list[Source] | None:
     if path.is_file():
-        is_table = path.suffix.lower() in ENDINGS
+        is_table = path.suffix.lower() in ENDINGS and _is_no_other_text(path)
         return [Source(path.name, partial(read_table, path))] if is_table else None
-    tables = files_ending(path, *ENDINGS)
+    tables = [file for file in files_ending(path, *ENDINGS) if _is_no_other_text(file)]
     if path / TABLE in tables:  # this program exported it, and its tables repeat the labels
         tables = [path / TABLE]
     if len(tables) > 1 or (tables and (are_classes(path) or are_steered(path))):
@@ -123,6 +123,10 @@ def _find_tables(path: Path) -> list[Source] | None:
         Source(f"{path.name} {at.name}" if several else path.name, partial(read_table, at))
         for at in tables
     ] or None
+
+
+def _is_no_other_text(path: Path) -> bool:
+    return path.suffix.lower() != LIST or names_pictures(path)
 
 
 def _find_recording(path: Path) -> list[Source] | None:
@@ -213,10 +217,12 @@ FORMS: tuple[Form, ...] = (
     ),
     Form(
         name="table of pictures",
-        there="`.csv`, `.tsv` or `metadata.jsonl`, with or without a line of column names, such as "
-        "Udacity's `driving_log.csv` or Hugging Face's `metadata.csv`; the pictures lie in the "
+        there="`.csv`, `.tsv`, `metadata.jsonl` or a list in `.txt`, with or without a line of "
+        "column names, such as Udacity's `driving_log.csv`, Hugging Face's `metadata.csv`, "
+        "Roboflow's `_classes.csv` or Label Studio's export; the pictures lie in the "
         "same folder or below it and are found by the last parts of their paths",
-        label="a column by its name: a move (`label`, `move`, `action`); steering (`angle`, "
+        label="a column by its name: a move (`label`, `move`, `action`, `choice`); a column for "
+        "each move, 1 or 0; steering (`angle`, "
         "`steering`, `user/angle`: -1 to 1, right positive, unless `--full-lock` says otherwise) "
         "with `throttle` and `speed`; left and right wheel (ahead positive); linear and angular "
         "velocity (m/s, rad/s, left positive)",

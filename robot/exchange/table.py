@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
 from robot.driver import CLASSIC, Move, names
 from robot.errors import RecordingError, told_as
-from robot.exchange.columns import Cells, ColumnTable, read_table_file
+from robot.exchange.columns import Cells, ColumnTable, UnclearColumnsError, read_table_file
 from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
 from robot.exchange.files import Pictures, read_picture_file, read_text
 from robot.exchange.folder import MOVES
@@ -27,12 +28,18 @@ from robot.exchange.steering import (
 from robot.recordings.moves import from_text
 from robot.types import Action
 
-ENDINGS = (".csv", ".tsv", ".jsonl")
+LIST = ".txt"
+"""Suffix of lists, such as `1.jpg 0.5`. Other text files have it, too, so it is only a table if it
+names pictures."""
+ENDINGS = (".csv", ".tsv", ".jsonl", LIST)
+
 _FULL_SPEEDS = (1.0, 100.0, 255.0, 1023.0, 32767.0)
 """Full speeds of motors in different programs. The lowest of them that no value of a table exceeds
 is used."""
 _MOVES = 0.05
 """Speed, in any unit, above which a car moves. Simulators write small speeds for standing cars."""
+_UNIT_SHARE = 10
+"""If one value of this many is beyond 1, the steering has another unit."""
 _TOLD_NAMES = 3
 
 
@@ -42,7 +49,7 @@ def read_table(path: Path, reading: Reading, report: ImportReport) -> Drive:
     Unusable rows are skipped. Raises RecordingError if all rows are unusable, or if the columns of
     the pictures or labels are ambiguous.
     """
-    table = read_table_file(read_text(path), path.name, reading.columns, report)
+    table = read_table_file(read_text(path), path.name, reading, report)
     moves, declared = path.with_name(MOVES), tuple[Move, ...]()
     if moves.is_file():
         with told_as(RecordingError, f"{moves} cannot be read", ValueError):
@@ -82,9 +89,9 @@ def names_pictures(path: Path) -> bool:
     """True if a table names pictures in its first lines."""
     try:
         head = "\n".join([*read_text(path).splitlines()[:50], ""])
-        table = read_table_file(head, path.name, {}, ImportReport())
+        table = read_table_file(head, path.name, Reading(), ImportReport())
     except RecordingError as error:
-        return "choose one with --columns" in str(error)
+        return isinstance(error.__cause__, UnclearColumnsError)
     return bool(table.pictures)
 
 
@@ -112,6 +119,7 @@ def _meaning(
     if "label" in there:
         return partial(_labelled, table, reading, known)
     if "steering" in there:
+        _check_unit(table, reading)
         return partial(_steered, table, reading)
     number = partial(_number, table)
     if "left_wheel" in there:
@@ -125,6 +133,21 @@ def _meaning(
     return lambda cells: at_velocity(
         number(cells, "linear") / FULL_MPS, number(cells, "angular") / FULL_TURN_RAD_S, reading
     )
+
+
+def _check_unit(table: ColumnTable, reading: Reading) -> None:
+    """Raise RecordingError for steering in degrees or another unit: a small angle would count as a
+    turn. Rows with a single damaged value are only skipped."""
+    found = []
+    for _, cells in table.rows:
+        with contextlib.suppress(ValueError):
+            found.append(_number(table, cells, "steering"))
+    beyond = [value for value in found if abs(value) > 1.0]
+    if reading.full_lock == 1.0 and len(beyond) * _UNIT_SHARE >= len(found) > 0:
+        raise RecordingError(
+            f"the steering in {table.name('steering')!r} is not a number from -1 to 1, but goes "
+            f"from {min(found):g} to {max(found):g}; set its value at full lock with --full-lock"
+        )
 
 
 def _labelled(

@@ -72,7 +72,10 @@ def table_of(folder: Path, text: str, *names: str) -> Path:
             "file,label\na.jpg,3\n",
             "'3' is not a move; assign it to a move with --moves, for example --moves 3=left",
         ),
-        ("file,angle\na.jpg,17.5\n", "not a number from -1 to 1"),
+        ("file,angle\na.jpg,17.5\n", "not a number from -1 to 1.*with --full-lock"),
+        ("file,angle\na.jpg,0.3\nb.jpg,-20\nc.jpg,25\n", "goes from -20 to 25"),
+        ("a.jpg,0\nb.jpg,2\n", "the whole numbers in column 2 may be classes or the steering"),
+        ("file,left,right\na.jpg,1,0\nb.jpg,0,1\n", "'left' and 'right' may be moves or wheels"),
         ("file,speed\na.jpg,1\n", "no column for a label.*its columns: file, speed"),
     ],
 )
@@ -81,6 +84,32 @@ def test_where_the_columns_are_in_doubt_it_is_asked(
 ) -> None:
     with pytest.raises(RecordingError, match=complaint):
         drive_at(table_of(tmp_path / "set", text))
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        (
+            "_classes.csv",
+            "filename, forward, left, right\na.jpg, 0, 1, 0\nb.jpg, 0, 0, 1\nc.jpg, 1, 0, 0",
+        ),
+        ("data.txt", "a.jpg -0.800000\nb.jpg  0.45\nc.jpg 0.0"),
+        ("data.txt", "a.jpg -0.8,2018-07-01 17:09:44:912\nb.jpg 0.45,x y\nc.jpg 0.0,x y"),
+        (
+            "project.csv",
+            "id,choice,image\n3,left,/data/a.jpg\n4,right,/data/b.jpg\n5,forward,/data/c.jpg",
+        ),
+        ("wheels.csv", "file,left,right\na.jpg,0,1\nb.jpg,1,0\nc.jpg,1,1"),
+    ],
+)
+def test_tables_of_other_programs_come_in(tmp_path: Path, name: str, text: str) -> None:
+    """Roboflow, S. Chen's and Label Studio's tables, and wheels that are on or off."""
+    for number, picture in enumerate(("a.jpg", "b.jpg", "c.jpg")):
+        put(tmp_path / "set", picture, number)
+    (tmp_path / "set" / name).write_text(f"{text}\n")
+    columns = {"steering": "2"} if ",2018" in text else {}
+    drive = drive_at(tmp_path / "set", columns=columns)
+    assert [shot.label for shot in drive.shots] == [Action.LEFT, Action.RIGHT, Action.FORWARD]
 
 
 def test_what_a_person_says_of_columns_decides(tmp_path: Path) -> None:
@@ -104,6 +133,8 @@ def test_what_a_person_says_of_columns_decides(tmp_path: Path) -> None:
         (["a.xyz"], "it holds 1 of .xyz, none of a known form"),
         (["000001-0.50.jpg", "000002-0.10.jpg"], "it may be a minus sign or only a separator"),
         (["sensor_data/rgbFrames.txt"], "OpenBot without sensor_data/ctrlLog.txt"),
+        (["xy_030_091_0f9d2c4e-1111-11ea.jpg"], "a point to drive to"),
+        (["photos/1.jpg", "labels.txt"], "which is not the name of a move"),
         (["drive.bag"], "the ROS bag .* cannot be read"),
         (["drive.mcap"], "the ROS bag .* cannot be read"),
     ],
