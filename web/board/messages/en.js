@@ -3,7 +3,7 @@ export default {
   'board.title': 'Class · Drivelesson',
   'board.class': 'The class',
   'board.there': '{n} of {of} robots are there',
-  'board.searching': 'Looking for robots … Start them with --lan and --class-key.',
+  'board.searching': 'Looking for robots … They may still be starting. Start others with --lan and --class-key.',
   'board.stop': 'STOP',
   'board.stop_all': 'STOP ALL',
   'board.stop_one': 'STOP {name}',

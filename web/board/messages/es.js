@@ -3,7 +3,7 @@ export default {
   'board.title': 'Clase · Drivelesson',
   'board.class': 'La clase',
   'board.there': '{n} de {of} robots conectados',
-  'board.searching': 'Buscando robots… Inícialos con --lan y --class-key.',
+  'board.searching': 'Buscando robots… Quizá aún se estén iniciando. Los demás se inician con --lan y --class-key.',
   'board.stop': 'ALTO',
   'board.stop_all': 'ALTO A TODOS',
   'board.stop_one': 'ALTO {name}',

@@ -3,7 +3,7 @@ export default {
   'board.title': '班级 · Drivelesson',
   'board.class': '班级',
   'board.there': '{of} 台机器人中有 {n} 台在线',
-  'board.searching': '正在寻找机器人……请用 --lan 和 --class-key 启动它们。',
+  'board.searching': '正在寻找机器人……可能还在启动。其他机器人请用 --lan 和 --class-key 启动。',
   'board.stop': '急停',
   'board.stop_all': '全部急停',
   'board.stop_one': '急停 {name}',
