@@ -34,6 +34,7 @@ NEEDS: dict[str, tuple[str, ...]] = {
 EXTENSIONS = tuple(NEEDS)
 WEB = {
     "access": ("pair",),
+    "adjustments": ("js/adjustments",),
     "board": ("board", "js/board"),
     "bodies": ("eye",),
     "challenge": ("js/challenge",),

@@ -5,3 +5,4 @@ import './library/extension.js';
 import './recordings/extension.js';
 import './simulator/extension.js';
 import './study/extension.js';
+import './adjustments/extension.js';

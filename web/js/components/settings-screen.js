@@ -1,14 +1,12 @@
 // <settings-screen>: only the settings that a person would change.
 
 import { ask, askLong } from '../api.js';
-import { append, fill, h, say } from '../dom.js';
+import { append, fill, h } from '../dom.js';
 import { LANGUAGES, chooseLanguage, language, percent, t } from '../i18n.js';
 import { Tilt, hasTilt } from '../inputs/tilt.js';
 import { partScreens, sectionsOf } from '../parts.js';
 import { Screen, segments } from './screen.js';
 import { byPlace, declare } from '../moves.js';
-
-/** @typedef {{reverse: string, swap_sides: boolean, trim: number, turn_picture: number, mirror_picture: boolean, possible: string[]}} Corrections */
 
 export class SettingsScreen extends Screen {
   build() {
@@ -29,15 +27,14 @@ export class SettingsScreen extends Screen {
     const answers = await this.inOrder(this.attempt(() => Promise.all([
       askLong('api/settings'),
       sectionsOf('settings', this),
-      ask('GET', 'api/corrections').catch(() => ({ possible: [] })), // an extension's, which may be missing
     ])));
-    if (answers) this.renderRobot(answers[0], answers[1], answers[2]);
+    if (answers) this.renderRobot(answers[0], answers[1]);
   }
 
-  /** @param {any} settings @param {(HTMLElement | null)[]} sections @param {Corrections} corrections */
-  renderRobot(settings, sections, corrections) {
+  /** @param {any} settings @param {(HTMLElement | null)[]} sections */
+  renderRobot(settings, sections) {
     declare(settings.declared_moves);
-    fill(/** @type {Element} */ (this.robot), this.identity(settings), ...sections, this.steering(settings), this.size(settings), this.speed(settings), this.moves(settings), this.camera(settings.camera, corrections), this.body(corrections));
+    fill(/** @type {Element} */ (this.robot), this.identity(settings), ...sections, this.steering(settings), this.size(settings), this.speed(settings), this.moves(settings), this.camera(settings.camera));
   }
 
   /** @param {any} settings */
@@ -94,63 +91,10 @@ export class SettingsScreen extends Screen {
       ...boxes.map((box) => h('label', { class: 'choice' }, box, h('span', {}, t(`move.${box.value}`)))));
   }
 
-  /** The camera's picture with buttons to turn it upright. @param {any} camera @param {Corrections} corrections */
-  camera({ name, width, height, rate_hz: rate }, { turn_picture: turn, mirror_picture: isMirrored, possible }) {
+  /** @param {any} camera */
+  camera({ name, width, height, rate_hz: rate }) {
     const size = width ? `${width}×${height}` : '–';
-    const hint = t('settings.camera_hint', { name, size, rate: Math.round(rate) });
-    if (!possible.includes('turn_picture')) return group(t('settings.camera'), hint);
-    if (!this.seen) {
-      const seen = (this.seen = h('img', { class: 'seen', alt: t('settings.camera') }));
-      const inView = new IntersectionObserver(([{ isIntersecting }]) => (isIntersecting ? this.look() : seen.removeAttribute('src')));
-      inView.observe(seen);
-      this.endings?.push(() => {
-        inView.disconnect();
-        seen.removeAttribute('src'); // otherwise the stream continues
-      });
-    }
-    let turned = turn;
-    const turnOn = () => {
-      turned = (turned + 90) % 360;
-      this.correct({ turn_picture: turned });
-    };
-    const mirror = h('input', { type: 'checkbox', checked: isMirrored, onchange: () => this.correct({ mirror_picture: mirror.checked }) });
-    return group(t('settings.camera'), hint, this.seen,
-      h('button', { type: 'button', onclick: turnOn }, t('settings.turn')),
-      h('label', { class: 'choice' }, mirror, h('span', {}, t('settings.mirrored'))),
-      h('p', { class: 'hint' }, t('settings.turn_hint')));
-  }
-
-  /** Corrections of the robot's wiring and of its straight driving. @param {Corrections} corrections */
-  body({ reverse, swap_sides: isSwapped, trim, possible }) {
-    if (!['reverse', 'swap_sides', 'trim'].some((name) => possible.includes(name))) return null;
-    const told = (/** @type {number} */ value) => `${value ? t(value < 0 ? 'move.left' : 'move.right') : ''} ${percent(Math.abs(value))}`;
-    const shown = h('output', {}, told(trim));
-    const slider = h('input', {
-      type: 'range', min: -30, max: 30, step: 1, value: Math.round(trim * 100), 'aria-label': t('settings.trim'),
-      oninput: () => say(shown, told(Number(slider.value) / 100)),
-      onchange: () => this.correct({ trim: Number(slider.value) / 100 }),
-    });
-    const swapped = h('input', { type: 'checkbox', checked: isSwapped, onchange: () => this.correct({ swap_sides: swapped.checked }) });
-    const reversed = h('select', { 'aria-label': t('settings.reverse'), onchange: () => this.correct({ reverse: reversed.value }) },
-      ...Object.entries({ none: '–', left: t('move.left'), right: t('move.right'), both: `${t('move.left')} + ${t('move.right')}` })
-        .map(([side, label]) => h('option', { value: side, selected: side === reverse }, label)));
-    return group(t('settings.body'), t('settings.body_hint'),
-      possible.includes('trim') ? h('label', {}, t('settings.trim'), h('div', { class: 'slider' }, slider, shown)) : null,
-      possible.includes('swap_sides') ? h('label', { class: 'choice' }, swapped, h('span', {}, t('settings.swapped'))) : null,
-      possible.includes('reverse') ? h('label', {}, t('settings.reverse'), ' ', reversed) : null);
-  }
-
-  /** Apply a correction; the robot stops first. @param {object} change */
-  async correct(change) {
-    const done = await this.put('api/corrections', change);
-    if (!done) await this.refresh();
-    else if ('turn_picture' in change && this.seen?.hasAttribute('src')) this.look();
-  }
-
-  /** Show the stream from its start, while it is visible. It is started again because a browser may keep the first picture's size. */
-  look() {
-    this.looks = (this.looks ?? 0) + 1;
-    this.seen?.setAttribute('src', `video.mjpg?${this.looks}`);
+    return group(t('settings.camera'), t('settings.camera_hint', { name, size, rate: Math.round(rate) }));
   }
 
   /** Start an empty model of another kind; the previous model is saved. @param {object} change */
