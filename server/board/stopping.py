@@ -55,6 +55,8 @@ class RobotStop:
         """The newest STOP that the robot had reported before this stop was pressed."""
         self._is_shown = False
         """True if the connection has reported this stop; earlier states precede the stop."""
+        self._confirmed: int | None = None
+        """The stop's number, if a request confirmed it; states with this number follow the stop."""
         self._session, self._clock = session, clock
         self._on_change = on_change
         self._pressing: asyncio.Task[None] | None = None
@@ -76,7 +78,7 @@ class RobotStop:
         if self.channel is not None:
             self._start(self.send(self.channel))
         if not self.is_under_way:
-            self.stage, self._is_shown = Stopping.ASKED, False
+            self.stage, self._is_shown, self._confirmed = Stopping.ASKED, False, None
             self._number_before = self.number
             if self._pressing is not None:
                 self._pressing.cancel()
@@ -113,14 +115,16 @@ class RobotStop:
         self.number = max(self.number or 0, number or 0) or None
         if not is_stopped:
             self.is_release_refused = False
-            if self.stage is Stopping.STOPPED and self._is_shown:
+            is_later = None not in (number, self._confirmed) and number >= self._confirmed
+            if self.stage is Stopping.STOPPED and (self._is_shown or is_later):
                 self.stage = None  # released
         elif self.stage is not None and (number is None or number != self._number_before):
             self.stage, self._is_shown = Stopping.STOPPED, True
 
     async def send_again(self, channel: Any) -> None:
         """On a new connection, send a stop that was not released, before anything else."""
-        self._is_shown, self.number = False, None  # it may have been started anew
+        self._is_shown = False
+        self.number = self._confirmed = None  # it may have been started anew
         if self.stage is not None:
             await self.send(channel)
 
@@ -149,7 +153,9 @@ class RobotStop:
                 stopped = answer.json()
                 if stopped.get("emergency") is True and self.stage is not None:
                     self.stage = Stopping.STOPPED
-                    self.number = stopped.get("stop_number", self.number)
+                    number = stopped.get("stop_number")
+                    self._confirmed = number if type(number) is int else None
+                    self.number = self._confirmed or self.number
                     self._on_change()
             await self._clock.pause(1.0)
 

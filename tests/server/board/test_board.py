@@ -183,6 +183,24 @@ def test_what_the_line_tells_late_neither_clears_nor_confirms_a_stop() -> None:
     in_class(scenario)
 
 
+def test_a_stop_that_was_released_before_the_line_told_of_it_is_shown_as_released() -> None:
+    async def scenario(world: ClassWorld) -> None:
+        [one] = world.pupils.values()
+        await world.until_there([one])
+        link, told = world.link(one), list[dict[str, Any]]()
+        hear, link._note_state = link._note_state, told.append  # the line is slow
+        world.board.stop()
+        await world.until(lambda: link.stop.stage is Stopping.STOPPED, 2.0, "by a request")
+        one.loop.release_emergency()
+        await world.clock.pause(0.5)
+        hear(told[-1])  # the only state that arrives
+        assert link.stop.stage is None
+        await world.clock.pause(5.0)
+        assert not one.loop.state.emergency
+
+    in_class(scenario, robots=1)
+
+
 def test_what_a_stop_has_asked_for_late_does_not_stop_what_was_released() -> None:
     async def scenario(world: ClassWorld) -> None:
         [one] = world.pupils.values()
