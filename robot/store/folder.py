@@ -385,8 +385,7 @@ class Storage:
         """Move the files with this ending, or the folder, of one deletion back.
 
         Returns their names without the ending. An item whose old name is in use gets a new name.
-        Raises NotFoundError if the items were restored or deleted for good, or belong to another
-        folder.
+        Raises NotFoundError if they were restored, deleted for good, or belong to another folder.
         """
         place = self.trash / key
         if not _KEY.fullmatch(key) or not place.is_dir():

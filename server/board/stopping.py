@@ -115,7 +115,8 @@ class RobotStop:
         self.number = max(self.number or 0, number or 0) or None
         if not is_stopped:
             self.is_release_refused = False
-            is_later = None not in (number, self._confirmed) and number >= self._confirmed
+            confirmed = self._confirmed
+            is_later = number is not None and confirmed is not None and number >= confirmed
             if self.stage is Stopping.STOPPED and (self._is_shown or is_later):
                 self.stage = None  # released
         elif self.stage is not None and (number is None or number != self._number_before):

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import errno
 import gc
+import logging
 import signal
 import socket
 import sys
@@ -61,11 +62,9 @@ def open_socket(host: str, port: int) -> socket.socket:
 
 
 def open_sockets(host: str, port: int) -> list[socket.socket]:
-    """Listen on an address; `::` means all addresses, IPv6 and IPv4, on the same port.
-
-    There are two sockets, so that IPv4 addresses keep their usual form. On a machine that supports
-    only one of the two protocols, there is one socket.
-    """
+    """Listen on an address; `::` means all addresses, IPv6 and IPv4, on the same port: by two
+    sockets, so that IPv4 addresses keep their usual form, or one if the machine supports only one
+    of the protocols."""
     if host != "::":
         return [open_socket(host, port)]
     found: list[socket.socket] = []
@@ -115,11 +114,8 @@ def make_server(app: Any, tls_files: tuple[str, str] | None) -> Server:
 
 
 def leave_out_of_collections() -> None:
-    """Exclude all existing objects from garbage collection.
-
-    The existing objects are most of the heap. Each full collection would block every thread,
-    including the control loop and a STOP, for 100 to 300 ms.
-    """
+    """Exclude all existing objects from garbage collection: a full collection would block every
+    thread, including the control loop and a STOP, for 100 to 300 ms."""
     gc.collect()
     gc.freeze()
 
@@ -139,11 +135,8 @@ def serve(app: Any, listeners: Sequence[socket.socket]) -> None:
 
 
 def end_by_signals() -> None:
-    """Let SIGTERM and a closed terminal end the program as Ctrl-C does.
-
-    Newer uvicorns raise a signal again once they have shut down. With the default handler the
-    process would then end before the motors are stopped and the model is saved.
-    """
+    """Let SIGTERM and a closed terminal end the program as Ctrl-C does: uvicorn raises a signal
+    again at their end, and the default handler would neither stop motors nor save the model."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     for name in ("SIGHUP", "SIGBREAK"):
         number = getattr(signal, name, None)
@@ -158,10 +151,11 @@ def run(served: Coroutine[Any, Any, None]) -> None:
 
 
 async def serve_until_told(server: Server, gateway: Gateway, *listeners: socket.socket) -> None:
-    """Serve until told to end; then close hanging connections, such as uploads or handshakes."""
+    """Serve until told to end; then close hanging connections, such as uploads or handshakes, and
+    cancel hanging requests, such as a computation on a thread."""
+    logging.getLogger("uvicorn.error").addFilter(_is_not_cancellation)
     serving = asyncio.ensure_future(server.serve(sockets=list(listeners)))
-    # Newer uvicorns raise a signal again; retrieve the exception, or the loop would log it as an
-    # error.
+    # Newer uvicorns raise a signal again; retrieve the exception, or the loop would log an error.
     serving.add_done_callback(lambda done: done.cancelled() or done.exception())
     while not server.should_exit and not serving.done():
         gateway.expire()
@@ -170,5 +164,12 @@ async def serve_until_told(server: Server, gateway: Gateway, *listeners: socket.
     if not serving.done():
         gateway.close_connections()
         await asyncio.wait([serving], timeout=_END_S)
+        for task in list(server.server_state.tasks):
+            task.cancel()
+        await asyncio.wait([serving], timeout=_END_S)
         server.force_exit = True
     await serving
+
+
+def _is_not_cancellation(record: logging.LogRecord) -> bool:
+    return not isinstance((record.exc_info or (None, None))[1], asyncio.CancelledError)

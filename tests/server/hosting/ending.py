@@ -28,6 +28,7 @@ def check_a_hanging_upload_and_half_a_request_hold_up_no_end(tmp_path: Path) -> 
         assert running.process.wait(60) == 0, "uvicorn alone waits for ever"
     _check_hanging_tls_holds_up_no_end(tmp_path / "tls")
     _check_a_full_pipe_holds_up_no_end()
+    _check_a_computation_holds_up_no_end_and_logs_no_error()
 
 
 def _check_hanging_tls_holds_up_no_end(folder: Path) -> None:
@@ -58,6 +59,49 @@ def _check_a_full_pipe_holds_up_no_end() -> None:
     with os.fdopen(reading), os.fdopen(writing, "w") as full:
         words = [sys.executable, "-c", said + "logging.warning('nobody reads this')"]
         assert subprocess.run(words, stderr=full, timeout=60).returncode == 0
+
+
+COMPUTING = """
+import contextlib, sys
+from robot.clock import RealClock
+from server.board import app, board, class_key, transport
+from server.config import Config
+from server.hosting import serving
+from server.hosting.logs import start_logging
+
+def compute():
+    print("begun", flush=True)
+    sys.stdin.read()
+
+start_logging(verbose=False)
+app.left_turns, serving._END_S = compute, 0.05
+there = board.Board(class_key.ClassKey("k" * 40), transport.NetworkTransport(), RealClock())
+listener = serving.open_socket("127.0.0.1", 0)
+print(listener.getsockname()[1], flush=True)
+with contextlib.suppress(KeyboardInterrupt):
+    serving.serve(app.create_board_app(Config(), there, RealClock()), [listener])
+"""
+
+
+def _check_a_computation_holds_up_no_end_and_logs_no_error() -> None:
+    """Ctrl-C while the board makes a ready lesson on a thread."""
+    pipe = subprocess.PIPE
+    with subprocess.Popen(
+        [sys.executable, "-c", COMPUTING], stdin=pipe, stdout=pipe, stderr=pipe
+    ) as process:
+        assert process.stdin and process.stdout and process.stderr
+        port = int(process.stdout.readline())
+        with socket.create_connection(("127.0.0.1", port)) as client:
+            head = f"POST /api/models/left-turns HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n"
+            kind = 'Content-Type: application/json\r\nContent-Length: 12\r\n\r\n{"name":"x"}'
+            client.sendall((head + kind).encode())
+            assert process.stdout.readline() == b"begun\n"
+            process.send_signal(signal.SIGINT)
+            assert client.recv(100) == b"", "the request is given up"
+        process.stdin.close()
+        errors = process.stderr.read().decode()
+        assert process.wait(60) == 0
+    assert errors == ""
 
 
 def _connected(running: OwnProcess) -> socket.socket:
