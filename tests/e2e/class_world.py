@@ -58,7 +58,7 @@ def running_class(
             rig = (
                 _simulated(i)
                 if simulated
-                else Rig(FakeDriver(), FakeCamera(clock, 10.0), make_policy("published-8"), clock)
+                else Rig(FakeDriver(), FakeCamera(clock, 4.0), make_policy("published-8"), clock)
             )
             data = folder / f"robot-{i}"
             identity = IdentityFile(data, NAMES[i % len(NAMES)])

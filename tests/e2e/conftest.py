@@ -39,7 +39,7 @@ def chromium() -> Iterator[Any]:
 @pytest.fixture
 def frame_rate_hz() -> float:
     """Pictures per second; a file whose tests must first teach a lot overrides it with more."""
-    return 10.0
+    return 5.0
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from .world import World
 Way = tuple[float, float]
 """Distance from a control's middle to the right and upwards, as shares of its width and height."""
 MIDDLE: Way = (0.0, 0.0)
-_LET_GO = 100
+_LET_GO = 25
 """A page that was checked this number of times without a held move has let go."""
 
 
@@ -162,7 +162,7 @@ def press_until(
             choose(page, world, Mode.TRAIN)
             press()
             held_nothing = 0
-        time.sleep(0.01)
+        time.sleep(0.04)
 
 
 def _held(page: Any) -> str | None:
@@ -185,7 +185,7 @@ def drive_on(page: Any, world: World, *, until: Callable[[], bool], within_s: fl
         if world.mode is Mode.STOPPED:
             page.locator("mode-bar [data-mode=autonomous]").click()
             time.sleep(0.3)
-        time.sleep(0.02)
+        time.sleep(0.05)
 
 
 def turned_rad(world: World, seconds: float = 0.4) -> float:
@@ -206,7 +206,7 @@ def wait_until_standing(world: World, within_s: float = 30.0) -> None:
     since_s = time.monotonic()
     pose, moved_s = world.pose, since_s
     while time.monotonic() - moved_s < 0.3:
-        time.sleep(0.002)
+        time.sleep(0.005)
         now_s, now = time.monotonic(), world.pose
         if now != pose:
             pose, moved_s = now, now_s

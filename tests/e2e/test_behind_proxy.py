@@ -86,7 +86,7 @@ def _judge(page: Any, address: str, server: LiveServer) -> None:
     assert not server.rig.loop.state.emergency
     page.locator(".stop:visible").click()
     wait_until(lambda: server.rig.loop.state.emergency, "STOP on the socket")
-    server.rig.loop.release_emergency().result(5)
+    server.rig.loop.release_emergency().result(60)
     status = "fetch('api/stop', { method: 'POST' }).then((answer) => answer.status)"
     assert page.evaluate(status) == 200
     wait_until(lambda: server.rig.loop.state.emergency, f"STOP over HTTP, after {dict(stops)}")

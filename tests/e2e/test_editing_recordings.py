@@ -38,14 +38,14 @@ def drive(world: World, examples: int) -> None:
         now_s = clock.now_s()
         assert now_s < latest_s, f"only {world.lessons} examples were taught"
         if world.mode is not Mode.TRAIN:
-            loop.set_mode(Mode.TRAIN).result(5)
+            loop.set_mode(Mode.TRAIN).result(60)
         held = Action.LEFT if int(now_s * 2) % 2 else Action.FORWARD
         frame_id = loop.state.frame_id
         loop.command(
             PilotCommand(held=held, frame_id=frame_id, seq=int(now_s * 1e3), received_s=now_s)
         )
         time.sleep(0.05)
-    loop.set_mode(Mode.STOPPED).result(5)
+    loop.set_mode(Mode.STOPPED).result(60)
 
 
 def test_a_recording_is_cut_relabelled_and_restored_on_the_page(phone: Any, world: World) -> None:

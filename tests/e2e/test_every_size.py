@@ -65,9 +65,10 @@ SCREENS = ("gallery", "why", "teaching", "undo", "challenge", "study", "home", "
 def taught(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
     """A recorded robot that was taught a little; the pages here only show it."""
     folder = tmp_path_factory.mktemp("taught")
-    with running_world(folder, world="office") as running:
+    with running_world(folder, world="office", frame_rate_hz=30.0) as running:
         drive(running, 60)
         finish_recording(running)
+    with running_world(folder, world="office", frame_rate_hz=3.0) as running:
         have_tried(running.services)
         yield running
 

@@ -37,7 +37,7 @@ WCAG = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
 @pytest.fixture
 def frame_rate_hz() -> float:
     """A high rate, so that the first teaching takes little time."""
-    return 30.0
+    return 15.0
 
 
 def complaints(page: Any) -> list[str]:
@@ -68,7 +68,7 @@ def test_axe_finds_nothing_on_any_screen_and_each_target_has_room_for_a_thumb(
     page = open_page(context, world.address)
     choose(page, world, Mode.TRAIN)
     fingers = Fingers(page)
-    hold_until(world, fingers, "left", lambda: world.lessons > 40)
+    hold_until(world, fingers, "left", lambda: world.lessons > 20)
     page.evaluate(axe)
     assert complaints(page) == [], "while driving"
     fingers.lift()

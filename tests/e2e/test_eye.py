@@ -39,7 +39,7 @@ def test_a_phone_is_the_eye_and_its_stop_is_obeyed(tmp_path: Path) -> None:
 
         def is_released() -> bool:
             # The press was also sent by a request, which may arrive after a release.
-            rig.loop.release_emergency().result(5)
+            rig.loop.release_emergency().result(60)
             return bool(page.locator("#said[data-level=good]").is_visible())
 
         wait_until(is_released, "the page says that the stop is over")

@@ -116,7 +116,7 @@ def test_no_pictures_cross_to_a_page_that_does_not_show_them(chromium: Any, worl
 def test_who_leaves_the_picture_leaves_no_robot_driving(phone: Any, world: World) -> None:
     choose(phone, world, Mode.TRAIN)
     fingers = Fingers(phone)
-    hold_until(world, fingers, "left", lambda: world.lessons > 20)
+    hold_until(world, fingers, "left", lambda: world.lessons > 8)
     fingers.lift()
     choose(phone, world, Mode.AUTONOMOUS)
     phone.evaluate("location.hash = 'settings'")
@@ -153,7 +153,7 @@ def test_nothing_that_the_page_asks_for_is_missing(
     phone.on("response", lambda r: missing.append(r.url) if r.status >= 400 else None)
     choose(phone, world, Mode.TRAIN)
     fingers = Fingers(phone)
-    hold_until(world, fingers, "left", lambda: world.lessons > 150)
+    hold_until(world, fingers, "left", lambda: world.lessons > 80)
     fingers.lift()
     choose(phone, world, Mode.AUTONOMOUS)
     for screen in ("gallery", "drive", "gallery", "home", "teaching", "undo"):

@@ -58,7 +58,7 @@ def test_another_place_is_chosen_on_the_page(chromium: Any, tmp_path: Path) -> N
         for strange in ("nowhere", str(own), "../box", ""):
             answer = httpx.put(url, json={"name": strange})
             assert (answer.status_code, "there are: box" in answer.json()["detail"]) == (409, True)
-        world.rig.loop.set_mode(Mode.TRAIN, proven_s=world.rig.clock.now_s()).result(5)
+        world.rig.loop.set_mode(Mode.TRAIN, proven_s=world.rig.clock.now_s()).result(60)
         if world.mode is not Mode.STOPPED:
             answer = httpx.put(url, json={"name": "box"})
             assert (answer.status_code, "stop the robot" in answer.json()["detail"]) == (409, True)

@@ -72,7 +72,7 @@ def _tap_mode(fingers: Fingers, mode: str) -> None:
 def test_modes_are_chosen_while_another_finger_holds(rovers_phone: Any, rover: World) -> None:
     choose(rovers_phone, rover, Mode.TRAIN)
     fingers = Fingers(rovers_phone)
-    wanted = rover.lessons + 20
+    wanted = rover.lessons + 8
     hold_until(rover, fingers, "left", lambda: rover.lessons > wanted)
     _tap_mode(fingers, "autonomous")
     wait_until(lambda: rover.mode is Mode.AUTONOMOUS, "it drives itself")

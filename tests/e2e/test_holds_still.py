@@ -58,7 +58,8 @@ ELSEWHERE = {"emergency_stop", "stop.pilot_asked"}
 
 @pytest.fixture(scope="module")
 def standing(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
-    with running_world(tmp_path_factory.mktemp("standing"), world="office") as running:
+    folder = tmp_path_factory.mktemp("standing")
+    with running_world(folder, world="office", frame_rate_hz=3.0) as running:
         yield running
 
 
@@ -68,9 +69,7 @@ def test_the_drive_screen_holds_still(
     chromium: Any, standing: World, language: str, moves: str
 ) -> None:
     # The celebration's jump is not measured, because the figure is not a control.
-    context = chromium.new_context(
-        locale=language, has_touch=True, service_workers="block", reduced_motion="reduce"
-    )
+    context = chromium.new_context(locale=language, has_touch=True, service_workers="block")
     page = open_page(context, standing.address)
     for screen in ("study", "challenge", "drive"):  # with this the page fetches their sentences
         show(page, screen)
@@ -117,7 +116,8 @@ def _sizes(language: str, moves: str) -> list[tuple[tuple[int, int], int]]:
     count, seed = map(int, WANTED.split(":"))
     drawn = random.Random(seed).sample(whole, count)
     usual = list(product(FEW, (TEXT[0], TEXT[-1])))
-    return [*(usual if IS_FULL else usual[PADS.index((moves, language)) :: len(PADS)]), *drawn]
+    few = [(size, TEXT[-(i % 2)]) for i, size in enumerate(FEW)]
+    return [*(usual if IS_FULL else few[PADS.index((moves, language)) :: len(PADS)]), *drawn]
 
 
 def messages(language: str) -> dict[str, str]:

@@ -34,6 +34,13 @@ from .world import PHONE, World, open_page
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
+
+@pytest.fixture
+def frame_rate_hz() -> float:
+    """A higher rate, so that each phase teaches enough in little time."""
+    return 10.0
+
+
 PARTICIPANTS = size("PARTICIPANTS", 2, 2)
 WAITING, SLOW, FAST = 0.01, 2.0, 8.0
 """Seconds of a phase per second: until enough was taught, while the robot drives, and otherwise."""

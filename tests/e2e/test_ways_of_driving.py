@@ -261,7 +261,7 @@ def test_what_is_taught_by_degrees_is_seen_over_the_picture_and_in_the_gallery(
 ) -> None:
     steer_by(phone, "stick")
     choose(phone, world, Mode.TRAIN)
-    fingers, wanted = Fingers(phone), world.lessons + 10
+    fingers, wanted = Fingers(phone), world.lessons + 8
     press_until(
         phone,
         world,
@@ -310,7 +310,7 @@ def test_each_thumb_has_a_stick_when_the_phone_lies_on_its_side(
 def test_a_hidden_page_stops_even_what_drives_itself(phone: Any, world: World) -> None:
     choose(phone, world, Mode.TRAIN)
     fingers = Fingers(phone)
-    wanted = world.lessons + 20
+    wanted = world.lessons + 8
     hold_until(world, fingers, "left", lambda: world.lessons > wanted)
     fingers.lift()
     choose(phone, world, Mode.AUTONOMOUS)

@@ -53,12 +53,13 @@ def learned(world: World) -> dict[Action, float]:
             right.setdefault(label, []).append(max(shares, key=lambda m: shares[m]) is label)
         return right
 
-    answers = world.rig.loop.submit(ask).result(10)
+    answers = world.rig.loop.submit(ask).result(60)
     return {move: sum(told) / len(told) for move, told in answers.items()}
 
 
 @pytest.mark.parametrize("world", ["box"], indirect=True)
 def test_teach_drive_correct_and_stop_in_the_simulator(phone: Any, world: World) -> None:
+    phone.emulate_media(reduced_motion="no-preference")
     fingers = Fingers(phone)
     start = world.pose
     assert world.mode is Mode.STOPPED

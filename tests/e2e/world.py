@@ -122,11 +122,12 @@ def running_world(
 ) -> Iterator[World]:
     """Serve a robot on a free port of this machine inside the block.
 
-    The simulator sends ten pictures a second, like the camera of a real EV3.
+    The simulator sends five pictures a second: each costs the server and the browser more than all
+    else that these tests do.
     """
     config = config or Config(port=0, data=folder, web=joined_page())
     if robot == "sim":
-        options.setdefault("frame_rate_hz", 10.0)
+        options.setdefault("frame_rate_hz", 5.0)
     rig = build_rig(robot, learner=learner, options=options, config=limits)
     hub = Hub(config, rig, "Rover")
     persistence = Persistence(Storage(folder), rig, name="Rover", announce=hub.announce)
@@ -177,14 +178,18 @@ def _running_playwright() -> Iterator[Any]:
 
 @contextlib.contextmanager
 def running_chromium(*flags: str, whole: bool = False) -> Iterator[Any]:
-    """Start a Chromium, headless and with a fresh profile; see find_chromium."""
+    """Start a Chromium, headless and with a fresh profile; see find_chromium.
+
+    Its pages stand still unless a test asks for `reduced_motion="no-preference"`: an animation
+    costs as much as the pictures.
+    """
     path = find_chromium(whole=whole)
     with _running_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=[*CHROMIUM_FLAGS, *flags])
         make = browser.new_context
 
         def make_patient(**options: Any) -> Any:
-            context = make(**options)
+            context = make(**{"reduced_motion": "reduce", **options})
             context.set_default_timeout(PATIENCE_MS)
             return context
 
@@ -237,17 +242,17 @@ def release_stop(page: Any, world: World) -> None:
     if world.rig.loop.state.emergency:
         page.wait_for_function(f"() => {known}")
     page.wait_for_function("() => !isFetching()")
-    world.rig.loop.release_emergency().result(5)
+    world.rig.loop.release_emergency().result(60)
     page.wait_for_function(f"() => !{known}")
 
 
 def come_to_rest(page: Any, world: World) -> None:
     """Have the robot stand, with no emergency, and with no pending request of its page."""
-    world.rig.loop.set_mode(Mode.STOPPED).result(5)
+    world.rig.loop.set_mode(Mode.STOPPED).result(60)
     if page.url.startswith(world.address):
         release_stop(page, world)
     else:
-        world.rig.loop.release_emergency().result(5)
+        world.rig.loop.release_emergency().result(60)
 
 
 def begin_anew(page: Any, world: World, viewport: dict[str, int]) -> None:
@@ -312,5 +317,5 @@ def settle(page: Any) -> None:
 def finish_recording(world: World) -> None:
     """End the recording now; otherwise it ends when the robot has stood for a while."""
     recorder = world.persistence.part(Recordings).recorder
-    world.rig.loop.submit(recorder.finish).result(5)
+    world.rig.loop.submit(recorder.finish).result(60)
     wait_until(lambda: recorder.queue.episode_id is None, "the recording ends")
