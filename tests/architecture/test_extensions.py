@@ -22,6 +22,7 @@ from typing import Any
 import pytest
 
 import robot
+from tests.kit.sizes import IS_FULL
 from web.bundle import bundle
 
 from . import rules
@@ -31,9 +32,9 @@ ROOT = Path(__file__).parents[2]
 EVERYTHING = ("tests/robot", "tests/server", "tests/faults", "tests/contract")
 
 
-def gone_with(extension: str) -> set[str]:
-    """Return the extension and those that need it."""
-    gone, before = {extension}, set[str]()
+def gone_with(extensions: set[str]) -> set[str]:
+    """Return the extensions and those that need them."""
+    gone, before = extensions, set[str]()
     while gone != before:
         before, gone = gone, gone | {name for name, needs in NEEDS.items() if gone & {*needs}}
     return gone
@@ -55,6 +56,11 @@ def imports(module: str, file: Path) -> set[str]:
         elif isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
     return found
+
+
+REMOVALS = [{e} for e in EXTENSIONS] if IS_FULL else [{*EXTENSIONS[i::4]} for i in range(4)]
+"""What is removed at one time: in CI each extension by itself, otherwise four groups, which take a
+quarter of the time."""
 
 
 @cache
@@ -140,29 +146,32 @@ def copy_without(extensions: set[str], folder: Path, *names: str) -> set[str]:
 
 @pytest.fixture(scope="module")
 def booted(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
-    """The core's content without each extension: `boot.py` starts all of them, one after
-    another."""
+    """The core's content without each extension: `boot.py` starts all trees, one after another."""
     if not hasattr(os, "fork"):
         pytest.skip("this system has no fork")
-    folders = {}
-    for extension in EXTENSIONS:
-        folders[extension] = folder = tmp_path_factory.mktemp(extension)
-        copy_without(gone_with(extension), folder, *rules.PACKAGES)
+    folders = []
+    for removed in REMOVALS:
+        folders.append(folder := tmp_path_factory.mktemp("without"))
+        copy_without(gone_with(removed), folder, *rules.PACKAGES)
         (folder / "web").symlink_to(ROOT / "web")
     script = Path(__file__).with_name("boot.py")
-    command = [sys.executable, script, *map(str, folders.values())]
-    done = subprocess.run(command, cwd=folders["lab"], capture_output=True, text=True, check=False)
+    command = [sys.executable, script, *map(str, folders)]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     lines = [json.loads(line) for line in done.stdout.splitlines()]
-    found = {Path(line.pop("folder")): line for line in lines}
     assert done.returncode == 0, [line.get("error") for line in lines] + [done.stderr[-2000:]]
-    return {extension: found[folder] for extension, folder in folders.items()}
+    return {
+        extension: {**line, "gone": gone_with(removed)}
+        for removed, line in zip(REMOVALS, lines, strict=True)
+        for extension in removed
+    }
 
 
 @pytest.mark.parametrize("extension", EXTENSIONS)
 def test_the_core_boots_without(extension: str, booted: dict[str, dict[str, Any]]) -> None:
     boot = booted[extension]
+    gone = boot["gone"]
     assert "/api/stop" in boot["paths"] and "/api/settings" in boot["paths"]
-    assert not uses(set(boot["modules"]), packages_of(gone_with(extension)))
+    assert not uses(set(boot["modules"]), packages_of(gone))
     homes = {"board": "board", "study": "study", "evaluate": "lab", "episodes": "recordings"}
     for command, home in {
         **homes,
@@ -171,7 +180,7 @@ def test_the_core_boots_without(extension: str, booted: dict[str, dict[str, Any]
         "export": "exchange",
     }.items():
         if command != "export":
-            assert (command in boot["commands"]) is (home not in gone_with(extension)), command
+            assert (command in boot["commands"]) is (home not in gone), command
     paths = {
         "/api/gallery": "coaching",
         "/api/challenge": "challenge",
@@ -181,7 +190,7 @@ def test_the_core_boots_without(extension: str, booted: dict[str, dict[str, Any]
         "/api/pair": "access",
     }
     for path, home in {**paths, "/api/episodes": "recordings", "/api/session": "study"}.items():
-        assert (path in boot["paths"]) is (home not in gone_with(extension)), path
+        assert (path in boot["paths"]) is (home not in gone), path
 
 
 def test_what_is_missing_is_said(booted: dict[str, dict[str, Any]]) -> None:
@@ -285,7 +294,7 @@ def test_each_extension_s_folders_and_documents_exist() -> None:
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("extension", EXTENSIONS)
 def test_the_core_s_tests_pass_without(extension: str, tmp_path: Path) -> None:
-    extensions = gone_with(extension)
+    extensions = gone_with({extension})
     gone = copy_without(extensions, tmp_path, *rules.PACKAGES, "web", "tests", "docs")
     kept = [
         path
