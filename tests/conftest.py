@@ -65,10 +65,16 @@ def pytest_collection_modifyitems(session: pytest.Session, items: list[pytest.It
     items.sort(key=lambda item: item.path not in slow)
 
 
+def pytest_sessionstart() -> None:
+    """Search for no garbage during the collection of tests: it makes what exists until the end."""
+    gc.disable()
+
+
 def pytest_collection_finish() -> None:
-    """Exclude shared objects from garbage collection, because they exist until the end anyway."""
+    """Exclude what exists until the end from garbage collection."""
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session", autouse=True)

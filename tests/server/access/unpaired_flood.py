@@ -8,7 +8,10 @@ import sys
 
 import httpx
 
-CONNECTS, HALF_REQUESTS, IDLE, WRONG_TOKENS = 5_000, 500, 700, 12
+from tests.kit.sizes import size
+
+CONNECTS = size("CONNECTS", 1_500, 5_000)
+HALF_REQUESTS, IDLE, WRONG_TOKENS = 500, 700, 12
 PATIENCE_S = 30.0
 OWN_ADDRESS = "127.0.0.2"
 """An address other than the pilot's, on the same machine."""

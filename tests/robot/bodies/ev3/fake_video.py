@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import shutil
 import subprocess
+import tempfile
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -54,19 +57,28 @@ QUICK = CameraTraits(
 """A webcam on a laptop's bus."""
 
 
+@cache
+def _library() -> Path:
+    """Build the preload library, once in a process."""
+    compiler = shutil.which("gcc") or shutil.which("cc")
+    if compiler is None:
+        pytest.skip("no C compiler, so no made-up camera")
+    folder = tempfile.mkdtemp()
+    atexit.register(shutil.rmtree, folder)
+    library = Path(folder) / "fake_video.so"
+    source = Path(__file__).with_name("fake_video.c")
+    subprocess.run(
+        [compiler, "-shared", "-fPIC", "-Wall", "-Werror", "-o", library, source, "-ldl"],
+        check=True,
+    )
+    return library
+
+
 class FakeVideo:
-    """Builds the preload library; `env` is the environment for a process that sees the camera."""
+    """Uses the preload library; `env` is the environment for a process that sees the camera."""
 
     def __init__(self, folder: Path, traits: CameraTraits = C270_ON_EV3) -> None:
-        compiler = shutil.which("gcc") or shutil.which("cc")
-        if compiler is None:
-            pytest.skip("no C compiler, so no made-up camera")
-        library = folder / "fake_video.so"
-        source = Path(__file__).with_name("fake_video.c")
-        subprocess.run(
-            [compiler, "-shared", "-fPIC", "-Wall", "-Werror", "-o", library, source, "-ldl"],
-            check=True,
-        )
+        library = _library()
         self.control = folder / "camera"
         jpeg = folder / "picture.jpg"
         ramp = np.tile(np.arange(160, dtype=np.uint8), (120, 1))
