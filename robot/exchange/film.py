@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from array import array
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from itertools import chain, groupby
@@ -167,7 +168,7 @@ def write_look(episode: Episode, notes: Notes, path: Path, *, fps: int | None = 
     Returns the number of pictures.
     """
     found = enumerate(moments(episode, notes))
-    line = make_timeline((episode.frames.captured_s - episode.start_s).tolist())
+    line = make_timeline(array("d", episode.frames.captured_s - episode.start_s))
     rate = fps or line.fps
 
     def pictures() -> Iterable[Pixels]:

@@ -23,6 +23,8 @@ PYARROW = ("pyarrow", "reading and writing LeRobot datasets", "export")
 """The library, its purpose, and the extra that installs it."""
 _PARQUET = ("pyarrow.parquet", *PYARROW[1:])
 _MOST_TABLE_BYTES = 2**30
+_ROWS = 10_000
+"""Number of rows that are encoded together, in memory."""
 
 
 def read_table(
@@ -84,4 +86,4 @@ def write_tasks(folder: Path, task: str) -> None:
 
 def _write_table(table: Any, path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    need(*_PARQUET).write_table(table, path, compression="snappy")
+    need(*_PARQUET).write_table(table, path, compression="snappy", row_group_size=_ROWS)

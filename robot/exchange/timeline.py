@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
@@ -57,6 +58,8 @@ def make_timeline(stamps_s: Sequence[object]) -> Timeline:
     line continues. A pause of more than a minute becomes two seconds. Stamps are seconds of any
     clock; any value that is not a finite number counts as missing.
     """
+    if isinstance(stamps_s, array) and (plain := _plain(np.array(stamps_s))) is not None:
+        return plain
     read = [_seconds(stamp) for stamp in stamps_s]
     if not read:
         return Timeline(times_s=[], usual_s=_USUAL_S)
@@ -84,6 +87,17 @@ def make_timeline(stamps_s: Sequence[object]) -> Timeline:
     equal = max(0, len(known) - outliers - len(runs))
     remark = _remark(len(read) - len(known), outliers, equal, backward, pauses)
     return Timeline(times_s=times_s, usual_s=usual_s, remark=remark)
+
+
+def _plain(stamps_s: NDArray[np.float64]) -> Timeline | None:
+    """Return the time line of stamps that need no repair, without an object for each; otherwise
+    None."""
+    steps_s = np.diff(stamps_s)
+    is_plain = len(steps_s) > 0 and bool(np.all((steps_s > 0) & (steps_s <= _LONGEST_PAUSE_S)))
+    if not is_plain or max(-stamps_s[0], stamps_s[-1]) >= _MOST_S:
+        return None
+    times_s = (stamps_s - stamps_s[0]).tolist()
+    return Timeline(times_s=times_s, usual_s=float(np.median(steps_s)))
 
 
 def _nearest(times_s: NDArray[np.float64], fps: int) -> NDArray[np.intp]:

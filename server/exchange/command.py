@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import re
 import shutil
+from array import array
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -192,7 +193,8 @@ def _export(
     if len(sizes) > 1 and form in ("film", "lerobot"):
         print(f"  pictures of {len(sizes)} sizes were scaled to that of the first")
     for episode, notes in episodes if form in TIMED else ():
-        times_s = [m.at_s for m in moments(episode, notes, about=()) if TIMED[form](m)]
+        shown = filter(TIMED[form], moments(episode, notes, about=()))
+        times_s = array("d", (moment.at_s for moment in shown))
         line = make_timeline(times_s)
         if line.remark:
             print(f"  {episode.id}: {line.remark}")
