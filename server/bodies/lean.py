@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import LazyLoader
 from types import ModuleType
 from typing import Any
 
-LEFT_OUT = ("_hashlib", "_ssl")
-"""The two modules that load OpenSSL. Their import fails, and each importer has a fallback."""
+LEFT_OUT = ("_bz2", "_ctypes", "_hashlib", "_lzma", "_ssl")
+"""Modules that load libraries which a brick never uses: OpenSSL, libffi and two compressors. Their
+import fails, and each importer has a fallback."""
 
 PUT_OFF = ("logging.config", "numpy.fft", "numpy.ma", "numpy.polynomial", "numpy.random")
 """Modules that numpy and uvicorn import, and that a lesson on a brick never touches."""
@@ -37,8 +37,11 @@ class StandIn(ModuleType):
         return made
 
 
-class PutOff(MetaPathFinder):
-    """Import hook for the modules of `PUT_OFF`; the first attribute access loads the module."""
+class PutOff:
+    """Import hook for the modules of `PUT_OFF`; the first attribute access loads the module.
+
+    It has no base class, because `importlib.abc` imports the compressors.
+    """
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None

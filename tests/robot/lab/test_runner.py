@@ -14,9 +14,10 @@ from typing import Any
 import pytest
 
 from robot.errors import ConfigurationError
+from robot.lab.cluster import _Run, _Worker
 from robot.lab.identity import identify
 from robot.lab.lessons import run_lesson
-from robot.lab.outcome import TrialError, contents_of, run_task
+from robot.lab.outcome import Outcome, TrialError, contents_of, run_task
 from robot.lab.runner import Store, run_all
 from robot.lab.task import Params, Result, Task
 from tests.cluster.cases import CASES
@@ -240,6 +241,46 @@ def test_a_process_that_is_killed_is_one_sentence(tmp_path: Path) -> None:
 def run_die(params: Params) -> Result:
     os.kill(os.getpid(), signal.SIGKILL)
     return {}
+
+
+class NeverFetched:
+    """A future of Dask that is finished, whose worker was killed before its answer was fetched."""
+
+    status = "finished"
+
+    def result(self, timeout: float) -> Outcome:
+        raise TimeoutError
+
+    def release(self) -> None:
+        pass
+
+
+def test_the_task_of_a_worker_that_is_lost_before_its_answer_was_fetched_goes_to_another() -> None:
+    """The client waited without end: Dask tries again, but on the same worker only."""
+    run = _Run(None, "tcp://here", {"key": Task(run_die, {})}, lambda count, change: None)
+    run._todo.clear()
+    run._workers["lost"] = worker = _Worker("lost", 0.0, future=NeverFetched(), key="key")
+    assert list(run._take("lost", worker)) == []
+    assert run._events.get_nowait() == ("lost", worker.future), "it is asked again"
+    run._let_go("lost")
+    assert run._todo == ["key"]
+
+
+@pytest.mark.parametrize(
+    ("silent_s", "told"),
+    [(19.0, []), (21.0, ["has been silent for 20 s"]), (61.0, ["does not answer"])],
+)
+def test_a_silent_worker_is_reported_and_its_task_goes_to_another(
+    silent_s: float, told: list[str]
+) -> None:
+    """It was reported once, and its task waited for Dask's 300 s."""
+    said: list[str] = []
+    run = _Run(None, "tcp://here", {}, lambda count, change: said.append(change))
+    worker = _Worker("a", 0.0, heard=1.0, future=NeverFetched(), key="key", is_used=True)
+    run._workers["address"] = worker
+    run._listen("address", 1.0, silent_s)
+    assert [change.partition("worker at a ")[2].partition(";")[0] for change in said] == told
+    assert run._todo == (["key"] if silent_s > 60 else [])
 
 
 @in_ci

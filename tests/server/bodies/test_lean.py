@@ -12,7 +12,7 @@ import sys
 from server.bodies.lean import PUT_OFF, leave_out_unused
 if sys.argv[1:]:
     leave_out_unused()
-import hashlib, numpy, uvicorn
+import hashlib, numpy, shutil, uvicorn, zipfile
 print(*(name for name, module in sys.modules.items() if module and name in PUT_OFF
         and type(module).__name__ != "_LazyModule"), "|",
       *(name for name in sys.modules if name in {left_out!r} and sys.modules[name]), "|",
