@@ -1,5 +1,7 @@
 """Runs the cases of real Dask schedulers and workers: `python -m tests.cluster [CASE ...]`.
 
+`--speed`, on an idle machine of two cores: trials a minute of one process and of two workers.
+
 Each case must give the results of one process to the last digit, or end with one sentence and a
 non-zero code, and must be silent for at most 30 s. Outside CI, because one case installs another
 numpy.
@@ -12,7 +14,21 @@ import tempfile
 from pathlib import Path
 
 from tests.cluster.cases import CASES
-from tests.cluster.processes import run_client
+from tests.cluster.processes import Cluster, run_client
+
+
+def speed() -> int:
+    """Compare two workers of one thread with one process; the results must be equal."""
+    lessons = {"runs": "24", "teach": "30"}
+    with tempfile.TemporaryDirectory() as name, Cluster(Path(name)) as cluster:
+        alone = run_client(Path(name), "here", store="alone", **lessons)
+        for _ in range(2):
+            cluster.add("good")
+        both = run_client(Path(name), cluster.address, **lessons)
+    print(f"one process {alone.each_minute:.1f} trials a minute, two workers ", end="")
+    print(f"{both.each_minute:.1f}: {both.each_minute / alone.each_minute:.2f} times; ", end="")
+    print("equal" if both.results == alone.results else "DIFFERENT")
+    return 0 if both.results == alone.results else 1
 
 
 def main(names: list[str]) -> int:
@@ -33,4 +49,4 @@ def main(names: list[str]) -> int:
     return 1 if failed else 0
 
 
-sys.exit(main(sys.argv[1:]))
+sys.exit(speed() if sys.argv[1:] == ["--speed"] else main(sys.argv[1:]))

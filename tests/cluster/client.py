@@ -28,7 +28,8 @@ LESSON = {
 def main(scheduler: str, *options: str) -> int:
     chosen = dict(option.split("=", 1) for option in options)
     learner, runs = chosen.get("learner", "default-8"), int(chosen.get("runs", "4"))
-    tasks = [Task(run_lesson, {**LESSON, "learner": learner, "seed": n}) for n in range(runs)]
+    lesson = {**LESSON, "learner": learner, "teach_s": float(chosen.get("teach", "1.5"))}
+    tasks = [Task(run_lesson, {**lesson, "seed": n}) for n in range(runs)]
     is_here = scheduler == "here"
     hold_s = float(chosen.get("hold", "0"))
 

@@ -133,6 +133,13 @@ class Ended:
     lines: list[str] = field(default_factory=list)
     seconds: float = 0.0
     silent_s: float = 0.0
+    done_s: list[float] = field(default_factory=list)
+    """The time at which each trial was done, in seconds."""
+
+    @property
+    def each_minute(self) -> float:
+        """Trials a minute, from the second trial to the last."""
+        return 60 * (len(self.done_s) - 2) / (self.done_s[-1] - self.done_s[1])
 
     @property
     def results(self) -> str:
@@ -184,9 +191,11 @@ def run_client(
             ended.silent_s = max(ended.silent_s, now_s - heard_s)
             heard_s = now_s
             ended.lines.append(line.rstrip())
-            if line.startswith("done") and after_first is not None:
-                after_first()
-                after_first = None
+            if line.startswith("done"):
+                ended.done_s.append(now_s)
+                if after_first is not None:
+                    after_first()
+                    after_first = None
     client.wait()
     ended.code = None if not guard.is_alive() else client.returncode
     guard.cancel()
