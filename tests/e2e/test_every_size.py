@@ -165,6 +165,7 @@ def test_the_board_of_a_class_has_room_everywhere(
         wrong += _everywhere(page, language, opener, lambda p: faults(p, _STOP_LIES_ON_THE_PANEL))
         page.locator("#panel .title button").click()
     page.goto(f"{school.address}/codes")
+    page.locator("article .code").nth(2).wait_for()
     page.fill("#wifi", "Institut-Schule-WLAN-2.4-GHz")
     page.locator("#wifi").blur()
     page.locator("article li", has_text="2.4-GHz").nth(2).wait_for()

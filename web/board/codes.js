@@ -18,7 +18,7 @@ say(find('title'), t('board.codes'));
 say(find('how'), t('board.codes_how'));
 say(find('wifi-name'), t('board.wifi'));
 const wifi = /** @type {HTMLInputElement} */ (find('wifi'));
-try { wifi.value = localStorage.getItem(WIFI) ?? ''; } catch { /* it is typed again, then */ }
+try { wifi.value ||= localStorage.getItem(WIFI) ?? ''; } catch { /* it is typed again, then */ }
 say(find('print'), t('board.print'));
 wifi.addEventListener('change', () => {
   try { localStorage.setItem(WIFI, wifi.value); } catch { /* it stands on the cards all the same */ }
