@@ -266,12 +266,12 @@ class ControlLoop:
         return None if self._camera.world_waits or self.is_resting else self._timing.fault
 
     def _is_held_up(self, seconds: float) -> bool:
-        """Return whether the computer was held up for `seconds`, and stop if so: the last decision
-        is outdated."""
+        """Stop if the computer was held up for `seconds`: the last decision is outdated."""
         is_harmless = self._gate.mode is Mode.STOPPED or self._camera.world_waits
         if is_harmless or seconds <= self.config.stall_s:
             return False
-        self._stop(StopReason.LOOP_FAULT, f"The robot's computer was held up for {seconds:.1f} s.")
+        why = f"The computer was held up for {seconds:.1f} s. Close other programs, and go on."
+        self._stop(StopReason.LOOP_FAULT, why)
         return True
 
     def _heed_button(self) -> None:

@@ -220,7 +220,7 @@ class Newcomer:
             self._choose(Mode.AUTONOMOUS)
         elif mode is Mode.STOPPED and told == "teach":
             self._choose(Mode.TRAIN)
-        elif mode is Mode.STOPPED and told == "go on":
+        elif mode is Mode.STOPPED and (told == "go on" or "and go on" in text):  # the robot's fault
             self._choose(self._wanted)
         elif self.page.locator(".notice button", has_text=self._words["step.hint"]).is_visible():
             self._tap(".notice button")

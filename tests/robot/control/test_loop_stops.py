@@ -41,7 +41,7 @@ def test_what_was_decided_before_the_process_was_held_up_is_not_driven_after(whe
     assert (tick.sent, tick.decision.stop_reason) == (Action.STOP, StopReason.LOOP_FAULT)
     assert robot.driver.stops > stops_before
     assert len(robot.driver.sent) - moves_before == (1 if where == "send_action" else 0)
-    assert "held up for 1.0 s" in (robot.loop.state.fault or "")
+    assert "held up for 1.0 s. Close other programs" in (robot.loop.state.fault or "")
 
 
 def test_a_stopped_robot_does_not_learn() -> None:
