@@ -171,7 +171,7 @@ UNDRIVABLE: dict[str, tuple[Callable[[], Any], str]] = {
     "one move": (lambda: spaces.Discrete(1), "two moves or more"),
     "a thousand": (lambda: spaces.Discrete(1000), "1000 moves, more than the 32"),
     "a million": (lambda: spaces.Discrete(10**6), "1000000 moves"),
-    "words": (lambda: spaces.Text(5), "Text is more than numbers"),
+    "words": (lambda: spaces.Text(5), "only send numbers, not a Text"),
     "a picture": (lambda: spaces.Box(0, 255, (64, 64, 3), np.uint8), "12288 numbers"),
     "a hand": (lambda: spaces.Box(-1.0, 1.0, (24,)), "49 moves"),
     "none": (lambda: None, "no action space"),
