@@ -58,6 +58,12 @@ _HEIGHTS = """() => {
 }"""
 """The cards' heights with and without the buttons that release a robot, measured at one moment,
 because a robot's message may come at any time and stretch the neighbouring cards."""
+_LET_IT_BACK = """() => {
+  const { store } = document.querySelector('video-view').page;
+  const { moves } = store.state;
+  store.set({ moves: [...moves, 'backward'] });
+  return moves;
+}"""
 SCREENS = ("gallery", "why", "teaching", "undo", "challenge", "study", "home", "settings")
 
 
@@ -82,6 +88,12 @@ def test_nothing_is_cut_and_nothing_overlaps(chromium: Any, taught: World, langu
     page = open_page(context, taught.address)
     assert page.evaluate("document.documentElement.lang") == locale
     wrong = _everywhere(page, language, "drive", drive_faults)
+    if language != "longer":
+        moves = page.evaluate(_LET_IT_BACK)
+        wrong += _everywhere(page, language, "drive with Back", drive_faults)
+        page.evaluate(
+            "(moves) => document.querySelector('video-view').page.store.set({ moves })", moves
+        )
     page.locator("app-bar [aria-controls=menu]").click()
     wrong += _everywhere(page, language, "menu")
     for screen in SCREENS:

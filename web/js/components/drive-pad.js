@@ -72,7 +72,11 @@ export class DrivePad extends HTMLElement {
     const rows = columns ? columns.rows : isMany ? Math.ceil(moves.length / 3) : moves.length - inTwos + Math.ceil(inTwos / 2);
     const is = { many: isMany, placed: columns !== null, own: moves.some(isOwn) || (useTilt && spins), spins, backs: moves.includes('backward'), tilts: useTilt };
     for (const [name, isOn] of Object.entries(is)) this.moves?.classList.toggle(name, isOn);
-    this.parentElement?.style.setProperty('--rows', `calc(${hasStick ? 'var(--stick-rows, 3)' : rows} + ${useTilt ? 1 : 0})`);
+    // In a low window Back lies below the other three, which then share a row (drive.css).
+    const lowRows = is.backs && !isMany && !spins ? rows - 1 : rows;
+    for (const [name, count] of [['--pad-rows', rows], ['--low-rows', lowRows]]) {
+      this.parentElement?.style.setProperty(String(name), `calc(${hasStick ? 'var(--stick-rows, 3)' : count} + ${useTilt ? 1 : 0})`);
+    }
     this.parentElement?.classList.toggle('crowded', is.own || spins || is.backs || useTilt);
     this.measure();
   }

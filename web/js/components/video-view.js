@@ -102,8 +102,12 @@ export class VideoView extends HTMLElement {
     this.classList.toggle('many-votes', votes.length > 3);
     delete this.dataset.room;
     if (this.clientWidth <= SMALL_PX) this.dataset.room = 'small';
-    const fits = () => votes.every((vote) => [vote, ...vote.children].every((part) => part.scrollWidth <= part.clientWidth));
-    for (const room of ['narrow', 'narrower']) if (this.dataset.room !== 'small' && !fits()) this.dataset.room = room;
+    const { who, votes: bars } = this;
+    // Two lines of the word above them must fit: it is longest while the robot asks.
+    const lines = who ? 2.4 * parseFloat(getComputedStyle(who).fontSize) + 12 : 0;
+    const isHigh = () => !who || !bars || bars.getBoundingClientRect().top - who.getBoundingClientRect().top >= lines;
+    const fits = () => isHigh() && votes.every((vote) => [vote, ...vote.children].every((part) => part.scrollWidth <= part.clientWidth));
+    for (const room of ['narrow', 'narrower', 'small']) if (this.dataset.room !== 'small' && !fits()) this.dataset.room = room;
   }
 
   /** @param {import('../protocol.js').RobotState | null} robot */

@@ -140,7 +140,7 @@ export default {
   'busy.too_slow': 'The robot’s computer is too busy to drive safely. Close other programs on it.',
   'busy.stopped': 'Stopped: the robot’s computer is too busy. Close other programs on it, then tap “Teach” or “Drive itself”.',
   'hint.teach': 'Tap “Teach”, then hold a direction: I learn from every picture.',
-  'hint.bars': 'The three bars show what I would do. When I ask to try, tap “Drive itself”.',
+  'hint.bars': 'The bars show what I would do. When I ask to try, tap “Drive itself”.',
   'hint.correct': 'I may turn differently from you. Touch only if I’m about to bump. STOP stops me.',
   'hint.correct_keys': 'I may turn differently from you. Touch only if I’m about to bump. STOP or the space bar stops me.',
   'step.hint': 'Got it',

@@ -139,7 +139,7 @@ export default {
   'busy.too_slow': 'El ordenador del robot está demasiado ocupado para conducir con seguridad. Cierra otros programas.',
   'busy.stopped': 'Parado: el ordenador del robot está demasiado ocupado. Cierra otros programas y toca «Enseñar» o «Autónomo».',
   'hint.teach': 'Toca «Enseñar» y mantén una dirección: aprendo de cada imagen.',
-  'hint.bars': 'Las tres barras muestran lo que yo haría. Cuando pida probar, toca «Autónomo».',
+  'hint.bars': 'Las barras muestran lo que yo haría. Cuando pida probar, toca «Autónomo».',
   'hint.correct': 'Puedo girar de otra forma que tú. Toca solo si voy a chocar. ALTO me para.',
   'hint.correct_keys': 'Puedo girar de otra forma. Toca solo si voy a chocar. ALTO o espacio me para.',
   'step.hint': 'Entendido',
