@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # cyclonedds 11.0.1 (PyPI): a reliable writer that keeps writing may get no acknowledgement for seconds.
 #
-# Guess before the run: of a reliable writer (KeepLast(1), as ROS 2 uses for velocities) of 20 small messages a
-# second everything is acknowledged within some 0.2 s, since a heartbeat goes out each 100 ms by default.
-# Outcome: wrong. Over loopback, with another process that reads at once, it took 1.5 s in the median and 3.8 s at
-# most of five seconds of writing: each write puts the heartbeat off. With a HeartbeatInterval below the pause between
-# messages (`min="1 ms" minsched="5 ms" max="20 ms"`, 10 ms) it takes some milliseconds.
+# Guess before the run: if a reliable writer (KeepLast(1), as ROS 2 uses for velocities) writes 20 small messages a
+# second, all of them are acknowledged within about 0.2 s, because by default a heartbeat goes out every 100 ms.
+# Outcome: wrong. Over loopback, to another process that reads at once, the acknowledgement took 1.5 s in the median,
+# and up to 3.8 s of five seconds of writing: each write postpones the heartbeat. With a HeartbeatInterval below the
+# pause between messages (10 ms, `min="1 ms" minsched="5 ms" max="20 ms"`) it takes a few milliseconds.
 set -euo pipefail
 folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
 python3 -m venv "$folder/venv"

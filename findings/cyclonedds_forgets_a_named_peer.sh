@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
-# cyclonedds 11.0.1 (PyPI): a peer named in the configuration that is switched on 31 s later is never found.
+# cyclonedds 11.0.1 (PyPI): a peer that the configuration names is never found if it is switched on 31 s later.
 #
 # Guess before the run: with multicast off and a `<Peer Address="127.0.0.1"/>`, as for a robot on a Wi-Fi that
 # blocks multicast, discovery messages go to the peer at each SPDPInterval, so it is found within seconds of its
 # start, whenever that is.
 # Outcome: wrong. After 30 s without an answer the peer's address is dropped (`PruneDelay`), although a person
-# named it, and a robot that is not told of our address is found only when the asking program starts again.
-# `PruneDelay="inf"` does what was expected. (A peer on the same computer asks by itself, unless AddLocalhost is false.)
+# configured it. A robot that does not know our address is then found only after our program was restarted.
+# `PruneDelay="inf"` does what was expected. (A peer on the same computer contacts us by itself, unless AddLocalhost
+# is false.)
 set -euo pipefail
 folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
 python3 -m venv "$folder/venv"

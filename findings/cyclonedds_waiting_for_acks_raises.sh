@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # cyclonedds 11.0.1 (PyPI): waiting for acknowledgements has no way to say "not yet".
 #
-# Guess before the run: `DataWriter.wait_for_acks(timeout)` returns True when all was acknowledged and False when
-# the time is up, as its return type says; `Publisher.wait_for_acks` does it for all its writers.
+# Guess before the run: `DataWriter.wait_for_acks(timeout)` returns True when everything was acknowledged and False
+# when the time is up, as its return type says. `Publisher.wait_for_acks` does the same for all its writers.
 # Outcome: wrong for both. When the time is up the writer raises AttributeError ("type object 'Exception' has no
 # attribute 'DDS_RETCODE_TIMEOUT'"), and the publisher always raises "Feature unsupported", with nothing to wait for.
-# Until then the writer's True is right, which is why a test on one quick computer sees nothing of it.
+# The writer's True before that is right, so a test on one quick computer does not find the fault.
 set -euo pipefail
 folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
 python3 -m venv "$folder/venv"

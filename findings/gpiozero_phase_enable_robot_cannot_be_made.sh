@@ -3,8 +3,8 @@
 # cannot be made.
 #
 # Guess before running: it is an older name for Robot with PhaseEnableMotor inside; it warns, and works.
-# Outcome: wrong. It passes `pwm` on to Robot, which takes no such argument, so each call is a TypeError
-# about `pwm`, which the caller has not given. Robot with two PhaseEnableMotor works.
+# Outcome: wrong. It passes `pwm` on to Robot, which has no such argument. So each call raises a
+# TypeError about `pwm`, although the caller did not give it. Robot with two PhaseEnableMotor works.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

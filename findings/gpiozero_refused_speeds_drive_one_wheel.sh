@@ -1,10 +1,10 @@
 #!/bin/sh
-# gpiozero 2.0.1.post3: a pair of speeds that Robot refuses has changed the left wheel already.
+# gpiozero 2.0.1.post3: when Robot refuses a pair of speeds, it has already changed the left wheel.
 #
 # Guess before running: `robot.value = (0.2, -2)` raises, and the robot keeps the speeds that it had.
 # Outcome: half wrong. It raises OutputDeviceBadValue, but the two motors are set one after the other:
-# the left one runs at .2 afterwards, and the right one as before. A program that catches the error has
-# a robot that turns in place. The order counts: (-2, .2) changes nothing.
+# afterwards the left motor runs at .2, and the right motor as before. If a program catches the error,
+# its robot turns in place. The order matters: (-2, .2) changes nothing.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -1,9 +1,9 @@
 #!/bin/sh
-# lerobot 0.6.1 (Python 3.12): data sets whose films differ in the codec do not merge, though those
-# that differ in every other setting of the encoder do.
+# lerobot 0.6.1 (Python 3.12): datasets whose films differ in the codec cannot be merged, but datasets
+# that differ in other settings of the encoder can.
 #
-# Guess before running: the validation of a merge says that information on the encoder is not
-# considered, so a set in H.264 merges with one in AV1, as lerobot itself records.
+# Guess before running: the validation of a merge says that it ignores information on the encoder, so
+# a dataset in H.264 can be merged with one in AV1, which lerobot itself records.
 # Outcome: wrong. crf, key frames, preset and backend may differ; the codec and the format of the
 # pixels may not, and the error says only that the same features are expected.
 set -eu

@@ -4,10 +4,10 @@
 # Guess before the run: both verifiers of a server's certificate agree on names such as `my_robot.local` and
 # `*.local`, and on an authority that is limited to `.local`.
 # Outcome: wrong three times, in both directions (OpenSSL 3.0.19):
-#   my_robot.local          OpenSSL takes it; cryptography takes no such name: "invalid domain name"
-#   *.local for robot.local OpenSSL: host name mismatch, a wildcard needs two more labels; cryptography takes it
-#   limited to `.local`     OpenSSL takes the leading dot; cryptography: "malformed DNS name constraint"
-# An authority limited to `local`, without the dot, and plain names are taken by both.
+#   my_robot.local          OpenSSL accepts it; cryptography: "invalid domain name"
+#   *.local for robot.local OpenSSL: host name mismatch, a wildcard needs two more labels; cryptography accepts it
+#   limited to `.local`     OpenSSL accepts the leading dot; cryptography: "malformed DNS name constraint"
+# Both accept an authority limited to `local`, without the dot, and plain names.
 set -euo pipefail
 folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
 python3 -m venv "$folder/venv"

@@ -3,8 +3,8 @@
 #
 # Guess before running: time_since("HEARTBEAT") on a new line without any vehicle is a huge number (the
 # time since 1970), or None.
-# Outcome: wrong. It is 0.0 s on a new line and grows from there: .2 s after opening it says .2. A watch
-# on "heard within the last second" is content with a vehicle that is not there.
+# Outcome: wrong. It is 0.0 s on a new line and grows from there: .2 s after opening it is .2. So a
+# check for "heard within the last second" passes although there is no vehicle.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

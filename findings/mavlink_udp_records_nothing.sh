@@ -2,8 +2,9 @@
 # pymavlink 2.4.50: setup_logfile() records nothing on a UDP line.
 #
 # Guess before running: after close() the .tlog of a udpin line holds all 30 messages that came.
-# Outcome: wrong. The file stays empty, also after a flush; no error. The same messages over TCP are
-# recorded. UDP is the usual line of a simulator, a companion computer and a telemetry bridge.
+# Outcome: wrong. The file stays empty, even after a flush, and there is no error. The same messages
+# over TCP are recorded. UDP is the usual line of a simulator, a companion computer and a telemetry
+# bridge.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

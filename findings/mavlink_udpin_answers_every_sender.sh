@@ -2,8 +2,8 @@
 # pymavlink 2.4.50: what is sent on a "udpin" line goes to everybody who has written to it.
 #
 # Guess before running: with two vehicles on one udpin port, a message goes to the one that wrote last.
-# Outcome: wrong. Each of the two gets it, so an order to one rover is also on the other rover's line,
-# which must compare target_system itself.
+# Outcome: wrong. Both get it. So an order to one rover also reaches the other rover, which must
+# compare target_system itself.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -4,8 +4,8 @@
 # Guess before running: `iter_messages(reverse=True)` gives the messages in the opposite order of
 # `iter_messages()` for every file that the library writes, or raises.
 # Outcome: wrong for a file that was written with use_chunking=False. It has no index of chunks, so
-# the reader sorts all messages by time and gives them from the first on; `reverse` is not looked at,
-# and nothing is raised. The newest message of such a file is its last one, not the first that comes.
+# the reader sorts all messages by time and gives them from the first on. It ignores `reverse`, and
+# raises nothing. So the first message that comes from such a file is its oldest, not its newest.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -2,8 +2,9 @@
 # MicroPython 1.25.0 (npm: @micropython/micropython-webassembly-pyscript): what json.dumps makes of an array.
 #
 # Guess before the run: `json.dumps` of a reading in an `array` (as ADC buffers are) raises TypeError, as in CPython.
-# Outcome: wrong. It writes the array's repr, `array('H', [512, 7])`, into the text and raises nothing; the same holds
-# for a `range`. The message is sent, and no JSON reader takes it. MicroPython's own `json.loads` refuses it, too.
+# Outcome: wrong. It writes the array's repr, `array('H', [512, 7])`, into the text and raises nothing; a `range` is
+# written in the same way. So the message is sent, but no JSON reader accepts it, not even MicroPython's own
+# `json.loads`.
 set -euo pipefail
 folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
 cd "$folder"

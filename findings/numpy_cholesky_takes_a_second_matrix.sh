@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # numpy 2.4.6 and 2.5.5 (PyPI, Python 3.12 or newer): the memory that a Cholesky factorisation takes.
 #
-# Guess before the run: `numpy.linalg.cholesky` takes the memory of its result in both versions, so that a bound
-# of memory that holds with one holds with the other.
-# Outcome: wrong. 2.4.6 takes one matrix, 2.5.5 two, for the lower and for the upper factor alike.
+# Guess before the run: `numpy.linalg.cholesky` takes only the memory of its result in both versions, so a memory
+# limit that is enough for one version is enough for the other.
+# Outcome: wrong. 2.4.6 takes the memory of one matrix, 2.5.5 that of two, for the lower factor and for the upper.
 set -euo pipefail
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

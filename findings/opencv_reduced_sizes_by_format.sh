@@ -3,9 +3,9 @@
 # its file format.
 #
 # Guess before running: IMREAD_REDUCED_GRAYSCALE_8 rounds the sides in one way for every format.
-# Outcome: wrong. A JPEG of 9x9 pixels becomes 2x2 (rounded up, as libjpeg scales), a PNG, BMP, WebP
-# or TIFF of the same size 1x1 (rounded down, resized after decoding). Of 7x7 pixels the JPEG becomes
-# 1x1, and the PNG is not decoded at all: imdecode raises an assertion of resize.
+# Outcome: wrong. A JPEG of 9x9 pixels becomes 2x2 (rounded up, as libjpeg scales). A PNG, BMP, WebP
+# or TIFF of the same size becomes 1x1 (rounded down, resized after decoding). A JPEG of 7x7 pixels
+# becomes 1x1, but a PNG of 7x7 is not decoded at all: imdecode raises resize's assertion error.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

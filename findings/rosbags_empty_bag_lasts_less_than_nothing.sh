@@ -3,8 +3,8 @@
 #
 # Guess before running: an empty rosbag2, written and read by rosbags itself, has a duration of 0, or
 # its start and end are refused.
-# Outcome: wrong. AnyReader opens it; start_time is 9223372036854775807 (the year 2262), end_time
-# is 0, and duration is -9223372036854775807 ns, a number that sums and averages take as it is.
+# Outcome: wrong. AnyReader opens it; start_time is 9223372036854775807 (the year 2262), end_time is
+# 0, and duration is -9223372036854775807 ns, which silently falsifies sums and averages.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

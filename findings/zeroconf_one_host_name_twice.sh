@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # zeroconf 0.154.0 (PyPI): two computers keep one host name, and a question for it returns the first answer.
 #
-# Guess before the run: `register_service` probes the name of the service only, so both keep the host name,
-# though RFC 6762 (8.1) has each computer probe it, too. Outcome: right; nothing is raised or renamed.
+# Guess before the run: `register_service` probes only the name of the service, so both keep the host name, although
+# RFC 6762 (8.1) requires each computer to probe it, too. Outcome: right; nothing is raised or renamed.
 # Second guess: `AddressResolver.request` waits as long as it was told, and then lists both addresses.
-# Outcome: wrong. It returns with the first answer after some milliseconds, and lists one; the other one
-# arrives a little later and is found only in the cache.
+# Outcome: wrong. It returns with the first answer after some milliseconds, and lists one address. The other address
+# arrives a little later, and is found only in the cache.
 #
-# So a computer that wants a host name for itself has to ask again while it serves, and to read the cache.
+# So a computer that needs a host name for itself must ask again while it is serving, and must read the cache.
 set -euo pipefail
 
 folder=$(mktemp -d)

@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# zeroconf 0.154.0 (PyPI): a machine without a network announces to nobody, and is told that it went well.
+# zeroconf 0.154.0 (PyPI): a machine without a network announces to nobody, and gets no error.
 #
-# Guess before the run: `Zeroconf(interfaces=[])`, as a program gets it that passes on the addresses of a
-# computer whose Wi-Fi is not up yet, raises, as `InterfaceChoice.All` does with "No interfaces to listen on".
-# Outcome: wrong. It is made without a socket to send on, `register_service` probes, announces and returns
-# without an error, and the service is nowhere: not even a second Zeroconf in the same process finds it. An
-# address that comes later changes nothing, because interfaces are looked at only once.
+# Guess before the run: a program that passes on the computer's addresses calls `Zeroconf(interfaces=[])` if the Wi-Fi
+# is not up yet. This raises "No interfaces to listen on", as with `InterfaceChoice.All`.
+# Outcome: wrong. The Zeroconf has no socket to send on. `register_service` probes, announces and returns without an
+# error, but nobody finds the service, not even a second Zeroconf in the same process. An address that comes later
+# changes nothing, because interfaces are read only once.
 set -euo pipefail
 folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
 python3 -m venv "$folder/venv"

@@ -17,7 +17,7 @@ _TOP = """# Decisions
 
 Made from the pages by `make docs`; do not edit by hand.
 [The first page](0001-record-decisions.md) explains
-what a decision is, and when it gets a new page.
+which decisions get a page, and when a page is replaced.
 
 | number | decision | date | status |
 |---|---|---|---|
@@ -25,9 +25,9 @@ what a decision is, and when it gets a new page.
 _BOTTOM = """
 ## Missing numbers
 
-No page was removed. Numbers were reserved in advance for parallel work, and some of it needed no
-decision: 9, 11, 14, 15, 16, 22 and 23. Two were given up on the day they were reserved: 10 became
-5, and 20 became 3 and 4. No number is used again, and the next page takes the next one.
+No page was removed. Numbers were reserved in advance for parallel work, and some of this work
+needed no decision: 9, 11, 14, 15, 16, 22 and 23. Page 10 was merged into 5, and page 20 into 3 and
+4, on the day they were reserved. No number is used again; a new page takes the next number.
 """
 MISSING = {9, 10, 11, 14, 15, 16, 20, 22, 23}
 
