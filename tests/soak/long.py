@@ -161,16 +161,19 @@ class Lessons:
 
     def teach(self, is_over: Callable[[], bool]) -> Lessons:
         pilot = self.pilot
-        began_s, before = time.monotonic(), self._taught()
+        began_s, before, taught_now = time.monotonic(), self._taught(), False
         for turn in _until(is_over):
             if pilot.state["mode"] != "train":
-                self.stops += 1
-                pilot.mode("train")
-                pilot.wait_for_state(mode="train")
+                self.stops += taught_now
+                taught_now = False
+                pilot.mode("train")  # a busy machine stops the robot, as it must
+                time.sleep(0.2)
+                continue
+            taught_now = True
             move = ("left", "right")[turn % 2]
             ordered_s = time.monotonic()
             pilot.hold(move)
-            with contextlib.suppress(AssertionError):  # it stopped
+            with contextlib.suppress(AssertionError):  # the robot stopped
                 pilot.wait_for_state(2.0, action=move)
                 self.waited_s.append(time.monotonic() - ordered_s)
             time.sleep(max(0.0, 0.5 - (time.monotonic() - ordered_s)))
