@@ -226,7 +226,8 @@ def _version(program: str) -> str:
     said = subprocess.run(
         [program, "--version"], capture_output=True, text=True, check=False, **given
     )
-    found = re.search(r"\d+\.[\w.]+", said.stdout + said.stderr)
+    told = (said.stdout + said.stderr).replace(program, "")  # gst-launch-1.0
+    found = re.search(r"\d+\.[\w.]+", told)
     return found[0] if found else "?"
 
 
