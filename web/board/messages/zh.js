@@ -52,7 +52,7 @@ export default {
   'board.end.reset': '全部重置',
   'board.end.reset_hint': '每台先保存所学，停下，再从头开始。',
   'board.end.hand_over': '交给下一个班',
-  'board.end.hand_over_hint': '同上，并让本班的手机退出登录。下一个班扫卡片登录。',
+  'board.end.hand_over_hint': '与“全部重置”相同，并让本班的手机退出登录。下一个班扫卡片登录。',
   'board.end.undo': '撤销',
   'board.end.did.keep': '{name}保存了一份：{model}。',
   'board.end.did.reset': '{name}从头开始。之前的已存为：{model}。',

@@ -10,6 +10,6 @@ export default {
   'eye.drives': 'Veo. ¡El robot está en marcha!',
   'eye.another': 'Ahora el ojo es otro teléfono. Recarga esta página para que lo sea este.',
   'eye.viewer': 'Este navegador solo puede mirar. Escanea el código del ojo del robot.',
-  'eye.other_camera': 'El robot usa otra cámara: arráncalo con --camera phone.',
+  'eye.other_camera': 'El robot usa otra cámara. Para usar esta, arranca el robot con --camera phone.',
   'eye.rate': '{n} imágenes por segundo',
 };

@@ -10,6 +10,6 @@ export default {
   'eye.drives': '我看得见。机器人在行驶！',
   'eye.another': '现在由另一部手机当眼睛。重新加载本页可换回来。',
   'eye.viewer': '此浏览器只能观看。请扫描“机器人的眼睛”的二维码。',
-  'eye.other_camera': '机器人用的是另一个摄像头：请用 --camera phone 启动。',
+  'eye.other_camera': '机器人用的是另一个摄像头。要用这个，请用 --camera phone 启动机器人。',
   'eye.rate': '每秒 {n} 帧',
 };

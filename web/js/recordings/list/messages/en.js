@@ -23,7 +23,7 @@ export default {
   'trash.free': 'Empty the trash',
   'trash.sure': 'This cannot be undone.',
   'trash.empty': 'Delete for good',
-  'mend.chart': 'What you held (upper strip) and what the robot would have done (lower strip), over time. In each, left turns are at the top.',
+  'mend.chart': 'What you held (upper strip) and what the robot would have done (lower strip), over time. In each strip, left turns are at the top.',
   'mend.pilot': 'You held',
   'mend.robot': 'The robot would have gone',
   'mend.range': '{from} to {to} s: {n} pictures',
