@@ -123,7 +123,7 @@ def test_who_leaves_the_picture_leaves_no_robot_driving(phone: Any, world: World
     wait_until(lambda: world.mode is Mode.STOPPED, "the robot stops")
     assert world.action is Action.STOP
     phone.evaluate("location.hash = 'drive'")
-    phone.locator(".notice", has_text="you left the picture").wait_for()
+    phone.locator(".notice", has_text="you opened another screen").wait_for()
     choose(phone, world, Mode.TRAIN)
 
 
