@@ -1,5 +1,5 @@
 #!/bin/sh
-# lerobot 0.6.1 (Python 3.12): datasets whose films differ in the codec cannot be merged, but datasets
+# lerobot 0.6.1 (Python 3.12, 3.13): datasets whose films differ in the codec cannot be merged, but datasets
 # that differ in other settings of the encoder can.
 #
 # Guess before running: the validation of a merge says that it ignores information on the encoder, so
@@ -9,7 +9,9 @@
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
-python3.12 -m venv "$folder/env"
+for python in python3.13 python3.12 "${PYENV_ROOT:-$HOME/.pyenv}"/versions/3.1[23].*/bin/python; do
+  "$python" -m venv "$folder/env" 2>/dev/null && break
+done
 "$folder/env/bin/pip" install --quiet 'lerobot[dataset]==0.6.1'
 "$folder/env/bin/python" - <<'EOF'
 from lerobot.datasets.feature_utils import features_equal_for_merge
