@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from dataclasses import fields, make_dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -45,26 +46,25 @@ def test_flags_go_before_environment_before_file(tmp_path: Path) -> None:
     assert _parse(file, {}).port == 8001
 
 
-@crossed(
-    encoding=["utf-8", "utf-8-sig"], end=["\n", "\r\n"], name=["Müller", "李", "kitchen", "\ufeff"]
-)
-def test_a_file_is_utf_8_whatever_the_system_writes(
-    tmp_path: Path, encoding: str, end: str, name: str
-) -> None:
-    file = tmp_path / "robot.toml"
-    file.write_bytes(f'name = "{name}"{end}port = 8001{end}'.encode(encoding))
-    assert read_settings(file, {}).flags == {"name": name, "port": 8001}
+def test_a_file_is_utf_8_whatever_the_system_writes(tmp_path: Path) -> None:
+    names = ("Müller", "李", "kitchen", "\ufeff")
+    cases = list(product(("utf-8", "utf-8-sig"), ("\n", "\r\n"), names))
+    for number, (encoding, end, name) in enumerate(cases):
+        file = tmp_path / f"{number:02}.toml"
+        file.write_bytes(f'name = "{name}"{end}port = 8001{end}'.encode(encoding))
+        assert read_settings(file, {}).flags == {"name": name, "port": 8001}, cases[number]
     # Python's default encoding differs on Windows; here a C locale without UTF-8 mode simulates
     # this.
     program = f"""
 from pathlib import Path
 from server.cli.settings import read_settings
-print(ascii(read_settings(Path({str(file)!r}), {{}}).flags["name"]))
+for file in sorted(Path({str(tmp_path)!r}).iterdir()):
+    print(ascii(read_settings(file, {{}}).flags["name"]))
 """
     words = [sys.executable, "-X", "utf8=0", "-c", program]
     environ = {**os.environ, "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0"}
     done = subprocess.run(words, env=environ, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == ascii(name)
+    assert done.stdout.split() == [ascii(name) for _, _, name in cases]
 
 
 def test_a_file_in_another_encoding_is_refused_by_its_name(tmp_path: Path) -> None:
