@@ -29,7 +29,7 @@ from tests.robot.recordings.drives import record_drive
 from .study.sessions import PLAN, answer, begin, drive, post, session, take_part
 from .virtual_server import WEB, VirtualServer
 
-SEEDS = size("DAMAGE", 8, 100)
+SEEDS = size("DAMAGE", 4, 100)
 VALUES = (
     "NaN", "Infinity", "-Infinity", "1e400", "-1", "0", "9" * 400, "null", "true", '""', '"x"',
     '"\\ud83d"', '"' + "y" * 9000 + '"', "[]", "{}", "[" * 500 + "]" * 500, '{"a": NaN}', "[NaN]",

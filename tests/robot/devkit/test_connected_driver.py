@@ -69,7 +69,7 @@ class ReportingRadioDriver(RadioDriver):
         return Sensors()
 
 
-@pytest.mark.parametrize("seed", seeds(20, 200))
+@pytest.mark.parametrize("seed", seeds(8, 200))
 @pytest.mark.parametrize("kind", [RadioDriver, ReportingRadioDriver])
 def test_it_says_a_cut_within_half_a_second_and_is_back_soon_after(
     kind: type[RadioDriver], seed: int
