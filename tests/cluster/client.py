@@ -26,6 +26,7 @@ LESSON = {
 
 
 def main(scheduler: str, *options: str) -> int:
+    print("started")  # silence counts from here: a busy machine imports for half a minute
     chosen = dict(option.split("=", 1) for option in options)
     learner, runs = chosen.get("learner", "default-8"), int(chosen.get("runs", "4"))
     lesson = {**LESSON, "learner": learner, "teach_s": float(chosen.get("teach", "1.5"))}

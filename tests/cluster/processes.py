@@ -188,6 +188,8 @@ def run_client(
     with client.stdout:
         for line in client.stdout:
             now_s = time.monotonic()
+            if line == "started\n":
+                heard_s = now_s
             ended.silent_s = max(ended.silent_s, now_s - heard_s)
             heard_s = now_s
             ended.lines.append(line.rstrip())
