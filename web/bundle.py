@@ -124,7 +124,8 @@ class _Joiner:
                 module = path.with_name(name).relative_to(self._folder).as_posix()
                 addresses[module] = [_beside(first if module.count("/") < 4 else later)]
         start, homes = self._text(known), dict[str, list[str]]()
-        for room in sorted(path for path in (self._folder / "js").iterdir() if path.is_dir()):
+        rooms = [path for path in (self._folder / "js").iterdir() if path.is_dir()]
+        for room in sorted(rooms, key=lambda path: (path.name != "components", path.name)):
             below = [f"js/{room.name}/{path.name}" for path in sorted(room.glob("*.js"))]
             modules = [module for module in self._closure(below) if module not in known]
             if room.name != "messages" and modules:

@@ -1,7 +1,7 @@
 // Corrections of a robot's wiring, of its straight driving, and of the side on which its camera stands.
 
 import { ask } from '../api.js';
-import { group } from '../components/settings-screen.js';
+import { group } from '../components/screen.js';
 import { h, say } from '../dom.js';
 import { percent, t } from '../i18n.js';
 
@@ -17,8 +17,7 @@ export async function showCorrections(screen) {
     if (!done) await screen.refresh();
     return done;
   };
-  const groups = [picture(now, correct, screen), body(now, correct)].filter((one) => one !== null);
-  return groups.length ? h('div', { class: 'stack' }, ...groups) : null;
+  return now.possible.length ? h('div', { class: 'stack' }, picture(now, correct, screen), body(now, correct)) : null;
 }
 
 /** The camera's picture with buttons to turn it upright. @param {Corrections} now @param {Correct} correct @param {import('../components/settings-screen.js').SettingsScreen} screen */
@@ -39,15 +38,21 @@ function picture({ turn_picture: turn, mirror_picture: isMirrored, possible }, c
     turned = (turned + 90) % 360;
     if (await correct({ turn_picture: turned }) && seen.hasAttribute('src')) look();
   };
-  const mirror = h('input', { type: 'checkbox', checked: isMirrored, onchange: () => correct({ mirror_picture: mirror.checked }) });
   return group(t('settings.picture'), t('settings.turn_hint'), seen,
     h('button', { type: 'button', onclick: turnOn }, t('settings.turn')),
-    h('label', { class: 'choice' }, mirror, h('span', {}, t('settings.mirrored'))));
+    tick('settings.mirrored', isMirrored, (checked) => correct({ mirror_picture: checked })));
+}
+
+/** @param {string} key @param {boolean} checked @param {(checked: boolean) => void} act */
+function tick(key, checked, act) {
+  const box = h('input', { type: 'checkbox', checked, onchange: () => act(box.checked) });
+  return h('label', { class: 'choice' }, box, h('span', {}, t(key)));
 }
 
 /** @param {Corrections} now @param {Correct} correct */
 function body({ reverse, swap_sides: isSwapped, trim, possible }, correct) {
-  if (!['reverse', 'swap_sides', 'trim'].some((name) => possible.includes(name))) return null;
+  const can = (/** @type {string} */ name) => possible.includes(name);
+  if (!['reverse', 'swap_sides', 'trim'].some(can)) return null;
   const told = (/** @type {number} */ value) => `${value ? t(value < 0 ? 'move.left' : 'move.right') : ''} ${percent(Math.abs(value))}`;
   const shown = h('output', {}, told(trim));
   const slider = h('input', {
@@ -55,12 +60,11 @@ function body({ reverse, swap_sides: isSwapped, trim, possible }, correct) {
     oninput: () => say(shown, told(Number(slider.value) / 100)),
     onchange: () => correct({ trim: Number(slider.value) / 100 }),
   });
-  const swapped = h('input', { type: 'checkbox', checked: isSwapped, onchange: () => correct({ swap_sides: swapped.checked }) });
   const reversed = h('select', { 'aria-label': t('settings.reverse'), onchange: () => correct({ reverse: reversed.value }) },
     ...Object.entries({ none: '–', left: t('move.left'), right: t('move.right'), both: `${t('move.left')} + ${t('move.right')}` })
       .map(([side, label]) => h('option', { value: side, selected: side === reverse }, label)));
   return group(t('settings.body'), t('settings.body_hint'),
-    possible.includes('trim') ? h('label', {}, t('settings.trim'), h('div', { class: 'slider' }, slider, shown)) : null,
-    possible.includes('swap_sides') ? h('label', { class: 'choice' }, swapped, h('span', {}, t('settings.swapped'))) : null,
-    possible.includes('reverse') ? h('label', {}, t('settings.reverse'), ' ', reversed) : null);
+    can('trim') ? h('label', {}, t('settings.trim'), h('div', { class: 'slider' }, slider, shown)) : null,
+    can('swap_sides') ? tick('settings.swapped', isSwapped, (checked) => correct({ swap_sides: checked })) : null,
+    can('reverse') ? h('label', {}, t('settings.reverse'), ' ', reversed) : null);
 }

@@ -51,7 +51,7 @@ export class ChallengeScreen extends Screen {
 
   async begin() {
     const page = /** @type {import('../page.js').Page} */ (this.page);
-    await this.attempt(() => armTry(page).then(() => page.toast(t('challenge.armed'))));
+    await this.attempt(() => armTry(page)); // the drive screen says what to do
   }
 }
 

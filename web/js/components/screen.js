@@ -95,3 +95,8 @@ export function segments(label, options, value, choose) {
   row.append(...buttons);
   return row;
 }
+
+/** A group of settings. @param {string} title @param {string} hint @param {...(Node | null)} parts */
+export function group(title, hint, ...parts) {
+  return h('fieldset', { class: 'panel' }, h('legend', {}, title), hint ? h('p', { class: 'hint' }, hint) : null, ...parts);
+}

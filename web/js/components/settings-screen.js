@@ -5,7 +5,7 @@ import { append, fill, h } from '../dom.js';
 import { LANGUAGES, chooseLanguage, language, percent, t } from '../i18n.js';
 import { Tilt, hasTilt } from '../inputs/tilt.js';
 import { partScreens, sectionsOf } from '../parts.js';
-import { Screen, segments } from './screen.js';
+import { Screen, group, segments } from './screen.js';
 import { byPlace, declare } from '../moves.js';
 
 export class SettingsScreen extends Screen {
@@ -134,11 +134,6 @@ export class SettingsScreen extends Screen {
     const forget = h('button', { type: 'button', onclick: () => { preferences.set('pads', {}); forget.remove(); } }, t('settings.pads'));
     return [forget];
   }
-}
-
-/** @param {string} title @param {string} hint @param {...(Node | null)} parts */
-export function group(title, hint, ...parts) {
-  return h('fieldset', { class: 'panel' }, h('legend', {}, title), hint ? h('p', { class: 'hint' }, hint) : null, ...parts);
 }
 
 customElements.define('settings-screen', SettingsScreen);

@@ -2,7 +2,7 @@
 
 import { ask } from '../api.js';
 import { bounds, room } from '../components/from-above.js';
-import { group } from '../components/settings-screen.js';
+import { group } from '../components/screen.js';
 import { h, svg } from '../dom.js';
 import { has, t } from '../i18n.js';
 

@@ -79,7 +79,7 @@ export default {
   'settings.camera': 'Camera',
   'settings.camera_hint': '{name}, {size}, {rate} pictures per second. To choose another camera, start the robot with --camera.',
   'settings.phone': 'This device',
-  'settings.insecure': 'Over plain http, the browser does not allow this page to keep the screen on, to read the tilt or to be installed. Everything else works. To allow this, start the robot with --tls.',
+  'settings.insecure': 'Over plain http, the browser does not allow this page to keep the screen on, to read the tilt or to be installed. To allow this, start the robot with --tls.',
   'settings.tilt': 'Drive by tilting',
   'settings.vibrate': 'Vibrate',
   'settings.sound': 'Sounds',

@@ -79,7 +79,7 @@ export default {
   'settings.camera': 'Cámara',
   'settings.camera_hint': '{name}, {size}, {rate} imágenes por segundo. Para elegir otra cámara, arranca el robot con --camera.',
   'settings.phone': 'Este dispositivo',
-  'settings.insecure': 'Con http sin cifrar, el navegador no permite mantener la pantalla encendida, leer la inclinación ni instalar la página. Todo lo demás funciona. Para tenerlo, arranca el robot con --tls.',
+  'settings.insecure': 'Con http sin cifrar, el navegador no permite mantener la pantalla encendida, leer la inclinación ni instalar la página. Para tenerlo, arranca el robot con --tls.',
   'settings.tilt': 'Conducir inclinando',
   'settings.vibrate': 'Vibrar',
   'settings.sound': 'Sonidos',

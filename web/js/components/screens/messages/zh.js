@@ -79,7 +79,7 @@ export default {
   'settings.camera': '摄像头',
   'settings.camera_hint': '{name}，{size}，每秒 {rate} 帧。启动时可用 --camera 选择另一个。',
   'settings.phone': '此设备',
-  'settings.insecure': '在普通 http 下，浏览器不允许网页保持亮屏、读取倾斜或安装。其他功能都可用。要启用它们，请用 --tls 启动机器人。',
+  'settings.insecure': '在普通 http 下，浏览器不允许网页保持亮屏、读取倾斜或安装。要启用它们，请用 --tls 启动机器人。',
   'settings.tilt': '倾斜驾驶',
   'settings.vibrate': '振动',
   'settings.sound': '声音',
