@@ -3,13 +3,14 @@
 import { ask } from '../api.js';
 import { group } from '../components/screen.js';
 import { h, say } from '../dom.js';
-import { percent, t } from '../i18n.js';
+import { fetchWords, percent, t } from '../i18n.js';
 
 /** @typedef {{reverse: string, swap_sides: boolean, trim: number, turn_picture: number, mirror_picture: boolean, possible: string[]}} Corrections */
 /** @typedef {(change: object) => Promise<any>} Correct  applies a correction; the robot stops first */
 
 /** @param {import('../components/settings-screen.js').SettingsScreen} screen @returns {Promise<HTMLElement | null>} null for a robot that needs none */
 export async function showCorrections(screen) {
+  await fetchWords((code) => import(`./corrections/messages/${code}.js`));
   const now = /** @type {Corrections} */ (await ask('GET', 'api/corrections').catch(() => ({ possible: [] })));
   /** @type {Correct} */
   const correct = async (change) => {

@@ -4,12 +4,13 @@ import { ask } from '../api.js';
 import { bounds, room } from '../components/from-above.js';
 import { group } from '../components/screen.js';
 import { h, svg } from '../dom.js';
-import { has, t } from '../i18n.js';
+import { fetchWords, has, t } from '../i18n.js';
 
 /** @typedef {{world: import('../components/from-above.js').World & {name: string} | null, worlds: string[]}} Places */
 
 /** @param {import('../components/settings-screen.js').SettingsScreen} screen @returns {Promise<HTMLElement | null>} null for a robot that is not simulated */
 export async function showPlaces(screen) {
+  await fetchWords((code) => import(`./places/messages/${code}.js`));
   const { world, worlds } = /** @type {Places} */ (await ask('GET', 'api/world').catch(() => ({ world: null, worlds: [] })));
   if (!world || worlds.length < 2) return null;
   const name = (/** @type {string} */ place) => (has(`world.${place}`) ? t(`world.${place}`) : place);
