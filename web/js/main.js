@@ -81,6 +81,7 @@ async function listen(page) {
   const { listenToKeyboard } = await import('./inputs/keyboard.js');
   const { listenToGamepads } = await import('./inputs/gamepad.js');
   const { padDesk } = await import('./inputs/pad-desk.js');
+  await fetchScreenWords(); // a pad's sentences are among them
   const reach = { stop: () => page.stop(), isDriving: () => page.isDriving() };
   listenToKeyboard(page.helm, reach);
   listenToGamepads(page.helm, { ...reach, desk: padDesk(page) });

@@ -156,12 +156,4 @@ export default {
   close: 'Cerrar',
   delete: 'Borrar',
   download: 'Descargar',
-  'pad.unknown': 'Este navegador no conoce la disposición de {name}. Muéstrame sus direcciones para conducir con él.',
-  'pad.choose': 'Mostrarlas',
-  'pad.rest': 'Suelta {name} un momento.',
-  'pad.push': '{name}: empuja hacia «{direction}» y suelta.',
-  'pad.skip': 'No tiene esa dirección',
-  'pad.chosen': '{name} está listo. Sus direcciones se guardan en este dispositivo.',
-  'pad.used': 'Ahora conduces con {name}, el último que has tocado.',
-  'pad.unrested': 'Una palanca o un pedal de {name} no está en reposo. Pásalo una vez por el centro para usarlo.',
 };

@@ -91,4 +91,12 @@ export default {
   'above.map': 'The world from above',
   'above.label': '! asked: {asked}, × bumped: {pushed}, ○ corrected: {corrected}',
   'above.estimate': 'Estimated from its wheels.',
+  'pad.unknown': 'This browser does not know the layout of {name}. To drive with it, show me its directions.',
+  'pad.choose': 'Show them',
+  'pad.rest': 'Let go of {name} for a moment.',
+  'pad.push': '{name}: push “{direction}”, then let go.',
+  'pad.skip': 'No such direction',
+  'pad.chosen': '{name} is ready. Its directions are remembered on this device.',
+  'pad.used': 'Now driving with {name}: it was touched last.',
+  'pad.unrested': 'A stick or pedal of {name} is not at rest. Move it through its middle once to use it.',
 };

@@ -91,4 +91,12 @@ export default {
   'above.map': '俯视图',
   'above.label': '! 求助：{asked}，× 碰撞：{pushed}，○ 被纠正：{corrected}',
   'above.estimate': '根据轮子估计。',
+  'pad.unknown': '浏览器不认识 {name} 的布局。请先示范各个方向，再用它驾驶。',
+  'pad.choose': '开始示范',
+  'pad.rest': '请先松开 {name} 一会儿。',
+  'pad.push': '{name}：推向“{direction}”，然后松开。',
+  'pad.skip': '没有这个方向',
+  'pad.chosen': '{name} 可以用了。方向已记在此设备上。',
+  'pad.used': '现在用 {name} 驾驶：你最后碰的是它。',
+  'pad.unrested': '{name} 的摇杆或踏板不在静止位置。请先把它拨过中间位置一次。',
 };
