@@ -1,10 +1,10 @@
 """Timeouts that adapt to the camera: its period and delivery age are measured. Pure.
 
 A webcam on a fast bus delivers thirty pictures a second, 5 ms old. The webcam that the guide
-recommends delivers ten on a slow computer, 95 to 145 ms old. A fixed limit is too strict for one of
-them or too lax for the other, so the limits follow the measurements. The limits are robust (a
-quantile over the last pictures, so a lost picture changes nothing), grow slowly while the robot
-moves, shrink quickly, and are bounded by the distance that the robot travels on one picture.
+recommends delivers ten on a slow computer, 95 to 145 ms old. A fixed limit is too strict for one
+webcam or too lax for the other, so the limits follow the measurements. They are quantiles over the
+last pictures, so a lost picture changes nothing. They grow slowly while the robot moves, shrink
+quickly, and are bounded by the distance that the robot travels on one picture.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ USUAL_PERIOD_S = 1 / 30
 """Camera period that the link's limits assume, in seconds. For a slower camera the difference is
 added to the limits."""
 SLOW_PERIOD_S = 0.75
-"""Period from which a camera is reported as too slow, in seconds. Webcams usually deliver ten to
-thirty pictures a second, so such a period is a fault, and nobody can steer by these pictures."""
+"""A camera with this period or a longer one is reported as too slow, in seconds. Webcams usually
+deliver ten to thirty pictures a second, and nobody can steer by so few."""
 _LEAST_SCALE = 0.05
-"""Lower bound of the speed scale: bodies refuse 0, and the slowest camera needs no lower scale."""
+"""Lower bound of the speed scale: bodies refuse 0, and no camera needs a lower scale than this."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,14 +30,14 @@ class CameraTimingConfig:
     """Bounds of the adapted limits, in seconds."""
 
     longest_timeout_s: float = 0.5
-    """Age of the newest picture above which the robot stops: 8 cm at 0.16 m/s. If the camera's
-    period exceeds `full_speed_s`, the excess is added to this limit. The distance stays within
-    8 cm, because the robot drives slower."""
+    """Age of the newest picture above which the robot stops; at 0.16 m/s it has then travelled 8
+    cm. If the camera's period exceeds `full_speed_s`, the excess is added to this limit. The robot
+    then drives slower, so the distance stays within 8 cm."""
     full_speed_s: float = 0.3
-    """The robot drives at full speed while no picture that it acts upon is older than this: 5 cm at
-    0.16 m/s. With older pictures it slows down, so that it travels no further on one picture."""
+    """Age of the newest picture up to which the robot drives at full speed; 5 cm at 0.16 m/s. With
+    older pictures the robot slows down, so that it travels no further on one picture."""
     growth_s_per_s: float = 0.05
-    """Growth limit of an estimate while the robot may move; none while the robot stands."""
+    """How fast an estimate may grow while the robot may move; while it stands there is no limit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,9 +50,9 @@ class CameraState:
     timeout_s: float = 0.2
     """Largest age of the newest picture while the robot may move."""
     speed_scale: float = 1.0
-    """Share of full speed at which the distance travelled on one picture stays within the limit."""
+    """Share of full speed at which the robot does not travel too far on one picture."""
     slack_s: float = 0.0
-    """Share of this camera's period in the age of the pilot's picture, on any link."""
+    """The part of the age of the pilot's picture that is due to this camera's period."""
     sight_slack_s: float = 0.0
     """Extra time without a new picture before the pilot counts as blind, for a camera of fewer than
     five pictures a second. If one picture is lost, the next comes after two periods."""
@@ -82,7 +82,7 @@ class CameraTiming:
     def note(self, captured_s: float, delivered_s: float, *, is_moving: bool) -> None:
         """Record a new picture, by the times of its capture and of its arrival at the loop.
 
-        In a mode in which the robot may move (`is_moving`) estimates grow slowly.
+        While the robot may move (`is_moving`), estimates grow slowly.
         """
         gap_s = captured_s - self._captured_s
         if 0.0 < gap_s <= self.config.full_speed_s / _LEAST_SCALE:  # a longer gap is a pause
@@ -130,7 +130,7 @@ class CameraTiming:
 
 def _typical(periods_s: deque[float]) -> float:
     """Return the time-weighted lower quartile of the periods. Lost pictures do not lengthen it, but
-    the pauses between bursts of pictures count."""
+    pauses between bursts of pictures do."""
     ordered = sorted(periods_s)
     passed_s = list(accumulate(ordered))
     return ordered[bisect_left(passed_s, passed_s[-1] / 4)]

@@ -29,13 +29,13 @@ class GateConfig:
     """Time limits, in seconds."""
 
     pilot_timeout_s: float = 0.3
-    """Longest silence of the pilot while driving, or about to drive, in TRAIN."""
+    """Longest silence of the pilot in TRAIN, while the pilot drives or is about to drive."""
     supervision_timeout_s: float = 0.45
     """Longest time since the pilot's last proven presence, in every mode. The time counts from the
     proven time of the last command, so transit time is included. Even if the stop comes one tick
     later, the robot stands within 0.5 s."""
     command_timeout_s: float = 0.3
-    """Largest age of a command that is obeyed, by its proven time."""
+    """Largest age of a command that is obeyed. The age counts from the command's proven time."""
     frame_timeout_s: float = 0.2
     """Largest age of the newest picture while the robot may move. The limit is higher for a slower
     camera: see `robot.control.camera_timing`."""
@@ -79,8 +79,7 @@ class Gate:
 
     @property
     def silent_at_s(self) -> float:
-        """The time at which the pilot counts as silent if no other command comes; infinite when
-        stopped.
+        """The time from which the pilot counts as silent without a command; infinite when stopped.
 
         A robot that drives by itself only needs supervision, whose time limit is a little longer.
         """
@@ -99,10 +98,10 @@ class Gate:
         """Enter `mode` on the pilot's explicit request. Return False while an emergency is latched
         or if the request is too old; STOPPED is always accepted.
 
-        The command is cleared: a move held before does not count in the new mode. If the newest
-        picture is too old (the camera paused or the computer is busy), the robot stands in the new
-        mode until a fresh picture comes, for `start_patience_s` at most. `proven_s` is a time
-        before which the request cannot have been sent; None: now.
+        A move that the pilot held before does not count in the new mode. If the newest picture is
+        too old (the camera paused or the computer is busy), the robot stands in the new mode until
+        a fresh picture comes, for `start_patience_s` at most. `proven_s` is a time before which the
+        request cannot have been sent; None: now.
         """
         if mode is Mode.STOPPED:
             self.trip(StopReason.PILOT_ASKED)
@@ -126,8 +125,8 @@ class Gate:
     def receive(self, command: PilotCommand, now_s: float) -> bool:
         """Accept or refuse the pilot's newest command; return True if it is accepted.
 
-        A command is refused if it is too old or names no frame: a pilot who sees no picture can
-        neither drive nor supervise. After a refused command the pilot still counts as silent.
+        A command is refused if it is too old, or if it names no frame, because a pilot who sees no
+        picture can neither drive nor supervise. A refused command does not end the pilot's silence.
         """
         proven_s = command.received_s if command.proven_s is None else command.proven_s
         if command.frame_id is None or not self.is_fresh(min(proven_s, now_s), now_s):
@@ -140,8 +139,8 @@ class Gate:
         return True
 
     def trip(self, reason: StopReason) -> None:
-        """Stop for `reason`, and wait for an explicit start. If the robot is already stopped, the
-        earlier reason stays."""
+        """Stop for `reason`, and wait for an explicit start. A robot that is already stopped keeps
+        the earlier reason."""
         self._command = None
         if self.mode is not Mode.STOPPED:
             self.mode, self.stop_reason = Mode.STOPPED, reason
@@ -170,8 +169,8 @@ class Gate:
     ) -> Decision:
         """Decide this tick's action. If anything is in doubt, trip first.
 
-        `prediction` and `frame_age_s` belong to the newest frame (None and infinite before the
-        first); `frame_timeout_s` is the largest age that the frame may have.
+        `prediction` and `frame_age_s` belong to the newest frame; before the first frame they are
+        None and infinite. `frame_timeout_s` is the largest age that the frame may have.
         """
         if self.mode is not Mode.STOPPED:
             is_fresh = frame_age_s <= frame_timeout_s
@@ -206,7 +205,7 @@ class Gate:
         if prediction.needs_help:
             asks = self.stand(DrivenBy.ROBOT, asks_pilot=True)
             return replace(asks, stop_reason=StopReason.NEEDS_HELP)
-        # Turning away leads out of an unknown view, so a turn is never slowed down.
+        # A turn leads out of an unknown view, so it is never slowed down.
         is_slow = prediction.is_novel and not prediction.is_turn
         scale = self.config.novel_speed_scale if is_slow else 1.0
         return Decision(

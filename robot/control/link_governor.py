@@ -21,14 +21,14 @@ class LinkLevel(StrEnum):
     SLOW = "slow"  # the pilot is warned
     CAPPED = "capped"  # the robot also drives slower
     NOT_LEARNING = (
-        "not_learning"  # it also learns nothing, because labels would meet the wrong pictures
+        "not_learning"  # it also learns nothing: labels would belong to the wrong pictures
     )
     TOO_SLOW = "too_slow"  # the robot stops
 
 
 _LEVELS = tuple(LinkLevel)
 _FADES = 0.9
-"""Share of the computer's lateness that remains at the next measurement."""
+"""Factor by which the recorded lateness of the computer falls until the next measurement."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,13 +40,13 @@ class LinkGovernorConfig:
     stop_learning_s: float = 0.3
     stop_s: float = 0.5
     busy_s: float = 0.1
-    """Lateness of the computer above which the robot drives slower, before it has to stop."""
+    """Lateness of the computer above which the robot drives slower. A stop comes only later."""
     capped_speed_scale: float = 0.5
     """Share of full speed that is allowed above `cap_speed_s` or `busy_s`."""
     recovery_share: float = 0.85
     """The level falls only if the age is below this share of the level's threshold."""
     recovery_s: float = 1.0
-    """Time that the age must stay below `recovery_share` before the level falls."""
+    """Time for which the age must stay that low before the level falls."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +60,7 @@ class LinkState:
     """True if the computer is late, so that the link is not the cause."""
     must_stop: bool = False
     may_learn: bool = True
-    """True if labels meet the right pictures."""
+    """True if labels belong to the right pictures, so the robot may learn."""
     speed_scale: float = 1.0
     """Share of full speed that is allowed."""
 
@@ -70,11 +70,11 @@ def age_of_link_s(
 ) -> float:
     """Return the age to judge the link by: the picture's age or the command's, whichever is larger.
 
-    `picture_age_s` is the age of the named picture when the command arrived, counted from the
-    picture's delivery to the loop. It includes both directions of the link and the time on the
-    phone, and is measured on one clock. `reported_age_s` is the page's estimate of this age when
-    the command was sent; without it the whole age is attributed to the link. The time on the phone
-    (`phone_s`, if known) is subtracted: a slow phone costs pictures, not examples.
+    `picture_age_s` is the time from the named picture's delivery to the loop until the command's
+    arrival. It includes both directions of the link and the time on the phone, and is measured on
+    one clock. `reported_age_s` is the page's estimate of the picture's age when the command was
+    sent. Without an estimate the whole age is attributed to the link. The time on the phone
+    (`phone_s`, if known) is subtracted, so that a slow phone does not stop learning.
     """
     if reported_age_s is None:
         return picture_age_s
@@ -129,7 +129,7 @@ class LinkGovernor:
         self._seen_s = delivered_s
 
     def blind_in_s(self, now_s: float, slack_s: float = 0.0) -> float:
-        """Return the time until the pilot counts as blind although heartbeats arrive. Negative: the
+        """Return the time until the pilot counts as blind, even if heartbeats arrive. Negative: the
         pilot is already blind. Infinite: there was no picture yet."""
         return self.config.stop_s + slack_s - (now_s - self._seen_s)
 
@@ -151,8 +151,8 @@ class LinkGovernor:
             self._better_since_s = now_s
 
     def note_lateness(self, late_s: float, *, is_to_blame: bool) -> None:
-        """Record the computer's lateness, ten times a second. The recorded lateness fades within a
-        second or two, but not while the robot stands because of it."""
+        """Record the computer's lateness, ten times a second. The recorded lateness fades within
+        two seconds, but not while it keeps the robot stopped."""
         self._lateness_s = max(late_s, self._lateness_s * (1.0 if is_to_blame else _FADES))
 
     def state(self, now_s: float, slack_s: float = 0.0) -> LinkState:

@@ -1,9 +1,8 @@
-"""The control loop: newest frame, features, policy, gate, drive, and learning last.
+"""The control loop: from the newest frame to features, policy, gate and drive; learning comes last.
 
 `ControlLoop.tick` runs one tick, with time as an argument, and never waits. Experiments call `tick`
 directly, as fast as they can; a rig calls it in real time, on a thread. Other threads queue their
-requests in a mailbox, so the loop never waits for a network. The order of the steps in a tick keeps
-the robot safe.
+requests in a mailbox, so the loop never waits for a network.
 """
 
 from __future__ import annotations
@@ -48,13 +47,13 @@ _STANDS_S = 0.04
 the wheels have stopped when the pilot's picture expires."""
 _SHORTEST_WAIT_S = 0.001
 _RESTS_AFTER_S = 1.0
-"""Time that a robot stands unwatched before it rests, in seconds: long enough to reload the page
-and to measure the camera's rate."""
+"""Time for which a robot stands unwatched before it rests, in seconds. It is long enough to reload
+the page and to measure the camera's rate."""
 _RESTING_SHARE = 0.9
-"""Share of the requested period after which the next picture is taken, because cameras jitter."""
+"""The next picture is taken after this share of the requested period, because cameras jitter."""
 _RESTING_WAIT_S = 0.25
-"""Longest time between two ticks at rest, in seconds: below `ACTION_TIMEOUT_S`, for bodies with a
-watchdog."""
+"""Longest time between two ticks at rest, in seconds. It is below `ACTION_TIMEOUT_S`, so that a
+body's watchdog does not expire."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,8 +66,8 @@ class LoopConfig:
     longest_wait_s: float = 0.05
     """Longest time between two ticks, even if the camera sends no pictures."""
     stall_s: float = 0.3
-    """Gap between two ticks after which the robot stops: commands received meanwhile are stale (the
-    computer slept, or the process was held up)."""
+    """Gap between two ticks after which the robot stops, because commands received meanwhile are
+    stale: the computer slept, or the process was held up."""
 
 
 class ControlLoop:
@@ -79,9 +78,9 @@ class ControlLoop:
         learning: Perception and learning; use it only through `submit`.
         history: The training history of `learning`; use it only through `submit`.
         submit: Queues a function to run between two ticks; see `Mailbox.put`.
-        state: The newest tick, for any thread; a frozen value that never changes under the reader.
-        watchdog: Stops the body at the pilot's deadline; a rig runs its thread. Every caller of
-            the body holds `watchdog.body`.
+        state: The newest tick, for any thread; a frozen value.
+        watchdog: Stops the body at the pilot's deadline; a rig runs the watchdog's thread. Every
+            caller of the body holds `watchdog.body`.
         wake: Set when there is a reason for a tick: a frame, a command, a request.
         speed_share: Share of full speed that a person allows, in (0, 1].
         error: The last error of the loop.
@@ -110,7 +109,7 @@ class ControlLoop:
         self._mailbox = Mailbox()
         self.submit, self.wake = self._mailbox.put, self._mailbox.wake
         self._world_s = camera.world_s if camera.world_waits else lambda at_s: at_s
-        """Converts to the world's clock; the gate and the link governor only get such times."""
+        """Converts a time to the world's clock, by which the gate and the link governor work."""
         self._commands: list[tuple[PilotCommand, PilotCommand]] = []
         """Commands of this tick: as received, and with the times of the world's clock."""
         self._asked: tuple[Action | None, Point | None] | None = None
@@ -127,8 +126,8 @@ class ControlLoop:
     # Requests from other threads -------------------------------------------------------------
 
     def subscribe(self, listener: Callable[[Tick], None]) -> Callable[[], None]:
-        """Call `listener`, which must be quick, after each tick. Return a function that ends the
-        subscription."""
+        """Call `listener`, which must be quick, after each tick. Return a function that ends
+        this."""
         self._listeners = [*self._listeners, listener]
 
         def unsubscribe() -> None:
@@ -147,7 +146,7 @@ class ControlLoop:
         return self._rest_every_s > 0.0
 
     def need_picture_every(self, seconds: float) -> Future[None]:
-        """Set how often a picture is needed while the robot stands; 0: all pictures are needed.
+        """Set how often a picture is needed while the robot stands. 0: all pictures are needed.
 
         Infinite: nobody looks. A robot that may move takes all pictures in any case.
         """
@@ -155,8 +154,7 @@ class ControlLoop:
 
     @property
     def wait_s(self) -> float:
-        """The longest time until the next tick, which must come before the pilot counts as
-        blind."""
+        """The longest time until the next tick; it comes before the pilot counts as blind."""
         longest_s = self.config.longest_wait_s
         if self._gate.mode is Mode.STOPPED:
             return _RESTING_WAIT_S if self.is_resting else longest_s
@@ -173,8 +171,8 @@ class ControlLoop:
     def command(self, command: PilotCommand) -> None:
         """Queue a pilot command, and wake the loop if the command changes the held move.
 
-        While the robot may move and the camera is slow, every command wakes the loop. Otherwise few
-        ticks would publish few states, and the pilot's next command would prove an older state.
+        While the robot may move and the camera is slow, every command wakes the loop. With fewer
+        ticks the newest state that the pilot's next command can name would be older.
         """
         held = command.held, command.point
         is_slow = self._timing.state.period_s > self.config.longest_wait_s
@@ -185,12 +183,11 @@ class ControlLoop:
     def set_mode(
         self, mode: Mode, *, proven_s: float | None = None, frame_id: int | None = None
     ) -> Future[bool]:
-        """Choose a mode: the explicit start after any stop. The future is True if the mode was
-        accepted.
+        """Choose a mode: the explicit start after any stop. The future is True if it was accepted.
 
         `proven_s` is a time before which the request cannot have been made; None: now. The loop
-        checks it when it runs the request, so time in the queue counts. `frame_id` is the frame
-        that the pilot sees.
+        checks this age when it runs the request, so time in the queue counts. `frame_id` is the
+        frame that the pilot sees.
         """
         asked_s = self.clock.now_s() if proven_s is None else proven_s
         epoch, self._asked = self._epoch, None
@@ -321,7 +318,7 @@ class ControlLoop:
             return None
         may_move = self._gate.mode is not Mode.STOPPED
         if may_move:
-            self._fault = None  # clear the error of an earlier picture; the fault of a stop stays
+            self._fault = None  # an earlier picture's error; the fault of a stop stays
         is_moving = may_move and not self._camera.world_waits
         if not self._rest_every_s:
             times_s = self._world_s(frame.captured_s), self._world_s(delivered_s)
@@ -347,8 +344,8 @@ class ControlLoop:
             return Sensors()
 
     def _decide(self, link: LinkState, world_s: float) -> tuple[Decision, float]:
-        """Choose who drives, and the speed: the lowest of all limits. Also return the time until
-        which the order is valid."""
+        """Choose who drives, at the lowest of all speed limits. Also return the time until which
+        the order is valid."""
         frame, waits = self.learning.frame, self._camera.world_waits
         decision = self._gate.select(
             world_s,
@@ -399,8 +396,8 @@ class ControlLoop:
         return self.state
 
     def _summed_up(self, tick: Tick, before: Tick | None) -> Tick:
-        """Return a tick whose events are filled in, with the state at its end; `before` is the
-        previous tick."""
+        """Return the tick with its events and the state at its end; `before` is the previous
+        tick."""
         learning, frame = self.learning, self.learning.frame
         policy = learning.history.policy
         return replace(

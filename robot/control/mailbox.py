@@ -29,9 +29,9 @@ class Mailbox:
         With `is_news` False the request does not wake the loop but runs in the next tick, at most
         50 ms later.
 
-        All reads and changes of the training history come here: undo, edits, saving, replacing. The
-        future is done at the end of the tick that ran the request, when the state is published and
-        every listener was called.
+        Everything that reads or changes the training history is put here: undo, edits, saving,
+        replacing. The future is done at the end of the tick that ran the request, after the state
+        was published and every listener was called.
         """
         future: Future[_T] = Future()
         add = self._requests.appendleft if is_urgent else self._requests.append

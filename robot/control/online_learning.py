@@ -1,9 +1,9 @@
 """Perception and online learning: predicts a move for each new frame, and learns the pilot's moves.
 
 A command contains the held move and the frame that the pilot was looking at. This frame gets the
-move as its label. The frames between the previous command's frame and this frame get the move that
-was held before, because a change is always sent at once. The labelled frame is a little older than
-the newest, so the feature vectors of the newest frames are kept.
+move as its label. The frames between it and the previous command's frame get the move that was held
+before, because a change is always sent at once. The labelled frame is not quite the newest one, so
+the feature vectors of the last frames are kept.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from robot.types import Action, Example, Frame, PilotCommand, Point, Prediction
 log = logging.getLogger(__name__)
 
 WINDOW_S = 10.0
-"""Window of the agreement, in seconds. The window is a time and not a number of examples: at thirty
-examples a second, a hundred examples are one stretch straight ahead."""
+"""Window of the agreement, in seconds. A number of examples would not do: at thirty examples a
+second, a hundred examples are one stretch straight ahead."""
 
 
 class Agreement:
-    """Compares predictions with the labels that came after them, in constant time per example."""
+    """Compares each prediction with the label that the pilot then gave, in constant time."""
 
     def __init__(self) -> None:
         self._examples: deque[tuple[float, bool]] = deque()
@@ -66,7 +66,8 @@ class Labeller:
         self._last_frame_id = 0
 
     def reset(self) -> None:
-        """Forget the held move, because a new drive begins. No frame is ever labelled twice."""
+        """Forget the held move, because a new drive begins. Frames that were labelled are not
+        labelled again."""
         self._previous = None
 
     def label(
@@ -112,8 +113,8 @@ class _Seen:
     point: Point | None
 
     def differs(self, label: Action, point: Point | None) -> bool:
-        """Return whether this label corrects the robot. A move without a point always does, even
-        the move that the robot chose."""
+        """Return whether this label corrects the robot. A label without a point always does, even
+        if it is the move that the robot chose."""
         if point is None or self.point is None or label is not self.predicted:
             return True
         return abs(point.steering - self.point.steering) > CORRECTS_BEYOND
@@ -160,9 +161,9 @@ class OnlineLearning:
     ) -> bool:
         """Process the camera's newest frame; return False if there is none or it is not new.
 
-        `delivered_s` is the time at which the frame reached the loop; None: the time at which it
-        was taken. The other arguments are passed to `Policy.propose`.
-        Raises CameraError if the frame cannot be decoded; the frame then counts as not seen.
+        `delivered_s` is the time at which the frame reached the loop; None: the time at which the
+        frame was taken. The other arguments are passed to `Policy.propose`. Raises CameraError if
+        the frame cannot be decoded; the frame then counts as not seen.
         """
         if frame is None or (self.frame is not None and frame.frame_id == self.frame.frame_id):
             return False
@@ -208,8 +209,7 @@ class OnlineLearning:
 
     @property
     def newest(self) -> tuple[Vector, Prediction] | None:
-        """The newest frame's vector, and the policy's proposal on it; None before the first
-        frame."""
+        """The newest frame's vector and the proposal on it; None before the first frame."""
         if self.frame is None or self.prediction is None:
             return None
         return self._seen[self.frame.frame_id].x, self.prediction
@@ -217,8 +217,7 @@ class OnlineLearning:
     def learn(
         self, commands: Sequence[PilotCommand], *, is_intervention: bool, may_learn: bool
     ) -> None:
-        """Learn the frames that the commands label; with `may_learn` False the frames are
-        skipped."""
+        """Learn the frames that the commands label; if `may_learn` is False, skip them."""
         for command in commands:
             for frame_id, label, point in list(self._labeller.label(command, self._seen)):
                 if may_learn:
@@ -248,10 +247,10 @@ class OnlineLearning:
     def times_of(
         self, frame_id: int | None, seen_id: int | None = None
     ) -> tuple[tuple[float, float], float] | None:
-        """Return when a frame was taken and when it reached the loop, and when the newest
-        acknowledged frame reached the loop if that frame is older. A frame that is no longer
-        remembered gets the times of the oldest remembered frame. None before the first frame, and
-        if no frame is named."""
+        """Return when the frame `frame_id` was taken and when it reached the loop; and when the
+        older of `frame_id` and `seen_id` reached the loop. A frame that is no longer remembered
+        gets the times of the oldest remembered frame. None before the first frame, and if no frame
+        is named."""
         if not self._seen or frame_id is None:
             return None
         newest_id, oldest = next(reversed(self._seen)), next(iter(self._seen.values()))
@@ -267,7 +266,7 @@ class OnlineLearning:
         return events
 
     def note_pause(self, *, is_over: bool) -> None:
-        """Restart the measurement of the frame rate; the old rate counts until two frames came."""
+        """Measure the frame rate anew; until two frames have come the old rate is returned."""
         if not is_over:
             self._rate_before_hz = self.frame_rate_hz
         self._frame_times_s.clear()

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 
 STEADY_S = 3.0
-"""Least time that a sentence stays, in seconds: long enough to read it. A standing robot's fault
-counts as gone after the same time without the fault."""
+"""Least time for which a sentence stays, in seconds: long enough to read it. While the robot
+stands, a fault counts as gone if it does not return within this time."""
 
 
 class SteadyFault:
     """Chooses the sentence to show while faults come and go.
 
-    A new fault is shown at once. If a fault comes and goes once a second, or its sentence counts
-    seconds, the sentence shown first stays.
+    A new fault is shown at once. The sentence stays if the fault then comes and goes once a second,
+    or if its text changes because it counts seconds.
     """
 
     def __init__(self) -> None:

@@ -1,10 +1,10 @@
 """The dead man's switch on a separate thread: the body stops on time even if the loop is late.
 
-The loop decides in its ticks, and a tick may be late: a busy computer, a slow learner, a picture
-that takes long to read. So each order to the body has a deadline, the time at which the pilot
-counts as silent. Unless the loop has moved the deadline by then, this thread stops the body. The
-thread waits for no tick, no picture, no network and no event loop. If the thread fails, the body
-stops by its own time limit, `robot.driver.ACTION_TIMEOUT_S`.
+The loop decides in its ticks. A tick may be late because of a busy computer, a slow learner, or a
+picture that takes long to read. So each order to the body has a deadline: the time at which the
+pilot counts as silent. Unless the loop has moved the deadline by then, this thread stops the body.
+The thread never waits for a tick, a picture, the network or an event loop. If the thread fails, the
+body stops by its own time limit, `robot.driver.ACTION_TIMEOUT_S`.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ class Watchdog(StartStop):
         stop: Stops the body; must not raise.
 
     Attributes:
-        body: Held by each caller of the body, since a driver serves one thread at a time. A driver
-            that hangs holds up this thread as well; then the body's own time limit counts.
+        body: A lock that each caller of the body holds, since a driver serves one thread at a time.
+            A driver that hangs also holds up this thread; then only the body's own time limit
+            helps.
     """
 
     def __init__(self, stop: Callable[[], None], clock: Clock) -> None:
@@ -55,7 +56,7 @@ class Watchdog(StartStop):
             self._thread = self._clock.start_thread(self._run, "watchdog")
 
     def stop(self) -> None:
-        """End the thread; the body is left as it is."""
+        """End the thread without stopping the body."""
         self._is_ending = True
         self._sooner.set()
         if self._thread is not None:

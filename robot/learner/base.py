@@ -49,10 +49,10 @@ class Evidence:
     `probabilities` sum to 1. `confidence` is the calibrated probability that `label` is right.
     `novelty` is 0 for a familiar view, and 1 or more for a view unlike all learned views. It is
     always 0 if the learner's `abilities` do not include novelty.
-    `node` is the id of the nearest learned image (None if the learner stores no images).
-    If angles were learned, there are also `angle` (about from -1 to 1), its standard deviation
-    `spread`, and `size`, the mean magnitude of the angle. At a view that was left to both sides
-    `size` is large although `angle` is near 0.
+    `node` is the id of the nearest learned image; None if the learner stores no images. If angles
+    were learned, there are also `angle` (about from -1 to 1), its standard deviation `spread`, and
+    `size`, the mean magnitude of the angle. If the pilot turned to both sides at this view, `size`
+    is large although `angle` is near 0.
     """
 
     label: Label
@@ -81,7 +81,7 @@ class Mirror(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Abilities:
-    """Capabilities of a learner beyond learning and predicting. All can be undone: see `get_state`.
+    """Capabilities of a learner beyond learning and predicting.
 
     Attributes:
         images: It stores images that `nodes` lists and that can be relabelled and deleted.
@@ -102,7 +102,7 @@ class Abilities:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Node:
-    """One learned image. `id` stays the same through merges; `frames` counts the frames merged.
+    """One learned image. Merges do not change its `id`; `frames` counts the frames merged into it.
 
     `angle` is the mean angle of these frames, if angles were learned.
     """
@@ -127,20 +127,20 @@ class State:
 
 @runtime_checkable
 class Learner(Protocol):
-    """Protocol of an online classifier: learns one frame at a time, and predicts its label.
+    """Protocol of an online classifier, which learns and predicts the labels of single frames.
 
     If the learner has `contexts`, the same view can have different labels in different contexts.
-    A context is a small number, whose meaning the caller chooses.
+    A context is a small number; the caller chooses its meaning.
     """
 
     abilities: Abilities = Abilities()
     """The learner's capabilities beyond learning and predicting."""
     sharpness: float = 1.0
-    """The power that turns shares of votes into calibrated probabilities; 1: no calibration."""
+    """The power to which shares of votes are raised to calibrate them; 1: no calibration."""
     mirror: Mirror | None = None
     """If set, left and right are alike: each example is also learned mirrored in this way."""
     last_node_: int | None = None
-    """Id of the image that the latest example was merged into; None if there is none."""
+    """Id of the image that the latest example was merged into; None if there is no such image."""
 
     @property
     def n_nodes_(self) -> int:
@@ -154,7 +154,7 @@ class Learner(Protocol):
     def learn_in(
         self, x: Vector, y: Label, contexts: Collection[int], angle: float | None = None
     ) -> None:
-        """Add a labelled vector that counts only in these contexts, with its angle after
+        """Add a labelled vector that counts only in these contexts. An `angle` is given after
         `begin_angles`."""
         self.learn_one(x, y)
 
@@ -172,7 +172,7 @@ class Learner(Protocol):
         return self.explain_one(x)
 
     def begin_like(self, earlier: Sequence[State]) -> int:
-        """Expect this place to resemble those of earlier models, until examples say otherwise.
+        """Expect this place to resemble the places of earlier models, until examples say otherwise.
 
         Call this before the first example. Return the number of earlier models that were used; 0
         if the learner expects nothing.
@@ -181,7 +181,7 @@ class Learner(Protocol):
 
     def begin_angles(self, of_labels: Mapping[Label, float]) -> None:
         """Learn an angle from -1 to 1 with each example from now on. Each earlier frame gets the
-        angle of its label, or 0. Before this call angles cost no time."""
+        angle of its label, or 0."""
         return
 
     def predict_one(self, x: Vector) -> Label:
@@ -196,7 +196,7 @@ class Learner(Protocol):
     def get_state(self) -> State:
         """Return a copy of the state; after `set_state` with it all predictions are the same.
 
-        Saving and undo rely on an exact copy: a learner restored from it and the original learn the
+        Saving and undo need an exact copy: a learner restored from it and the original learn the
         same from further examples, bit for bit.
         """
 
@@ -238,7 +238,7 @@ class Learner(Protocol):
         raise ValueError("This learner cannot be told that left and right are alike.")
 
     def outdate(self) -> None:
-        """Give examples taught from now on more weight than all earlier examples.
+        """Give the examples taught from now on more weight than all earlier examples.
 
         Raises:
             ValueError: If the learner cannot tell old from new examples.
@@ -247,6 +247,6 @@ class Learner(Protocol):
 
 
 class BaseLearner(Learner):
-    """Base of a `Learner` without images and other abilities: a subclass writes four methods."""
+    """Base of a `Learner` without images or other abilities; a subclass defines four methods."""
 
     n_nodes_ = 0

@@ -1,9 +1,9 @@
 """Bounded Self-Organizing Clusters: at most `max_nodes` images that summarise all frames seen.
 
 Source: Ferrer, "Bounded Self-Organizing Clusters", FLAIRS-30 (2017). The paper compares images
-pixel by pixel after every merge. Here a merged node's distances follow from the known distances
-(Lance and Williams 1967, centroid linkage), so a training step is one pass over the nodes.
-`robot.learner.published` is the algorithm exactly as published.
+pixel by pixel after every merge. Here a merged node's distances are computed from the known
+distances (Lance and Williams 1967, centroid linkage), so a training step is one pass over the
+nodes. `robot.learner.published` is the algorithm exactly as published.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ class BSOC(Clusters):
 
     Args:
         max_nodes: Maximum number of nodes; the only parameter of the algorithm.
-        group_cost: Factor by which merging nodes of two groups (such as labels) costs more.
-            1: as in the paper, which has no groups.
+        group_cost: Factor by which a merge of nodes of two groups (such as labels) costs more. 1:
+            as in the paper, which has no groups.
         integer: Compute on pixels in integers only; vectors are then bytes.
-        n_compared: With `integer`: number of leading values of a vector that are compared; None:
-            all.
+        n_compared: Only with `integer`: number of leading values of a vector that are compared;
+            None: all.
     """
 
     measures_novelty = True
@@ -55,7 +55,7 @@ class BSOC(Clusters):
             raise ValueError(f"group_cost must be at least 1, not {group_cost}")
         self.group_cost = group_cost
         self.integer = integer
-        self._masses = np.zeros(max_nodes, np.float32)  # how much each node counts
+        self._masses = np.zeros(max_nodes, np.float32)  # the weight of each node
         self._touched = np.zeros(max_nodes, np.int64)
         self._groups = np.zeros(max_nodes, np.int64)
         self._distances = np.zeros((max_nodes, max_nodes), np.float32)
@@ -73,8 +73,8 @@ class BSOC(Clusters):
 
     @property
     def touched_(self) -> NDArray[np.int64]:
-        """Frame number at which each node last got a frame, shape (n,); for a pinned node the
-        latest frame's."""
+        """Number of the last frame that each node got, shape (n,); for a pinned node the number of
+        the latest frame."""
         if not self._edges.n_pinned:
             return self._touched[: self.n_nodes_].copy()
         return np.where(self._edges.pinned, self.n_trained_, self._touched)[: self.n_nodes_]
@@ -106,7 +106,7 @@ class BSOC(Clusters):
             weights[self._edges.pinned] = np.inf
         nearest = int(weights.argmin())
         least, kept, removed = self._edges.smallest()
-        # A tie goes to the lower pair of indices; the new frame's own index is the highest.
+        # On a tie the lower pair of indices is merged; the new frame's index is the highest.
         if least < weights[nearest] or (least == weights[nearest] and kept <= nearest):
             self._merge(kept, removed, distances)
             self._place(removed, distances, group, name)
@@ -115,7 +115,7 @@ class BSOC(Clusters):
         return int(distances.argmin())
 
     def _held_out(self, distances: Floats) -> float | None:
-        """Return the squared distance of the nearest node that no recent frame was merged into."""
+        """Return the squared distance of the nearest node that got no recent frame."""
         if self.n_trained_ <= HELD_OUT or not distances.size:
             return None
         is_recent = self._touched[: distances.size] >= self.n_trained_ - HELD_OUT
@@ -228,7 +228,7 @@ class BSOC(Clusters):
         """Return the error of the stored distances, and the exact distances between the images.
 
         Stored distances are computed from one another, so after many frames they have a small
-        error. 1 is larger than any such error.
+        error, which is always less than 1.
         """
         size = self.n_nodes_
         rows = self._images.compared(size)

@@ -1,20 +1,19 @@
-"""Detects that the pilot has changed his mind: the same views are relabelled, again and again.
+"""Detects that the pilot has changed his mind and relabels the same views again and again.
 
-A label that is no longer used is no evidence: a pilot who turns round and drives the other way has
-not changed his mind about the way there. A single contradiction is no evidence either: between a
-turn and driving straight the same view can have both labels. So an example contradicts another
-label if it is clearly nearer to that label's images than to the images of driving straight, and its
-own label's images are no nearer. After a change of mind most examples contradict the old label; in
-a lesson in the opposite direction few do.
+It is no evidence if a label is no longer used: a pilot who turns round and drives back has not
+changed his mind about the way there. Nor is a single contradiction: at the beginning of a turn the
+same view can have the labels of the turn and of driving straight. So an example contradicts another
+label only if it is clearly nearer to that label's images than to the images of driving straight,
+and its own label's images are no nearer. After a change of mind most examples contradict the old
+label; in a lesson in the opposite direction few do.
 
-Once a label was contradicted often enough, it loses most of its votes to other labels in two cases:
-if the image of this label that is nearest to the view was last taught before the contradictions
-began; or if another label's image is at least as near and was taught much later. Both rules apply
-only when votes are counted. No histogram changes, so using the old label again at such views
-reverses the rules.
+A label that was contradicted often enough loses most of its votes at a view in two cases: its image
+nearest to the view was last taught before the contradictions began; or another label's image is at
+least as near and was taught much later. Both rules apply only when votes are counted and change no
+histogram. So their effect ends if the old label is taught again at such views.
 
-The pilot can also say so, which is better evidence: `outdate`. From then on a label whose nearest
-image was taught earlier passes its votes to the nearest image that was taught since.
+The pilot can also declare a change of mind (`outdate`), which is better evidence. A label whose
+nearest image was taught before then passes its votes to the nearest image taught since.
 
 The label that is started most often, such as FORWARD, is left out: it follows every other label,
 and the tenth of a second in which it begins varies.
@@ -32,16 +31,16 @@ from robot.learner.values import WHOLE, count
 from robot.learner.votes import Distances, Floats
 
 CLEARLY = 0.9
-"""An image is clearly nearer if its distance is at most this share of the other distance."""
+"""An image is clearly nearer than another if its distance is at most this share of the other's."""
 APART = 1.3
-"""Two labels are distinguishable at an example if the other label's images are at least this many
-times as far away as the images of the example's own label."""
+"""An example's label differs clearly from another label if the other label's images are at least
+this many times as far away as the images of its own label."""
 ENOUGH = 20.0
 """Number of examples that overrule a label: examples against it, less examples that confirm it."""
 MOST_A_TURN = 10.0
-"""Upper bound of the examples against a label that one turn adds: the turn may be a mistake."""
+"""A single turn adds at most this many examples against a label, because it may be a mistake."""
 CONFIRMED = 4.0
-"""Number of examples against a label that one example of the label at its old views cancels."""
+"""One example of the label at its old views cancels this many examples against the label."""
 LATER = 200
 """An image counts as taught much later than another after this many examples (20 s of teaching)."""
 STILL_VALID = 0.3
@@ -109,7 +108,7 @@ class ChangeOfMind(Stateful):
                 self._against[label, new] = max(self._against[label, new] - CONFIRMED, 0.0)
 
     def outdate(self, now: int) -> None:
-        """Give examples from `now` on more weight than all earlier examples."""
+        """Give the examples from `now` on more weight than all earlier examples."""
         self._outdated_before = now
 
     def applied(
@@ -146,7 +145,7 @@ class ChangeOfMind(Stateful):
 
     @property
     def _contradicted(self) -> Floats:
-        """Evidence against each label, now and at the start of this turn."""
+        """The evidence against each label; the last row is from the start of this turn."""
         return np.vstack([self._against, self._before])
 
     @_contradicted.setter

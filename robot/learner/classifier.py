@@ -1,4 +1,4 @@
-"""Labels on top of the clustering: each node counts the labels of the frames merged into it."""
+"""Adds labels to the clustering: each node counts the labels of the frames merged into it."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ from robot.learner.ridge import EVERY, MIRRORED, LinearPart, RecursiveRidge
 from robot.learner.values import count
 
 GROUP_COST = 1000.0
-"""Factor by which merging nodes of two labels costs more: in practice the last resort."""
+"""Factor by which a merge of nodes of two labels costs more, so that it is the last resort."""
 N_VOTERS = 3
 LINEAR_SHARE = 0.7
 CONTEXT_SHARE = 0.85
-"""Weight of the linear part within a context: votes of images do not depend on the context."""
+"""Weight of the linear part within a context; the images' votes do not depend on the context."""
 _TURNED = np.array([-1.0, 1.0])
-"""Multipliers for (angle, |angle|) when the image is mirrored: the angle's sign flips, its
-magnitude stays."""
+"""Factors for (angle, |angle|) when an image is mirrored: only the angle's sign changes."""
 SHARPNESS = 1.6
-"""Calibrates the mixture's probabilities; one value for all rooms (docs/explanation/learner.md)."""
+"""Power that calibrates the mixture's probabilities, for all rooms
+(docs/explanation/learner.md)."""
 
 
 class _Counted:
-    """Values derived from the labels that the nodes counted, shape (n, n_labels)."""
+    """The labels that the nodes counted, shape (n, n_labels), and values derived from them."""
 
     def __init__(self, histograms: NDArray[np.int64]) -> None:
         self.n = len(histograms)
@@ -68,16 +68,16 @@ class BSOCClassifier(Stateful, Learner):
 
     Args:
         max_nodes: Maximum number of images.
-        group_cost: Factor by which merging two labels costs more; 1: as published.
+        group_cost: Factor by which a merge of two labels costs more; 1: as published.
         n_voters: How many of the nearest nodes vote.
         linear: An online linear part, whose scores are mixed with the votes; None: no linear part.
             With a `ContextRidge` predictions can depend on the current move.
         linear_share: Weight of the linear part in the mixture.
         integer: Compute on the nodes' pixels in integers only; vectors are then bytes.
         cluster: The clustering; None: a label-aware `BSOC`.
-        balance: How much more a rare label weighs, from 0 to 1 (`votes.rarity`).
+        balance: Extra weight of rare labels, from 0 to 1 (`votes.rarity`).
         novelty_margin: How far beyond the usual distances a view is novel (`Novelty`).
-        forgets: Follow a pilot who relabels the same views (`change_of_mind.py`). This has no
+        forgets: True: follow a pilot who relabels the same views (`change_of_mind.py`). This has no
             effect with a clustering that measures no novelty.
 
     Example:
@@ -113,7 +113,7 @@ class BSOCClassifier(Stateful, Learner):
         if n_voters < 1:
             raise ValueError(f"n_voters must be at least 1, not {n_voters}")
         self.max_nodes, self.n_voters = max_nodes, n_voters
-        if cluster is None:  # not `not cluster`, because an empty clustering is false
+        if cluster is None:  # not `not cluster`: an empty clustering is false
             cluster = BSOC(max_nodes, group_cost=group_cost, integer=integer)
         self.cluster = cluster
         self.labels_: list[Label] = []
@@ -163,7 +163,7 @@ class BSOCClassifier(Stateful, Learner):
             for state in earlier
             if state.kind == self._kind and state.arrays["linear"].shape[0] == linear.size
         ]
-        # The mean keeps what the places have in common: what differs cancels out.
+        # In the mean the differences between places cancel out, and the common part remains.
         for labels, weights in alike:
             linear.begin_like([self._know(label) for label in labels], weights / len(alike))
         return len(alike)
@@ -225,8 +225,7 @@ class BSOCClassifier(Stateful, Learner):
             self.mirror, self._counts = mirror if on else None, None
 
     def _columns(self, mirror: Mirror) -> list[int]:
-        """Return the mirrored label of each label; a label is itself if its counterpart was never
-        taught."""
+        """Return each label's mirrored label, or the label itself if that was never taught."""
         known = {label: column for column, label in enumerate(self.labels_)}
         return [known.get(mirror.labels.get(label, label), known[label]) for label in self.labels_]
 
@@ -345,7 +344,7 @@ class BSOCClassifier(Stateful, Learner):
     def faults(self) -> Iterator[str]:
         if len(set(self.labels_)) < len(self.labels_):
             yield "a label occurs twice"
-        # There may be labels without images, after the last image was deleted.
+        # There may be labels without images, because the last image may have been deleted.
         if self.n_nodes_ > 0 and not self.labels_:
             yield "it has images without labels"
         if self.cluster.groups_.max(initial=-1) >= len(self.labels_):

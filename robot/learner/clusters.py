@@ -16,11 +16,11 @@ from robot.learner.votes import Distances
 
 CACHED_FROM = 200
 """Number of nodes from which the minimum of each row is cached. With fewer nodes one argmin over
-all weights is faster: 2 us instead of 9 at 128 nodes, but 340 us instead of 25 at 1024."""
+all weights is faster. At 128 nodes argmin takes 2 us and the cache 9; at 1024 nodes 340 and 25."""
 
 
 class Edges:
-    """A symmetric matrix of weights. Infinite: no edge, or an edge to a pinned node."""
+    """A symmetric matrix of weights; infinite where there is no edge or a node is pinned."""
 
     def __init__(self, n: int, dtype: type[Any]) -> None:
         self.weights = np.full((n, n), np.inf, dtype)
@@ -32,8 +32,7 @@ class Edges:
         self._partner = np.zeros(n, np.int64)
 
     def smallest(self) -> tuple[float, int, int]:
-        """Return the weight and the two nodes of the smallest edge; on a tie, the lowest
-        indices."""
+        """Return the smallest edge's weight and two nodes; on a tie, the lowest indices."""
         if self._is_cached:
             one = int(self._least.argmin())
             return float(self._least[one]), one, int(self._partner[one])
@@ -94,12 +93,12 @@ class Clusters(Stateful, ABC):
         n_trained_: Number of frames trained.
         names: The id of each row; a merged node gets the id of its heavier parent.
         last_merge_: The kept and the removed node of the latest merge; the newest frame got the
-            removed node's index. None if the frame became a node without a merge, or was merged
-            into the node that `train` returned.
+            removed node's index. None if the frame became a node without a merge, or if the frame
+            itself was merged into the node that `train` returned.
         last_distance_: Squared distance of the latest frame from the nearest node that got none of
-            the previous `HELD_OUT` frames (from the nearest of all nodes, if each got one of them).
+            the previous `HELD_OUT` frames; from the nearest of all nodes if there is no such node.
             None for the first frames, and if it is not measured.
-        last_distances_: Squared distances of the latest frame from the nodes before any merge.
+        last_distances_: Squared distances of the latest frame from the nodes, before any merge.
         last_touched_: `touched_` as it was before the latest frame.
     """
 
@@ -143,7 +142,7 @@ class Clusters(Stateful, ABC):
 
     @property
     def pinned_(self) -> NDArray[np.bool_]:
-        """Which nodes are pinned, shape (n,)."""
+        """Whether each node is pinned, shape (n,)."""
         return self._edges.pinned[: self.n_nodes_].copy()
 
     @property
@@ -153,7 +152,7 @@ class Clusters(Stateful, ABC):
 
     @property
     def touched_(self) -> NDArray[np.int64]:
-        """Frame number at which each node last got a frame, shape (n,), if it is measured."""
+        """Number of the last frame that each node got, shape (n,), if it is measured."""
         return np.zeros(self.n_nodes_, np.int64)
 
     @abstractmethod
@@ -168,11 +167,11 @@ class Clusters(Stateful, ABC):
         """
 
     def lookup(self, x: Vector) -> tuple[int, float]:
-        """Return the nearest node's index and its squared distance; the lowest index on a tie.
+        """Return the nearest node's index and squared distance; on a tie, the lowest index.
 
         Raises:
             ValueError: If there is no node yet, or `x` is not a finite vector of the learned
-                length (with `integer`: of bytes).
+                length; with `integer`, if it is not a vector of bytes.
         """
         distances = self.distances(x)
         nearest = int(distances.argmin())
@@ -193,7 +192,7 @@ class Clusters(Stateful, ABC):
         """Exclude one node from all merges, or include it again.
 
         Raises:
-            ValueError: If new frames could no longer merge with any node.
+            ValueError: If so many nodes would be pinned that new frames could not be merged.
         """
         edges = self._edges
         others = edges.n_pinned - bool(edges.pinned[node])

@@ -13,15 +13,14 @@ from robot.learner.part import MOST_DISTANCE, MOST_VALUES, Array, Stateful, Valu
 
 Floats = NDArray[np.float32]
 _MOST_NORM = 1e24
-"""Upper bound of a squared norm, so that in float32 the most expensive merge, of many frames and
-two groups, has a finite cost."""
+"""Upper bound of a squared norm, so that the most expensive merge has a finite cost in float32."""
 
 
 class Images(Stateful):
-    """Node images in rows, and one frame `x` at a time that is compared with them.
+    """Stores the nodes' images in rows, and compares one frame `x` at a time with them.
 
-    Images are float32 relative to the first frame: float32 products of raw bytes would lose the
-    small differences between near-duplicates.
+    Images are stored relative to the first frame. With raw bytes, products in float32 would lose
+    the small differences between near-duplicates.
     """
 
     fields: Sequence[Value | Array] = (
@@ -67,7 +66,7 @@ class Images(Stateful):
         distances: Floats = (self._rows if is_full else self._rows[:size]).dot(centred)
         np.subtract(self._norms if is_full else self._norms[:size], distances, out=distances)
         distances += norm
-        # Rounding errors may be negative for near-duplicates.
+        # Near-duplicates may have negative distances, because of rounding errors.
         if size and distances[distances.argmin()] < 0.0:
             np.maximum(distances, 0.0, out=distances)
         return distances
@@ -78,7 +77,7 @@ class Images(Stateful):
         self._norms[row] = self._x_norm
 
     def absorb(self, row: int, count: int) -> None:
-        """Move the image of `count` frames towards the measured vector, by the vector's share."""
+        """Make the image of `count` frames the mean of these frames and the measured vector."""
         self._blend(row, self._x, 1.0 / (count + 1))
 
     def merge(self, kept: int, removed: int, count_kept: int, count_removed: int) -> None:
@@ -104,12 +103,11 @@ class Images(Stateful):
         return images
 
     def compared(self, size: int) -> Floats:
-        """Return the compared values of each image, relative to some fixed vector."""
+        """Return the compared values of each image, relative to a constant vector."""
         return self._rows[:size]
 
     def follow(self, counts: NDArray[np.int64]) -> None:
-        """Recompute the values that depend on the number of frames per image; here there are
-        none."""
+        """Recompute the values that depend on the number of frames per image, if there are any."""
 
     def faults(self) -> Iterator[str]:
         norms = 0.5 * np.einsum("ij,ij->i", self._rows, self._rows)
@@ -122,21 +120,22 @@ class Images(Stateful):
 
 _INT32 = 2**31
 _MOST_STEPS, _FEWEST_STEPS = 256, 16
-"""Steps between two grey levels in the images of `IntegerImages`."""
+"""Upper and lower bound of the steps between two grey levels in `IntegerImages`."""
 
 
 class IntegerImages(Images):
-    """Integers only on every pixel, for machines without a floating-point unit.
+    """Images that are compared in integers only, for machines without a floating-point unit.
 
     Vectors are integers from 0 to 255. A row stores the exact sum of its frames, so precision does
-    not depend on the number of frames. Frames are compared with the mean in steps of 1/16 to 1/256,
-    the finest step at which products of two vectors fit into 32 bits: 64 bits take such a processor
-    twice as long.
+    not depend on the number of frames. Frames are compared with the mean in steps of 1/16 to 1/256.
+    The step is the finest at which products of two vectors fit into 32 bits, because 64 bits take
+    such a processor twice as long.
 
     Args:
         max_nodes: Number of rows.
         n_compared: Number of leading values of a vector that are compared; None: all. The other
-            values are only averaged: showing a picture takes more pixels than recognising it.
+            values are only averaged, because a picture is shown with more pixels than it is
+            recognised by.
     """
 
     fields = (Array("sums", np.int32, ("max_nodes", "d"), high=2**30),)

@@ -1,9 +1,9 @@
 """Declares the state of a policy's part once, for saving, loading and checking.
 
 A part lists its `fields`: arrays, and plain values that JSON can represent. A part may contain
-other parts. `check` compares a part with its declaration, bounds included, then calls `faults` for
-contradictions between fields. So the same rules apply to a loaded model and to a learner that has
-just learned.
+other parts. `check` compares a part with its declaration, bounds included, and calls `faults` to
+find contradictions between fields. So the same rules apply to a loaded model and to a learner that
+has just learned.
 
 Example:
     >>> from robot.learner.values import count
@@ -74,7 +74,7 @@ class Value:
             _set(part, self, value)
 
     def check(self, part: Stateful) -> None:
-        """Raise ValueError if the part's value could not be loaded again."""
+        """Raise ValueError if the part's value would be refused by `load`."""
         self._read(self.save(part), {})
 
     def _read(self, plain: Any, names: Names) -> Any:
@@ -94,9 +94,9 @@ class Array:
     Attributes:
         name: The array's name in a model.
         dtype: Type of the values, or a tuple of allowed types.
-        shape: The length of each dimension: a number, a range, the name of an attribute of the
-            part, or any other name for a length that all arrays of a model share. `name+1` means
-            this length plus 1.
+        shape: The length of each dimension: a number, a range, or the name of one of the part's
+            attributes. Any other name stands for a length that all arrays of a model share.
+            `name+1` means this length plus 1.
         low: The smallest allowed value.
         high: The largest allowed value.
         attribute: The part's attribute that holds the array, or a dotted path; empty: `_name`.
@@ -196,7 +196,7 @@ class Stateful:
         """Compute the derived values after loading."""
 
     def faults(self) -> Iterator[str]:
-        """Yield the contradictions between fields that are each within their bounds."""
+        """Yield the contradictions between fields; each field is within its bounds."""
         return iter(())
 
     def save(self) -> tuple[Params, Arrays]:
@@ -226,7 +226,7 @@ class Stateful:
         Args:
             params: The plain values.
             arrays: The arrays; they are copied.
-            names: The labels or moves that the values may name.
+            names: Maps the labels or moves that the values may name to the parts' own names.
             sizes: Known lengths, by name.
 
         Raises:
@@ -276,5 +276,5 @@ def _inner(own: str, key: str) -> str:
 
 
 def taken(arrays: Arrays, start: str) -> Arrays:
-    """Remove the arrays whose names begin with `start`; return them without this prefix."""
+    """Remove the arrays whose names begin with `start`; return them by the rest of their names."""
     return {k.removeprefix(start): arrays.pop(k) for k in list(arrays) if k.startswith(start)}

@@ -1,8 +1,8 @@
-"""The clustering exactly as published: it computes all distances, and breaks ties as published.
+"""The clustering exactly as published, with the published rules for ties.
 
 Source: Ferrer, FLAIRS-30 (2017), with the details of the authors' program: the distance is the
-sum of squared differences; a new node gets the lowest free index, a merged node the lower index of
-the two, and the last node fills the gap.
+sum of squared differences; a new node gets the lowest free index, a merged node gets the lower of
+its two indices, and the last node moves to the free index.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ class PublishedBSOC(Clusters):
     """`BSOC` as published, without groups. Each step passes over the nodes twice: once for the new
     vector, once for a merged node.
 
-    With `integer`, vectors and images are bytes, rounded to nearest on a merge as in the authors'
-    program, without floating-point operations on pixels. Otherwise images are exact means. Pinning
-    is not in the paper; the page needs it.
+    With `integer`, vectors and images are bytes; a merged image is rounded to nearest, as in the
+    authors' program, and pixels need no floating-point operations. Otherwise images are exact
+    means. Pinning is not in the paper; the page needs it.
     """
 
     measures_novelty = False
@@ -34,7 +34,7 @@ class PublishedBSOC(Clusters):
         super().__init__(max_nodes, max_nodes + 1, np.float64)
         self.integer = integer
         self._dtype: type[Any] = np.int32 if integer else np.float64
-        # 64 bits, for sums of many frames.
+        # Sums of many frames need 64 bits.
         self._wide: type[Any] = np.int64 if integer else np.float64
         self._images: NDArray[Any] = np.zeros((self.n_rows, 0), self._dtype)
 

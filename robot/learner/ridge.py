@@ -3,14 +3,14 @@
 Source: recursive least squares, Haykin, "Adaptive Filter Theory", with a forgetting factor of 1.
 After any number of frames the weights are those of batch ridge regression on all of them.
 
-The inverse is large, and most of a frame's time is spent reading and writing it. So the inverse is
-stored in single precision (`_ROUNDED` bounds the error), and its latest updates are kept as vectors
-that are written together. Results include these pending updates.
+The inverse is large, and most of the time of a frame is spent on reading and writing it. So the
+inverse is stored in single precision (`_ROUNDED` bounds the error), and its latest updates are kept
+as vectors that are written together. Results include these pending updates.
 
 A driver begins a turn late and ends it late. In between, the same view means FORWARD while driving
 straight and LEFT while turning, and a single linear map would predict the mean. So there is one
-ridge for all examples and one for each context. A context's ridge learns the moves made in it, and
-the first examples of the moves that followed.
+ridge for all examples and one for each context. The ridge of a context learns the examples that
+count in this context: its own moves, and the beginning of the moves that follow.
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ from robot.learner.votes import Floats
 Singles = NDArray[np.float32]
 Places = NDArray[np.intp]
 Angle = Floats | float
-"""An angle and its magnitude, shape (2,), or 0 if no angle is learned."""
+"""An angle and its magnitude, shape (2,); 0 if no angle is learned."""
 _WAITING = 32
-"""Number of pending updates of the inverse that are written together. With more, evaluating the
-pending updates would take longer than the writing that they save."""
+"""Number of pending updates of the inverse that are written together. With more of them, evaluating
+them would take longer than the writing that is saved."""
 _ROUNDED = 1e-5
 """Largest rounding error of an eigenvalue of the inverse, as a share of the largest possible
-eigenvalue. Each write in single precision adds an error of 6e-8 of it."""
+eigenvalue. Each write in single precision adds an error of 6e-8 of the largest one."""
 _MOST_INVERSE = 1e3
 """Upper bound of an inverse's values, which begin at 1 / penalty and shrink with every frame."""
 MIRRORED = 0.3
-"""Weight of a frame's mirror image, if left and right are alike. A weight of 1 helps as much after
+"""Weight of a frame's mirror image, if left and right are alike. A weight of 1 helps no more after
 few frames, and harms more after many."""
 N_CONTEXTS = 2
 EVERY = range(N_CONTEXTS)
@@ -68,7 +68,7 @@ class LinearPart(Stateful, ABC):
     def begin_like(self, columns: Sequence[int], weights: Floats) -> None:
         """Add weights of these labels to the expected weights, before the first frame.
 
-        They count like the penalty, so the first frames weaken them.
+        They are as strong as the penalty, so the frames soon outweigh them.
         """
         raise ValueError("it cannot begin with other weights")
 
@@ -80,8 +80,7 @@ class LinearPart(Stateful, ABC):
         """Return one score per label, shape (n_labels,): about its probability, but not bounded."""
 
     def angle(self, x: Vector) -> Floats | None:
-        """Return angle and magnitude, shape (2,), not bounded; None if the part learns no
-        angles."""
+        """Return angle and magnitude, shape (2,), not bounded; None if no angle is learned."""
         return None
 
     @abstractmethod
@@ -92,11 +91,11 @@ class LinearPart(Stateful, ABC):
 
     @abstractmethod
     def forget(self, x: Vector, targets: Floats, frames: float, angle: Angle = 0.0) -> None:
-        """Remove `frames` frames, given by their means; each context loses its share of them."""
+        """Remove `frames` frames whose means are given; each context loses its share of them."""
 
     @abstractmethod
     def retarget(self, x: Vector, change: Floats, angle: Angle = 0.0) -> None:
-        """Change the summed targets of frames with mean `x` by `change`; the frames stay."""
+        """Add `change` to the summed targets of learned frames whose mean is `x`."""
 
     def learn_mirrored(
         self, x: Vector, targets: Floats, angle: Angle = 0.0, contexts: Collection[int] = EVERY
@@ -109,14 +108,14 @@ class LinearPart(Stateful, ABC):
 
         Args:
             places: For each feature the index of the feature that replaces it in the mirror.
-            columns: For each label the column of its mirrored label.
+            columns: The column of each label's mirrored label.
             on: True: add the mirror images.
         """
         raise ValueError("it does not support mirror images")
 
 
 class RecursiveRidge(LinearPart):
-    """A linear score per label, from the first `n_features` values of a vector.
+    """A linear score per label, computed from the first `n_features` values of a vector.
 
     Time and memory are O(n_features ** 2), independent of the number of frames seen.
 
@@ -125,8 +124,8 @@ class RecursiveRidge(LinearPart):
         penalty: Weight of the squared coefficients.
         scale: The divisor of the values, so that they lie roughly in [0, 1].
         alike: Prior covariance of the weights, shape (n_features, n_features), with diagonal 1;
-            None: weights are independent. The prior takes no time per frame, because it is only
-            the initial value of the inverse.
+            None: weights are independent. It is only the initial value of the inverse, so it takes
+            no time per frame.
     """
 
     knows_mirrors = True
@@ -173,7 +172,8 @@ class RecursiveRidge(LinearPart):
         self._weights[:, columns] += weights
 
     def begin_angles(self, of_labels: Floats) -> None:
-        # Weights are linear in their targets, so this equals learning angles from the start.
+        # Weights are linear in their targets, so this has the same effect as learning angles from
+        # the start.
         self._angles = self._weights @ np.stack([of_labels, np.abs(of_labels)], axis=1)
 
     def angle(self, x: Vector) -> Floats:
@@ -225,7 +225,7 @@ class RecursiveRidge(LinearPart):
         self._weights += step.dot((targets - z.dot(self._weights))[None])  # faster than np.outer
         if self._angles is not None:
             self._angles += step.dot((angle - z.dot(self._angles))[None])
-        if gain < 0.0:  # frames are rarely removed
+        if gain < 0.0:  # only when frames are removed, which is rare
             self._write()
             self._inverse -= gain * np.outer(direction, direction)
             return
@@ -235,8 +235,8 @@ class RecursiveRidge(LinearPart):
             self._write()
 
     def _write(self) -> None:
-        """Write the pending updates. A product of a matrix with its transpose is exactly
-        symmetric."""
+        """Write the pending updates. The inverse stays exactly symmetric, like any product of a
+        matrix with its transpose."""
         np.matmul(self._waiting.T, self._waiting, out=self._work)
         self._inverse -= self._work
         self._waiting[:] = 0.0
@@ -296,8 +296,8 @@ class RecursiveRidge(LinearPart):
 
 
 class ContextRidge(RecursiveRidge):
-    """One ridge for all examples, and one for each context as soon as a frame does not count in
-    all contexts. The angle does not depend on the context.
+    """One ridge for all examples. As soon as a frame does not count in all contexts, there is also
+    one ridge for each context. The angle does not depend on the context.
     """
 
     knows_contexts = True
@@ -394,7 +394,7 @@ class ContextRidge(RecursiveRidge):
     def restored(self) -> None:
         super().restored()
         for i, ridge in enumerate(self._ridges):
-            for field in ridge.fields:  # check first, because the copy below would hide bad values
+            for field in ridge.fields:  # check first: the copy below would hide bad values
                 field.check(ridge)
             if ridge.is_indefinite:  # the other context's frames were removed from it
                 self._ridges[i] = self._copy()

@@ -80,8 +80,9 @@ def mean_angle(
 def chance(votes: Sequence[float], best: int, sharpness: float) -> float:
     """Return the probability that the label `best` is right: its share after sharpening.
 
-    Votes of neighbours and of a penalised linear part are underconfident: at 75 % they are right in
-    87 % of frames. Raising shares to a power (a temperature below 1) corrects this at every level.
+    Votes of neighbours and of a penalised linear part are underconfident: at a share of 75 % they
+    are right in 87 % of frames. Raising shares to a power (a temperature below 1) corrects this at
+    every level.
     """
     powers = [vote**sharpness for vote in votes]  # for few numbers a list is faster than numpy
     total = sum(powers)
@@ -92,7 +93,7 @@ def rarity(counts: NDArray[np.int64] | Floats, power: float) -> Floats:
     """Return factors for the labels' votes, higher for rare labels.
 
     Most of the first examples have the most frequent label, so a learner trained on them is biased
-    towards this label: "logit adjustment", Menon et al. (2021).
+    towards this label. The factors correct this ("logit adjustment", Menon et al. 2021).
 
     Args:
         counts: Number of examples of each label; without examples the factor is 1.
@@ -110,23 +111,22 @@ def shares(votes: Floats) -> Floats:
 
 
 HELD_OUT = 20
-"""Number of latest examples whose nodes are left out when the next example's novelty is measured,
-because frames a tenth of a second apart are almost the same. At ten examples a second this is
-2 s."""
+"""Number of the latest examples whose nodes are left out when the next example's novelty is
+measured, because successive frames are almost the same. At ten examples a second this is 2 s."""
 _FEWEST, _MEMORY = 30, 600
-"""The least and the largest number of latest examples that a view is compared with."""
+"""The least and the largest number of examples with which a view is compared, the latest ones."""
 _SCALE = 3
 _RENEWED_EVERY = 20
 _BORDER = 98
 MARGIN = 0.05
-"""Share of the median by which the border of novelty lies beyond the percentile `_BORDER`."""
+"""The border of novelty is the percentile `_BORDER` plus this share of the median."""
 
 
 class Novelty(Stateful):
     """Compares a view's distance with those of earlier examples.
 
     Before an example is learned, its distance from the nearest node without recent examples is
-    measured. Such distances are typical of views that the robot passes again. Their median is
+    measured. Such distances are typical when the robot passes a place again. Their median is
     novelty 0; a little more than their 98th percentile is novelty 1. Old examples count less,
     because distances shrink as the nodes cover the surroundings.
 
@@ -145,7 +145,7 @@ class Novelty(Stateful):
         self._n_new = 0
 
     def learn(self, squared_distance: float) -> None:
-        """Add the distance of one example from the nearest node without recent examples."""
+        """Add an example's distance from the nearest node without recent examples."""
         self.lengths.append(math.sqrt(squared_distance))
         self._n_new += 1
         if self._n_new >= _RENEWED_EVERY and len(self.lengths) >= _FEWEST:

@@ -1,14 +1,15 @@
-"""From frame-by-frame votes to steady driving: smoothing, hysteresis, and ways out.
+"""Turns the votes on single frames into steady driving: smoothing, hysteresis, and ways out.
 
 Every constant is a time or a share of votes, never a number of frames.
 
-1. Votes are averaged over time, over a shorter time if the pilot changes his moves quickly.
-2. Without contexts, the current move goes on until another move has clearly more votes. By degrees,
-   a turn goes on until a turn to the other side has clearly more votes.
+1. Votes are averaged over time. The time is shorter if the pilot changes his moves quickly.
+2. If the learner has no contexts, the current move goes on until another move has clearly more
+   votes. If the pilot drives by degrees, a turn goes on until a turn to the other side has clearly
+   more votes.
 3. A straight move without effect is given up (`StallDetector`).
 4. Turning for longer than the pilot's longest turns loses votes (`Headway`).
-5. A robot that alternates between left and right faster than its pilot then turns only to one side
-   for a while.
+5. If the robot alternates between left and right faster than its pilot did, it turns only to one
+   side for a while.
 6. If none of this helps, the robot stops and asks for help.
 """
 
@@ -37,7 +38,7 @@ VOTES_KEPT = 0.4
 """Share of the running average of votes that is left after a tenth of a second."""
 SHARE_OF_RUN = 0.14
 """Upper bound of the average's time constant, as a share of the time for which the pilot usually
-holds a move. An average that is slower than the pilot comes too late for a quick body."""
+holds a move. A slower average would react too late on a quick body."""
 
 
 class RunningVotes:
@@ -96,14 +97,15 @@ class RunningVotes:
 class StallDetector:
     """Bars a move that has no effect: motion is commanded, but the image does not change.
 
-    A pilot seldom gets stuck, so no example shows such a view, and by the votes the robot would
-    push or brake indefinitely. An unchanged image or a pressed bumper shows that it is stuck. From
-    one frame to the next a car that sets off changes the image as little as a standing car. So the
-    last image must also be as little changed from the image at which the standstill began.
+    A pilot seldom gets stuck, so hardly any example shows such a view, and a robot that obeyed the
+    votes would push or brake indefinitely. An unchanged image or a pressed bumper shows that the
+    robot is stuck. A car that sets off changes the image from one frame to the next as little as a
+    standing car does. So the last image must also be almost equal to the first image of the
+    standstill.
 
-    A turn is not watched here, because near a plain wall a turn changes the picture little
-    (`Headway` watches turns). A move of unknown effect is not watched either if the pilot has stood
-    still with it, for example to wait or to grip.
+    Turns are not watched here but by `Headway`, because near a plain wall a turn changes the
+    picture little. A move of unknown effect is not watched either if the pilot has stood still with
+    it, for example to wait or to grip.
 
     Attributes:
         is_stalled: True while the current move has no effect.
@@ -150,24 +152,24 @@ class StallDetector:
             self._stuck_since = None
 
     def lift(self) -> None:
-        """Bar no moves: all may be tried again."""
+        """Allow all moves again."""
         self._stuck_since = self._given_up = None
         self.futile = []
 
     def reset(self) -> None:
-        """Forget the state of the last drive; the usual change of the picture stays known."""
+        """Forget the state of the last drive, but not the usual change of the picture."""
         self._meter.reset()
         self.lift()
         self.is_stalled = False
 
 
 TURN_INERTIA, STRAIGHT_INERTIA = 0.3, 0.1
-"""Inertia: margin by which the votes for another move must exceed the votes for the current move,
-if that is a turn or another move.
+"""Inertia of turns and of all other moves: the margin by which the votes for another move must
+exceed the votes for the current move.
 
-People begin a turn late and end it late, so the same view means "go on" before and during a turn.
-Votes do not show this, and a robot without inertia ends its turns too early. Beginning a turn too
-late is worse than ending a turn too late, so turns have more inertia
+People begin a turn late and end it late, so at the same view they go on straight before a turn and
+go on turning during a turn. Votes do not show this, and a robot without inertia ends its turns too
+early. Beginning a turn too late is worse than ending a turn too late, so turns have more inertia
 (docs/explanation/learner.md).
 """
 ALLOWANCE = 1.3
@@ -188,7 +190,7 @@ class ActionFilter(PolicyPart):
         turn_inertia: Margin by which the votes for another move must exceed those for a turn that
             is under way.
         straight_inertia: Margin for all other moves that are under way.
-        gives_up: False: moves without effect are not given up, as in the paper.
+        gives_up: True: moves without effect are given up; the paper's robot does not give up.
 
     Attributes:
         needs_help: True while the robot stands and asks for help, because no move had an effect.
@@ -222,7 +224,7 @@ class ActionFilter(PolicyPart):
         return cls(kinds, 0.0, turn_inertia=0.0, straight_inertia=0.0, gives_up=False)
 
     def on_frame(self, seen: Seen) -> None:
-        """Average the votes, and choose the move with the most votes or the current move."""
+        """Average the votes, and either change to the move with the most votes or go on."""
         seen.shares = self._average.update(seen.shares, seen.step_s, self.pace.usual_run_s)
         seen.kept = self._average.kept
         seen.action = self._choose(seen)
@@ -274,7 +276,7 @@ class ActionFilter(PolicyPart):
         return -side
 
     def _watch(self, under_way: Action | None, at_s: float, allowed_s: float) -> float:
-        """Update the clock and `needs_help`; return the number to subtract from turns' votes."""
+        """Update the clock and `needs_help`; return how many votes each turn loses."""
         if under_way is None or (self.needs_help and at_s >= self._asks_until_s):
             if self.needs_help:
                 self._stall_detector.lift()

@@ -34,7 +34,7 @@ class Cost:
     @property
     def frame_s(self) -> float:
         """Typical time of one taught frame. It is a sum of medians, because the slowest ticks
-        depend on the machine's other tasks; `MARGIN` covers them."""
+        depend on the machine's other tasks, for which `MARGIN` leaves time."""
         return self.extract_s + self.propose_s + self.learn_s
 
     @property
@@ -44,7 +44,7 @@ class Cost:
 
 
 def sample_frames(count: int) -> list[Frame]:
-    """Return synthetic frames of one drive: coarse scenes that scroll past, with noise."""
+    """Return synthetic frames of one drive: coarse, noisy scenes that scroll past."""
     rng = np.random.default_rng(0)
     panorama = np.kron(rng.integers(30, 220, (12, 160)), np.ones((10, 10)))
     frames = []
@@ -78,7 +78,7 @@ def measure(
     extract = times(lambda i: policy.extract(frames[i % len(frames)]), min(repeats, 20))
     xs = [policy.extract(frame) for frame in frames]
     rng = np.random.default_rng(0)
-    for i in range(max_nodes):  # fill it, because a half-empty learner is too fast
+    for i in range(max_nodes):  # a learner that is not full is too fast
         noisy = xs[i % len(xs)].astype(np.int16) + rng.integers(-8, 9, xs[0].size)
         policy.learn(noisy.clip(0, 255).astype(np.uint8), DEFAULT_MOVES[i % 3])
     propose = times(lambda i: policy.propose(i, xs[i % len(xs)]), repeats)

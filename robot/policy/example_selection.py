@@ -1,23 +1,23 @@
 """Decides which examples are learned, and in which contexts: driving straight, or turning.
 
 Frames less than a tenth of a second apart show almost the same picture. So only one example is
-learned per tenth of a second, and it may come a little early. A camera with an unsteady frame rate
-therefore teaches as much as a steady one, and eleven frames a second teach as much as thirty.
+learned per tenth of a second, and it may come a little early. So a camera with an unsteady frame
+rate teaches as much as a steady camera, and eleven frames a second teach as much as thirty.
 
 An example counts in the context of its own move. The first half second of a move also counts in the
 context of the previous move, so that the robot learns when to end that move. After a pause the
 previous move is unknown, so the first examples count in both contexts.
 
-The contexts depend only on the labels and their teaching time, so learning the same examples again
-after an undo yields the same contexts.
+The contexts depend only on the labels and their teaching times. So they are the same when examples
+are learned again after an undo.
 
-The same lap taught sixteen times does not count as sixteen laps. If a linear part learned every lap
-in full, its penalty would lose its effect and it would learn the noise of one lap by heart. Images
-averaged over sixteen times as many frames would adapt too slowly to new views. So a view that comes
-again with its last label is counted, but not learned again. A new view is learned in full, and so
-is a view with another label than the last time. A view is recognised by a sketch: 128 comparisons
-between fixed pairs of feature values (binary features, as in BRIEF; Calonder et al. 2010), hashed
-to 64 bits.
+A lap that is taught sixteen times does not count sixteen times. Otherwise the linear part's penalty
+would lose its effect, and the part would learn the noise of this lap by heart. Images averaged over
+sixteen times as many frames would adapt too slowly to new views. So a view that comes again with
+its last label is counted, but not learned again. A new view is learned in full, and so is a view
+whose label is not the same as the last time. A view is recognised by a sketch: 128 fixed pairs of
+feature values are compared, and the results are hashed to 64 bits (binary features as in BRIEF,
+Calonder et al. 2010).
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ from robot.policy.pilot_pace import PAUSE_S
 from robot.types import Action
 
 ROOM_S = 0.1
-"""Time per example of the same label, in seconds; further examples within it are only counted."""
+"""Time per learned example of one label, in seconds; other examples within it are only counted."""
 EARLY_S = 0.03
-"""Time by which an example may come early, in seconds. It is shorter than a frame at thirty frames
-a second, so that every third frame is learned then."""
+"""Time by which an example may come early, in seconds. At thirty frames a second it is shorter than
+a frame, so that every third frame is learned."""
 
 
 class ExampleRate(PolicyPart):
@@ -71,12 +71,12 @@ class ExampleRate(PolicyPart):
 STRAIGHT, TURNING = 0, 1
 BOTH = (STRAIGHT, TURNING)
 ONSET_S = 0.5
-"""Time after a change of move in which an example also counts in the old context, in seconds."""
+"""For this time after a change, in seconds, an example also counts in the previous move's
+context."""
 
 
 class MoveContext(PolicyPart):
-    """Determines the contexts of examples; if no move is known to turn, there is only one
-    context."""
+    """Determines the contexts of examples; if no move is known to turn, there is one context."""
 
     fields = (
         Value("move", optional(name)),
@@ -121,12 +121,12 @@ class MoveContext(PolicyPart):
 
 
 _BITS, _SETS, _WAYS = 128, 4096, 4
-"""Number of pairs of a sketch; number and size of the sets in which sketches are stored. 16,384
-sketches are enough for a lap of 27 minutes at ten examples a second."""
+"""Number of pairs of a sketch; number of the sets in which sketches are stored; sketches per set.
+The 16,384 sketches are enough for a lap of 27 minutes at ten examples a second."""
 
 
 class Repeats(PolicyPart):
-    """Stores the latest views, each with its label, in constant time and memory.
+    """Remembers the latest views and their labels, in constant time and memory.
 
     Args:
         moves: The labels.

@@ -18,7 +18,8 @@ THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT = 40, 30
 """Size of the paper's picture: 160x120 divided by four."""
 COMMON_SIDES = 4 * THUMBNAIL_WIDTH, 4 * THUMBNAIL_HEIGHT
 CELL_COLUMNS, CELL_ROWS = 8, 6
-"""Number of cells across and down a picture, to show where two views are alike."""
+"""Number of cells across and down a picture. The page shows how alike two views are in each
+cell."""
 
 
 class Features(Protocol):
@@ -35,7 +36,7 @@ class Features(Protocol):
         ...
 
     def grey(self, x: Vector) -> NDArray[np.uint8]:
-        """Return the grey picture in the vector, at any contrast, to compare frames."""
+        """Return the grey picture in the vector, to compare frames; its contrast may be reduced."""
         ...
 
     def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -87,10 +88,11 @@ class GradientFeatures(PictureFeatures):
 
     Dalal and Triggs (2005), simplified: 8x6 cells over the frame, signed directions in 8 bins,
     each cell divided by the energy of its 3x3 neighbourhood, then the square root. A gradient is
-    split exactly between its two neighbouring directions: max - min along the axis, and min along
-    the diagonal. So every pixel needs a few integer operations, but no arctangent and no square
-    root; the eight directions are computed from the sums of eight simpler parts. The grey part
-    distinguishes plain surfaces without gradients, and is the node's thumbnail.
+    split exactly between its two neighbouring directions: with the magnitudes of its components,
+    max - min along the axis and min along the diagonal. So a pixel takes a few integer operations,
+    without arctangent and square root. The eight directions are computed from the sums of eight
+    simpler parts. The grey part distinguishes plain surfaces without gradients, and is the node's
+    thumbnail.
     """
 
     name = "gradient"
@@ -101,8 +103,8 @@ class GradientFeatures(PictureFeatures):
     """Gradients are computed at 10x10 points of each cell: every second pixel of 160x120. Larger
     pictures are first reduced to this size, so vectors do not depend on the camera's resolution."""
     reach, shared = (2.0, 1.0), 0.7
-    """Correlation length of weights in cells, horizontally and vertically, and the correlated share
-    of a weight."""
+    """Correlation lengths of the weights, horizontal and vertical, in cells; and the share of a
+    weight that is correlated."""
     noise = 100.0
     """Energy below which a cell counts as plain: one grey level per sample."""
 
@@ -128,9 +130,9 @@ class GradientFeatures(PictureFeatures):
         """Return the prior covariance of the linear part's weights, shape (384, 384).
 
         The right move hardly depends on whether an edge lies in one cell or in the next. So the
-        weights of one direction are similar in nearby cells, most of all in adjacent cells. With
-        this prior a few examples also teach slightly shifted views. Training on shifted copies
-        would do the same in twice the time.
+        weights of one direction are similar in nearby cells. With this prior an example also
+        teaches slightly shifted views. Training on shifted copies would do the same in twice the
+        time.
         """
         near = [
             np.exp(-0.5 * ((np.arange(n)[:, None] - np.arange(n)) / reach) ** 2)
@@ -148,7 +150,7 @@ class GradientFeatures(PictureFeatures):
 
     def _histograms(self, grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
         across, down = self._gradients(grey)
-        # Integers below 2 ** 24, which single precision represents exactly.
+        # All values are integers below 2 ** 24, which single precision represents exactly.
         parts = np.empty((8, *across.shape), np.float32)
         width, right, height, below = parts[:4]
         np.abs(across, out=width)
@@ -222,7 +224,7 @@ def sum_over_cells(
 ) -> NDArray[np.float64]:
     """Sum the squares of 40x30 pixels over cells of 5x5, shape (6, 8); also add `parts`.
 
-    `parts` are sums over areas of the picture, in rows and columns; each sum is spread
+    `parts` are sums over areas of the picture, arranged in rows and columns. Each sum is spread
     evenly over its area.
     """
     squares = (pixels * pixels).reshape(THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH)

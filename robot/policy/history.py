@@ -1,7 +1,7 @@
 """Event-sourced training history with snapshots, so that recent training can be undone exactly.
 
-Merging loses detail, so an example cannot be removed from a learner. Instead the log stores the
-last minute's events and snapshots of the learner. Undo restores a snapshot and learns all later
+Merging loses detail, so an example cannot be removed from a learner. Instead the events of the last
+minute are stored, and snapshots of the learner. Undo restores a snapshot and learns all later
 examples again except the undone examples. Afterwards the learner is bit for bit as if the undone
 examples had never been taught.
 """
@@ -20,7 +20,7 @@ from robot.policy.policy import Policy
 from robot.types import Action, Example
 
 SNAPSHOT_EVERY_S = 10.0
-"""Teaching time between snapshots, in seconds: the most extra teaching that an undo relearns."""
+"""Teaching time between snapshots, in seconds: an undo learns at most this much more again."""
 UNDO_HORIZON_S = 35.0
 """Teaching time that can be undone, in seconds."""
 _LONGEST_STEP_S = 0.5
@@ -38,8 +38,8 @@ class Taught:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Edited:
-    """One change that a person made: `relabel`, `delete` or `pin` of a learned image. With node 0
-    it is `outdate` of all earlier examples, or `alike`: left and right are alike here."""
+    """One change that a person made. `relabel`, `delete` and `pin` change one learned image.
+    `outdate` (of all earlier examples) and `alike` (left and right are alike here) have node 0."""
 
     verb: str
     node_id: int
@@ -49,7 +49,7 @@ class Edited:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Undone:
-    """Examples that were undone; without frame ids: the last edit was undone."""
+    """Examples that were undone. If there are no frame ids, the last edit was undone."""
 
     frame_ids: tuple[int, ...]
 
@@ -63,7 +63,7 @@ class Replaced:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveBegun:
-    """The policy was reset between two examples; some learners then localise themselves again."""
+    """The policy was reset between two examples; some learners localise themselves again."""
 
     at_s: float
 
@@ -87,7 +87,7 @@ class TrainingHistory:
 
     Args:
         policy: The policy that learns. From now on only the history may change it.
-        on_event: Called with every event that changes the learner, in order, to record the event.
+        on_event: Called with every event that changes the learner, in order.
         declared: The body's descriptions of its moves, which are passed to each policy.
     """
 
@@ -100,8 +100,8 @@ class TrainingHistory:
         self.declared = declared
         self._on_event = on_event or (lambda event: None)
         self.changes = 0
-        """Number of changes of the learner, of any kind; it never decreases. Any thread may read
-        it: a change is counted before the request that makes it returns."""
+        """Number of changes of the learner; it never decreases. Any thread may read it, because a
+        change is counted before the request that makes it is answered."""
         self.drives = 0
         """Number of drives begun after an example was taught; it never decreases."""
         self._begin(policy, Counter())
@@ -132,7 +132,7 @@ class TrainingHistory:
 
     def teach(self, example: Example, x: Vector, captured_s: float) -> None:
         """Teach the policy one labelled frame that was taken at `captured_s`. If the policy or a
-        plug-in raises an error, nothing changes."""
+        plugin raises an error, nothing changes."""
         step_s = captured_s - self._last_example_s if self._last_example_s is not None else 0.0
         teaching_s = self.teaching_s + min(max(step_s, 0.0), _LONGEST_STEP_S)
         event = Taught(example=example, x=x, at_s=teaching_s)
@@ -153,8 +153,8 @@ class TrainingHistory:
             self.drives += 1
 
     def edit(self, verb: str, node_id: int = 0, value: Any = None) -> None:
-        """Relabel (`value`: an Action), delete or pin (`value`: a bool) one learned image, outdate
-        all earlier examples, or set whether left and right are `alike` (`value`: a bool).
+        """Relabel, delete or pin one learned image, outdate all earlier examples, or set `alike`.
+        `value` is an Action for `relabel`, and a bool for `pin` and `alike`.
 
         Raises:
             LookupError: If there is no such image.
@@ -166,15 +166,15 @@ class TrainingHistory:
         self._record(event)
 
     def last_examples(self, seconds: float) -> list[Taught]:
-        """Return the examples of the last `seconds` of teaching, which undo drops, oldest first."""
+        """Return the examples of the last `seconds`, which `undo` would drop, oldest first."""
         since_s = self.teaching_s - seconds
         return [e for e in self._events if isinstance(e, Taught) and e.at_s > since_s]
 
     def undo(self, seconds: float) -> list[Example]:
         """Undo the last `seconds` of teaching (35 at most); return the undone examples.
 
-        Edits made in this time stay, unless their image no longer exists. If a plug-in refuses to
-        learn the other examples again, nothing is undone and the plug-in's error is raised.
+        Edits made in this time stay, unless their image no longer exists. If a plugin refuses to
+        learn the remaining examples again, nothing is undone and the plugin's error is raised.
         """
         gone = self.last_examples(seconds)
         if gone:
@@ -194,15 +194,15 @@ class TrainingHistory:
         return bool(edits)
 
     def replace_policy(self, policy: Policy, taught: Counter[Action] | None = None) -> None:
-        """Continue with another policy; examples taught to the old policy can no longer be
-        undone."""
+        """Continue with another policy; earlier examples can then no longer be undone."""
         self._begin(policy, Counter(taught or {}))
         self._tell(Replaced(policy_name=policy.name))
 
     @contextlib.contextmanager
     def _as_before_if_refused(self) -> Iterator[None]:
-        """Restore the state if a plug-in changes it and then raises an error. The built-in learners
-        raise errors before any change, so they are not copied: a copy takes as long as an example.
+        """Restore the state if a plugin changes it and then raises an error. Built-in learners
+        raise errors before any change, so no copy is made of them; a copy takes as long as an
+        example.
         """
         before = None if self._is_ours else self.policy.get_state()
         try:
@@ -249,8 +249,8 @@ def replay(
     Args:
         policy: The policy that learns.
         events: The changes. An example of unknown teaching time has a negative time.
-        on_refused: Called for a change that fails; None: edits that fail are left out. If other
-            examples are missing, the image of an edit may not exist, or may be pinned.
+        on_refused: Called for a change that fails; None: edits that fail are left out. An edit
+            fails if its image does not exist or is pinned, because other examples are missing.
     """
     for event in events:
         try:

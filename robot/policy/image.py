@@ -39,9 +39,9 @@ def to_grey(frame: Frame) -> Pixels:
 
 
 def to_small_grey(frame: Frame, width: int, height: int) -> Pixels:
-    """Return the brightness of the frame's areas, shape (height, width); raises as `to_rgb`.
+    """Return the brightness of `height` x `width` areas of the frame; raises as `to_rgb`.
 
-    Colours are averaged before they are converted to grey, as in the recordings' measured figures.
+    Colours are averaged before they are converted to grey.
     """
     if frame.encoding is Encoding.YUYV:
         return shrink(to_grey(frame), width, height)
@@ -125,7 +125,7 @@ def _shrink_by_halves(pixels: Pixels, halvings: int) -> Pixels:
     sums = lines[:, 0::step] + lines[:, 1::step]
     for column in range(2, step):
         sums += lines[:, column::step]
-    # Adding just less than a half, and 1 if the quotient is odd, rounds half to even.
+    # Adding just under a half, and 1 more if the quotient is odd, rounds half to even.
     bits = 2 * halvings
     sums += (1 << bits - 1) - 1 + (sums >> bits & 1)
     small: Pixels = (sums >> bits).astype(np.uint8)
@@ -155,7 +155,7 @@ def _decode_jpeg(frame: Frame, *, colour: bool) -> Pixels:
 def decode(data: bytes, *, colour: bool = True, is_reduced: bool = False) -> Pixels | None:
     """Decode a JPEG or PNG to blue, green and red, or to grey; None if it is neither.
 
-    `is_reduced` decodes a JPEG in grey, at an eighth of its size, rounded up.
+    `is_reduced` decodes a JPEG in grey, at an eighth of its width and height, rounded up.
 
     Raises:
         MissingExtraError: If OpenCV is not installed.

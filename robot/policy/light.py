@@ -1,7 +1,7 @@
 """Compensates for changed light: scales each view to the brightness of the lesson.
 
-Directions of gradients hardly change with the light, but grey values do. When a room gets darker,
-the mean brightness of some seconds of driving falls; a dark corner hardly changes this mean.
+Directions of gradients hardly change with the light, but grey values do. The light is measured as
+the mean brightness of some seconds of driving, because a dark corner hardly changes this mean.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from robot.learner.values import number
 from robot.policy.part import PolicyPart, Seen, TaughtExample
 
 ANOTHER_LIGHT = 1.5
-"""Factor of brightness, up or down, from which the light counts as changed. Smaller differences
-come from the view."""
+"""Factor of brightness, up or down, from which the light counts as changed. Smaller differences are
+due to the view."""
 SECONDS = 3.0
 """Driving time over which the brightness is averaged, in seconds."""
 EXAMPLES = 600.0

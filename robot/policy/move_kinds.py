@@ -1,4 +1,4 @@
-"""Classifies moves as turns or straight moves, by their steering and throttle and not by name."""
+"""Classifies moves as turns or straight moves, by their steering and throttle."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Measures how long the pilot turns, pushes and holds a move, to set the same limits for the robot.
 
-The values are learned only from the labelled frames and their teaching time, so learning the same
-examples again after an undo yields the same values.
+The values depend only on the labelled frames and their teaching times. So they are the same when
+examples are learned again after an undo.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class ChangeMeter:
     """Measures the change of the picture within a tenth of a second, and its usual value while
     driving straight.
 
-    Turns are not measured: compared with a quick turn, or in a wide room, driving straight would
+    Turns are not measured: a quick turn changes the picture so much that driving straight would
     look like standing still.
 
     Attributes:
@@ -44,7 +44,7 @@ class ChangeMeter:
         self.before_s = 0.0
 
     def note(self, picture: NDArray[np.uint8], at_s: float) -> float | None:
-        """Return the change within a tenth of a second; None: the tenth is not over yet."""
+        """Return the change within a tenth of a second; None: this time is not over yet."""
         before, step_s = self.before, at_s - self.before_s
         if before is not None and 0.0 <= step_s < 0.9 * STEP_S:
             return None
@@ -91,11 +91,11 @@ def difference(picture: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
 
 
 PAYS_BACK = 4.0
-"""Seconds of turning that one second of driving straight pays back."""
+"""Debt that one second of driving straight pays back, in seconds."""
 EFFECT_S = 0.2
-"""Time after which a straight move pays back, in seconds; before that its effect is not visible."""
+"""Time after which a straight move pays back, in seconds; its effect is only visible then."""
 STRAIGHT_S = 0.3
-"""Time of driving straight before turns are paid back, in seconds."""
+"""Time for which a robot must drive straight before turns are paid back, in seconds."""
 _LONGEST_STEP_S = 0.25
 
 
@@ -105,8 +105,8 @@ class Headway:
     Turning to either side, and pushing without effect, increase the debt by their duration. Driving
     straight with effect reduces it by four times its duration, but not below 0. A curve by degrees
     counts partly as turning and partly as driving straight. The part that counts as driving
-    straight grows with the distance from full lock. Changes from one side to the other count
-    until the debt is paid.
+    straight grows with the distance from full lock. Changes from one side to the other are
+    remembered until the debt is paid.
 
     Attributes:
         debt_s: The debt, in seconds.
@@ -162,7 +162,7 @@ class Headway:
 
     @property
     def clock(self) -> tuple[float, float, float | None]:
-        """The debt, the time driven straight with effect, and the time of the last call."""
+        """The debt, the time driven straight with effect, and the time of the last `note`."""
         return self.debt_s, self._straight_s, self._last_s
 
     @clock.setter
@@ -174,7 +174,7 @@ SHORTEST_DEBT_S, LONGEST_DEBT_S = 1.5, 8.0
 """Bounds of the learned limit of the debt (`Headway`), in seconds.
 
 The upper bound is less than the time of half a turn about one wheel. A pilot who alternates between
-left and right for longer is not showing a way out."""
+left and right for longer than that is not showing a way out."""
 _MEANT = 3
 """Number of equally long pushes that count as pushing on purpose, because a single push may be a
 mistake."""
@@ -182,11 +182,11 @@ _PATIENCE, _LONGEST_PATIENCE_S = 1.5, 5.0
 _RUNS, _FEWEST_RUNS = 64, 8
 TO_AND_FRO_S, OF_A_RUN = 2.0, 0.75
 """Two changes of side within this time count as alternating. The first limit is in seconds. The
-second is for quick pilots, as a share of the time for which the pilot usually holds a move."""
+second, for quick pilots, is a share of the time for which the pilot usually holds a move."""
 AWAY_S, OF_A_TURN = 1.5, 0.6
-"""Time for which a move without effect stays barred: at most the first, in seconds, and for quick
-bodies the second, as a share of the pilot's longest turn. A body that turns on the spot in half a
-second has long turned away after 1.5 s, and would turn back to where it came from."""
+"""Time for which a move without effect stays barred: the lower of `AWAY_S` seconds and `OF_A_TURN`
+times the pilot's longest turn. A body that turns round in half a second would after 1.5 s have
+turned back to where it came from."""
 PAUSE_S = 0.45
 """A longer gap of teaching time between two examples ends a manoeuvre."""
 
@@ -236,7 +236,7 @@ class PilotPace(PolicyPart):
 
     @property
     def away_s(self) -> float:
-        """Time for which a move without effect is barred: a share of the pilot's longest turns."""
+        """Time for which a move without effect is barred, in seconds."""
         longest_s = self.longest_debt_s
         return min(max(OF_A_TURN * longest_s, STUCK_S), AWAY_S) if longest_s else AWAY_S
 
@@ -247,8 +247,7 @@ class PilotPace(PolicyPart):
 
     @property
     def patience_s(self) -> float:
-        """Time for which the robot may push: 1.5 times as long as the pilot pushed at least three
-        times."""
+        """Time for which the robot may push: 1.5 times the pilot's third longest push."""
         return min(max(STUCK_S, _PATIENCE * min(self._pushes_s)), _LONGEST_PATIENCE_S)
 
     @property

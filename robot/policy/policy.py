@@ -20,7 +20,7 @@ from robot.policy.recognition import Degrees, Recognition
 from robot.types import DEFAULT_MOVES, Action, Frame, Point, Prediction
 
 _DOUBT = 0.5
-"""Rate at which confidence falls with novelty above 1: at novelty 3 half of it is left."""
+"""How fast confidence falls with novelty above 1: at novelty 3 half of the confidence is left."""
 
 
 class Policy(Stateful):
@@ -38,18 +38,19 @@ class Policy(Stateful):
         features: Converts a frame to a vector.
         moves: The moves that the policy may propose.
         action_filter: Makes the filter that turns votes on single frames into steady driving.
-        thins: Learn at most ten examples of the same label per second (`example_selection.py`).
-        brighten: Returns a view with its grey values multiplied by a factor. If given, views are
-            scaled to the brightness of the lesson (`light.py`).
-        knows_repeats: Learn a view that was taught before only if its label is new.
+        thins: True: at most ten examples of the same label are learned per second
+            (`example_selection.py`).
+        brighten: Returns a view with its grey values multiplied by a factor. If it is given, views
+            are scaled to the brightness of the lesson (`light.py`).
+        knows_repeats: True: a view that comes again with its last label is not learned again.
 
     Attributes:
         kinds: The kinds of the moves (turns and straight moves); `describe` sets the kinds of a
             body's declared moves.
         n_seen: Number of learned examples.
-        alike: The pilot says that left and right are alike here, so each example is also right in
-            the mirror. The linear part learns mirrored examples; the images do not.
-        recognition: Records when each learned image was matched last.
+        alike: True if the pilot says that left and right are alike here. Each example is then also
+            right when mirrored; only the linear part learns mirrored examples, the images do not.
+        recognition: The part that records when each learned image was matched last.
     """
 
     fields = (
@@ -107,8 +108,7 @@ class Policy(Stateful):
         return self.learner.n_nodes_
 
     def usual_point(self, move: Action) -> Point | None:
-        """Return a move's usual point, independent of the view; None before the first lesson by
-        degrees."""
+        """Return a move's usual point, at any view; None before the first lesson by degrees."""
         return self._degrees.usual(move)
 
     def extract(self, frame: Frame) -> Vector:
@@ -190,8 +190,8 @@ class Policy(Stateful):
         Args:
             x: The frame's vector.
             label: The move.
-            at_s: The frame's teaching time in seconds. None: unknown; the example is learned
-                independently of those before it.
+            at_s: The frame's teaching time in seconds. None: unknown; the example is then learned
+                independently of earlier examples.
             point: The point, if the pilot steered by degrees.
 
         Raises:
@@ -278,14 +278,14 @@ class Policy(Stateful):
                 break
 
     def begin_like(self, earlier: Sequence[State]) -> int:
-        """Expect this place to resemble those of earlier policies; return how many were used.
+        """Expect this place to resemble the places of earlier policies; return how many were used.
 
-        The learner then judges views by their weights from the first example on, and every example
-        of its own counts more than them. Call this before the first example.
+        From the first example on, the learner then judges views by their weights, but its own
+        examples count more. Call this method before the first example.
 
         Args:
-            earlier: States of policies (`get_state`). Those of other learners are ignored, and so
-                are those with moves that this policy does not have.
+            earlier: States of policies (`get_state`). States of other kinds of learners are
+                ignored, and so are states with moves that this policy does not have.
         """
         usable = [
             replace(state, kind=state.kind.removeprefix("policy:"))
@@ -301,7 +301,7 @@ class Policy(Stateful):
         return self._mirror() is not None
 
     def set_alike(self, alike: bool) -> None:
-        """Also learn all past and future examples mirrored, or no longer.
+        """True: also learn all past and future examples mirrored. False: no longer do so.
 
         Raises:
             ValueError: If the learner, features or moves cannot be mirrored.
@@ -335,8 +335,8 @@ class Policy(Stateful):
         self.learner.relabel_node(node_id, Action(label), *steered)
 
     def _chance(self, shares: Mapping[Action, float], action: Action, novelty: float) -> float:
-        """Return the probability that the action is right; on an unknown view it is close to that
-        of a guess."""
+        """Return the probability that the action is right. On an unknown view it is near a
+        guess's."""
         listed, sharpness = list(shares.values()), self.learner.sharpness
         chance = votes.chance(listed, list(shares).index(action), sharpness)
         if novelty <= 1.0:

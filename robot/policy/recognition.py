@@ -1,10 +1,10 @@
 """Gets the learner's votes for the moves on a frame, and computes the steering of a move.
 
 A learned angle is a mean. If an obstacle can be passed on either side, the mean leads into the
-obstacle. So the move determines the side, and the angle only the amount of steering. A pilot who
-steers all or nothing never steers at the mean. So the angle stays within `BAND` standard deviations
-of the mean that was taught with the chosen move. For a pilot who steers all or nothing this band
-has no width; for a pilot who steers by degrees it is wide.
+obstacle. So the move determines the side, and the angle only the amount of steering. The angle must
+also lie within `BAND` standard deviations of the mean that was taught with the chosen move, because
+a pilot who steers all or nothing never steers at the mean of all moves. For a pilot who steers all
+or nothing this band has no width; for a pilot who steers by degrees it is wide.
 
 Before the first point is taught no steering is stored and no point is proposed.
 """
@@ -29,10 +29,10 @@ from robot.types import Action, Point
 
 BAND = 2.5
 """Half the width of the band around a move's mean angle, in standard deviations. Values from 1 to 4
-make no difference on recorded drives. A narrow band changes the end of a curve, which would stay as
-sharp as most of the curve."""
+make no difference on recorded drives. With a narrow band the end of a curve would stay as sharp as
+most of the curve."""
 _LEAST = 1e-6
-"""Least votes for a move that was taught, to distinguish it from a move that was never taught."""
+"""Least votes for a move that was taught, so that it differs from a move that was never taught."""
 _FEW = 64
 
 

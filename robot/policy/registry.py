@@ -31,10 +31,10 @@ MOST_NODES = 1024
 """Maximum number of images of a learner, because its table of distances grows with the square."""
 
 Maker = Callable[[int, str, tuple[Action, ...], bool], Policy]
-"""Makes a policy from a number of nodes, a name, the moves, and True to compute in integers
-only."""
+"""Makes a policy. The arguments are the number of nodes, the name, the moves, and whether to
+compute in integers only."""
 BALANCE = 0.2
-"""Extra weight of rare labels, so that few examples of a turn are enough to learn it."""
+"""Extra weight of rare labels, so that few examples of a turn are enough to learn the turn."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,15 +45,15 @@ class Design:
     action_filter: Callable[[MoveKinds], ActionFilter] = ActionFilter
     is_linear: bool = True
     is_smooth: bool = True
-    """The linear part expects similar weights in adjacent cells (`GradientFeatures`)."""
+    """True: the linear part expects similar weights in adjacent cells (`GradientFeatures`)."""
     is_contextual: bool = True
-    """The linear part takes the current move as input; otherwise the current move has inertia."""
+    """True: the current move is an input of the linear part. False: it has inertia."""
     linear_share: float = LINEAR_SHARE
     group_cost: float = GROUP_COST
     n_voters: int = N_VOTERS
     balance: float = BALANCE
     is_integer: bool = False
-    """The learner computes in integers only, on any machine."""
+    """True: the learner computes in integers only, on any machine."""
     forgets: bool = True
     thins: bool = True
     knows_repeats: bool = True
@@ -63,7 +63,7 @@ class Design:
     def make(self, number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
         """Return the policy; a `Maker`."""
         features, is_whole = self.features(), integer or self.is_integer
-        # For each example the linear part needs floating-point steps over all pairs of gradients.
+        # The linear part takes a floating-point step for each pair of gradients in each example.
         ridge = ContextRidge if self.is_contextual else RecursiveRidge
         is_linear = self.is_linear and not is_whole
         alike = GradientFeatures.alike() if self.is_smooth else None
@@ -145,7 +145,7 @@ def make_policy(name: str = "default-32", moves: tuple[Action, ...] = DEFAULT_MO
         raise
     except (ImportError, AttributeError) as error:
         raise PluginError(f"the learner {kind!r} cannot be loaded: {error}") from error
-    # A processor without fast floating-point numbers.
+    # This processor has no floating-point unit.
     is_whole = platform.machine().startswith("armv5")
     return maker(number, name, moves, is_whole)
 
@@ -167,8 +167,7 @@ def split_name(name: str) -> tuple[str, int]:
 
 
 def full_name(learner: str, number: object, default: object) -> str:
-    """Return KIND-NUMBER for a kind or a name: with `number`, else the name's number, else the
-    default."""
+    """Return KIND-NUMBER. NUMBER is `number`, else the number in `learner`, else the default."""
     kind, _, own = learner.rpartition("-")
     if not own.isdecimal():
         kind, own = learner, ""

@@ -11,8 +11,8 @@ from robot.types import StartStop
 Announce = Callable[..., None]
 """Called with an event of the disk or of a file: the event's name and its fields."""
 FLUSH_EVERY_S = 0.2
-"""Period of writing, in seconds. A kill or a power cut loses at most this time, unless the disk is
-slower."""
+"""Period of writing, in seconds. A kill or a power cut loses at most the data of this time, unless
+the disk is slower."""
 
 
 def no_announcement(name: str, **fields: object) -> None:
@@ -20,7 +20,7 @@ def no_announcement(name: str, **fields: object) -> None:
 
 
 class DiskThread(StartStop):
-    """Calls the added turns every `every_s`, or when it is woken, and once more at the end.
+    """Calls the added turns every `every_s`, and also when it is woken and at the end.
 
     A turn is a function that writes a queue and never raises.
     """
@@ -46,7 +46,7 @@ class DiskThread(StartStop):
             self._thread = self._clock.start_thread(self._run, self._name)
 
     def stop(self) -> None:
-        """Run the turns once more, and end; if the disk hangs, give up after ten seconds."""
+        """Run the turns once more, and end. If the disk hangs, wait for ten seconds only."""
         thread, self._thread = self._thread, None
         if thread is not None:
             self._is_ending = True

@@ -1,6 +1,6 @@
 """The data folder: its layout, and writing files atomically.
 
-The layout is described in its README.txt, below, and in docs/reference/storage.md.
+The folder's README.txt (`_readme`) and docs/reference/storage.md describe the layout.
 """
 
 from __future__ import annotations
@@ -39,16 +39,15 @@ trash/      deleted files: move them back, or delete them for good. After {days}
 All files can be copied and moved while the program does not run.{secrets}
 """
 FOLDERS = "drivelesson.folders"
-"""Group of the entry points for extensions' folders in the data folder. Each entry point is a
-`FolderKind`."""
+"""Group of the entry points for the folders of extensions. Each entry point is a `FolderKind`."""
 
 TRASH_DAYS = 30
-"""Time after which deleted items are removed from the trash, in days: a month of lessons, in which
-a class notices that an item is missing."""
+"""Time after which deleted items are removed from the trash, in days. Within a month a class
+notices that an item is missing."""
 _DAY_NS = 86_400 * 10**9
 _HALF_DONE_S = 60.0
 _LONGEST_NAME, _LONGEST_ENDING = 64, 40
-"""Maximum lengths of a name (`check_name`), and of the ending added to it in its folder."""
+"""Maximum lengths of a name (`check_name`), and of the ending that a file adds to it."""
 _NAME = re.compile(rf"[^\W_][\w .()+,-]{{0,{_LONGEST_NAME - 1}}}", re.UNICODE)
 _RESERVED = re.compile(r"(con|prn|aux|nul|(com|lpt)[\d¹²³]) *(\..*)?", re.IGNORECASE)
 _KEY = re.compile(r"0\d{19}", re.ASCII)
@@ -70,12 +69,13 @@ class FolderKind:
     """An extension's folder in the data folder.
 
     Attributes:
-        about: Lines about the folder's content for README.txt. Empty: the folder is created when
+        about: Lines about the folder's content for README.txt. If empty, the folder is created when
             needed.
-        reads: The paths in the folder that the program reads; folders' paths end with a slash.
+        reads: Matches the paths in the folder that the program reads; paths of folders end with a
+            slash.
         files: The extension's files next to the folder.
         secrets: The names of those files and folders that only the owner may read.
-        debris: Returns the unfinished files in the folder that a power cut may have left.
+        debris: Returns the unfinished files that a power cut may have left in the folder.
     """
 
     name: str
@@ -114,9 +114,9 @@ def default_root() -> Path:
 
 
 def check_name(name: str) -> str:
-    """Return a name given by a person in a form that is also a valid file name.
-    Raises ConfigurationError if the name could lead to another folder, or if some operating system
-    could not store it."""
+    """Return a name given by a person, in a form that is also a valid file name. Raises
+    ConfigurationError if the name could lead to another folder, or if some operating system could
+    not store it."""
     tidy = composed(name).strip().rstrip(". ")
     if not _NAME.fullmatch(tidy) or _RESERVED.fullmatch(tidy) or len(tidy.encode()) > 200:
         raise ConfigurationError(
@@ -127,8 +127,7 @@ def check_name(name: str) -> str:
 
 
 def composed(name: str) -> str:
-    """Return a name in Unicode's composed form (NFC), because macOS may separate accents from
-    letters."""
+    """Return a name in Unicode's composed form (NFC): macOS may separate accents from letters."""
     return unicodedata.normalize("NFC", name)
 
 
@@ -186,8 +185,7 @@ def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
 def move(path: Path, target: Path) -> None:
     """Rename atomically, and replace an existing target; raises OSError.
 
-    On Windows another program that reads one of the files, such as a virus scanner, delays this
-    briefly.
+    On Windows this waits briefly for other programs that read the files, such as a virus scanner.
     """
     for pause_s in (*_PAUSES_S, None):
         try:
@@ -292,7 +290,7 @@ class Storage:
                 (self.root / ".probe").unlink(missing_ok=True)
         except OSError as error:
             if error.errno in (errno.ENOSPC, errno.EDQUOT):
-                return  # another program may be emptying the trash
+                return  # no reason to refuse: the caller may be emptying the trash
             if must_be_usable:
                 raise ConfigurationError(
                     f"the data folder {self.root} cannot be used: {error.strerror or error}; "
@@ -310,7 +308,7 @@ class Storage:
         return [self.models, *own, self.exports, self.trash]
 
     def _try_longest(self) -> None:
-        """Create a file with the longest possible path, because Windows allows 260 characters."""
+        """Create a file with the longest possible path; Windows allows only 260 characters."""
         # A new folder, because another program may do this at the same time. Not by `tempfile`: on
         # Windows it retries endlessly if nothing can be written.
         folder = self.trash / uuid4().hex.ljust(_LONGEST_NAME, "n")
@@ -355,7 +353,7 @@ class Storage:
         self.empty_trash(older_than_days=TRASH_DAYS)
 
     def discard(self, *paths: Path) -> str:
-        """Move files or folders to the trash together, or none of them (OSError).
+        """Move files or folders to the trash together; on an OSError none is moved.
 
         Returns the key for `restore`. Items older than `TRASH_DAYS` are deleted for good.
         """
@@ -382,7 +380,7 @@ class Storage:
         return [path.name for path in paths_in(self.trash) if _KEY.fullmatch(path.name)]
 
     def restore(self, key: str, folder: Path, ending: str = "") -> list[str]:
-        """Move the files with this ending, or the folder, of one deletion back.
+        """Move the files with this ending, or the folder, that one deletion removed back.
 
         Returns their names without the ending. An item whose old name is in use gets a new name.
         Raises NotFoundError if they were restored, deleted for good, or belong to another folder.

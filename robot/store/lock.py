@@ -21,7 +21,7 @@ class FolderLock(StartStop):
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._holder = folder / ".lock.pid"  # used in the error, because filelock empties its file
+        self._holder = folder / ".lock.pid"  # for the error, since filelock empties its own file
         self._lock: Any = None
 
     def start(self) -> None:

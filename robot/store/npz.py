@@ -19,7 +19,7 @@ from robot.errors import RecordingError
 _MAX_MEMBERS = 512
 _MAX_HEADER = 1 << 17
 _LOCAL = struct.Struct("<4s22xHH")
-"""A zip's local header: signature, and the lengths of name and extra field."""
+"""A zip's local header: the signature, and the lengths of the name and of the extra field."""
 
 
 def read_arrays(data: bytes, *, max_bytes: int, only: str | None = None) -> dict[str, NDArray[Any]]:
@@ -44,7 +44,7 @@ def read_arrays(data: bytes, *, max_bytes: int, only: str | None = None) -> dict
 
 
 def _bytes_of(archive: zipfile.ZipFile, member: zipfile.ZipInfo, data: bytes) -> memoryview:
-    """Return a member's bytes, without a copy if the member is not compressed."""
+    """Return a member's bytes; they are not copied if the member is not compressed."""
     if member.compress_type != zipfile.ZIP_STORED or member.flag_bits & 1:
         return memoryview(archive.read(member))
     signature, name_length, extra_length = _LOCAL.unpack_from(data, member.header_offset)
@@ -58,7 +58,7 @@ def _bytes_of(archive: zipfile.ZipFile, member: zipfile.ZipInfo, data: bytes) ->
 
 
 def _read_array(data: memoryview) -> NDArray[Any]:
-    """Read one `.npy`; its header must match the number of bytes present."""
+    """Read one `.npy`, whose header must match the number of its bytes."""
     file = io.BytesIO(data[:_MAX_HEADER])
     if read_magic(file) == (1, 0):
         shape, is_fortran, dtype = read_array_header_1_0(file)

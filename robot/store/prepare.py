@@ -52,7 +52,7 @@ def prepare(root: Path) -> list[tuple[str, str]]:
 
 
 def _found_in(folder: Path) -> list[Path]:
-    """List a folder's entries; empty for a link, whose target is not part of the data folder."""
+    """List a folder's entries; none for a link, whose target is not part of the data folder."""
     try:
         return [] if folder.is_symlink() else list(folder.iterdir())
     except OSError:
@@ -67,7 +67,7 @@ def _is_a(path: Path, kind: Callable[[int], bool]) -> bool:
 
 
 def _move(path: Path, into: Path) -> str:
-    """Move an entry; return its new path, or a text that it stays in place."""
+    """Move an entry; return its new path, or a text that says that it was not moved."""
     into.mkdir(parents=True, exist_ok=True)
     shown = _shown(path.name)
     found = move_aside(path, (into / f"{shown}.{number}" for number in range(1, 10_000)))

@@ -32,7 +32,7 @@ def open_new(path: Path) -> BinaryIO:
 
 
 class RecordWriter:
-    """Writes the same records to several new files, as long as one of them can be written.
+    """Writes the same records to several new files, as long as at least one can be written.
 
     For one thread only, except `sync`, which another thread may call. Raises OSError if all files
     failed.

@@ -1,8 +1,8 @@
 """Saves the learner automatically, and loads the saved model at the next start.
 
-The loop's thread only marks that a save is due; the disk's thread copies the learner and writes
-the copy. A save is due after every change of mode, undo and edit, every ten seconds of teaching,
-and at the end. The journal contains the changes between two saves.
+The loop's thread only notes that a save is due; the disk's thread copies the learner and writes the
+copy. A save is due after every change of mode, undo and edit, every ten seconds of teaching, and at
+the end. The journal contains the changes between two saves.
 """
 
 from __future__ import annotations
@@ -127,8 +127,8 @@ class Autosave:
             return name
 
     def load_last(self, learner: str | None = None) -> str | None:
-        """Load the model used last, or else the newest valid model; return its name, or None if
-        there is no model."""
+        """Load the model used last, else the newest valid model; return its name, or None if there
+        is none."""
         self.save_if_changed()
         if self.has_unsaved:
             return self.name
@@ -192,7 +192,7 @@ class Autosave:
             return new_name
 
     def _lacks(self, model: Model) -> str:
-        """Return the names of the model's moves that this robot does not have."""
+        """Return the model's moves that this robot does not have, as text."""
         return ", ".join(sorted(set(model.summary.moves) - self._moves))
 
     def _check_stopped(self) -> None:

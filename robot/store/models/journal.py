@@ -1,11 +1,11 @@
 """The journal: every change of the learner, numbered, and written as soon as it is made.
 
-Written entries survive a kill. A power cut loses at most the entries since the last `fsync`. There
-are five `fsync`s a second, on the disk's thread, so a slow disk delays no write.
+Written entries survive a kill. A power cut loses at most the entries since the last `fsync`. The
+disk's thread calls `fsync` five times a second, so a slow disk delays no write.
 
-The journal is the source of truth (a write-ahead log); a model's file is a cache of it. Entries are
-numbered by the start of the program (a counter in the files' names) and the count of changes since
-then; no clock is involved.
+The journal is the source of truth (a write-ahead log); a model's file is a cache of it. An entry's
+number has two parts: the number of the program's start, which is in the file's name, and the count
+of changes since then. No clock is involved.
 
     journal/000007-02.a     second part of the seventh start, and its twin 000007-02.b
 
@@ -14,7 +14,7 @@ checkpoint, which contains the complete learner. A new part begins after every u
 another model is loaded, and when the previous part has become long. So replay only learns the
 examples of the last part; the part before it is also kept.
 
-Threads: `note` runs on the loop's thread, `sync` on the disk's, the rest on the journal's thread.
+Threads: `note` runs on the loop's thread, `sync` on the disk's thread, the rest on the journal's.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from robot.store.records import RecordWriter, open_new
 log = logging.getLogger(__name__)
 
 PART_BYTES = 4 * 2**20
-"""Number of bytes after its checkpoint at which a part ends, so that replay stays short."""
+"""A part ends after this many bytes since its checkpoint, so that replay stays short."""
 _LONGEST_WAIT_S = 2.0
 _MOST_WAITING = 8192
 _TRY_AGAIN_S = 5.0
@@ -114,7 +114,7 @@ class Journal:
         return JournalPosition(run=self.run, boot=self.boot, change=change)
 
     def start(self, after: int = 0) -> None:
-        """Start writing; `after` is the number of an earlier start that a model's file contains."""
+        """Start writing. This start gets a number above `after`, which a model's file contains."""
         self.open_boot(after)
         self._thread.start()
 
@@ -151,7 +151,7 @@ class Journal:
         self._put(*zip(heads, events, strict=True))
 
     def copy(self, history: TrainingHistory, place: str) -> Model:
-        """Copy the learner's current state with its journal position; on the loop's thread."""
+        """Copy the learner's current state with its journal position."""
         position = self.position(history.changes)
         return take_model(history.policy, history.taught, place=place, position=position)
 
@@ -167,7 +167,7 @@ class Journal:
     # Called on any thread ------------------------------------------------------------------------
 
     def note_saved(self, change: int) -> None:
-        """Record that all changes up to this one are saved, so recovery does not need them."""
+        """Record that all changes up to this one are saved, so that recovery does not need them."""
         self._put(({"kind": "saved", "change": change}, None))
 
     async def written(self, change: int) -> bool:
@@ -209,7 +209,7 @@ class Journal:
     def _write(self, records: list[_Record]) -> None:
         checkpoints = [i for i, (_, body) in enumerate(records) if isinstance(body, Model)]
         if checkpoints:
-            records = records[checkpoints[-1] :]  # it contains all earlier changes
+            records = records[checkpoints[-1] :]  # the checkpoint contains all earlier changes
             self._begin_part()
         if self._writer is None:
             if all(head["kind"] in ("saved", "drive") for head, _ in records):
@@ -221,7 +221,7 @@ class Journal:
             self._longest_bytes = self._writer.written_bytes + PART_BYTES
             self._remove_old_parts()
         elif self._writer.written_bytes > self._longest_bytes:
-            self._try_again_s = 0.0  # set first, because the loop may read it in between
+            self._try_again_s = 0.0  # set first: the loop may read it in between
             self._needs_checkpoint = True
 
     def _begin_part(self) -> None:

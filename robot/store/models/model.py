@@ -1,7 +1,7 @@
 """A model: the state of a policy with a summary, and its conversion to bytes and back.
 
 The file is a NumPy `.npz` without pickles: `meta.npy` is JSON text as bytes, and `state.NAME.npy`
-are the learner's arrays. The meta contains a SHA-256 of the complete content.
+are the learner's arrays. The JSON contains a SHA-256 of the complete content.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from robot.types import Action
 
 FORMAT = 1
 MAX_BYTES = 256 * 2**20
-"""Largest size of a model, in bytes. A file that declares more is refused before it is unpacked."""
+"""Largest size of a model, in bytes. A file that declares a larger size is not unpacked."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,7 +72,7 @@ class Model:
 
     def to_policy(self) -> Policy:
         what = f"the model of the learner {self.summary.learner[:40]!r} cannot be opened"
-        # The plugin of a learner may raise any error.
+        # A learner's plugin may raise any error.
         with told_as(RecordingError, what, Exception):
             policy = make_policy(self.summary.learner, self.summary.moves)
             policy.set_state(self.state)
@@ -101,8 +101,8 @@ def take_model(
 
 
 def encode_model(model: Model, *, is_packed: bool = False) -> bytes:
-    """Return the model as the bytes of an `.npz` file. With `is_packed` the file is smaller but
-    takes longer to create."""
+    """Return the model as the bytes of an `.npz` file; `is_packed` makes it smaller, but takes
+    longer."""
     state = model.state
     arrays = {f"state.{name}": array for name, array in state.arrays.items()}
     labels = [str(label) for label in state.labels]
@@ -137,7 +137,7 @@ def decode_model(data: bytes, *, max_bytes: int = MAX_BYTES) -> Model:
 
 
 def decode_summary(data: bytes) -> ModelSummary:
-    """Read only the summary, without checking the arrays; raises as `decode_model`."""
+    """Read only the summary and do not check the arrays; raises as `decode_model`."""
     return _summary(_read_meta(_unpack(data, MAX_BYTES, "meta").get("meta")))
 
 
@@ -165,7 +165,7 @@ def _label(text: str) -> str:
 
 
 def _checksum(meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
-    """Hash the meta (without the hash) and all arrays with their names, types and shapes."""
+    """Hash `meta` without its own hash, and all arrays with their names, types and shapes."""
     plain = {key: value for key, value in meta.items() if key != "sha256"}
     digest = hashlib.sha256(json.dumps(plain, sort_keys=True, default=to_plain).encode())
     for name in sorted(arrays):

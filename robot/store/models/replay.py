@@ -32,7 +32,7 @@ from robot.store.records import read_records
 log = logging.getLogger(__name__)
 
 _LOADED = 1
-"""The number of a run's first change, which is the loading of the model."""
+"""The number of a run's first change, which loads the model."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -59,8 +59,8 @@ class _Run:
 
 
 def recover(folder: Path, store: ModelStore, declared: Iterable[Move] = ()) -> Recovered | None:
-    """Return the last state of the last run; None if it was saved, or is not in the journal.
-    The driver's `declared` moves are passed to the policy that learns the later changes."""
+    """Return the last state of the last run; None if it was saved or is not in the journal. The
+    driver's `declared` moves are passed to the policy that learns the later changes."""
     parts = list_parts(folder)
     boots = sorted({part.boot for part in parts}, reverse=True)
     runs = (_read_run(folder, [part for part in parts if part.boot == boot]) for boot in boots)
@@ -69,7 +69,7 @@ def recover(folder: Path, store: ModelStore, declared: Iterable[Move] = ()) -> R
         return None
     run.declared = declared
     if newest_boot(store) > run.boot:
-        return None  # a later start saved it, but ended before it wrote to the journal
+        return None  # a later run saved the model, and ended before it wrote the journal
     try:
         return _rebuild(run, store)
     except RobotError as error:
@@ -92,7 +92,7 @@ def _read_run(folder: Path, parts: list[Part]) -> _Run:
 
 
 def _take(run: _Run, record: bytes) -> None:
-    """Add one record; its duplicate from the other file changes nothing."""
+    """Add one record; the same record from the twin file changes nothing."""
     try:
         head, _, body = record.partition(HEAD)
         words: dict[str, Any] = json.loads(head)
@@ -128,13 +128,14 @@ def _rebuild(run: _Run, store: ModelStore) -> Recovered | None:
     if missing:
         log.warning("%d records of the journal are missing", len(missing))
     numbers = [number for number in sorted(run.events) if number > change]
-    # A run without changes contains only the loaded model. It may be older than models that were
+    # A run without changes contains only the loaded model, which may be older than models that were
     # restored since.
     if not numbers and (is_file or _is_saved(model, name, store, among_all=run.last <= _LOADED)):
         return None
     return Recovered(
         model=_learn_on(model, run, numbers),
-        # A missing model was renamed after the checkpoint, or deleted: then none is current.
+        # A model that is missing was renamed after the checkpoint, or deleted; then none is
+        # current.
         name=name if name is None or name in store.names() else store.current,
         replayed=len(numbers),
     )
@@ -154,15 +155,14 @@ def _bases(run: _Run, store: ModelStore) -> Iterator[tuple[int, bool, Model, str
 
 
 def _is_saved(model: Model, name: str | None, store: ModelStore, *, among_all: bool) -> bool:
-    """True if the newest valid version with this name equals `model`, or if any does with
-    `among_all`."""
+    """True if the newest valid version (`among_all`: any version) of this name equals `model`."""
     versions = store.sound_versions(name) if name is not None else iter(())
     kept = versions if among_all else islice(versions, 1)
     return any(same_nodes(one.state, model.state) for one in kept)
 
 
 def newest_boot(store: ModelStore) -> int:
-    """Return the number of the start that saved the model in use; 0 if there is none."""
+    """Return the number of the run that saved the model in use; 0 if there is none."""
     name = store.current
     newest = next(store.sound_versions(name), None) if name is not None else None
     position = newest.summary.position if newest is not None else None
@@ -170,7 +170,7 @@ def newest_boot(store: ModelStore) -> int:
 
 
 def _learn_on(model: Model, run: _Run, numbers: list[int]) -> Model:
-    """Return the model after these changes are made again, in order."""
+    """Make these changes of the model again, in order; return the resulting model."""
     policy, taught = model.to_policy(), Counter(model.summary.taught)
     policy.kinds.describe(run.declared)
     policy.restore(model.state)  # not `set_state`: the state is from the middle of a drive

@@ -43,7 +43,7 @@ log = logging.getLogger(__name__)
 KEEP_VERSIONS = 3
 """Number of versions of a model that are kept, because the newest may be damaged."""
 _DAMAGED, _BROKEN = ".damaged", ".failed"
-"""Endings of versions that were set aside, because they are unreadable or failed in use."""
+"""Endings of versions that were set aside: unreadable ones, and those that failed in use."""
 _FAILED = "failed.txt"
 _VERSION = re.compile(r"\d{1,9}\.npz", re.ASCII)
 _ASIDE = re.compile(r"\.(damaged|failed)(-\d+)?$", re.ASCII)
@@ -82,7 +82,7 @@ class ModelStore:
 
     @property
     def current(self) -> str | None:
-        """Name of the model that the robot used last and will use at the next start."""
+        """Name of the model that the robot used last. It will use this model at the next start."""
         said = [_marked(marker) for marker in self._markers]
         sound = [name for name, checksum in said if checksum == _checksum(name)]
         return next((name for name in sound if name in self.names()), None)
@@ -93,7 +93,7 @@ class ModelStore:
             write_whole(marker, f"{name}\n{_checksum(name)}\n".encode())
 
     def save(self, name: str, model: Model) -> Path:
-        if name not in self.names():  # existing names are not checked
+        if name not in self.names():  # names in use need no check
             name = check_name(name)
         versions = self.versions(name)
         number = int(versions[-1].stem) + 1 if versions else 1
@@ -128,8 +128,8 @@ class ModelStore:
         """Restore versions that were set aside as damaged but are readable by this program.
 
         An older program sets aside the versions that a newer program wrote. A version is restored,
-        as the newest, unless a valid version of its model was saved later. If it was saved later
-        than the model in use, its model is used next.
+        as the newest, unless a valid version of its model was saved later. If it was also saved
+        later than the model in use, its model is used next.
         """
         for name in self.names():
             for model, file in self._readable_again(name):
@@ -164,8 +164,7 @@ class ModelStore:
         return max((one.saved_at_s for one in self._sound(name, decode_summary)), default=-1.0)
 
     def note_failure(self, name: str, why: str) -> None:
-        """Record that the model in use failed, so that the next start sets its newest version
-        aside."""
+        """Record that a model failed. The next start sets its newest version aside."""
         write_whole(self._storage.models / self.require(name) / _FAILED, why.encode())
 
     def set_failed_aside(self) -> list[str]:
@@ -195,7 +194,7 @@ class ModelStore:
         The order is by journal position, or by the time of saving if there is no position.
         """
         current = self.current
-        if current is not None:  # this one first, because the many others are seldom needed
+        if current is not None:  # this one first: the many others are seldom needed
             with contextlib.suppress(RecordingError, NotFoundError):
                 yield current, self.load(current)
         others = {name: _age_of(self.summary(name)) for name in self.names() if name != current}
@@ -251,7 +250,7 @@ def _age_of(summary: ModelSummary | None) -> tuple[int, int, float]:
 
 
 def _marked(marker: Path) -> tuple[str, str]:
-    """Return the name in a marker and its checksum, since a truncated name may be another
+    """Return the name in a marker, and its checksum, because a truncated name may be another
     model's."""
     with contextlib.suppress(OSError, UnicodeDecodeError):
         name, _, checksum = read_regular(marker, 4096).decode().strip().partition("\n")

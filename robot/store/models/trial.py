@@ -1,8 +1,8 @@
 """Tries an untrusted model before it is accepted: it must match its summary, drive, and learn.
 
-The contents of the model's parts must match their declarations (`robot/learner/part.py`). No memory
-is allocated by a length that the model declares. Then a copy of the model drives and learns on a
-few pictures.
+The contents of the model's parts must match their declarations (`robot/learner/part.py`). Lengths
+that the model declares are not trusted when memory is allocated. Then a copy of the model drives
+and learns on a few pictures.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from robot.types import Action
 _MACHINE = RealClock()
 
 TRIAL_S = 2.0
-"""Time for showing pictures, in seconds. The first picture is always shown, so that a slow computer
-also tries the model, and never refuses a valid model."""
+"""Time for showing pictures, in seconds. At least one picture is shown on a slow computer, and a
+valid model is never refused for lack of time."""
 _PICTURES = 6
 _STEP_S = 0.15
 _MOST_MOVES = 32
