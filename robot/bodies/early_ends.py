@@ -1,9 +1,9 @@
 """Counts how often in a row the program ended just as the robot began to drive.
 
-If the battery is weak, its voltage collapses when motors start: the computer or the program ends, a
-supervisor restarts it, and nobody learns why. A marker file on the disk survives the restart, so
-the next run can report it. An update, a Ctrl-C or a robot that is switched off while it stands
-leaves no marker.
+If the battery is weak, its voltage collapses when the motors start: the computer or the program
+ends, a supervisor restarts it, and nobody learns why. A marker file on the disk survives the
+restart, so that the next run can report the reason. No marker is left by an update, by a Ctrl-C, or
+by a robot that is switched off while it stands.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ log = logging.getLogger(__name__)
 SOON_S = 5.0
 """Driving time after which the battery counts as strong enough for the motors, in seconds."""
 ENOUGH = 2
-"""Number of such ends in a row that cannot be chance."""
+"""Number of such ends in a row that is not a coincidence any more."""
 _AGAIN_S = 60.0
 """Least time between two markers, in seconds, because each marker is a disk write."""
 
 
 class EarlyEnds:
-    """Follows the control loop, and saves on disk whether a drive has just begun.
+    """Follows the control loop, and saves on the disk whether a drive has just begun.
 
     Attributes:
         count: Number of such ends in a row, up to this start.
@@ -50,7 +50,7 @@ class EarlyEnds:
 
     @property
     def is_weak(self) -> bool:
-        """True if there were enough such ends to tell a person."""
+        """True if there were so many such ends that a person should know."""
         return self.count >= ENOUGH
 
     def start(self, clock: Clock) -> None:

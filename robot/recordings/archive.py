@@ -1,5 +1,5 @@
-"""Creates one file of many recordings, or of all parts of one, while it is sent. Only one block is
-in memory."""
+"""Creates one file from many recordings, or from all parts of one recording, while the file is
+sent. Only one block at a time is in memory."""
 
 from __future__ import annotations
 
@@ -59,9 +59,9 @@ def join_recording(path: Path) -> Iterator[bytes]:
 def zip_recordings(paths: Sequence[Path]) -> Iterator[bytes]:
     """Yield a zip file of recordings with their edits, block by block.
 
-    Recordings are stored uncompressed, since their pictures are already compressed. A file that
-    is being recorded is included up to its current end. Raises OSError if a recording cannot be
-    read; the zip file is then truncated, which its receiver can detect.
+    Recordings are stored uncompressed, since their pictures are already compressed. A recording in
+    progress is included up to its current end. Raises OSError if a recording cannot be read; the
+    zip file is then truncated, and its receiver can tell.
     """
     sink = _Sink()
     with zipfile.ZipFile(sink, "w", zipfile.ZIP_STORED) as archive:

@@ -32,7 +32,7 @@ _FRAME = np.dtype(
     ]
 )
 _NOT_PLAIN = 255
-"""Replaces a label's number if the event is not a plain example of a recorded picture.
+"""Stands in place of a label's number for events that are not plain examples of recorded pictures.
 """
 _NO_VECTOR, _NO_POINT = np.zeros(0), Point(nan, nan)
 
@@ -47,7 +47,7 @@ class FrameTable(Mapping[int, FrameEntry]):
         self._table: NDArray[np.void] | None = None
         self._ids = np.zeros(0, np.uint32)
         self.is_ordered = True
-        """True if the file contains each picture once, in the order of their ids."""
+        """True if the file contains each picture once, in ascending order of the ids."""
 
     def add(self, block: Block) -> None:
         rows = block.of(Topic.CAMERA)
@@ -70,8 +70,8 @@ class FrameTable(Mapping[int, FrameEntry]):
         return b"".join(part.tobytes() for part in self._parts), self._channels
 
     def load(self, data: bytes, channels: Sequence[MessageChannel], base: int = 0) -> None:
-        """Add the rows of a `dump`, whose file begins at the offset `base`; raises one of
-        `UNREADABLE` if the rows are invalid."""
+        """Add the rows of a `dump`. The file of these rows begins at the offset `base`. Raises one
+        of `UNREADABLE` if the rows are invalid."""
         table = np.frombuffer(data, _FRAME).copy()
         self._channels += [channel for channel in channels if channel not in self._channels]
         numbers = np.array([self._channels.index(channel) for channel in channels], "<u2")
@@ -136,7 +136,7 @@ class FrameTable(Mapping[int, FrameEntry]):
         ids = self.ids
         if not 0 <= frame_id < 2**32:
             return None
-        # np.uint32: for a Python int, numpy would convert all ids.
+        # np.uint32, because numpy would convert all ids to compare them with a Python int.
         index = int(ids.searchsorted(np.uint32(frame_id)))
         return index if index < len(ids) and ids[index] == frame_id else None
 
@@ -352,7 +352,7 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
 
 
 class Labels(Mapping[int, Example]):
-    """Maps each picture to its last example that was not undone."""
+    """Maps each picture to the last of its examples that was not undone."""
 
     def __init__(self, lessons: LessonTable) -> None:
         self._lessons = lessons
@@ -393,7 +393,7 @@ class Labels(Mapping[int, Example]):
 
 
 class Span:
-    """The first and last time of some messages, in nanoseconds since 1970."""
+    """The times of the first and the last of some messages, in nanoseconds since 1970."""
 
     def __init__(self) -> None:
         self._ends: dict[str, tuple[int, int]] = {}

@@ -1,8 +1,8 @@
 """Compares a learner trained on the recordings as driven with one trained on the edited recordings.
 
-Both are evaluated on held-out frames: each recording is split into fifty stretches, and every fifth
-stretch is held out. On the other stretches one learner is trained with the original labels and one
-with the edited labels. The edited labels are the ground truth.
+Both are evaluated on held-out frames, against the edited labels. For this each recording is split
+into fifty stretches, and every fifth stretch is held out. On the other stretches one learner is
+trained with the original labels and one with the edited labels.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from robot.types import Action, Example
 _STRETCHES = 50
 _HELD_OUT = range(2, _STRETCHES, 5)
 FEWEST_FRAMES = 50
-"""Least number of labelled frames for a comparison; with fewer the result would mean little."""
+"""Least number of labelled frames for a comparison. With fewer the result would mean little."""
 _SHOWN = 10
 
 
@@ -52,7 +52,8 @@ def compare(
     new_policy: Callable[[], Policy],
     on_step: Callable[[], None] = lambda: None,
 ) -> Comparison | None:
-    """Train one learner without and one with the edits, and compare them; None: too few frames."""
+    """Train one learner without the edits and one with them, and compare both; None: too few
+    frames."""
     asked = _held_out(episodes)
     if asked is None:
         return None

@@ -1,4 +1,4 @@
-"""Copies all files of a recording into one, message by message."""
+"""Copies all files of a recording into one file, message by message."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robot.recordings.writer import EpisodeWriter
 def copy_recording(episode: Episode, file: BinaryIO, run: Mapping[str, str]) -> Iterator[None]:
     """Write a copy that begins with the metadata `run`; yield after each record.
 
-    A truncated file of the recording is copied up to its end.
+    A truncated file of the recording is copied as far as it is readable.
     """
     attached = episode.attachments
     writer = EpisodeWriter(file, run, attached.get(MODEL_BEFORE))

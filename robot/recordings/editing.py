@@ -27,13 +27,14 @@ from robot.store.models.events import describe_event, read_point
 from robot.types import Action, Point
 
 _SOON_S = 0.5
-"""Longest time from a picture to a message that belongs to it, in seconds. After a longer time the
+"""Longest time from a picture to a message that belongs to it, in seconds. If more time passes, the
 robot stood in between."""
 _LATE_S = 2.0
-"""Longest delay from a picture to its proposal, on a slow computer, in seconds."""
+"""Longest time from a picture to the policy's proposal on it, in seconds; a computer may be
+slow."""
 _MOST_WAITING = 20_000
 _BATCH = 256
-"""Number of pictures that are read together, unless messages about them follow late."""
+"""Number of pictures that are read together; more if messages about them follow late."""
 ABOUT = Topic.DECISION, Topic.SENSORS, Topic.PREDICTION
 """The topics of messages about a picture."""
 
@@ -42,7 +43,7 @@ ABOUT = Topic.DECISION, Topic.SENSORS, Topic.PREDICTION
 class EpisodeFrame:
     """One picture with its data. `at_s` counts from the recording's beginning.
 
-    The points are set if the pilot taught by degrees or the robot drove by degrees.
+    The points are set only if the pilot taught by degrees or the robot drove by degrees.
     """
 
     frame_id: int
@@ -72,8 +73,8 @@ def moments(
 ) -> Iterator[EpisodeFrame]:
     """Yield the recording's pictures in order, each with label, prediction and driver.
 
-    The recording is read chunk by chunk; the chunks of some hundred pictures are in memory. With
-    `about` only the messages of these topics are read, and without any no chunk is read.
+    The recording is read chunk by chunk; the chunks of some hundred pictures are in memory. Only
+    the messages of the topics `about` are read; if there are no topics, no chunk is read.
     """
     table, labels = episode.frames, taught_frames(episode)
     ranks = range(len(table))
@@ -99,8 +100,8 @@ def sample(
     count: int,
     between: Range | None = None,
 ) -> list[EpisodeFrame]:
-    """Return at most `count` evenly spaced moments, of all pictures or of a range of frames. Only
-    the chunks that contain them are read."""
+    """Return at most `count` evenly spaced moments of the recording or of a range of frames. Only
+    the chunks that contain these moments are read."""
     table, labels = episode.frames, taught_frames(episode)
     ranks = range(len(table))
     if between is not None:
@@ -144,15 +145,15 @@ class _Said:
         self._messages += block.texts(rows)
 
     def first(self, at_s: float) -> Fields:
-        """Return the first message that is not older than `at_s`; empty if none follows soon."""
+        """Return the first message from `at_s` on; empty if no message follows soon."""
         index = bisect_left(self._times_s, at_s)
         if index == len(self._times_s) or self._times_s[index] - at_s >= _SOON_S:
             return {}
         return self._at(index)
 
     def about(self, frame_id: int, at_s: float) -> Fields:
-        """Return the first message that names this picture, taken at `at_s`; empty if there is
-        none."""
+        """Return the first message that names this picture, which was taken at `at_s`; empty if
+        there is no such message."""
         times_s = self._times_s
         for index in range(bisect_left(times_s, at_s), len(times_s)):
             if times_s[index] - at_s >= _LATE_S:
@@ -175,7 +176,7 @@ class _Said:
 def _fields_in(message: bytes) -> Fields:
     """Read a message; return empty fields if it is damaged."""
     try:
-        fields = json.loads(str(message, "utf-8"))  # for bytes, the module would guess
+        fields = json.loads(str(message, "utf-8"))  # for bytes, the module would guess the encoding
     except UNREADABLE:
         return {}
     return fields if isinstance(fields, dict) else {}
@@ -189,7 +190,7 @@ def _told(
     ranks: Sequence[int],
     about: Collection[Topic] = ABOUT,
 ) -> Iterator[EpisodeFrame]:
-    """Yield the pictures with these ranks while their chunks are read."""
+    """Yield the pictures with these ranks as soon as their chunks were read."""
     table, origin_ns = episode.frames.table, episode.origin_ns
     said = _Said(), _Said(), _Said()
     chosen = np.asarray(ranks, np.int64)
@@ -265,7 +266,7 @@ def _tell(
 
 
 def edit_of(verb: str, between: Range, episode: Episode, label: str | None = None) -> Edit:
-    """Return the edit of a range of frames that a person requested; `trim` keeps only this
+    """Return the edit that a person requested for a range of frames; `trim` keeps only this
     range."""
     if verb == "trim":
         return trim(episode.frames, *between)
@@ -283,8 +284,8 @@ def write_edited(episode: Episode, notes: Notes, file: BinaryIO, *, is_part: boo
 
     Undone examples and deleted frames are left out; relabelled frames have their new label. Frame
     ids and predictions are unchanged. Edits of learned images are copied, since a later recording
-    may undo them. They are not copied if `is_part`: the recording that the part was split from
-    contains them.
+    may undo them; but not if `is_part`, because the recording that the part was split from contains
+    them.
     """
     run = {**episode.run, "format": str(FORMAT), **({EDITED: "1"} if notes.edits else {})}
     writer = EpisodeWriter(file, run, episode.attachments.get(MODEL_BEFORE))
@@ -306,7 +307,8 @@ def write_edited(episode: Episode, notes: Notes, file: BinaryIO, *, is_part: boo
 def _write_events(
     writer: EpisodeWriter, episode: Episode, notes: Notes, now_s: float, is_part: bool
 ) -> None:
-    """Write the examples to learn, and the undo events for an earlier recording's examples."""
+    """Write the examples to learn, and the undo events that concern an earlier recording's
+    examples."""
     events = episode.events
     [rows] = surviving([(episode, notes)])
     undone = map(events.event, np.intersect1d(events.rows_of(Undone), rows).tolist())

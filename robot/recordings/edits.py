@@ -42,13 +42,14 @@ class Edit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Notes:
-    """Data stored next to a recording: a title, protection from deletion, and the edits."""
+    """Data stored next to a recording: its title, whether it is protected from deletion, and its
+    edits."""
 
     title: str = ""
     is_protected: bool = False
     edits: tuple[Edit, ...] = ()
     undone: tuple[Edit, ...] = ()
-    """Undone edits for redo, last first."""
+    """Undone edits, which can be redone; the last undone comes first."""
 
     def with_edit(self, edit: Edit) -> Notes:
         return replace(self, edits=(*self.edits, edit), undone=())
@@ -74,7 +75,7 @@ class Notes:
         return found
 
     def relabels(self, ids: NDArray[np.integer]) -> list[Action | None]:
-        """Return for each frame the last label set by a person; None: no such label."""
+        """Return for each frame the last label that a person set; None: no such label."""
         if not any(edit.verb == "relabel" for edit in self.edits):
             return [None] * len(ids)
         return [self.relabel(frame_id) for frame_id in ids.tolist()]

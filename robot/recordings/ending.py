@@ -1,4 +1,4 @@
-"""Completes each truncated recording, once, at the next start.
+"""Completes each truncated recording once, at the next start of the program.
 
 The remaining records are copied, and the completed copy replaces the recording. A file that is
 damaged in another way is not changed.
@@ -29,13 +29,13 @@ from robot.store.folder import whole_file
 log = logging.getLogger(__name__)
 
 _MOST_LOST_BYTES = 16 * 2**20
-"""Most bytes after the last complete record of a truncated file. Truncation leaves part of one
-record, so a file with more bytes is damaged in another way."""
+"""Most bytes after the last complete record of a truncated file. Truncation leaves at most part of
+one record, so a file with more bytes is damaged in another way."""
 _SPARE_BYTES = 64 * 2**20
 _RECORDS_AT_ONCE = 32
 _REST_S = 0.003
-"""Pause between groups of records, in seconds, because the robot starts and drives at the same time
-on the same processor. An hour of recording has 300,000 records."""
+"""Pause between groups of records, in seconds, because the robot starts and drives meanwhile on the
+same processor. An hour of recording has 300,000 records."""
 
 
 def end_cut_recordings(paths: Sequence[Path], clock: Clock) -> None:
@@ -77,7 +77,8 @@ def _end_file(path: Path, earlier: Path | None, rest: Callable[[], None]) -> boo
 def _copy_what_is_left(
     path: Path, earlier: Path | None, copy: BinaryIO, rest: Callable[[], None]
 ) -> None:
-    """Raises one of `UNREADABLE` if the recording is damaged in another way than by truncation."""
+    """Copy the complete records. Raises one of `UNREADABLE` if the file is not only truncated but
+    damaged."""
     writer, cut, summary = None, Cut(reason="", lost_bytes=0), {"damage": CUT_SHORT}
     for number, record in enumerate(scan(path), 1):
         if number % _RECORDS_AT_ONCE == 0:
@@ -99,7 +100,7 @@ def _copy_what_is_left(
 
 
 def _tally_before(run: Mapping[str, str], earlier: Path | None) -> Tally:
-    """Return the counts of the files before the one that begins with `run`."""
+    """Return the counts of the files before the file that begins with `run`."""
     tally = Tally(json.loads(run[PART]) if PART in run else None)
     if PART in run and earlier is not None:
         with contextlib.suppress(*UNREADABLE, OSError):

@@ -50,7 +50,7 @@ from robot.store.models.model import Model, decode_model
 from robot.types import Action, Frame
 
 _CHUNKS_BYTES = 8 * 2**20
-"""Size of an open recording's cache of unpacked chunks, in bytes."""
+"""Size of the cache of unpacked chunks of an open recording, in bytes."""
 _LATEST_S = 2.5e11  # in the year 9892; `datetime` ends soon after
 
 
@@ -65,7 +65,7 @@ class Episode:
     run: dict[str, str] = field(default_factory=dict)
     columns: Columns = field(default_factory=Columns)
     channels: dict[int, Mapping[int, MessageChannel]] = field(default_factory=dict)
-    """The channels by number, of each file."""
+    """For each file its channels, by number."""
     attachments: dict[str, bytes] = field(default_factory=dict)
     damage: str | None = None
     on_read: Callable[[], None] = lambda: None
@@ -85,7 +85,8 @@ class Episode:
 
     @property
     def results(self) -> list[Fields]:
-        """Results of extensions: `of` names the kind, `at_s` is the time since the start."""
+        """Results of extensions. `of` names the kind of result; `at_s` is the time since the
+        start."""
         origin_ns, start_s = self.origin_ns, self.start_s
         return [
             {**fields, "at_s": round((stamp_ns - origin_ns) / 1e9 - start_s, 3)}
@@ -94,7 +95,7 @@ class Episode:
 
     @property
     def id(self) -> str:
-        """The recording's name. It is the file's name, so a copy has another name."""
+        """The recording's name, which is the name of its file; so a copy has another name."""
         return self.path.stem
 
     @property
@@ -114,7 +115,7 @@ class Episode:
 
     @property
     def declared_moves(self) -> tuple[Move, ...]:
-        """The moves that the driver declared; empty in recordings of older versions."""
+        """The moves that the driver declared; empty if the recording names none."""
         return from_text(self.run.get("declared_moves", ""))
 
     @property
@@ -143,7 +144,7 @@ class Episode:
         return self._keep(offset, read_chunk_at(self.path, offset)) if data is None else data
 
     def _keep(self, offset: int, data: bytes) -> bytes:
-        """Cache the last chunks, because their pictures are needed soon, up to some seconds later.
+        """Cache the last chunks, because their pictures are needed within the next seconds.
 
         An imported recording has few, large chunks; a driven recording has five chunks a second.
         """
@@ -183,8 +184,8 @@ class Episode:
 
 
 def open_episode(path: Path) -> Episode:
-    """Read a recording's events and its pictures' positions; a truncated file is read up to its
-    end.
+    """Read a recording's events and its pictures' positions. A truncated file is read as far as
+    possible.
 
     Raises RecordingError if the file is not a recording of this program, or has a newer format.
     """
@@ -209,7 +210,7 @@ def open_episode(path: Path) -> Episode:
 
 
 def _add_file(episode: Episode, number: int, file: Path) -> str:
-    """Add the content of one file; return a text if another file must follow.
+    """Add the content of one file. If another file of the recording must follow, return a text.
 
     Raises one of `UNREADABLE` for the first damaged part.
     """
@@ -262,7 +263,7 @@ def _take(episode: Episode, number: int, part: Block | Metadata | Attachment | C
 
 
 def check_run(values: dict[str, str]) -> dict[str, str]:
-    """Return the metadata of a recording after checking them."""
+    """Check the metadata of a recording, and return them."""
     if int(values["format"]) > FORMAT:
         raise RecordingError("it was recorded by a newer version; upgrade Drivelesson")
     int(values["origin_ns"])

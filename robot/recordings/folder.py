@@ -11,7 +11,7 @@ from robot.store.folder import FolderKind, size_of
 
 NAME = "episodes"
 _INDEX = ".index.json"
-"""Index of the recordings that version 0.2 wrote."""
+"""Index that version 0.2 wrote; it is no longer used, and is removed."""
 
 
 def _debris(folder: Path) -> Iterable[Path]:

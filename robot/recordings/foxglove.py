@@ -40,7 +40,7 @@ _FIELDS: dict[str, dict[str, tuple[int, str]]] = {
     _POSE: {"position": (1, _VECTOR), "orientation": (2, _QUATERNION)},
     POSE_IN_FRAME: {"timestamp": (1, _TIMESTAMP), "frame_id": (2, "string"), "pose": (3, _POSE)},
 }
-"""Number and type of each field, by message; a type with a dot in its name is a message, too."""
+"""Number and type of each field, by message. A type with a dot in its name is also a message."""
 
 
 @cache
@@ -64,7 +64,7 @@ def message_type(name: str) -> Any:
 
 
 def _files(name: str) -> list[Any]:
-    """Describe a message in a file of its own, after the files that it imports."""
+    """Return the files that a message imports, then a file that describes the message."""
     return list({file.name: file for file in _describe(name)}.values())
 
 

@@ -2,8 +2,8 @@
 
 A recording with an index is opened without reading its chunks. Each section (`SECTION_FRAMES`
 pictures) has its own attachment, so the recorder holds the columns of only one section in memory. A
-section contains its own position in the file and the previous section's. If another program has
-moved chunks, it has also moved these attachments; the positions then differ and the index is not
+section contains its own position in the file and the position of the previous section. A program
+that moves chunks also moves these attachments; then the positions are wrong and the index is not
 used.
 """
 
@@ -32,14 +32,15 @@ from robot.store.models.events import to_json
 
 INDEX = "drivelesson.index"
 SECTION_FRAMES = 8192
-"""Number of pictures in a section: about five minutes, whose columns take 0.6 MB."""
+"""Number of pictures in a section. This is about five minutes of driving; the columns take 0.6
+MB."""
 _FORMAT = 1
 _MOST_RESULTS = 1000
-"""Number of results of a recording that are kept: the latest ones."""
+"""Number of a recording's latest results that are kept."""
 _MOST_BYTES = 2**26
 _HEAD = struct.Struct("<II")
 """The checksum of a section, and the length of its description."""
-READ = set(Topic) - {Topic.POSE}  # not /pose, because the sensors also contain the pose
+READ = set(Topic) - {Topic.POSE}  # not /pose: the sensors also contain the pose
 
 
 class Columns:
@@ -93,7 +94,7 @@ def encode(
     *,
     is_last: bool,
 ) -> bytes:
-    """Return a section for the position `place` in the file; the previous one is at `since`."""
+    """Return a section for the position `place` in the file; the previous section is at `since`."""
     numbers = {channel: number for number, channel in channels.items()}
     frames, used = columns.frames.dump()
     lessons, about = columns.lessons.dump()
@@ -115,7 +116,7 @@ def encode(
 
 
 def frames_before(run: Mapping[str, str]) -> int:
-    """Return the number of pictures in the files before the one that begins with `run`."""
+    """Return the number of pictures in the files before the file that begins with `run`."""
     return int(json.loads(run[PART])["frames"]) if PART in run else 0
 
 

@@ -12,8 +12,8 @@ from robot.types import Action
 
 _PAGE = 4096
 _KEPT_S = 2 * UNDO_HORIZON_S
-"""Teaching time for which the labels of examples are kept, in seconds; an undo reaches back a
-little more than `UNDO_HORIZON_S` at most."""
+"""Teaching time for which the labels of examples are kept, in seconds. An undo reaches back at most
+a little more than `UNDO_HORIZON_S`."""
 
 
 class FrameMarks:
@@ -36,8 +36,8 @@ class FrameMarks:
         self._pages[page][index] = number
 
     def set_taught(self, frame_id: int, number: int, at_s: float) -> None:
-        """Set the number of an example of this teaching time, and forget examples that can no
-        longer be undone. So the memory does not grow with the recording."""
+        """Set the number of an example of this teaching time. Forget examples that can no longer be
+        undone, so that memory does not grow with the recording."""
         page = frame_id // _PAGE
         if page not in self._pages:
             for old in [p for p, newest_s in self._newest_s.items() if newest_s < at_s - _KEPT_S]:
@@ -49,7 +49,7 @@ class FrameMarks:
 class Tally:
     """Counts the pictures of a recording, and its examples of each label that were not undone.
 
-    `before` are the counts of the recording's earlier files: `counts` of their tally.
+    `before` are the counts of the recording's earlier files, as `counts` returns them.
     """
 
     def __init__(self, before: Mapping[str, Any] | None = None) -> None:
@@ -69,7 +69,7 @@ class Tally:
         return {"frames": self.frames, "taught": taught, "first_ns": self.first_ns}
 
     def next(self) -> Tally:
-        """Return the tally of the recording's next file; do not use this one any more."""
+        """Return the tally of the recording's next file. Do not use this tally any more."""
         tally = Tally(self.counts)
         tally._label_of, tally._labels = self._label_of, self._labels
         return tally

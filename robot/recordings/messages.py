@@ -1,6 +1,6 @@
 """The messages of a recording except pictures: their topics, schemas and fields.
 
-A message's time is MCAP's log time, so the messages contain no time field.
+The messages contain no time field, because a message's time is MCAP's log time.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ PART = "part"
 """Key in the metadata at the beginning of a recording's later files: the number of the file, and
 the counts of the files before it."""
 CONTINUES = "continues"
-"""Key in the metadata at the end of a file that another file of the recording follows."""
+"""Key in the metadata at the end of a file, if another file of the recording follows."""
 EDITED = "edited"
 """Key in the metadata at the beginning of a recording whose edits were applied. Edits of learned
-images do not apply there."""
+images have no effect in such a recording."""
 MODEL_BEFORE, MODEL_AFTER = "model_before.npz", "model_after.npz"
 """Names of the attachments: the learner's model at the beginning and at the end."""
 
@@ -157,7 +157,8 @@ def describe_tick(
 
     Args:
         events: The changes of the learner to record.
-        lost: Ids of taught frames whose pictures are not recorded; their vectors are.
+        lost: Ids of taught frames whose pictures are not recorded. Their vectors are recorded
+            instead.
         is_shown: True if the tick's picture is recorded.
         is_begun: True if the mode has changed.
     """

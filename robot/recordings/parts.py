@@ -1,7 +1,7 @@
 """The files of one recording: NAME.mcap and, if it is long, NAME.parts/1.mcap, 2.mcap and so on.
 
-Each file is a complete MCAP file, which other programs open, too. A chunk's offset in a recording
-contains the number of its file in the upper bits, so one number locates a chunk in all files.
+Each file is a complete MCAP file, which other programs can open. The upper bits of a chunk's offset
+are the number of its file, so one number locates a chunk among all files.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from robot.recordings.reader import (
 )
 
 ENDING = ".parts"
-"""Ending of the folder with the files after the first."""
+"""Ending of the name of the folder that holds the files after the first."""
 _BITS = 40
 _FILE = re.compile(r"([1-9]\d{0,5})\.mcap", re.ASCII)
 
@@ -55,7 +55,7 @@ def part_paths(path: Path) -> dict[int, Path]:
 
 
 def is_part(path: Path) -> bool:
-    """True for a file after the first of a recording, if the first is there."""
+    """True for a file of a recording after the first file, if the first file exists."""
     folder = path.parent
     return bool(
         _FILE.fullmatch(path.name)
@@ -70,7 +70,7 @@ def files_of(path: Path) -> tuple[Path, Path, Path]:
 
 
 def state_of(path: Path) -> tuple[tuple[int, int], ...]:
-    """Return size and modification time of each file, which change if the recording changes."""
+    """Return the size and modification time of each file. They change if the recording changes."""
     found = [file.stat() for file in part_paths(path).values()]
     return tuple((status.st_size, status.st_mtime_ns) for status in found)
 
@@ -80,7 +80,7 @@ def has_ended(path: Path) -> bool:
     last = list(part_paths(path).values())[-1]
     if not has_end(last):
         return False
-    with contextlib.suppress(RecordingError, OSError):  # it is damaged
+    with contextlib.suppress(RecordingError, OSError):  # the file is damaged
         return CONTINUES not in read_metadata(last).get(SUMMARY, {})
     return True
 

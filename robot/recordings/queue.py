@@ -1,4 +1,4 @@
-"""A bounded queue of items to record, and the file that they are written to."""
+"""A bounded queue of items to record, and the file to which the items are written."""
 
 from __future__ import annotations
 
@@ -35,22 +35,22 @@ class RecorderConfig:
     queue_bytes: int = 32 * 2**20
     """Most bytes of queued pictures; further pictures are dropped and counted."""
     queue_items: int = 4096
-    """Most queued items: pictures, and the messages of one tick together. Messages are dropped
-    last, because they are small."""
+    """Most queued items. A picture is one item, and so are the messages of one tick together.
+    Messages are dropped last, because they are small."""
     pause_s: float = 10.0
     """Time for which the robot must stand before the recording ends, in seconds."""
     trail_s: float = 1.0
     """Time for which pictures are still recorded after the robot stopped, in seconds."""
     lead_frames: int = 15
-    """Number of pictures from before the start that are recorded, because the pilot may label them.
-    They fill at most a quarter of the queue."""
+    """Number of pictures from before the start that are also recorded, because the pilot may label
+    them. They fill at most a quarter of the queue."""
     part_bytes: int = 64 * 2**20
     """Size at which a recording continues in another file, in bytes."""
     part_s: float = 600.0
-    """Time after which a recording continues in another file, in seconds. The recorder's memory
-    grows with one file only, and a reader's with one file that has no index."""
+    """Time after which a recording continues in another file, in seconds. This limits the memory
+    that the recorder needs, and a reader if a file has no index."""
     spare_bytes: int = 64 * 2**20
-    """Recording stops if fewer bytes are free on the disk. They are left for models and the
+    """Recording stops if fewer bytes are free on the disk. These are left for models and the
     system."""
 
 
@@ -80,8 +80,8 @@ class RecordingQueue:
         self.waiting_bytes = 0
         """Bytes of queued pictures."""
         self.lost: Counter[str] = Counter()
-        """Numbers of `frames` and `messages` dropped since the program began, because the disk was
-        too slow."""
+        """Numbers of `frames` and `messages` that were dropped since the program began, because the
+        disk was too slow."""
         self.episode_id: str | None = None
         self.fault: str | None = None
 

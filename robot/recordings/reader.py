@@ -1,9 +1,10 @@
 """Reads MCAP files that may be truncated, damaged or malicious.
 
 Impossible lengths are rejected before memory is allocated for them, chunks are unpacked within
-bounds, and reading stops at the first invalid record. All earlier records are valid, so a truncated
-episode is readable up to its end. Layout: mcap.dev/spec. The library `mcap` is used only for the
-content of single records, because it trusts lengths and does not detect truncated files.
+bounds, and reading stops at the first invalid record. All records before it are valid, so a
+truncated episode is readable up to where it was cut. Layout: mcap.dev/spec. The library `mcap`
+parses only the content of single records, because it trusts lengths and does not detect truncated
+files.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ from numpy.typing import NDArray
 from robot.errors import RecordingError, need, told_as
 
 MAX_RECORD_BYTES = 256 * 2**20
-"""Largest record that is read, in bytes. Attachments contain models and chunks contain pictures;
-this program writes no larger record."""
+"""Largest record that is read, in bytes. The largest records are attachments with models and chunks
+with pictures, and this program writes no larger ones."""
 MAX_CHUNK_BYTES = 64 * 2**20
 """Largest unpacked size of a chunk, in bytes."""
 MAGIC = b"\x89MCAP0\r\n"
@@ -70,7 +71,8 @@ class MessageChannel(NamedTuple):
 
 
 class Message(NamedTuple):
-    """One message. `place` is the chunk, and the begin and end of the message's data in it."""
+    """One message. `place` names its chunk, and where the message's data begins and ends in the
+    chunk."""
 
     channel: MessageChannel
     log_ns: int
@@ -86,7 +88,7 @@ class Message(NamedTuple):
 class Block(NamedTuple):
     """The messages of one chunk: its offset, its unpacked bytes, and a row for each message.
 
-    A row has `channel`, `sequence`, `log_ns`, and the begin and end of the message in `data`.
+    A row has `channel`, `sequence`, `log_ns`, and where the message begins and ends in `data`.
     """
 
     offset: int
@@ -125,7 +127,7 @@ class Attachment(NamedTuple):
 
 
 class Attached(NamedTuple):
-    """An attachment that was found through a file's summary, and its offset."""
+    """An attachment that was found through a file's summary, with its offset."""
 
     offset: int
     name: str
@@ -133,7 +135,7 @@ class Attached(NamedTuple):
 
 
 class Ends(NamedTuple):
-    """The content of a complete file that is found through its summary, without chunks."""
+    """The content of a complete file, except its chunks, as found through its summary."""
 
     metadata: dict[str, dict[str, str]]
     channels: Mapping[int, MessageChannel]
@@ -171,7 +173,7 @@ def scan(path: Path) -> Iterator[Record]:
 
 
 def records_in(parts: Iterable[Part]) -> Iterator[Record]:
-    """Yield the messages of chunks one by one, and other content unchanged."""
+    """Yield the messages of each chunk one by one, and all other content unchanged."""
     for part in parts:
         if not isinstance(part, Block):
             yield part
@@ -218,8 +220,7 @@ def has_end(path: Path) -> bool:
 
 
 def read_chunk(path: Path, offset: int) -> bytes:
-    """Return the unpacked bytes of the chunk at `offset`; a `Place` locates a message in the
-    chunk."""
+    """Return the unpacked bytes of the chunk at `offset`, in which a `Place` locates a message."""
     with path.open("rb") as file:
         file.seek(offset)
         _, opcode, body = next(_records(file))
@@ -241,8 +242,8 @@ def metadata_of(file: BinaryIO) -> dict[str, dict[str, str]]:
 
 
 def read_ends(path: Path, sections: str, attachments: Sequence[str]) -> Ends:
-    """Read a complete file's metadata, channels, and the attachments with these names, without
-    reading its chunks. Raises RecordingError if the file has no summary."""
+    """Read a complete file's metadata, its channels, and the attachments with these names, but not
+    its chunks. Raises RecordingError if the file has no summary."""
     require_mcap()
     content, places, attached = _Content(), [], []
     with path.open("rb") as file:
@@ -277,7 +278,7 @@ def _attachment_at(file: BinaryIO, offset: int) -> Attached:
 
 def _summary(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
     """Yield the kind and body of each record of the summary. The chunk index, which grows with the
-    file, is skipped if the summary contains its position."""
+    file, is skipped if its position is in the summary."""
     end_at = file.seek(0, os.SEEK_END) - _END.size
     file.seek(max(end_at, 0))
     end = file.read()
@@ -296,7 +297,7 @@ def _summary(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
 
 
 def _chunk_group(file: BinaryIO, offsets_at: int, end_at: int) -> tuple[int, int]:
-    """Return begin and end of the chunk index; 0 and 0 if the summary does not contain them."""
+    """Return where the chunk index begins and ends; 0 and 0 if the summary does not say so."""
     if 0 < offsets_at < end_at:
         file.seek(offsets_at)
         for _, kind, body in _records(file, _MOST_SUMMARY_BYTES):
@@ -331,7 +332,7 @@ class WrittenFile:
         return self._content.channels
 
     def blocks(self, data: bytes, offset: int) -> Iterator[Block]:
-        """Yield the chunks among complete records that were written at an offset."""
+        """Yield the chunks among the complete records in `data`, which were written at `offset`."""
         with contextlib.suppress(CutError):  # more records will follow
             for part in self._content.parts(io.BytesIO(data)):
                 if isinstance(part, Block):
@@ -464,7 +465,7 @@ class _Content:
 
 
 def _indexed(data: bytes, indexes: Sequence[bytes]) -> NDArray[np.int64] | None:
-    """Return the begin and end of each message from the chunk's index. None if the index is not
+    """Return where each message begins and ends, from the chunk's index. None if the index is not
     trusted, because the chunk contains other records or the index does not list all messages."""
     if not indexes or any(len(body) % 16 != 6 for body in indexes):
         return None
@@ -521,8 +522,8 @@ def _unpacked(body: bytes) -> bytes:
 
 
 def _unpack(compression: str, data: bytes, size: int) -> bytes:
-    """Unpack at most one byte more than the declared size."""
-    # Each library raises different errors; here they all mean the same.
+    """Unpack at most one byte more than the declared size, to detect a wrong size."""
+    # Each library raises other errors; here they all mean the same.
     with told_as(RecordingError, "a chunk cannot be unpacked", Exception):
         if compression == "zstd":
             import zstandard

@@ -1,7 +1,8 @@
 """Marks the recordings that are being read, so that no other program deletes them meanwhile.
 
 A reader writes the recordings' names into a file and locks a second file next to it. The system
-releases the lock when the reader ends, for any reason; names without a lock no longer count.
+releases the lock when the reader's process ends for any reason. Names without a lock no longer
+count.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ def _held(mark: Path, names: Sequence[str]) -> Iterator[None]:
     lock = FileLock(f"{mark}{_LOCK}", timeout=0)
     told = mark.with_name(mark.name + _NAMES)
     try:
-        # In a folder that cannot be written nobody can delete either. Some network file systems
+        # If the folder cannot be written, nobody can delete there either. Some network file systems
         # have no locks.
         with contextlib.suppress(OSError, NotImplementedError):
             lock.acquire()

@@ -2,7 +2,7 @@
 
 A recording begins when the robot leaves `stopped` or the learner changes; it ends after the robot
 has stood for ten seconds. The queue for the disk is bounded by count and by bytes. So a slow disk
-costs pictures, which are counted, but no memory and none of the loop's time. An example whose
+costs neither memory nor the loop's time, but pictures; lost pictures are counted. An example whose
 picture was dropped is recorded with its feature vector, so that no example is lost.
 """
 
@@ -31,16 +31,16 @@ from robot.store.models.model import Model, take_model
 from robot.types import Action, Frame, Mode
 
 _KEPT_IDS = 512
-"""Number of the latest recorded pictures among which an example's picture is looked up."""
+"""An example's picture is looked up among this number of the latest recorded pictures."""
 
 
 class Recorder:
     """Records the runs of one loop.
 
     `announce` is called when recording begins, ends, stops because of a fault, or loses pictures.
-    `disk` is the thread that writes; by default the recorder starts a thread. `about` is the
-    description of the robot in each recording: the arguments `robot`, `declared_moves` and
-    `options` of `describe_run`. The attribute `queue` holds the recorder's state.
+    `disk` is the thread that writes; by default the recorder starts a thread. `about` describes the
+    robot in each recording; its keys are the arguments `robot`, `declared_moves` and `options` of
+    `describe_run`. The attribute `queue` holds the recorder's state.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class Recorder:
         self._taught = FrameMarks()
 
     def start(self) -> None:
-        """Start recording. If the library `mcap` is missing, recording is off and `fault` says
+        """Start recording. If the library `mcap` is missing, nothing is recorded and `fault` says
         so."""
         try:
             require_mcap()
@@ -114,7 +114,7 @@ class Recorder:
         self._moved_s = now_s if is_moving else self._moved_s
         events = self._own_events(tick.history_events)
         if began and self.queue.fault is not None:
-            if self._is_open:  # the disk closed it; the next model contains the events
+            if self._is_open:  # the disk's thread closed it; the next model contains the events
                 self.finish()
                 events = ()
             self.queue.fault = None
@@ -143,8 +143,8 @@ class Recorder:
             self._close(final=self._base)
 
     def begin_anew(self) -> None:
-        """Finish the current recording, and drop the pictures kept for the next one's
-        beginning."""
+        """Finish the current recording, and drop the pictures kept for the beginning of the
+        next."""
         self.finish()
         self._lead.clear()
 

@@ -1,6 +1,7 @@
 """Brings the files of one recording together again.
 
-A recording is deleted and restored file by file. A kill or a power cut in between separates them.
+A recording is deleted and restored file by file. A kill or a power cut in between separates the
+files.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ _COPY = re.compile(r" \(\d+\)\Z", re.ASCII)
 
 
 def strays(folder: Path) -> Iterator[tuple[Path, str]]:
-    """Yield the notes and parts without a recording, with the name of their recording."""
+    """Yield the notes and parts whose recording is missing, with the recording's name."""
     found = paths_in(folder)
     names = {path.stem for path in found if path.suffix == ".mcap"}
     for path in found:
@@ -34,7 +35,7 @@ def strays(folder: Path) -> Iterator[tuple[Path, str]]:
 def rejoin(storage: Storage) -> None:
     """Move strays to the rest of their recording in the trash, as a deletion would have done.
 
-    Parts that an earlier version has set aside at a start are moved back. Never raises.
+    Parts that were set aside at a start are moved back to their recording. Never raises.
     """
     folder = storage.folder(NAME)
     try:
@@ -51,7 +52,7 @@ def rejoin(storage: Storage) -> None:
 
 
 def _place_of(path: Path, name: str, storage: Storage) -> Path | None:
-    """Return the place in the trash, next to the first file of its recording."""
+    """Return where a stray belongs in the trash: next to the first file of its recording."""
     for key in reversed(storage.deleted()):
         for one in (name, _COPY.sub("", name)):
             first = storage.trash / key / f"{one}.mcap"

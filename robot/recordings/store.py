@@ -32,8 +32,8 @@ _READ_WHOLE_BYTES = 2 * 2**20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Deleted:
-    """The outcome of a deletion: the deleted episodes, the key that restores them all, and the
-    reasons why other episodes were kept."""
+    """The outcome of a deletion: the deleted episodes, the key that restores all of them, and the
+    reasons why other episodes were not deleted."""
 
     ids: tuple[str, ...]
     key: str | None
@@ -52,7 +52,8 @@ class EpisodeStore:
         self._recording = recording or (lambda: None)
         self._is_recorder = recording is not None  # False: another program may record
         self.budget_bytes = DEFAULT_BUDGET_BYTES
-        """Total size above which the oldest unprotected episodes are offered for deletion."""
+        """Total size of all episodes above which the oldest unprotected episodes are offered for
+        deletion."""
         self._lock = threading.RLock()
         self._listing = threading.Lock()
         self._open = lru_cache(_OPEN_EPISODES)(lambda path, *state: open_episode(path))
@@ -133,7 +134,7 @@ class EpisodeStore:
     def delete(self, *episode_ids: str) -> Deleted:
         """Move episodes to the trash together, except episodes that cannot be deleted now.
 
-        Raises ConfigurationError if only one is given and it cannot be deleted.
+        Raises ConfigurationError if only one episode is given and it cannot be deleted.
         """
         wanted = list(dict.fromkeys(episode_ids))
         paths: dict[str, Path] = {}
@@ -156,8 +157,8 @@ class EpisodeStore:
         return path
 
     def restore(self, key: str) -> list[str]:
-        """Restore the episodes that were deleted together; return their names. An episode whose old
-        name is in use gets a new name."""
+        """Restore the episodes of one deletion; return their names. An episode whose old name is in
+        use gets a new name."""
         with self._lock:
             return self._storage.restore(key, self._storage.folder(NAME), ".mcap")
 
@@ -227,7 +228,7 @@ class EpisodeStore:
             taken.add(path.stem)
 
     def offered(self) -> list[EpisodeSummary]:
-        """Return the episodes whose deletion would meet the budget; none is deleted
+        """Return the episodes that would have to be deleted to meet the budget. None is deleted
         automatically."""
         summaries, offered = self.summaries(), []
         excess = sum(summary.bytes for summary in summaries) - self.budget_bytes

@@ -24,8 +24,7 @@ from robot.store.folder import fold
 class EpisodeSummary:
     """One recording in the list. `started_at_s` is the wall-clock time in seconds since 1970.
 
-    `damage` describes a fault: that the file is truncated, or why it cannot be read (`is_readable`
-    is False).
+    `damage` says that the file is truncated, or why it cannot be read (`is_readable` is False).
     """
 
     id: str
@@ -46,8 +45,8 @@ class EpisodeSummary:
     """True if the file was recorded under another name, such as a sync tool's conflict copy."""
 
     def matches(self, text: str) -> bool:
-        """True if each word of `text` occurs in the recording's name, title, date, labels, robot or
-        learner."""
+        """True if each word of `text` occurs in the name, title, date, labels, robot or learner of
+        the recording."""
         began = datetime.fromtimestamp(self.started_at_s).isoformat(" ", "seconds")
         about = (self.id, self.title, began, *self.taught, self.robot, self.learner, self.source)
         haystack = fold(" ".join(about))

@@ -96,8 +96,8 @@ def _labelled_late(episode: Episode, notes: Notes) -> Iterator[Taught]:
 
 
 def surviving(episodes: Sequence[EditedEpisode]) -> list[NDArray[np.intp]]:
-    """Return for each recording the indices of its events that were not undone while driving, even
-    by a later recording of the same run. Undo events for recordings before `episodes` stay."""
+    """Return for each recording the indices of its events that were not undone while driving, not
+    even by a later recording of the same run. Undo events for recordings before `episodes` stay."""
     counts = [np.ones(len(episode.events), bool) for episode, _ in episodes]
     frames = [episode.events.frames for episode, _ in episodes]
     for place, (episode, _) in enumerate(episodes):
@@ -139,8 +139,8 @@ def learn_again(
 ) -> Report:
     """Teach the policy all steps of the recordings.
 
-    Edits of learned images are repeated only if they apply to the same images: with the learner
-    that was driven, and up to the first recording with edits. Other edits are counted as left out.
+    Edits of learned images are repeated only while the images are the same: with the learner that
+    was driven, and up to the first recording with edits. Other edits are counted as left out.
     Raises ConfigurationError if a label is not one of the policy's moves.
     """
     same = takewhile(lambda one: _is_as_driven(policy, *one), episodes)

@@ -58,8 +58,8 @@ def describe_run(
     """Return the metadata at the beginning of a recording.
 
     `started_at_s` is the wall-clock time in seconds since 1970. `origin_ns` is the zero of the
-    run's clock, in nanoseconds since 1970. Frame ids are unique within one `run_id`; all recordings
-    of one run of the program have the same `run_id`.
+    run's clock, in nanoseconds since 1970. All recordings of one run of the program have the same
+    `run_id`, within which frame ids are unique.
     """
     return {
         "format": str(FORMAT),
@@ -73,13 +73,13 @@ def describe_run(
         "declared_moves": to_text(declared_moves),
         "options": json.dumps(dict(options or {}), default=str),
         "source": source,
-        "timed": "1",  # 0.1 did not write when an example was taught
+        "timed": "1",  # examples have their teaching time
     }
 
 
 def describe_part(run: Mapping[str, str], number: int, before: Tally) -> dict[str, str]:
-    """Return the metadata at the beginning of a recording's next file; `before` counted the files
-    up to here."""
+    """Return the metadata at the beginning of a recording's next file; `before` is the tally of all
+    files before it."""
     return {**run, PART: json.dumps({"number": number, **before.counts})}
 
 
@@ -162,7 +162,8 @@ class EpisodeWriter:
             self._add(record.channel, record.log_ns, record.data, record.sequence)
 
     def flush(self) -> None:
-        """Flush to the disk, so that a kill or a power cut does not lose earlier data."""
+        """Flush to the disk, so that a kill or a power cut does not lose what was written so
+        far."""
         self._writer.flush()
         self._follow()
         _sync(self._file)
@@ -240,7 +241,7 @@ class EpisodeWriter:
 
 
 class _Written:
-    """A file for writing that also buffers the written bytes until `take`."""
+    """A file for writing that also keeps the written bytes until `take` returns them."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file

@@ -1,4 +1,5 @@
-"""Packs the files for a brick: the agent as one file, the program as one folder, and the tar.
+"""Packs the files for a brick: the agent into one file, the program into a folder, and files into a
+tar.
 
 The agent's file is a zip, `agent.pyz`, which a brick's Python 3.5 runs directly.
 """
@@ -26,7 +27,7 @@ SOURCES = (
     "devkit/usb_camera.py",
 )
 LEFT_OUT = ("bodies/v4l2/camera.py",)
-"""Files left out of the agent: they need a newer Python, and only a computer uses them."""
+"""Files left out of the agent, because they need a newer Python and only a computer uses them."""
 EPOCH = (1980, 1, 1, 0, 0, 0)
 MAIN = "from robot.bodies.ev3.agent.__main__ import main\n\nmain()\n"
 Files = Sequence[tuple[str, Path | bytes]]
@@ -34,7 +35,7 @@ Files = Sequence[tuple[str, Path | bytes]]
 
 
 def agent_sources() -> dict[str, Path]:
-    """Return the agent's modules: name in the archive to local file."""
+    """Return the agent's modules: maps the name in the archive to the local file."""
     top = Path(next(iter(robot.__path__)))
     return {
         f"robot/{name}": top / name
@@ -55,7 +56,7 @@ def release() -> str:
 def make_agent() -> bytes:
     """Return the archive; the same sources give the same bytes."""
     contents = {name: file.read_text() for name, file in agent_sources().items()}
-    # The parents' __init__.py may need a newer Python, so empty ones replace them.
+    # The parent packages' __init__.py may need a newer Python, so they are replaced by empty files.
     parents = {parent for name in contents for parent in list(Path(name).parents)[:-1]}
     empty = {f"{parent.as_posix()}/__init__.py": "" for parent in parents}
     contents = {"__main__.py": MAIN} | empty | {n: t for n, t in contents.items() if n not in empty}
@@ -68,7 +69,7 @@ def make_agent() -> bytes:
 
 
 def make_bundle(folder: Path, server: Path, web: Path) -> None:
-    """Copy this installation and python-ev3dev2 into `folder`, for Python's path.
+    """Copy this installation and python-ev3dev2 into `folder`, which will be on Python's path.
 
     Args:
         folder: The target folder; it is created.

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from robot.bodies.ev3.link import RemotePicture
 
 WHEEL_TOLERANCE = 0.25
-"""Maximum relative error of a wheel's speed; a weak battery or friction causes some."""
+"""Maximum relative error of a wheel's speed. A weak battery or friction causes some error."""
 Advice = str | Literal[False]
 
 
@@ -44,7 +44,7 @@ class WheelTurn:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BrickFacts:
-    """All measurements. `inspected` is the agent's answer to `inspect`."""
+    """All measurements. `inspected` is the agent's answer to the question `inspect`."""
 
     address: str
     ports: tuple[str, str]
@@ -230,7 +230,7 @@ def _camera(facts: BrickFacts) -> Iterator[Finding]:
 def _offers(camera: dict[str, Any]) -> Iterator[Finding]:
     if "fault" in camera:
         yield _judge("camera", camera["fault"], wrong="unplug it and plug it in again")
-    elif offers := camera["offers"]:  # a camera's second device has no pictures
+    elif offers := camera["offers"]:  # a camera's second device offers no pictures
         text = "; ".join(f"{kind} {', '.join(sizes)}" for kind, sizes in offers.items())
         advice = (
             "YUYV" not in offers

@@ -1,6 +1,6 @@
 """Converts actions to wheel speeds for every kind of connection to a brick, and drives the brick.
 
-The driver `ev3` is for the brick that this program runs on: python-ev3dev2 reaches its devices.
+The driver `ev3` is for a brick that runs this program itself; it uses python-ev3dev2.
 """
 
 from __future__ import annotations
@@ -26,8 +26,9 @@ from robot.types import Action, Mode, Point, Sensors
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChassisOptions(Options):
-    """How the robot is built. The defaults are the paper's robot: forward turns both wheels at
-    360 degrees a second and makes 16 cm/s; a turn drives one wheel backward at 90."""
+    """How the robot is built. The defaults are the paper's robot: to drive forward it turns both
+    wheels at 360 degrees a second and makes 16 cm/s; for a turn it drives one wheel backward at 90
+    degrees a second."""
 
     left_port: str = option("outB", "port of the left motor")
     right_port: str = option("outC", "port of the right motor")
@@ -64,7 +65,7 @@ class ChassisOptions(Options):
         return (-360 if self.reversed_motors else 360) / (math.pi * self.wheel_diameter_m)
 
     def ports(self) -> dict[str, str]:
-        """Return the ports of motors and sensors for `BrickBody` and its kind."""
+        """Return the ports of motors and sensors, for `BrickBody` and similar bodies."""
         return {
             "left": self.left_port,
             "right": self.right_port,
@@ -111,7 +112,7 @@ def wheels_of(options: ChassisOptions) -> TwoWheels:
 
 
 class ChassisDriver(ConnectedDriver[ChassisBody]):
-    """A driver over a `ChassisBody`, which subclasses choose."""
+    """A driver of a `ChassisBody`; the subclass chooses which body."""
 
     default_camera: ClassVar[str] = "v4l2"
     declared_moves = tuple(CLASSIC.values())
@@ -136,7 +137,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
     def drive(
         self, action: Action, point: Point | None = None, *, speed_scale: float = 1.0
     ) -> Action:
-        """See `Driver`; the uncorrected order also moves the estimated pose."""
+        """See `Driver`. The estimated pose moves by the order before its correction."""
         sent = super().drive(action, point, speed_scale=speed_scale)
         left_mps, right_mps = self.wheels_mps(sent, point)
         speeds_mps = speed_scale * left_mps, speed_scale * right_mps
@@ -149,7 +150,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
 
     @abstractmethod
     def _open(self) -> ChassisBody:
-        """Return the body, not yet opened; `_begin` opens it."""
+        """Return the body. It is opened later, by `_begin`."""
 
     def _begin(self) -> None:
         left_dps, right_dps = self._connected().open()
@@ -221,7 +222,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
                 self._clock.sleep(min(ACTION_TIMEOUT_S / 4, left_s))
         finally:
             self.stop()
-        self._clock.sleep(0.3)  # until the robot stands
+        self._clock.sleep(0.3)  # wait until the robot stands
         after = self.rolled_m()
         return after[0] - before[0], after[1] - before[1]
 

@@ -15,7 +15,7 @@ from robot.errors import DriveError
 ROUND_TRIPS = 20
 PICTURES_S = 5.0
 WHEEL_TEST = ((1, 0), (0, 1), (1, 1), (-1, -1))
-"""Directions of the wheels in each part of the test; 2.5 s each, ten in all."""
+"""Directions of the left and right wheel in each part of the test. A part takes 2.5 s."""
 WHEEL_PART_S = 2.5
 ROLL_OUT_S = 0.3
 WHEEL_DPS = 180.0
@@ -88,7 +88,8 @@ def _try_wheels(
 
 
 def _turn(link: BrickLink, body: RemoteBody, part: tuple[int, int]) -> WheelTurn:
-    """Turn the wheels for one part of the test, by short moves that end with this program."""
+    """Turn the wheels for one part of the test, by short moves, so that they stop if this program
+    ends."""
     clock, stalled = link.clock, [False, False]
     asked_dps = [way * WHEEL_DPS for way in part]
     before, began_s = body.positions(), clock.now_s()

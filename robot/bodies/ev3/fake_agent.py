@@ -1,4 +1,4 @@
-"""A brick's real agent on a thread, with a brick made of files and a fake EV3 camera."""
+"""Runs a brick's real agent on a thread, with a brick made of files and a fake EV3 camera."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from robot.bodies.v4l2.device import VideoFrame
 SECRET = "the secret of a fake brick"
 PERIOD_S = 0.1
 AGE_S, AGE_SPREAD_S = 0.095, 0.05
-"""Least age of a C270's picture when an EV3 receives it, and the range above it, in seconds."""
+"""Least age of a C270's picture when an EV3 receives it, and how much higher the age may be, in
+seconds."""
 
 
 class FakeCameraReader:

@@ -1,8 +1,8 @@
 """An EV3 made of files, with a thread that simulates the kernel's motor driver.
 
-A plain file still contains old bytes after a shorter value, so only the first line of each file
-counts. A file cannot refuse a write (EINVAL), so the thread records a refused command in `refused`,
-and nothing moves.
+A plain file still contains old bytes after a shorter value was written, so only the first line of
+each file counts. A file cannot refuse a write with EINVAL as the kernel does. So the thread records
+such a command in `refused`, and nothing moves.
 """
 
 from __future__ import annotations
@@ -19,9 +19,10 @@ from robot.types import StartStop
 
 POLL_S = 0.002
 _SEEN_NS = 0
-"""File time of an obeyed command: two commands may be written within one tick of file times."""
+"""The modification time that marks a command as obeyed. Times of two commands cannot be compared,
+because both may be written within one tick of file times."""
 MAX_SPEED = 1050
-"""Maximum speed of a large motor in counts a second; the kernel refuses more."""
+"""Maximum speed of a large motor, in counts a second. The kernel refuses a higher speed."""
 DEFAULTS = {
     "polarity": "normal",
     "ramp_up_sp": "0",
@@ -39,7 +40,7 @@ LEFTOVERS = {
     "time_sp": "7000",
     "stop_action": "hold",
 }
-"""The initial attributes of the motors, left by another program."""
+"""The initial attributes of the motors, as another program may leave them."""
 
 
 @dataclass(frozen=True)
@@ -81,8 +82,8 @@ class FakeMotor:
 class FakeBrick(StartStop):
     """The files and the kernel thread; a context manager. Motors at outB and outC.
 
-    Both motors have settings left by another program. With a virtual `clock`, only code that waits
-    by the same clock can use the brick; an agent in a separate process needs the real clock.
+    Both motors begin with the settings of another program. With a virtual `clock`, only code that
+    waits by the same clock can use the brick; an agent in a separate process needs the real clock.
     """
 
     def __init__(self, root: Path, *, clock: Clock | None = None) -> None:
@@ -141,7 +142,7 @@ class FakeBrick(StartStop):
         self.motors[port] = FakeMotor(folder, port)
 
     def unplug_motor(self, port: str) -> None:
-        """Unplug a motor: its files vanish; open files fail, unlike the kernel's (see tests)."""
+        """Unplug a motor: its files vanish."""
         motor = self.motors.pop(port)
         motor.folder.rename(self.root / f"unplugged-{port}")
 
@@ -180,7 +181,7 @@ class FakeBrick(StartStop):
         return {port: motor.speed for port, motor in self.motors.items()}
 
     def wait_until(self, is_so: Callable[[], bool], timeout_s: float = 3.0) -> float:
-        """Wait for a condition (a callable); return the time it took, or fail."""
+        """Wait until `is_so` returns True; return the time that it took, or fail."""
         started_s = self.clock.now_s()
         while not is_so():
             assert self.clock.now_s() - started_s <= timeout_s, "timed out waiting"
@@ -214,7 +215,7 @@ class FakeBrick(StartStop):
             motor.write("position", f"{motor.position:012.0f}")
         if motor.command.stat().st_mtime_ns == _SEEN_NS:
             return
-        # First, because commands from now on count.
+        # This comes first, because commands from now on count.
         os.utime(motor.command, ns=(_SEEN_NS, _SEEN_NS))
         if command := motor.read("command"):
             self._obey(motor, command, now_s)
@@ -235,7 +236,7 @@ class FakeBrick(StartStop):
             sign = -1 if motor.read("polarity") == "inversed" else 1
             motor.speed = sign * speed
             motor.until_s = now_s + time_ms / 1000 if is_timed else float("inf")
-        elif motor.speed and ramp_s:  # it slows down gradually, like a real motor
+        elif motor.speed and ramp_s:  # the wheel slows down gradually, like a real motor
             motor.until_s = now_s + ramp_s
         else:
             motor.speed = 0
@@ -248,7 +249,7 @@ class FakeBrick(StartStop):
         for name, value in DEFAULTS.items():
             if name not in motor.kept:
                 motor.write(name, value)
-        # Last, because its readers must also see everything else.
+        # This comes last, because its readers must also see everything else.
         motor.write("position", "000000000000")
 
     def start(self) -> None:

@@ -32,7 +32,7 @@ class BrickConnection:
     """One sealed connection to an agent that has proved its identity.
 
     Raises:
-        DriveError: If the agent refuses, or is not ours.
+        DriveError: If the agent refuses, or does not know the secret.
         ValueError: If a message was changed on the way or is from somebody else.
     """
 
@@ -92,7 +92,7 @@ def join(
 
     Raises:
         ConfigurationError: If the address is not valid.
-        DriveError: If nobody answers, or the agent refuses or is not ours.
+        DriveError: If nobody answers, or the agent refuses or does not know the secret.
     """
     host, port = split_address(address, PORT, "--brick")
     do = f"start it with: {_renew(host)}"

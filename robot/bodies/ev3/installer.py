@@ -1,4 +1,4 @@
-"""Works on a brick over ssh: scripts for its shell, and the streams that feed them."""
+"""Runs scripts on a brick over ssh, and sends them their files."""
 
 from __future__ import annotations
 
@@ -68,7 +68,8 @@ def installed_packages(target: str) -> str:
 
 
 def pack(file: Path, files: Files) -> None:
-    """Write everything that a brick needs to one file, the installation script first."""
+    """Write everything that a brick needs to one file, which begins with the installation
+    script."""
     with told_as(ConfigurationError, f"cannot write {file}"), whole_file(file) as stream:
         write_tar(stream, [("install", INSTALL_SCRIPT.encode()), *files])
 

@@ -1,4 +1,4 @@
-"""Gradient histograms in whole numbers, by look-up tables: features for a brick without an FPU."""
+"""Gradient histograms in whole numbers, by look-up tables, for a brick without an FPU."""
 
 from __future__ import annotations
 
@@ -24,23 +24,24 @@ _BEYOND = 108
 _SCALE = 4
 _LINE, _TWO_LINES = THUMBNAIL_WIDTH, 2 * THUMBNAIL_WIDTH
 _NOISE = 400
-"""Sum of gradients below which a neighbourhood counts as plain: a grey level at each pixel."""
+"""Sum of gradients below which a neighbourhood counts as plain: one grey level per pixel."""
 _FULL = 1023
 """Share of the neighbourhood's gradients at which a bin saturates, in 1/4096."""
 
 
 class IntegerGradientFeatures:
-    """Histograms of gradient orientations beside a grey picture at half contrast: 1360 bytes.
+    """Histograms of gradient orientations, and a grey picture at half contrast: 1360 bytes.
 
-    Like `GradientFeatures`, at a tenth of the cost on a processor without a floating-point unit.
-    The gradients are computed on the small picture, in 5x4 cells of 6x10 pixels. Two differences of
-    seven bits are the index into a table of direction and magnitude, and one count over all pixels
-    yields the histograms of all cells. A cell is divided by the sum of its 3x3 neighbourhood; the
-    square root is also a table. The result is the same on every machine.
+    They are like `GradientFeatures`, but take a tenth of the time on a processor without a
+    floating-point unit. The gradients are computed on the small picture, in 5x4 cells of 6x10
+    pixels. A pixel's two differences are the index into a table of direction and magnitude, and one
+    count over all pixels yields the histograms of all cells. A cell is divided by the sum of its
+    3x3 neighbourhood; the square root is also taken from a table. The result is the same on every
+    machine.
 
-    A gradient byte is a multiple of 4, because `IntegerRidge` uses the upper six bits. The grey
-    picture begins with every second pixel of every second line, which is enough to compare
-    pictures.
+    A gradient byte is a multiple of 4, because `IntegerRidge` uses only the upper six bits. In the
+    grey picture every second pixel of every second line comes first, because these are enough to
+    compare pictures.
     """
 
     name = "integer-gradient"
@@ -103,7 +104,7 @@ class IntegerGradientFeatures:
 
 
 class _Tables(NamedTuple):
-    """Tables computed once, 70 KB; without floats, which would take seconds on a brick.
+    """Tables of 70 KB that are computed once, without floats, which would take seconds on a brick.
 
     Attributes:
         codes: Direction and magnitude step of a gradient, by its two differences: the index is 256
@@ -156,9 +157,9 @@ def _direction(across: int, down: NDArray[np.int32]) -> NDArray[np.int32]:
 def _small_at_half_contrast(frame: Frame) -> NDArray[np.int16]:
     """Return 40x30 grey values from 0 to 127, shape (30, 40).
 
-    In a picture of 160x120, the middle four pixels of each 4x4 block are averaged, which costs a
-    quarter of all sixteen and measures no worse (docs/explanation/learner.md). In other sizes,
-    whole areas are averaged.
+    In a picture of 160x120, the middle four pixels of each 4x4 block are averaged. This takes a
+    quarter of the time for all sixteen, with results as good (docs/explanation/learner.md). In
+    other sizes, whole areas are averaged.
     """
     grey = image.to_grey(frame)
     if grey.shape != (4 * THUMBNAIL_HEIGHT, 4 * THUMBNAIL_WIDTH):

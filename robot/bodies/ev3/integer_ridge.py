@@ -2,8 +2,8 @@
 
 Source: Zakharov, White and Liu, "Low-complexity RLS algorithms using dichotomous coordinate
 descent iterations" (IEEE Transactions on Signal Processing, 2008): each frame is added to the
-normal equations, and a few steps of coordinate descent follow instead of an exact solution. Here
-each step minimises the error in its coordinate exactly.
+normal equations, which are not solved exactly but by a few steps of coordinate descent. Here each
+step minimises the error in its coordinate exactly.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from robot.learner.votes import Floats
 _ONE = 1 << 24
 """A score of 1: the target of a frame's own label."""
 _SHIFT = 2
-"""Values are used in steps of 4, so that they take six bits: a product of two takes twelve."""
+"""Values are used in steps of 4, so that they take six bits and a product of two values twelve."""
 _TOP = 63
 _FULL = 1 << 30
-"""Upper bound of a sum of products. When it is reached, all sums are halved: after seven hours of
-teaching at ten frames a second."""
+"""Upper bound of a sum of products. When a sum reaches it, after seven hours of teaching at ten
+frames a second, all sums are halved."""
 _MOST_HALVINGS = 62
 _PENALTY = 3 * _TOP**2
 """Weight of the squared coefficients, in units in which a value of 252 is 1."""
@@ -37,10 +37,10 @@ STEPS = 4
 class IntegerRidge(LinearPart):
     """A linear score per label, from the first `n_features` values of a vector of bytes.
 
-    Approaches the solution of `RecursiveRidge` with a few steps after each frame. Every operation
-    is exact in whole numbers, so machines agree bit for bit and nothing drifts: `residual` always
-    equals `moments - weights @ products`. Here `products` is the sum of z z' (with the penalty on
-    the diagonal), and `moments` is the sum of target z.
+    A few steps after each frame approach the solution of `RecursiveRidge`. Every operation is exact
+    in whole numbers, so all machines agree bit for bit and errors do not accumulate: `residual`
+    always equals `moments - weights @ products`. Here `products` is the sum of z z' (with the
+    penalty on the diagonal), and `moments` is the sum of target z.
 
     A frame costs n_features ** 2 additions and multiplications, and each step a few times
     n_features. Angles are not learned: on a brick only the images decide the steering.
@@ -106,7 +106,7 @@ class IntegerRidge(LinearPart):
         self._improve(self.n_features)
 
     def _improve(self, steps: int) -> None:
-        """Minimise the error in single weights, those with the largest effect first."""
+        """Minimise the error in single weights, beginning with the weight of the largest effect."""
         weights, residual, products = self._weights, self._residual, self._products
         for _ in range(steps):
             label, i = divmod(int(np.abs(residual).argmax()), self.size)
@@ -133,7 +133,8 @@ class IntegerRidge(LinearPart):
         return z
 
     def _mean_input(self, x: Vector) -> Floats:
-        """The same for the mean of some frames, which is not a vector of whole numbers."""
+        """Return the same as `_input` for the mean of some frames, which is not in whole
+        numbers."""
         return np.append(np.asarray(x[: self.n_features], np.float64) / (1 << _SHIFT), _TOP)
 
     def faults(self) -> Iterator[str]:

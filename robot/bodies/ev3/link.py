@@ -24,11 +24,11 @@ from robot.types import Encoding
 
 SILENCE_S = 0.4
 """Time without a report after which a brick counts as silent, in seconds. A brick sends ten reports
-a second, and by then its last move has ended."""
+a second. After this time its last move has ended."""
 GONE_S = PATIENCE_S + 1.0
 """Time of silence after which a brick is joined again, in seconds. It is longer than the brick's
-body takes to open. After a minute without a connection, TCP would retry only another minute
-later."""
+body takes to open. TCP itself would retry too late: after a minute without a connection, only once
+a minute."""
 PING_S = 0.1
 REJOIN_S = 0.5
 
@@ -113,7 +113,7 @@ class BrickLink:
         self.send(do, **rest)
 
     def release(self, *keys: str) -> None:
-        """Forget a held command; without held commands the connection is closed. Idempotent."""
+        """Forget held commands; when no command is held, close the connection. Idempotent."""
         for key in keys:
             self._held.pop(key, None)
         if self._held or self._thread is None:
@@ -124,8 +124,8 @@ class BrickLink:
         self._thread = None
 
     def send(self, do: str, **rest: Any) -> None:
-        """Send one command, also to a silent brick, which may only be delayed. DriveError if the
-        connection is lost; then the brick stops by itself."""
+        """Send one command, even to a brick that is silent, because its messages may only be
+        delayed. Raises DriveError if the connection is lost; then the brick stops by itself."""
         lost = self._lost  # the thread may join again meanwhile
         if lost is not None:
             raise DriveError(lost)
@@ -207,7 +207,7 @@ class BrickLink:
         elif "fault" in message:
             self.report = {**self.report, "fault": message["fault"]}
         else:
-            # This is not an answer; the next ping retries.
+            # This is not an answer. The next ping tries again.
             if self._opens_again and "failed" in message:
                 raise OSError(message["failed"])
             self._opens_again = self._opens_again and "opened" not in message
@@ -215,7 +215,8 @@ class BrickLink:
             self._answered.set()
 
     def _measure_offset(self, sent_s: float) -> None:
-        """Estimate the clocks' offset from the quickest message; allows for a drift of 1 ms/s."""
+        """Estimate the offset of the clocks from the quickest message; the clocks may drift by 1
+        ms/s."""
         offset_s = self._received_s - sent_s
         if self._offset_s is None:
             self._offset_s = offset_s

@@ -15,7 +15,7 @@ from robot.errors import CameraError, ConfigurationError, DriveError
 
 
 class Ev3RemoteCamera(WatchedCamera):
-    """Unchanged frames of the brick's camera, only the newest, with this machine's times."""
+    """The newest frames of the brick's camera, unchanged, with times of this machine's clock."""
 
     name: ClassVar[str] = "ev3-remote"
     options_type: ClassVar[type[Any]] = UsbCameraOptions

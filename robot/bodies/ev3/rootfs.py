@@ -10,9 +10,10 @@ from pathlib import Path
 from robot.errors import ConfigurationError, RobotError
 
 PYTHON_VERSIONS = {"bookworm": (3, 11), "trixie": (3, 13)}
-"""The releases that are known to work, and their Python. Trixie is the last release with armel."""
+"""The Debian releases that are known to work, with their Python. Trixie is the last release for
+armel."""
 DEFAULT_RELEASE = "bookworm"
-"""Its pydantic 1 takes 14 MB less than trixie's pydantic 2, and imports in half the time."""
+"""Bookworm's pydantic 1 takes 14 MB less than trixie's pydantic 2, and imports in half the time."""
 PACKAGES = (
     "python3",
     "python3-numpy",
@@ -46,7 +47,7 @@ def userland_stamp(release: str) -> str:
 def build_userland(folder: Path, release: str = DEFAULT_RELEASE, mirror: str = "") -> None:
     """Unpack the packages into `folder`, without running their programs: works on any processor.
 
-    Takes about ten seconds with a nearby mirror, and 80 MB.
+    This takes about ten seconds with a nearby mirror, and 80 MB on the disk.
 
     Args:
         folder: The target folder.
@@ -94,7 +95,8 @@ def build_userland(folder: Path, release: str = DEFAULT_RELEASE, mirror: str = "
 
 
 def _choose_alternatives(folder: Path) -> None:
-    """Replace the packages' scripts, which did not run, because packages were only unpacked."""
+    """Do the work of the packages' scripts, which did not run, because packages were only
+    unpacked."""
     for name in ("bin", "sbin", "lib"):  # since trixie these folders are links into usr
         if not (folder / name).exists():
             (folder / name).symlink_to(f"usr/{name}")
@@ -115,7 +117,7 @@ def precompile(root: Path, folders: tuple[str, ...], release: str = DEFAULT_RELE
     if python is None:
         return False
     command = [python, "-OO", "-m", "compileall", "-q", "-s", str(root), "-p", "/"]
-    # Files that do not compile are tests of another Python, which nobody imports.
+    # Files that do not compile are tests for another Python; nobody imports them.
     subprocess.run(
         [*command, *(str(found) for folder in folders for found in root.glob(folder))],
         stdout=subprocess.DEVNULL,

@@ -1,4 +1,4 @@
-"""Shell scripts for a brick: start the agent, keep it running, install the server. Only texts.
+"""Shell scripts for a brick, as texts: start the agent, keep it running, install the server.
 
 The scripts can be run twice, and leave the old version in place until the new one is complete.
 """
@@ -109,9 +109,9 @@ ENVIRONMENT = {
     "HOME": "/root",
     "PATH": "/usr/bin:/bin",
 }
-"""The environment of the server on a brick. By default, the C library has an arena for each thread,
-each with free memory of its own; but Python's threads take turns anyway. Without a fixed threshold,
-the learner's snapshots would leave gaps in the heap."""
+"""The environment of the server on a brick. By default, the C library has an arena with free memory
+for each thread; one arena is enough, because Python's threads take turns. Without a fixed
+threshold, the learner's snapshots would leave gaps in the heap."""
 _ENV = " \\\n  ".join(f"{name}={value}" for name, value in ENVIRONMENT.items())
 UNIT = f"""\
 [Unit]
@@ -178,4 +178,4 @@ systemctl enable drivelesson
 systemctl restart drivelesson
 echo 'installed; the page is there when the brick no longer says "starting"'
 """
-"""Receives a tar of program, start, unit and, if it is new, the userland; installs them."""
+"""Receives a tar of program, start, unit and, if it has changed, the userland; installs them."""

@@ -25,8 +25,9 @@ _SENSOR_PORTS = {f"in{place + 1}": place for place in range(4)}
 class StockBody:
     """A brick as a `ChassisBody`: two motors, and the sensors that are plugged in.
 
-    The next message is sent only after an answer, so at most one order can be on its way when a
-    connection stalls. Delivered late, this order moves the robot for at most 0.4 s.
+    A message is sent only after the previous message's answer, so at most one order can be on its
+    way when a connection stalls. If this order is delivered late, it moves the robot for at most
+    0.4 s.
     """
 
     def __init__(self, open_line: Callable[[], BrickLine], ports: Mapping[str, str]) -> None:
@@ -48,7 +49,7 @@ class StockBody:
         """Connect, stop motors that another program left running, and find motors and sensors."""
         self._is_lost = self._is_closed = False
         self._line = self._open_line()
-        if self._is_closed:  # another thread has done it in the meantime
+        if self._is_closed:  # another thread has closed it in the meantime
             self.close()
         self._ask(codec.stop(self._both) + codec.reset(self._both))
         ports = [*range(4), *(codec.OUTPUTS + port for port in self._motors)]

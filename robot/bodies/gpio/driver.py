@@ -47,8 +47,8 @@ class GpioOptions(Options):
         self.settings()
 
     def settings(self) -> dict[str, Any]:
-        """Return the settings for the process that owns the pins; ConfigurationError if a pin does
-        not exist or is used twice."""
+        """Return the settings for the process that owns the pins. Raises ConfigurationError if a
+        pin does not exist or is used twice."""
         names = ("esc_pin", "servo_pin") if self.is_car else ("left_pins", "right_pins")
         motors = [self._pins(name, 1 if self.is_car else 2) for name in names]
         bumper = self._pins("bumper_pin", 1) if self.bumper_pin else []
@@ -127,7 +127,7 @@ class GpioDriver(ReportingDriver):
         return {**self.options.settings(), "signs": signs}
 
     def correct(self, correction: Correction) -> None:
-        """See `Driver`; to reverse other motors, a new process takes the pins."""
+        """See `Driver`. If other motors are to be reversed, a new process takes the pins."""
         is_rewired = self.is_connected and correction.signs != self.correction.signs
         super().correct(correction)
         if is_rewired:

@@ -1,9 +1,10 @@
 """The process that owns the pins: it stops the motors when the robot's program dies or freezes.
 
 `python -m robot.bodies.gpio.keeper JSON` reads orders from the socket that is its standard input,
-and answers each with a report there. If the program that set a pin is killed or hangs, the pin
-keeps its level. So the process that owns the pins does nothing else: no camera, no learner, no
-network. Its parent process does even less: it waits, and replaces the child if it is killed.
+and answers each order with a report on this socket. If the program that set a pin is killed or
+hangs, the pin keeps its level. So the process that owns the pins does nothing else: no camera, no
+learner, no network. Its parent process does even less: it waits, and replaces the process if it is
+killed.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ def keep(motors: TimedMotors, line: Connection, clock: Clock) -> None:
             if is_asked:
                 report = motors.obey(line.recv_bytes(_LONGEST_ORDER), _ms(clock))
                 line.send_bytes(encode_plain_report(report))
-    except (EOFError, ConnectionError):  # errors of the pins are not caught, but reported
+    except (EOFError, ConnectionError):  # errors of the pins are not caught here, but reported
         return
     finally:
         motors.stand()
@@ -66,7 +67,7 @@ def _ms(clock: Clock) -> int:
 
 
 def hold(settings: dict[str, Any]) -> None:
-    """Claim the pins and obey orders; report to the caller success, or the reason for a failure."""
+    """Claim the pins and obey orders. Report success to the caller, or the reason for a failure."""
     line = Connection(0)
     try:
         motors = make_motors(settings)
@@ -87,7 +88,7 @@ def outlive(work: Callable[[], None]) -> None:
     """Run the work in a child process; replace the child if it is killed, until one ends by itself.
 
     SIGUSR1 kills a child that hangs. The next child has the pins within milliseconds, and stops the
-    motors. A newly started program would need seconds, while the motors run on.
+    motors. If the program had to be started anew, the motors would run on for seconds.
     """
     while child := os.fork():
         signal.signal(signal.SIGUSR1, partial(_kill, child))
@@ -98,8 +99,7 @@ def outlive(work: Callable[[], None]) -> None:
 
 
 def main() -> None:
-    # These signals are for the robot's program; this process ends after it, with the motors
-    # stopped.
+    # These signals are for the robot's program. This process stops the motors and ends after it.
     for quiet in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
         signal.signal(quiet, signal.SIG_IGN)
     # Import before the forks, so that each child starts at once. If gpiozero is missing, the child

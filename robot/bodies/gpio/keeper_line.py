@@ -16,7 +16,7 @@ START_S = 30.0
 """Time limit for a keeper to start, in seconds: Python's imports take long on a small Raspberry
 Pi."""
 HANGS_S = 0.3
-"""Time without an answer after which a keeper is killed, in seconds; its successor stops the
+"""Time without an answer after which a keeper is killed, in seconds. The next keeper stops the
 motors."""
 
 
@@ -26,7 +26,7 @@ class KeeperLine:
     def __init__(self, command: Sequence[str], clock: Clock) -> None:
         self._command, self._clock = command, clock
         self._trouble = "the process that holds the pins did not start"
-        """The reason why no keeper owns the pins now; empty if one does."""
+        """The reason why no keeper owns the pins now; empty if a keeper owns them."""
         self._start()
         self._next(START_S)
         if self._trouble:
@@ -50,7 +50,7 @@ class KeeperLine:
         if self._waits_s is None:
             self._waits_s = now_s
         if self._next(0.0) is not None:
-            self._waits_s = now_s  # the answer came after the timeout
+            self._waits_s = now_s  # the answer came too late
         silent_s = now_s - self._waits_s
         if self._has_ended or silent_s > START_S:
             self._trouble = self._trouble or "it ended, and is being restarted"

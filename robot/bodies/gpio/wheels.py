@@ -1,4 +1,4 @@
-"""Motors on pins that end each move by themselves. Pure: the time is an argument."""
+"""Motors on pins; each move ends by itself. Pure: the time is an argument."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Build = Callable[[Point, float], Pair]
 
 
 def tracked(straight_speed: float, turn_speed: float) -> Build:
-    """Two wheels that steer by their difference; speeds are shares of the motors' full speed."""
+    """Two wheels that steer by the difference of their speeds, which are shares of full speed."""
     ahead, turn = straight_speed, turn_speed
     wheels = TwoWheels(ahead=ahead, back=ahead, turn=(0.0, turn), spin=turn)
 
@@ -86,7 +86,8 @@ class TimedMotors:
             self.stand()
 
     def obey(self, line: bytes, now_ms: int) -> BodyReport:
-        """Obey one line and return the report; a line that is not an order only requests it."""
+        """Obey one line and return the report. A line that is not an order only requests the
+        report."""
         self.tick(now_ms)
         order = parse_plain_order(line, CLASSIC_POINTS)
         if order is not None and order.seq > self._seq:

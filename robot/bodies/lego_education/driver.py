@@ -1,4 +1,4 @@
-"""LEGO Education CS & AI: its double motor, over Bluetooth LE, by LEGO's library."""
+"""The double motor of LEGO Education CS & AI, over Bluetooth LE, by LEGO's library."""
 
 from __future__ import annotations
 
@@ -21,13 +21,14 @@ from robot.types import Action, Point, Sensors
 
 SEARCH_S = 8.0
 GONE_S = 0.4
-"""Time without a report after which the motor counts as gone, in s; it sends ten a second."""
+"""Time without a report after which the motor counts as gone, in s. It sends ten reports a
+second."""
 AGAIN_S = 2.0
 _NOTE_EVERY_MS = 100
 FULL_PERCENT = 100
-"""Acceleration and deceleration in percent; a motor that brakes gently would stop too late."""
+"""Acceleration and deceleration, in percent. A motor that brakes gently would stop too late."""
 TURN_STEERING = 50
-"""A turn is about the inner wheel, like `left` and `right` by definition; 100 would spin."""
+"""A turn is about the inner wheel, as `left` and `right` are defined. With 100 it would spin."""
 _ADDRESS = re.compile(
     r"(?:[\dA-F]{2}:){5}[\dA-F]{2}|[\dA-F]{8}(?:-[\dA-F]{4}){3}-[\dA-F]{12}", re.I
 )
@@ -122,7 +123,7 @@ class LegoEducationDriver(ConnectedDriver[Any]):
 
     def _reach(self, motor: Any) -> None:
         self._tried_s = self._clock.now_s()
-        # For example, library and firmware do not match; the message then says what to do.
+        # If for example library and firmware do not match, the message says what to do.
         with told_as(DriveError, "the double motor cannot be used", Exception):
             motor.connect(self._found, device_notification_delay=_NOTE_EVERY_MS)
         if not motor.connected:
@@ -158,7 +159,8 @@ class LegoEducationDriver(ConnectedDriver[Any]):
             )
 
     def sense(self) -> Sensors:
-        """Return the double motor's last report; a lost motor is searched for from time to time."""
+        """Return the double motor's last report. If the motor is lost, search for it from time to
+        time."""
         motor = self._connection
         if motor is None:
             return Sensors()

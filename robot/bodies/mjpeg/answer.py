@@ -1,7 +1,7 @@
 """Reads a camera's HTTP response: the head, then pictures.
 
 Cameras differ in the bytes between their pictures: boundaries, line ends, blank lines, wrong
-lengths. JPEG and PNG contain markers for their start and end, so only these markers are trusted.
+lengths. JPEG and PNG contain markers of their start and end, so only these markers are trusted.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ MAX_PART_BYTES = 4 * 2**20
 _PNG = b"\x89PNG\r\n\x1a\n"
 _START = re.compile(rb"\xff\xd8\xff|\x89PNG\r\n\x1a\n")
 _IN_SCAN = re.compile(rb"\xff[\xc4\xd8-\xdd]")
-"""The markers that may follow within a scan: tables, a new scan, the end, or a new picture if this
-one was cut off."""
+"""The markers that may end a scan: tables, a new scan, the picture's end, or the next picture if
+this picture was cut off."""
 _TYPE = re.compile(rb"content-type:[ \t]*([\w/.+-]+)", re.IGNORECASE)
 _SOI, _EOI, _SOS = 0xD8, 0xD9, 0xDA
 _KEPT_BYTES = 256
-"""Number of bytes outside pictures that are kept, because a head may be incomplete."""
+"""Number of bytes outside pictures that are kept, because they may be an incomplete head."""
 
 
 class Answer(HTTPResponse):
@@ -52,7 +52,7 @@ class Answer(HTTPResponse):
             raise ConnectionError("it closed the connection without an answer")
         picture = _START.search(head)
         end = picture.start() if picture else len(head)
-        if head.lstrip().startswith(b"--"):  # there is no head: the stream began at once
+        if head.lstrip().startswith(b"--"):  # there is no head; the stream begins at once
             end = 0
         text, self._rest = head[:end].lstrip(), head[end:]
         status = _STATUS.match(text)

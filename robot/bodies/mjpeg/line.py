@@ -32,8 +32,8 @@ _ADVICE = {
 
 
 class CameraLine:
-    """One connection at a time; `close` may be called on any thread, and wakes a reader. ValueError
-    if `url` cannot be a camera's address."""
+    """One connection at a time. `close` may be called on any thread, and wakes a reader. The
+    constructor raises ValueError if `url` cannot be a camera's address."""
 
     def __init__(self, url: SplitResult) -> None:
         self._address = quote(_checked(url), safe=string.punctuation)
@@ -48,7 +48,7 @@ class CameraLine:
         User and password are sent only to the configured address.
 
         Raises:
-            CameraError: If there is no stream; contains the camera's answer and advice.
+            CameraError: If there is no stream; the error contains the camera's answer and advice.
         """
         try:
             self._answer = self._follow()
@@ -133,7 +133,7 @@ class CameraLine:
         raise CameraError(f"{url.hostname}{url.path or '/'} answers {said}: {advice}")
 
     def _shown(self, asked: http.Request, challenges: list[str]) -> str:
-        """Return the response to the safest of several challenges."""
+        """Return the authorization that answers the safest of several challenges."""
         if not challenges:
             return f"Basic {base64.b64encode(f'{self._user}:{self._password}'.encode()).decode()}"
         passwords = http.HTTPPasswordMgrWithDefaultRealm()
@@ -178,7 +178,7 @@ def _origin(url: SplitResult) -> tuple[str, str | None, int]:
 
 
 def _checked(url: SplitResult) -> str:
-    """Return an address without user and password; ValueError if it cannot be a camera."""
+    """Return an address without user and password. Raises ValueError if it cannot be a camera's."""
     host = url.netloc.rpartition("@")[2].encode("idna").decode()
     if url.scheme not in _LINES or not url.hostname or url.port == 0:
         raise ValueError("not the address of a camera")

@@ -1,4 +1,4 @@
-"""A stand-in for mybot on this machine, which the tests can ask whether it moves."""
+"""A stand-in for mybot on this machine. Tests can ask it whether it moves."""
 
 from __future__ import annotations
 

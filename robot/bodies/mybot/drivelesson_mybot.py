@@ -19,7 +19,7 @@ class MybotOptions:
 
 
 class MybotDriver(ConnectedDriver[HTTPConnection]):
-    """Every move carries its time limit, so the robot stops by itself."""
+    """Every move contains its time limit, so the robot stops by itself."""
 
     name = "mybot"
     default_camera = "phone"
@@ -46,7 +46,7 @@ class MybotDriver(ConnectedDriver[HTTPConnection]):
 
     def _ask(self, path: str) -> dict[str, Any]:
         line = self._connected()
-        # The base reports the system's errors, and opens the connection again.
+        # The base class reports the system's errors, and opens the connection again.
         with told_as(OSError, self.options.mybot_address, HTTPException, ValueError):
             line.request("GET", path)
             return dict(json.loads(line.getresponse().read()))

@@ -29,7 +29,7 @@ class PhoneCamera(WatchedCamera):
     name: ClassVar[str] = "phone"
     options_type: ClassVar[type[Any]] = PhoneOptions
     source: object | None = None
-    """The owner of the phone's websocket, which sets this attribute itself."""
+    """The owner of the phone's websocket. The owner sets this attribute itself."""
     _captured_s = 0.0
     _reason: str | None = NOBODY
 

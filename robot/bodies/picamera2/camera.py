@@ -14,7 +14,7 @@ from robot.errors import CameraError, told_as
 from robot.types import Encoding
 
 _OLDEST_S = 2.0
-"""Maximum age of a picture by its time stamp, in seconds; older time stamps are ignored."""
+"""Maximum age of a picture by its time stamp, in seconds. An older time stamp is ignored."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""A LEGO hub with Pybricks, over Bluetooth LE: docs/examples/firmware/hub.py runs on it."""
+"""A LEGO hub with Pybricks, over Bluetooth LE. The hub runs docs/examples/firmware/hub.py."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Lines to and from the program on a Pybricks hub: its GATT service, by the library `bleak`.
+"""Lines to and from the program on a Pybricks hub, over the hub's GATT service, by the library
+`bleak`.
 
 The service is described at github.com/pybricks/technical-info (pybricks-ble-profile.md).
 """
@@ -24,8 +25,8 @@ STATUS_REPORT, WRITE_STDOUT = 0, 1
 PROGRAM_RUNS = 1 << 6
 SCAN_S = 8.0
 TWINS_S = 2.0
-"""How long a search continues after the first hub, in seconds, to find a second hub that matches
-too. A hub advertises itself several times a second."""
+"""How long a search continues after the first hub, in seconds, to find out if a second hub matches.
+A hub advertises itself several times a second."""
 SEND_S = 0.3
 """Timeout of a write, in seconds; there is never a second write while one is under way."""
 _LONGEST_LINE = 200
@@ -34,7 +35,8 @@ _LONGEST_LINE = 200
 async def find_hub(bluetooth: Any, same: SameDevice, clock: Clock) -> tuple[Found, Any]:
     """Return the wanted hub in range, and bleak's object for it.
 
-    The first search also looks for a second hub that matches; later ones know the hub's address.
+    The first search also looks for a second hub that matches; later searches know the hub's
+    address.
 
     Raises:
         ConnectionError: If no hub or several hubs match, or this computer has no Bluetooth.
@@ -69,7 +71,7 @@ async def find_hub(bluetooth: Any, same: SameDevice, clock: Clock) -> tuple[Foun
 
 
 class HubLine(ReconnectingLink):
-    """Lines to and from the program on a hub: the only hub in range, or the hub of this name.
+    """Lines to and from the program on a hub: the only hub in range, or the hub with a given name.
 
     `bluetooth` is the module `bleak`, or an object with `BleakScanner` and `BleakClient`. A lost
     hub is waited for; no other hub replaces it.

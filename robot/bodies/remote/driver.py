@@ -27,13 +27,13 @@ from robot.types import Action, Point, Sensors
 
 PORT = 4210
 REPLY_S = 0.15
-"""Time limit for a report, in seconds; one lost report does not count as a fault."""
+"""Time limit for a report, in seconds. A single lost report does not count as a fault."""
 GONE_S = 0.5
 """Time without any report after which the robot counts as gone, in seconds."""
 _CONNECT_S = 3.0
 _CONNECT_TRIES = 20
-"""Minimum number of requests before a robot counts as silent, because after a pause the computer
-may have sent too few requests to judge."""
+"""A robot counts as silent only after this number of requests, because the computer may have paused
+and sent too few requests to judge."""
 
 
 class MessageLine(Protocol):
@@ -56,7 +56,7 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
     hello: ClassVar[bytes] = HELLO
     no_answer: ClassVar[str]
     no_obedience: ClassVar[str]
-    """Ends of the sentences about a robot that never answered, and about one that disobeys."""
+    """Ends of two sentences: about a robot that never answered, and about a robot that disobeys."""
 
     def __init__(self, options: Any, where: str, clock: Clock | None = None) -> None:
         """Store the options; `where` names the robot in a sentence, for example `the hub`."""
@@ -64,9 +64,10 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         self._where = where
         self._report: BodyReport | None = None
         self._device = ""
-        """The robot's name for itself, if it has one; no other robot is driven afterwards."""
+        """The robot's name for itself, if it has a name. Afterwards no other robot is driven."""
         self._is_other = False
-        """True if another robot answers at the address; it gets questions, but no orders."""
+        """True if another robot answers at the address. That robot gets questions, but no
+        orders."""
         self._heard_s = 0.0
         self._disobeyed = 0
         self._seq = 0
@@ -86,7 +87,8 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         return self._report is not None and self._report.takes_points
 
     def _encode(self, order: Order, nonce: str) -> bytes:
-        """Encode one order; here as words of one line, for transports that nobody else can use."""
+        """Encode one order. The base class does it as words of one line, for transports that nobody
+        else can use."""
         return encode_plain_order(order)
 
     def _parse(self, data: bytes) -> BodyReport | None:
@@ -134,12 +136,13 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         for_ms = round(1000 * ACTION_TIMEOUT_S)
         order = Order(action, for_ms, speed_scale, self._seq, report.ms, point)
         self._exchange(self.hello if self._is_other else self._encode(order, report.nonce))
-        if self._heard_s > heard_s:  # this report may answer an earlier order, so repeat the stop
+        if self._heard_s > heard_s:  # this report may answer an earlier order: repeat the stop
             is_obeyed = self._report is not None and self._report.seq > report.seq
             self._disobeyed = 0 if is_obeyed else self._disobeyed + 1
 
     def _exchange(self, message: bytes) -> None:
-        """Send, and use the newest report that comes in time; the next call reports a lost line."""
+        """Send a message, and use the newest report that comes in time. The next call reports a
+        lost line."""
         line = self._connection
         if line is None:
             return
@@ -149,7 +152,7 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
             while data is not None:
                 self._take(data)
                 data = line.receive(0.0)
-        except OSError as error:  # also raised for a refused datagram, if nobody listens
+        except OSError as error:  # also if a datagram is refused, as nobody listens
             self._trouble = f" ({error})" if str(error) else ""
             self._clock.sleep(REPLY_S / 10)
 
@@ -183,10 +186,10 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
 def the_only_one(host: str) -> str:
     """Return the address of a name in the local network, or the host as it is.
 
-    Any machine can take such a name, and small robots often all have their example program's name.
+    Any machine can take such a name, and small robots often have the name in their example program.
 
     Raises:
-        DriveError: If several machines answer to the name; lists them.
+        DriveError: If several machines answer to the name; the error lists them.
     """
     if not host.lower().endswith(".local"):
         return host
@@ -207,7 +210,7 @@ class RemoteOptions(Options):
 
 
 class RemoteDriver(ReportingDriver):
-    """A robot that uses the one-page protocol, at an address; subclasses supply the transport."""
+    """A robot at an address, driven by the one-page protocol; subclasses supply the transport."""
 
     line_type: ClassVar[type[Any]]
     """The `MessageLine`, constructed with host and port."""

@@ -1,6 +1,6 @@
 """The messages between Drivelesson and a robot of any kind: orders and reports. Pure.
 
-It also parses a person's description of the robot: its address and its moves.
+The module also parses the address and the moves that a person states for a robot.
 """
 
 from __future__ import annotations
@@ -27,11 +27,12 @@ from MicroPython's json, also `ovf` from Arduino's print."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BodyReport:
-    """A robot's report: its identity since its last start, and the values of its sensors.
+    """A robot's report: which start of which robot it comes from, and the values of the sensors.
 
     `nonce` is new at each start of the robot, and empty if nobody else can send on the transport.
-    `seq` is the last obeyed order, and `ms` the time on the robot's clock. `takes_points` is true
-    if orders may contain steering and throttle. `device` is a unique name of the robot, or empty.
+    `seq` is the number of the last obeyed order, and `ms` the time on the robot's clock.
+    `takes_points` is true if orders may contain steering and throttle. `device` is a unique name of
+    the robot, or empty.
     """
 
     nonce: str = ""
@@ -115,7 +116,7 @@ def parse_moves(text: str) -> tuple[Move, ...]:
     Each move is a name, optionally followed by its steering and throttle.
 
     Raises:
-        ConfigurationError: If an entry is not a move; names the entry.
+        ConfigurationError: If an entry is not a move; the error names the entry.
     """
     moves = []
     for part in text.split(","):

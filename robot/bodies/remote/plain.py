@@ -1,10 +1,10 @@
 """Orders and reports as words of one line, for bodies with a private connection. Pure.
 
-An order is `MOVE FOR_MS SPEED NUMBER SEEN_MS`, for example `forward 400 1.0 7 81234`; the last word
-is the body's time in its newest report. A report is `NUMBER MS DISTANCE BUMPER BATTERY`, for
-example `7 81240 420 0 80`: the last obeyed order, the body's time, millimetres, 0 or 1, percent;
-`-` if there is no sensor. `?` requests a report. If a body ends its reports with the word `points`,
-`STEERING THROTTLE` follow an order that is steered by degrees.
+An order is `MOVE FOR_MS SPEED NUMBER SEEN_MS`, for example `forward 400 1.0 7 81234`; the last
+word, `SEEN_MS`, is the body's time in its newest report. A report is `NUMBER MS DISTANCE BUMPER
+BATTERY`, for example `7 81240 420 0 80`: the last obeyed order, the body's time, millimetres, 0 or
+1, percent. `-` stands for a sensor that is missing. `?` requests a report. If a body ends its
+reports with the word `points`, `STEERING THROTTLE` follow an order that is steered by degrees.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from robot.types import Action, Point, Sensors
 
 HELLO = b"?"
 LATE_MS = 500
-"""Time after `SEEN_MS` by which a move has ended, in milliseconds; a later order only stops."""
+"""A move ends at most this time after its `SEEN_MS`, in milliseconds. An order that arrives later
+only stops the body."""
 LONGEST_MS = 500
 
 

@@ -67,8 +67,8 @@ class ReconnectingConnection(ABC):
         """Send a message; refused while the previous message is still being sent.
 
         Raises:
-            ConnectionError: If it is refused or the connection was closed; the result raises it
-                too.
+            ConnectionError: If the message is refused or the connection was closed. The future may
+                also raise it.
         """
         before = self._sending.get(key)
         if before is not None and not before.done():

@@ -1,8 +1,8 @@
 """The device of a driver: chosen at the first connection, and never replaced. Pure.
 
 Schools own dozens of hubs with the same name. A search finds any of these hubs, so after a lost
-connection a neighbour's robot would obey. If two match at the start, it is unknown which one a
-pilot means.
+connection a neighbour's robot might be driven. If two hubs match at the start, it is unknown which
+one the pilot means.
 """
 
 from __future__ import annotations
@@ -52,10 +52,11 @@ class SameDevice:
         return found.address.lower() == wanted.lower()
 
     def pick(self, found: Iterable[Found]) -> Found | None:
-        """Return the driver's device among all that were found; None if it is missing.
+        """Return the driver's device among all found devices; None if it is missing.
 
         Raises:
-            ConnectionError: If several devices match; lists them and says how to choose one.
+            ConnectionError: If several devices match; the error lists them and says how to choose
+                one.
         """
         fitting = {one.address: one for one in found if self.may_be(one)}
         if len(fitting) > 1:

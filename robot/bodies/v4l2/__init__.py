@@ -1,1 +1,1 @@
-"""Pictures from a USB camera, for the camera plug-in and for the agent on a brick."""
+"""Pictures from a USB camera, for the camera plugin and for the agent on a brick."""

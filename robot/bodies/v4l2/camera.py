@@ -1,4 +1,4 @@
-"""A USB camera by the kernel's interface, without OpenCV and without decoding."""
+"""Reads a USB camera by the kernel's interface, without OpenCV and without decoding."""
 
 from __future__ import annotations
 

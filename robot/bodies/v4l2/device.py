@@ -108,7 +108,8 @@ class Video:
             )
 
     def _choose_encoding(self, wanted: str) -> Tuple[str, bytes]:
-        """Return YUYV if there is a choice: it needs no decoder here, and the page can show it."""
+        """Return YUYV if there is a choice, because it needs no decoder here and the page can show
+        it."""
         offered = _offered_codes(self._fd)
         for name in ("yuyv", "jpeg") if wanted == "auto" else (wanted,):
             for code in FOURCC[name]:
@@ -123,7 +124,7 @@ class Video:
         )
 
     def _set_format(self, width: int, height: int) -> Tuple[int, int, int]:
-        """Request a size; the camera answers with the nearest one and its bytes per row."""
+        """Request a size; return the nearest size that the camera has, and its bytes per row."""
         code = struct.unpack("=I", self._code)[0]
         wanted = PIX.pack(width, height, code, 1, 0, 0)
         data = fcntl.ioctl(self._fd, S_FMT, FMT.pack(CAPTURE, wanted))
@@ -205,7 +206,7 @@ def list_cameras() -> List[str]:
 
 
 def describe_camera(path: str) -> Dict[str, List[str]]:
-    """Return the camera's encodings, by its names for them, each with its sizes."""
+    """Return the camera's encodings, by the camera's names for them, each with its sizes."""
     fd = Video._open_device(path)
     try:
         codes = _offered_codes(fd)
@@ -227,7 +228,7 @@ def _offered_sizes(fd: int, code: bytes) -> List[str]:
 
 
 def _offered(fd: int, request: int, asked: bytes) -> Iterator[bytes]:
-    """Query one entry after the other until there are no more."""
+    """Query the entries one after the other until there are no more."""
     for index in range(64):
         try:
             yield fcntl.ioctl(fd, request, struct.pack("=I", index) + asked)

@@ -34,8 +34,8 @@ class OpencvCamera(WatchedCamera):
     """Frames through OpenCV, reduced and sent as JPEG.
 
     OpenCV keeps returning the last frame of an unplugged camera, and a read may block for seconds.
-    So exact repeats are ignored, and a second thread watches the time. A film starts again at its
-    end.
+    So exact repetitions of a frame are ignored, and a second thread watches the time. A film starts
+    again at its end.
     """
 
     name: ClassVar[str] = "opencv"

@@ -1,9 +1,10 @@
 """Motors and sensors of an EV3, and the agent that lends them to a remote server.
 
-Written for the Python 3.5 of ev3dev's stock image, with the standard library and python-ev3dev2;
-`robot.bodies.ev3.archive` packs it, with `robot.bodies.v4l2`, into one file for the brick.
-On a brick that runs the server itself, the driver uses `BrickBody` without the network.
+This package is written for the Python 3.5 of ev3dev's stock image, and uses only the standard
+library and python-ev3dev2. `robot.bodies.ev3.archive` packs it, with `robot.bodies.v4l2`, into one
+file for the brick. On a brick that runs the server itself, the driver uses `BrickBody` without the
+network.
 
-Safety is here, next to the motors: every move is a `run-timed`, which the kernel ends; the agent
-stops the motors when its controller falls silent or leaves; and old commands are dropped.
+Safety is implemented here, next to the motors. Every move is a `run-timed`, which the kernel ends.
+The agent stops the motors when its controller falls silent or leaves, and drops old commands.
 """

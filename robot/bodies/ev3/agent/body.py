@@ -12,8 +12,8 @@ from robot.bodies.ev3.agent.sensors import RobotSensors
 class BrickBody:
     """The brick's body, which controls motors and console.
 
-    `open` finds the devices. Every failure raises DriveError. `ports` contains the ports of `left`,
-    `right`, `ultrasonic` and `touch`. `clock` has the functions of Python's `time`.
+    `open` finds the devices. Every failure raises DriveError. `ports` maps `left`, `right`,
+    `ultrasonic` and `touch` to their ports. `clock` has the functions of Python's `time`.
     """
 
     def __init__(self, ports: Dict[str, Any], root: str = "/", clock: Any = time) -> None:
@@ -43,8 +43,8 @@ class BrickBody:
         return self.motors.top_speeds_dps()
 
     def sense(self) -> Dict[str, Any]:
-        """Return distance_m, bumped, bumpers, battery_share (None if the sensor is missing) and
-        wheels_deg, the angles by which the wheels have turned."""
+        """Return distance_m, bumped, bumpers and battery_share, each None if its sensor is missing,
+        and wheels_deg, the angles by which the wheels have turned."""
         read = self.sensors.read()
         try:
             read["wheels_deg"] = self.motors.positions()

@@ -1,4 +1,4 @@
-"""Connections to the agent: accepting them, authentication, and limits before it."""
+"""Accepts connections to the agent, limits them, and authenticates them."""
 
 import json
 import os
@@ -19,13 +19,13 @@ from robot.bodies.ev3.agent.wire import (
 )
 
 MAX_STRANGERS = 12
-"""Maximum number of connections that have not joined yet, of all addresses together."""
+"""Maximum number of connections that have not joined yet, from all addresses together."""
 JOIN_S = 1.0
 """Time limit in seconds for an unauthenticated connection to join."""
 ACCEPT_PAUSE_S = 0.2
-"""Pause after an error of `accept` (no descriptors or memory left), in seconds."""
+"""Pause after an error of `accept`, such as a lack of descriptors or memory, in seconds."""
 LARGEST_OUTBOX = 1 << 20
-"""Maximum number of unsent bytes; a controller that reads too slowly is dropped."""
+"""Maximum number of unsent bytes. A controller that reads too slowly for this is dropped."""
 
 
 class Caller:
@@ -61,7 +61,7 @@ class Caller:
             yield message
 
     def proves(self, message: Dict[str, Any], secret: str) -> bool:
-        """True if a message requests to join and proves that its sender knows the secret."""
+        """True if a message asks to join and proves that its sender knows the secret."""
         nonce = str(message.get("nonce"))
         if message.get("do") != "join" or len(nonce) < 16:
             return False
@@ -109,7 +109,7 @@ class CallerLimiter:
         self._closed_until_s = 0.0
 
     def is_open(self, now_s: float) -> bool:
-        """False for a moment after an error of `accept`, which would otherwise repeat at once."""
+        """False for a moment after an error of `accept`, because the error would repeat at once."""
         return now_s >= self._closed_until_s
 
     def accept(self, now_s: float) -> None:
@@ -134,7 +134,8 @@ class CallerLimiter:
             self._make_room("others wait")
 
     def _make_room(self, why: str) -> None:
-        """Drop the oldest unjoined connection of the busiest address: a flood evicts itself."""
+        """Drop the oldest unjoined connection of the address that has most of them, so that a flood
+        evicts only its own connections."""
         strangers = [caller for caller in self.callers if not caller.has_joined]
         names = [caller.name for caller in strangers]
         if strangers:
@@ -147,7 +148,7 @@ class CallerLimiter:
 
 
 class LimitedLog:
-    """Prints at most `LINES_A_MINUTE` lines, so that clients cannot fill a small card."""
+    """Prints at most `LINES_A_MINUTE` lines a minute, so that clients cannot fill a small card."""
 
     LINES_A_MINUTE = 20
 

@@ -20,8 +20,8 @@ EVIOCGRAB = 0x40044590
 VT_GETSTATE, VT_ACTIVATE = 0x5603, 0x5606
 SCREEN = 6
 MENU_S = 3.0
-"""Time for which Back must be held, in seconds, to return buttons and screen to the brick's menu,
-so that the brick can be switched off."""
+"""Time for which Back must be held, in seconds, until the brick's menu gets buttons and screen
+back, so that the brick can be switched off."""
 
 
 class Console:
@@ -50,10 +50,11 @@ class Console:
         try:
             fcntl.ioctl(self._keys, EVIOCGRAB, take)
         except OSError:
-            pass  # no input device, or grabbed already: then both receive the buttons
+            pass  # no input device, or it is grabbed already
 
     def take_button(self) -> Optional[str]:
-        """Return "start" (the middle button) or "stop" (any other) if one was pressed."""
+        """Return "start" if the middle button was pressed, "stop" for any other, None for no
+        button."""
         pressed = None
         while self._keys >= 0:
             try:
@@ -69,7 +70,7 @@ class Console:
                 self._note_back(second + micro / 1e6, value)
             if value == 1:
                 pressed = "start" if code == KEY_ENTER and pressed != "stop" else "stop"
-        # While the menu has the screen, the middle button selects in the menu.
+        # While the menu is on the screen, the middle button belongs to the menu.
         return pressed if self._shown or pressed != "start" else None
 
     def _note_back(self, at_s: float, value: int) -> None:
@@ -88,7 +89,7 @@ class Console:
         if text == self._shown:
             return
         if not self._shown and self._keys >= 0:
-            self._grab(1)  # the menu may have had the buttons
+            self._grab(1)  # the menu may have taken the buttons
         self._shown = text
         red, green = LIGHTS.get(mode, (0, 1))
         for side in (0, 1):
@@ -130,7 +131,7 @@ class Console:
             pass
 
     def close(self) -> None:
-        """Give the buttons and the screen back to the brick's menu; safe to call more than once."""
+        """Give the buttons and the screen back to the brick's menu; idempotent."""
         self._give_screen_back()
         self._shown = ""
         if self._keys >= 0:

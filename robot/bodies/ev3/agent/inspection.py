@@ -11,7 +11,8 @@ from robot.bodies.v4l2.device import CaptureError, describe_camera, list_cameras
 
 
 def inspect_brick(root: str) -> Dict[str, Any]:
-    """Return ports, battery, memory, card, cameras, clock, versions; unknown values are None."""
+    """Return the state of ports, battery, memory, card, cameras and clock, and the versions;
+    unknown values are None."""
     return {
         "release": RELEASE,
         "python": platform.python_version(),
@@ -28,7 +29,7 @@ def inspect_brick(root: str) -> Dict[str, Any]:
 
 
 def describe(root: str, kind: str) -> List[Dict[str, str]]:
-    """Return driver_name and address of every device of a class, by port."""
+    """Return the driver_name and the address of every device of a class, in order of the ports."""
     ports = list_ports(root, kind)
     return [{"driver_name": port.driver, "address": port.address} for port in ports]
 

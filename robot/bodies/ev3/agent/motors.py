@@ -33,7 +33,7 @@ class MotorPair:
         Another program may have left ramps, a reversed polarity or a running motor; with a ramp
         even `stop` is slow. `reset` undoes all of this, so it comes first.
         """
-        self.close()  # the old devices, if there are any, are gone
+        self.close()  # close devices that were found before
         try:
             for side, address in zip(("left", "right"), self._addresses):
                 self._ports.append(self._find(side, address))
@@ -96,7 +96,7 @@ class MotorPair:
             raise self._lost(error) from error
 
     def _check(self, speeds: List[int]) -> None:
-        """Check the speed, because the kernel's EINVAL does not name the limit `max_speed`."""
+        """Raise an error that names the limit `max_speed`, which the kernel's EINVAL does not."""
         for address, speed, top in zip(self._addresses, speeds, self._top_counts):
             if abs(speed) > top:
                 raise DriveError(
@@ -148,7 +148,7 @@ class MotorPair:
             raise self._lost(error) from error
 
     def close(self) -> None:
-        """Close the devices; the next `run` finds them again."""
+        """Close the devices. The next `run` finds them again."""
         for motor in self._ports:
             motor.close()
         self._ports, self._speeds, self._time_ms = [], [None, None], 0

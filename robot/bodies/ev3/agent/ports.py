@@ -37,13 +37,13 @@ class DevicePort:
         return str(text).partition("\n")[0]
 
     def write(self, name: str, value: object) -> None:
-        """Set an attribute. A newline is appended, as `echo` does, so that in a plain file the rest
-        of a longer old value is not read as part of the new one."""
+        """Set an attribute. Like `echo`, this appends a newline. So if the attribute is a plain
+        file, the rest of a longer old value is not read as part of the new value."""
         text = "{}\n".format(value)
         self._files[name] = self._device.set_attr_raw(self._files.get(name), name, text)
 
     def close(self) -> None:
-        """Close the attribute files; the next use opens them again."""
+        """Close the attribute files. The next use opens them again."""
         for file in self._files.values():
             file.close()
         self._files.clear()
@@ -62,7 +62,7 @@ def _open_device(folder: str) -> Any:
 
 
 def list_ports(root: str, kind: str) -> List[DevicePort]:
-    """Return every device of a class, by port."""
+    """Return every device of a class, in order of the ports."""
     found = [DevicePort(folder) for folder in glob.glob(os.path.join(root, "sys/class", kind, "*"))]
     return sorted(found, key=lambda port: port.address)
 

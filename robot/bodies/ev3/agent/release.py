@@ -1,3 +1,3 @@
-"""The agent's release; `robot.bodies.ev3.archive` writes the real one into the archive."""
+"""The agent's release; in the archive `robot.bodies.ev3.archive` replaces it by the real one."""
 
 RELEASE = "not packed"

@@ -1,4 +1,4 @@
-"""Ultrasonic sensor, bumpers and battery; sensors may appear late, vanish and return."""
+"""Ultrasonic sensor, bumpers and battery. Sensors may appear late, vanish and return."""
 
 import time
 from typing import Any, Dict, List, Optional
@@ -14,14 +14,16 @@ from robot.bodies.ev3.agent.ports import (
 ULTRASONIC = ["lego-ev3-us", "lego-nxt-us"]
 TOUCH = ["lego-ev3-touch", "lego-nxt-touch"]
 SEARCH_S = 2.0
-"""Interval at which unnamed sensors are searched for, in s; the kernel needs seconds for some."""
+"""Interval at which sensors without a named port are searched for, in seconds. The kernel needs
+seconds to find some sensors."""
 BATTERY_S = 5.0
 
 
 class SensorGroup:
-    """Sensors of one kind, `wanted`: "auto" for all that are found, "none", or a list of ports.
+    """Sensors of one kind. `wanted` is "auto" for all that are found, "none", or a list of ports.
 
-    Sensors are in the order of the named ports, or sorted by port. `most` limits their number.
+    The sensors are in the order of the named ports, else sorted by port. `most` limits their
+    number.
     """
 
     def __init__(
@@ -48,7 +50,7 @@ class SensorGroup:
         self._expected = max(self._expected, len(self._ports))
 
     def read(self, looks_for_more: bool) -> List[float]:
-        """Return each sensor's value in its mode's unit, from sensors that appear late too.
+        """Return each sensor's value in the unit of its mode, also from sensors that appear late.
         DriveError if a known sensor does not answer; it is then searched for again."""
         try:
             wanted = min(1, self._expected)
@@ -118,8 +120,8 @@ class RobotSensors:
         self._battery = find_battery(self._root)
 
     def read(self) -> Dict[str, Any]:
-        """Return distance_m, bumped, bumpers and battery_share; None if the sensor is missing.
-        DriveError if a known sensor does not answer."""
+        """Return distance_m, bumped, bumpers and battery_share, each None if its sensor is missing.
+        Raises DriveError if a known sensor does not answer."""
         now_s = self._clock.monotonic()
         is_due = now_s - self._searched_s >= SEARCH_S
         if is_due:
@@ -141,7 +143,8 @@ class RobotSensors:
             self._battery = None
 
     def _read_battery(self, now_s: float) -> Optional[float]:
-        """Return the charge from 0 to 1, estimated from the voltage; read every five seconds."""
+        """Return the charge from 0 to 1, estimated from the voltage, which is read every five
+        seconds."""
         if self._battery is not None and now_s - self._battery_read_s > BATTERY_S:
             self._battery_read_s = now_s
             names = ("voltage_min_design", "voltage_max_design", "voltage_now")

@@ -14,13 +14,13 @@ from robot.bodies.v4l2.device import VideoFrame
 from robot.bodies.v4l2.reader import CameraReader
 
 WATCHDOG_S = 0.5
-"""Time after the last command at which the motors are always stopped, in seconds."""
+"""If no command comes for this time, the motors are always stopped, in seconds."""
 SILENCE_S = 1.5
-"""Time of silence after which a controller counts as gone, in seconds; another may then join."""
+"""Time of silence after which a controller counts as gone, in seconds. Another may then join."""
 STALE_S = 0.4
-"""Maximum age, when a move arrives, of the newest report that the controller had received, in
-seconds; older moves are dropped. A report is sent every 0.1 s, so such a move was delayed by 0.3 s.
-Only the brick's clock is used."""
+"""Moves are dropped if the newest report that the controller had received is older than this when
+the move arrives, in seconds. A report is sent every 0.1 s, so such a move was delayed by at least
+0.3 s. Only the brick's clock is used."""
 REPORT_S = 0.1
 
 
@@ -60,7 +60,7 @@ class Agent:
         self._picture_age_s = None  # type: Optional[float]
 
     def serve_forever(self) -> None:
-        """Serve until interrupted; however this ends, the motors are stopped."""
+        """Serve until interrupted; in any case the motors are stopped at the end."""
         try:
             while True:
                 self.tick()
@@ -115,7 +115,7 @@ class Agent:
                     self._obey(caller, command)
                 except DriveError as error:
                     caller.send({"failed": str(error)})
-            elif command is moves[-1]:  # if several moves wait, only the last counts
+            elif command is moves[-1]:  # of several waiting moves only the last counts
                 self._move(caller, command, now_s)
         caller.received_s = now_s
 
@@ -174,7 +174,7 @@ class Agent:
         body = self._body
         if body is None:
             return
-        if command["do"] == "stop":  # a stop is never too late
+        if command["do"] == "stop":  # a stop is obeyed even if it is late
             body.stop()
             return
         if not 0.0 <= now_s - float(command["after"]) <= STALE_S:
@@ -199,7 +199,8 @@ class Agent:
                 self._drop(caller, "it fell silent")
 
     def _send_picture(self, now_s: float) -> None:
-        """Send the newest picture if the last one has arrived; older ones are dropped."""
+        """Send the newest picture if the last sent picture has arrived; pictures in between are
+        dropped."""
         if self._reader is None or self._controller is None:
             return
         picture = self._reader.poll(now_s)

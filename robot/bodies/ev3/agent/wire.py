@@ -1,9 +1,11 @@
-"""The wire between an agent and its controller: framing, mutual proof, sealed messages. Pure.
+"""The wire format between an agent and its controller: framing, mutual proof, sealed messages.
+Pure.
 
 A message is one byte for its kind, four for its length, then JSON or a picture. Both sides prove
-that they know the shared secret (HMAC-SHA256 over both sides' nonces). After that each message ends
-in a MAC, made with a key for this connection and direction, over the message and a counter on both
-sides. So nobody else can send, replay, drop or reorder messages, on this connection or a later one.
+that they know the shared secret, by an HMAC-SHA256 over both sides' nonces. After that each message
+ends in a MAC. Its key is only for this connection and direction, and it covers the message and a
+counter that both sides keep. So nobody else can send, replay, drop or reorder messages, on this
+connection or a later one.
 """
 
 import hmac
@@ -15,18 +17,19 @@ PORT = 8765
 PROTOCOL = 2
 HEAD = struct.Struct(">cI")
 PICTURE = struct.Struct(">IdHHB")
-"""Frame id, taken_s on the brick's clock, width, height, encoding; then the bytes."""
+"""Frame id, taken_s on the brick's clock, width, height, encoding. The picture's bytes follow."""
 ENCODINGS = ("yuyv", "jpeg")
 MAC_SIZE = 16
 BEFORE_JOINING = {b"J": 1024}
-"""Maximum length of each kind of message, which limits the memory for an unauthenticated client."""
+"""Maximum length of each kind of message before joining, to limit the memory for an unauthenticated
+client."""
 FROM_CONTROLLER = {b"J": 16384}
 FROM_AGENT = {b"J": 65536, b"F": 4 << 20}
 _COUNT = struct.Struct(">Q")
 
 
 def digest_of(secret: str, purpose: str, agent_nonce: str, controller_nonce: str) -> bytes:
-    """Return a digest of 32 bytes for one purpose; it cannot be computed without the secret."""
+    """Return a digest of 32 bytes for one purpose. It cannot be computed without the secret."""
     text = "\n".join(("drivelesson", purpose, agent_nonce, controller_nonce))
     return hmac.new(secret.encode(), text.encode(), "sha256").digest()
 
@@ -39,13 +42,13 @@ def prove(secret: str, side: str, agent_nonce: str, controller_nonce: str) -> st
 def is_proof(
     given: object, secret: str, side: str, agent_nonce: str, controller_nonce: str
 ) -> bool:
-    """True if this proves that the other side knows the secret; compares in constant time."""
+    """True if `given` proves that the other side knows the secret; compares in constant time."""
     wanted = prove(secret, side, agent_nonce, controller_nonce)
     return hmac.compare_digest(str(given).encode(), wanted.encode())
 
 
 class Seal:
-    """Computes the MAC of each message of one direction; counts them."""
+    """Computes the MACs of the messages of one direction, and counts the messages."""
 
     def __init__(self, secret: str, sender: str, agent_nonce: str, controller_nonce: str) -> None:
         key = digest_of(secret, "messages of the " + sender, agent_nonce, controller_nonce)

@@ -1,8 +1,9 @@
 """Direct commands of LEGO's own EV3 firmware: the few that a robot on wheels needs. Pure.
 
-A message consists of its length without these two bytes, a count that the answer repeats, the kind,
-the sizes of the variables, and bytecodes; all little-endian. Numbers in bytecodes have one, two,
-three or five bytes. Source: LEGO, EV3 Communication and EV3 Firmware Developer Kits (2013).
+A message consists of the length of the rest in two bytes, a count that the answer repeats, the
+kind, the sizes of the variables, and bytecodes. All numbers are little-endian. Numbers in bytecodes
+have one, two, three or five bytes. Source: LEGO, EV3 Communication and EV3 Firmware Developer Kits
+(2013).
 """
 
 from __future__ import annotations
@@ -37,8 +38,8 @@ def result(index: int) -> bytes:
 
 
 def command(count: int, codes: bytes, results: int = 0) -> bytes:
-    """Wrap bytecodes as a direct command with an answer, with `results` bytes of variables;
-    ValueError if it is longer than the firmware accepts."""
+    """Wrap bytecodes as a direct command that is answered, with `results` bytes of variables.
+    Raises ValueError if the command is longer than the firmware accepts."""
     body = _HEAD.pack(_HEAD.size - 2 + len(codes), count, 0x00, results) + codes
     if len(body) > MAX_MESSAGE:
         raise ValueError(f"a direct command has at most {MAX_MESSAGE} bytes")

@@ -24,12 +24,14 @@ from robot.errors import DriveError, told_as
 
 BEACON_PORT = 3015
 ANSWER_S = 0.4
-"""Timeout of an answer, in s; it takes a few ms by cable and Wi-Fi, up to 50 by Bluetooth."""
+"""Timeout of an answer, in s. An answer takes a few ms by cable and Wi-Fi, up to 50 by
+Bluetooth."""
 _BEACON_S, _LISTEN_S = 8.0, 0.5
 TWINS_S = 5.5
-"""How long to listen for bricks if none was named, in s; each announces itself every 5 s."""
+"""How long to listen for bricks if no brick was named, in s. Each announces itself every 5 s."""
 _AGAIN_S = 1.0
-"""Two announcements of a brick that are closer, in s, are one, received over two networks."""
+"""Two announcements of a brick within this time, in s, are the same announcement, received over two
+networks."""
 _CONNECT_S = 4.0
 _USB_ID = "0003:00000694:00000005"
 _ID = re.compile("[0-9a-f]{12}")
@@ -37,8 +39,8 @@ _HIDRAW = Path("/sys/class/hidraw")
 
 
 class BrickLine(ABC):
-    """A connection to one brick. After a missed answer it is closed and has to be opened again,
-    because a late answer would be taken for the answer to the next question."""
+    """A connection to one brick. After a missed answer the connection is closed and has to be
+    opened again, because a late answer would be taken for the answer to the next question."""
 
     _remedy: ClassVar[str]
     _device: socket.socket | FileIO
@@ -116,7 +118,7 @@ def open_line(
         clock: Times the wait for announcements.
 
     Raises:
-        DriveError: If there is no brick; says what to check.
+        DriveError: If there is no brick; the error says what to check.
     """
     wanted = _plain_id(brick)
     if kind == "wifi":
@@ -177,7 +179,7 @@ def _hear_beacon(wanted: str, beacon_port: int, clock: Clock) -> Beacon:
         sock.bind(("", beacon_port))
         beacon = choose_brick(_beacons(sock, clock), wanted)
         if beacon is not None:
-            # To the sender's port, and, as other clients do, to the port in the announcement.
+            # Answer to the sender's port and, as other clients do, to the port in the announcement.
             sock.sendto(b"\0", (beacon.host, beacon.sender_port))
             sock.sendto(b"\0", (beacon.host, beacon.port))
             return beacon
@@ -202,7 +204,7 @@ def _beacons(sock: socket.socket, clock: Clock) -> Iterator[tuple[float, Beacon 
 
 
 def choose_brick(heard: Iterable[tuple[float, Beacon | None]], wanted: str = "") -> Beacon | None:
-    """Return the wanted brick, or the only one; None if it does not announce itself.
+    """Return the wanted brick, or else the only brick; None if it does not announce itself.
 
     If no brick was named, all bricks have to be received first. So this waits until the first brick
     announces itself again, because by then every other brick has announced itself too.
@@ -213,7 +215,7 @@ def choose_brick(heard: Iterable[tuple[float, Beacon | None]], wanted: str = "")
         wanted: The wanted serial number.
 
     Raises:
-        DriveError: If several bricks match; lists them.
+        DriveError: If several bricks match; the error lists them.
     """
     bricks: dict[str, Beacon] = {}
     since_s = 0.0
@@ -272,10 +274,12 @@ def _open_usb(path: Path) -> BrickLine:
 
 
 def find_usb(wanted: str = "", root: Path | None = None) -> Path:
-    """Return the device of the brick at the USB cable; of several bricks, the wanted one's.
+    """Return the device of the brick at the USB cable; if there are several bricks, of the wanted
+    one.
 
     Raises:
-        DriveError: If it is missing, or several bricks match; lists the bricks found.
+        DriveError: If the brick is missing or several bricks match; the error lists the bricks
+            found.
     """
     bricks = _usb_bricks(root)
     if not bricks:
