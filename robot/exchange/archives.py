@@ -22,11 +22,12 @@ from robot.store.lock import FolderLock
 _MOST_UNPACKED_BYTES = 16 * 2**30
 _MOST_FILES = 2_000_000
 _ZIPS = (".zip", ".tm")
-"""Endings of zip archives; a project of Teachable Machine is also one."""
+"""Endings of zip archives. A project of Teachable Machine (`.tm`) is also a zip archive."""
 ENDINGS = (*_ZIPS, ".tar", ".tar.gz", ".tgz", ".tar.bz2")
 _DAMAGED = (zipfile.BadZipFile, tarfile.TarError, zlib.error, EOFError, OSError, RuntimeError)
 _OF_ONE = (zipfile.BadZipFile, zlib.error, RuntimeError, ValueError)
-"""Errors that affect only one file of an archive. An invalid name (`_NO_NAME`) does so, too."""
+"""Errors that affect only one file of an archive. An invalid name (`_NO_NAME`) also affects only
+one."""
 _NO_NAME = (errno.ENAMETOOLONG, errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.EINVAL)
 Entry = tuple[str, Callable[[], IO[bytes] | None]]
 
@@ -36,9 +37,9 @@ def unpacked(path: Path, scratch: Path, report: ImportReport) -> Iterator[Path]:
     """Unpack an archive for the duration of the context and yield the folder; if `path` is not an
     archive, yield `path`.
 
-    `scratch` is on a disk with room for the content. Files that are damaged or lead out of the
-    archive are skipped. Raises RecordingError if the archive cannot be read, or unpacks to more
-    than 16 GB.
+    `scratch` is a folder on a disk with room for the content. Files that are damaged, or whose
+    paths lead out of the archive, are skipped. Raises RecordingError if the archive cannot be read,
+    or unpacks to more than 16 GB.
     """
     ending = next((e for e in ENDINGS if path.name.lower().endswith(e)), None)
     if ending is None or not path.is_file():

@@ -30,7 +30,8 @@ _OF_PROJECT = "-!-"
 """Separator of class and number in the names of pictures in a Teachable Machine project."""
 _STEERED_NAME = re.compile(r"(\d{6})([-_+]?)([-+]?\d?\.\d+|[-+]?[01])(?:\(\d+\))?")
 _POINT_NAME = re.compile(r"(?:xy_)?\d+_\d+_[0-9a-f]{8}(?:-[0-9a-f]+)+")
-"""Names of pictures by JetBot's road following and JetRacer: a point, and a random number."""
+"""Names of pictures from JetBot's road following and from JetRacer: a point, and a random
+number."""
 _OTHER_PICTURES = (".webp", ".bmp", ".gif", ".tif", ".tiff", ".ppm")
 Classes = Mapping[str, list[Path]]
 
@@ -42,7 +43,7 @@ def class_folders(folder: Path) -> Classes:
 
 
 def are_classes(folder: Path) -> bool:
-    """True if at least two subfolders contain pictures, or if one of them is named like a move."""
+    """True if at least two subfolders contain pictures, or if one does and is named like a move."""
     if any(files_ending(folder, *PICTURES)):
         return False
     classes = class_folders(folder)
@@ -132,7 +133,7 @@ def are_steered(folder: Path) -> bool:
 
 
 def _steered_names(paths: Iterable[Path]) -> list[tuple[Path, re.Match[str]]]:
-    """Return the pictures with such names, if most pictures have such a name."""
+    """Return the pictures with such names, if most pictures have such names."""
     paths = list(paths)
     found = [(path, _STEERED_NAME.fullmatch(path.stem)) for path in paths]
     named = [(path, match) for path, match in found if match]
@@ -143,8 +144,8 @@ def _steered_names(paths: Iterable[Path]) -> list[tuple[Path, re.Match[str]]]:
 def read_steered(folder: Path, reading: Reading, report: ImportReport) -> Drive:
     """Read pictures whose names contain a number and the steering.
 
-    The dash before the steering may be a minus or only a separator, which all names together show.
-    Raises RecordingError if they do not.
+    The dash before the steering may be a minus or only a separator. All names together show which
+    it is; raises RecordingError if they do not.
     """
     paths = files_ending(folder, *PICTURES)
     named = _steered_names(paths)
@@ -182,7 +183,7 @@ def read_steered(folder: Path, reading: Reading, report: ImportReport) -> Drive:
 
 
 def _divides(folder: Path, names: list[re.Match[str]]) -> bool:
-    """Return whether the sign between number and steering is only a separator."""
+    """Return whether the dash between the number and the steering is only a separator."""
     if any(match[2] and match[3][0] in "+-" for match in names) or any(
         match[2] == "_" for match in names
     ):

@@ -1,4 +1,4 @@
-"""Finds the meanings of a table's columns by their names, or else by their content."""
+"""Finds the meanings of a table's columns by the columns' names, or else by their content."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ NAMES: dict[str, tuple[str, ...]] = {
 }
 """Meanings of columns, each with the possible column names."""
 _MEANT = "label", "steering", "left_wheel", "linear"
-"""Meanings that are sufficient for a label; the first meaning present counts."""
+"""Meanings from which a label follows. If a table has several of them, the first counts."""
 _PAIRS = ("left_wheel", "right_wheel"), ("linear", "angular")
 _SIDES = re.compile(r"(?:^|[\W_])(left|right)(?:$|[\W_])", re.IGNORECASE)
 _PEEK_ROWS = 50
@@ -74,7 +74,7 @@ class UnclearColumnsError(ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnTable:
-    """A table that was read: its rows, and the columns by meaning."""
+    """A table that was read: its rows, and its columns by their meanings."""
 
     rows: list[Row]
     columns: Mapping[str, int]
@@ -100,14 +100,14 @@ class ColumnTable:
 def read_table_file(text: str, name: str, reading: Reading, report: ImportReport) -> ColumnTable:
     """Read the complete rows, and find the columns' meanings.
 
-    `reading.columns` are the meanings that a person said.
-    Raises RecordingError if the pictures or their labels cannot be found.
+    `reading.columns` are the meanings that a person stated. Raises RecordingError if the pictures
+    or their labels cannot be found.
     """
     is_json = name.lower().endswith(".jsonl")
     head_line = next((line for line in text.splitlines() if line.strip()), "")
     is_list = name.lower().endswith(".txt")
     delimiter = max(",; " if is_list else ",;\t", key=head_line.count)
-    if is_list:  # blanks, of which there may be several, as in `1.jpg  0.5`
+    if is_list:  # there may be several blanks, as in `1.jpg  0.5`
         text = re.sub(r"[ \t,]+" if delimiter != ";" else r"[ \t]*;[ \t]*", ";", text)
         delimiter = ";"
     read = _json_lines(text, name, report) if is_json else _lines(text, name, delimiter, report)
@@ -158,7 +158,7 @@ def _lines(text: str, name: str, delimiter: str, report: ImportReport) -> Iterat
 
 
 def _json_lines(text: str, name: str, report: ImportReport) -> Iterator[Row]:
-    """Yield the names of all fields, then the values of each line."""
+    """Yield a row with the names of all fields, then a row of values for each line."""
     found = []
     for number, line in enumerate(text.splitlines(), start=1):
         row = parse(line)
@@ -218,8 +218,8 @@ def _meanings(
 
 
 def _with_labels(header: Cells, rows: list[Row], reading: Reading) -> tuple[Cells, list[Row]]:
-    """Add a column of labels to a table with a column for each move, 1 for the move of the picture
-    and 0 for the others, as Roboflow writes it."""
+    """Add a column of labels to a table that has a column for each move, as Roboflow writes it: 1
+    in the column of the picture's move, and 0 in the others."""
     moves = {i: reading.move(plain(name)) for i, name in enumerate(header)}
     there = [i for i, move in moves.items() if move is not None]
     cells = [[row[i].strip() for i in there] for _, row in rows]
@@ -264,8 +264,8 @@ def _of_pictures(sample: list[Cells], width: int) -> list[int]:
 
 
 def _picture_columns(named: list[int], of_pictures: list[int], names: list[str]) -> list[int]:
-    """Choose the column of the main camera's pictures (not of a side camera): among the columns
-    with such a name, or else among the columns that contain pictures."""
+    """Choose the column of the main camera's pictures. The columns with such a name are tried
+    first, then the columns that contain pictures; columns of side cameras are left out."""
     chosen = [i for i in named if i in of_pictures] or named or of_pictures
     ahead = [i for i in chosen if not _SIDES.search(names[i])]
     return ahead or chosen

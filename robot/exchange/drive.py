@@ -1,7 +1,7 @@
 """A drive from another program: every import is converted to an episode here.
 
 A reader supplies the location and the label of each picture. This module skips and lists unusable
-pictures, makes a time line of their times, and reads the pictures one at a time.
+pictures, makes a time line of the pictures' times, and reads the pictures one at a time.
 """
 
 from __future__ import annotations
@@ -30,15 +30,16 @@ from robot.types import DEFAULT_MOVES, Action, Example, Frame, PilotCommand, Poi
 
 _T = TypeVar("_T")
 _MOST_PLACES, _MOST_REASONS = 3, 12
-"""Maximum numbers of locations per reason, and of reasons, that are listed; others are counted."""
+"""Maximum numbers of locations per reason and of reasons that are listed. The others are only
+counted."""
 _ENOUGH_TO_HINT = 10
-"""Number of examples from which a hint is given if one side has no examples."""
+"""If a drive has at least this number of examples but none to one side, a hint is given."""
 _LEAST_TRIM = 0.01
 
 
 class ImportReport:
-    """Collects the items skipped while a drive is read; a strict report raises an error at the
-    first skipped item."""
+    """Collects the items that are skipped while a drive is read. A strict report raises an error at
+    the first of them."""
 
     def __init__(self, *, is_strict: bool = False) -> None:
         self.is_strict = is_strict
@@ -58,7 +59,7 @@ class ImportReport:
         self.skipped.append((place, reason))
 
     def remark(self, text: str | None) -> None:
-        """Add a remark about the drive, for people; None adds no remark."""
+        """Add a remark about the drive for people; None: no remark."""
         if text and text not in self.remarks:
             self.remarks.append(text)
 
@@ -76,7 +77,7 @@ class ImportReport:
         return self.remarks + told
 
     def why_nothing(self) -> str:
-        """Return the first reason why the drive is empty, as the end of a sentence."""
+        """Return why the drive is empty, by the first skipped item, as the end of a sentence."""
         if not self.skipped:
             return ""
         place, reason = self.skipped[0]
@@ -90,12 +91,13 @@ class FrameEvent:
     picture: Callable[[], Picture]
     """Reads the picture; raises RecordingError if the picture is damaged."""
     t_s: object
-    """Time in seconds of any clock; any value that is not a number counts as missing."""
+    """Time in seconds, by any clock. A value that is not a number counts as missing."""
     label: Action | None
     point: Point | None = None
     """The label's point, if the pilot steered by degrees."""
     does: Point | None = None
-    """The label's steering and throttle on the body that drove, if the source contains them."""
+    """The steering and throttle that the label means on the body that drove, if the source says
+    so."""
     steering: float | None = None
     """The steering as written, as a share of full lock; None if it is missing."""
     is_intervention: bool = False
@@ -131,7 +133,7 @@ def drive_of(
     report: ImportReport,
     **about: Any,
 ) -> Drive:
-    """Make a drive of the readable pictures; raises RecordingError if there are none.
+    """Make a drive of the readable pictures. Raises RecordingError if no picture is readable.
 
     `read` converts a location and the item found there to a FrameEvent, or raises ValueError.
     `what` names the source in errors; `about` are further fields of the drive.
@@ -161,7 +163,7 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
     error no file is left.
     """
     is_past = 0 < drive.started_at_s <= RealClock().wall_s()
-    # 0 sorts before drives that were made here.
+    # A drive of unknown time gets 0, so that it sorts before drives that were made here.
     started_at_s = drive.started_at_s if is_past else 0.0
     run = describe_run(
         episode_id=path.stem,
@@ -196,7 +198,7 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
 
 
 def _hint(drive: Drive) -> str | None:
-    """Return a hint for a drive in which one side has no examples although the car was steered."""
+    """Return a hint for a drive that has no examples to one side although the car was steered."""
     labels, written = drive.report.labels, [s.steering for s in drive.shots if s.label]
     steered = [s for s in written if isinstance(s, int | float) and math.isfinite(s)]
     missing = [side for side in (Action.LEFT, Action.RIGHT) if not labels[side]]
@@ -227,7 +229,7 @@ def _write_label(writer: EpisodeWriter, shot: FrameEvent, frame_id: int, t_s: fl
 def _moves_with(labels: Iterable[Action | None]) -> tuple[Action, ...]:
     """Return the usual three moves and all other moves among the labels.
 
-    If none of the three is among them, return only the drive's own moves.
+    If no label is one of these three, return only the moves among the labels.
     """
     found = dict.fromkeys(label for label in labels if label is not None)
     if not found or not found.keys().isdisjoint(DEFAULT_MOVES):
@@ -236,7 +238,7 @@ def _moves_with(labels: Iterable[Action | None]) -> tuple[Action, ...]:
 
 
 def _declared(shots: Iterable[FrameEvent]) -> tuple[Move, ...]:
-    """Return the moves whose steering or throttle differs on that body, by the majority of the
+    """Return the moves whose steering or throttle is different on the body that drove, in most
     pictures."""
     said: dict[Action, list[Point]] = {}
     for shot in shots:
@@ -258,5 +260,5 @@ def _counted(places: list[str]) -> str:
 
 
 def _shown(text: str) -> str:
-    """Remove control characters for terminals, since names come from untrusted files."""
+    """Remove terminals' control characters, because names come from untrusted files."""
     return "".join(sign if sign.isprintable() else "?" for sign in text)

@@ -25,15 +25,15 @@ _MOST_PICTURES = 2_000_000
 
 
 def files_ending(folder: Path, *suffixes: str) -> list[Path]:
-    """List a folder's files with these suffixes, in upper or lower case, sorted by name, without
-    the files that macOS adds (`._NAME`)."""
+    """List a folder's files with these suffixes (in upper or lower case), sorted by name. The files
+    that macOS adds (`._NAME`) are left out."""
     found = (path for path in folder.iterdir() if path.suffix.lower() in suffixes)
     return sorted(path for path in found if path.is_file() and not path.name.startswith("."))
 
 
 def folders_in(folder: Path) -> list[Path]:
-    """List a folder's subfolders, sorted by name, without links and without special folders
-    (`.git`, `_old`, `__MACOSX`)."""
+    """List a folder's subfolders, sorted by name. Links and special folders (`.git`, `_old`,
+    `__MACOSX`) are left out."""
     found = (each for each in folder.iterdir() if each.name[0] not in "._")
     return sorted(each for each in found if each.is_dir() and not each.is_symlink())
 
@@ -83,7 +83,8 @@ def read_picture_file(folder: Path, name: str) -> Picture:
 
 
 class Pictures:
-    """A folder's pictures, which are found by the last parts of another computer's paths."""
+    """A folder's pictures. They are found by paths of another computer, whose last parts must
+    match."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -91,8 +92,9 @@ class Pictures:
     def find(self, name: str) -> str:
         """Return a picture's path in the folder, by its name in a table.
 
-        If there is a file with this name, its path is returned. Otherwise a picture with the same
-        file name is returned; if there are several, the one whose folders match best.
+        If there is a file with this name, its path is returned. Otherwise it is the path of a
+        picture with the same file name; of several such pictures, the picture whose folders match
+        best.
 
         Raises:
             ValueError: If several pictures match equally well.
@@ -140,7 +142,7 @@ def _agreeing(wanted: list[str], path: str) -> int:
 
 
 def write_picture(frame: Frame, folder: Path, stem: str) -> str:
-    """Write a frame without loss, and return the file's name: a JPEG is written unchanged, other
+    """Write a frame without loss, and return the file's name. A JPEG is written unchanged, other
     frames as `.png`."""
     is_jpeg = frame.encoding is Encoding.JPEG
     name = f"{stem}.jpg" if is_jpeg else f"{stem}.png"
@@ -155,7 +157,7 @@ def write_picture(frame: Frame, folder: Path, stem: str) -> str:
 
 
 def _write(path: str, data: bytes) -> None:
-    """Write a file with few system calls, because an export can have 200,000 files."""
+    """Write a file with few system calls, because an export may have 200,000 files."""
     left = memoryview(data)
     with io.FileIO(path, "w") as file:
         while left:

@@ -44,10 +44,10 @@ def write_film(
 ) -> int:
     """Write pictures of one size, evenly spaced in time; return their number.
 
-    Colour is 4:2:0, which every player supports. This format needs an even width and height, so an
-    odd last row or column is left out. A key frame each second, or every `key_every` pictures,
-    makes seeking fast. Raises RecordingError if there are no pictures, or several sizes, or only
-    one row or column.
+    Colour is 4:2:0, which every player supports. It needs an even width and height, so an odd last
+    row or column is left out. Key frames make seeking fast; there is one each second, or one every
+    `key_every` pictures. Raises RecordingError if there are no pictures, or if they differ in size
+    or have only one row or column.
     """
     av = need(*AV)
     count, stream = 0, None
@@ -79,8 +79,8 @@ def write_film(
 
 
 def of_size(frame: Frame, size: tuple[int, int]) -> Pixels:
-    """Return a frame's pixels, scaled to this width and height, because during a recording a camera
-    may change its resolution, be turned, or be replaced."""
+    """Return a frame's pixels, scaled to this width and height. The size may change during a
+    recording if the camera is turned or replaced, or if its resolution is changed."""
     pixels = to_rgb(frame)
     if (frame.width, frame.height) == size:
         return pixels
@@ -104,8 +104,8 @@ def to_jpeg(pixels: Pixels) -> Picture:
 
 
 class FilmReader:
-    """Reads the pictures of a film by their times; ascending order is fastest. `fps` sets the
-    tolerance of a time."""
+    """Reads the pictures of a film by their times, fastest in ascending order. A picture's time may
+    differ by a tolerance that depends on `fps`."""
 
     def __init__(self, path: Path, fps: float) -> None:
         self._path, self._fps = path, fps
@@ -115,7 +115,7 @@ class FilmReader:
 
     def at(self, t_s: float) -> Picture:
         """Return the picture at this time as a JPEG; raises RecordingError if there is none."""
-        if t_s < self._asked_s:  # this is a step back, or the first call
+        if t_s < self._asked_s:  # a step back, or the first call
             self._begin(t_s)
         self._asked_s = t_s
         self._skip_to(t_s)
@@ -124,8 +124,8 @@ class FilmReader:
         return to_jpeg(self._next.to_ndarray(format="rgb24"))
 
     def _begin(self, t_s: float) -> None:
-        """Decode from the last key frame before a time, or from the beginning if the film's index
-        leads to a later key frame."""
+        """Decode from the last key frame before a time. If the film's index leads to a later key
+        frame, decode from the beginning."""
         for from_s in (t_s, 0.0):
             self._frames = self._decode(from_s)
             self._next = next(self._frames, None)
@@ -152,7 +152,7 @@ class FilmReader:
 
 
 def check_suffix(path: Path) -> None:
-    """Raise ConfigurationError, which lists the supported suffixes, for any other suffix."""
+    """Raise ConfigurationError for unsupported suffixes; the error lists the supported ones."""
     if path.suffix.lower() not in SUFFIXES:
         raise ConfigurationError(
             f"a film's name must end in {' or '.join(SUFFIXES)}, not in {path.suffix!r}: {path}"
@@ -160,12 +160,11 @@ def check_suffix(path: Path) -> None:
 
 
 def write_look(episode: Episode, notes: Notes, path: Path, *, fps: int | None = None) -> int:
-    """Write an episode as a film for people: large, with label and prediction below the picture.
+    """Write an episode as a film for people: large, with the label and the prediction below.
 
-    The film is as long as the drive without deleted frames. In a short gap of the camera the
+    The film is as long as the drive without deleted frames. If the camera paused briefly, the
     nearest picture is repeated; longer gaps are cut. All pictures are scaled to the size of the
-    first picture.
-    Returns the number of pictures.
+    first picture. Returns the number of pictures.
     """
     found = enumerate(moments(episode, notes))
     line = make_timeline(array("d", episode.frames.captured_s - episode.start_s))

@@ -27,8 +27,8 @@ def write_folder(episode: Episode, notes: Notes, folder: Path) -> int:
     """Write an episode as pictures and `frames.csv`; return the number of pictures.
 
     `metadata.csv` repeats the labels under the column names of Hugging Face's `imagefolder`.
-    `moves.json` contains the driver's declared moves, so that an import recognises these labels.
-    `results.json` contains the results of extensions, if there are any.
+    `moves.json` contains the moves that the driver declared, so that an import recognises their
+    names. `results.json` contains the results of extensions, if there are any.
     """
     folder.mkdir(parents=True)
     declared = describe(episode.moves, episode.declared_moves)

@@ -1,6 +1,6 @@
-"""The formats that can be imported: how each is recognised and read, and its meaning.
+"""The formats that can be imported: how each is recognised and read, and what its values mean.
 
-The import, its error messages and the documentation are made from this table.
+The import, its error messages and the documentation use this table.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ _NO_TIME = "none: 20 pictures a second are assumed, and reported"
 class Source(NamedTuple):
     """A drive that was found: its name for people, and the function that reads the drive.
 
-    Reading raises RecordingError if no picture can be used, or MissingExtraError; pictures are read
-    when the drive is written. `copy` is set for recordings of this program: it writes the drive to
-    a path instead.
+    The function raises RecordingError if no picture can be used, or MissingExtraError. The pictures
+    themselves are read only when the drive is written. `copy` is set for recordings of this
+    program; it is then used instead, and writes the drive to a path.
     """
 
     name: str
@@ -63,12 +63,12 @@ class Form:
     Attributes:
         name: The format's name for people.
         there: The format's files on the disk.
-        label: The source of the label, with sign, unit and range.
-        time: The source of the time.
-        find: Returns the drives at a path, or None if the path does not have this format. It must
-            be quick; damage is reported when a drive is read.
-        is_whole: True if the format describes a complete folder. Other formats are tried only
-            if no complete format recognises the folder or a file in it.
+        label: Where the label comes from, with sign, unit and range.
+        time: Where the time comes from.
+        find: Returns the drives at a path, or None if the path does not have this format. The
+            function must be quick; damage is reported when a drive is read.
+        is_whole: True if the format describes a folder as a whole. All other formats are tried only
+            if none of these recognises the folder or a file in it.
     """
 
     name: str
@@ -114,7 +114,7 @@ def _find_tables(path: Path) -> list[Source] | None:
         is_table = path.suffix.lower() in ENDINGS and _is_no_other_text(path)
         return [Source(path.name, partial(read_table, path))] if is_table else None
     tables = [file for file in files_ending(path, *ENDINGS) if _is_no_other_text(file)]
-    if path / TABLE in tables:  # this program exported it, and its tables repeat the labels
+    if path / TABLE in tables:  # this program exported it: the tables repeat the labels
         tables = [path / TABLE]
     if len(tables) > 1 or (tables and (are_classes(path) or are_steered(path))):
         tables = [table for table in tables if names_pictures(table)]
@@ -277,4 +277,4 @@ UNUSABLE: dict[tuple[str, ...], str] = {
     (".webp", ".bmp", ".gif", ".tif", ".tiff"): "pictures that are neither JPEG nor PNG",
     (".json", ".xml", ".txt", ".yaml", ".csv"): "text, but no table that names pictures",
 }
-"""Kinds of files that cannot be imported, with the reason, by suffix."""
+"""For the suffixes of files that cannot be imported, the reason why."""

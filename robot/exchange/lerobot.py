@@ -3,8 +3,8 @@
     meta/info.json                                      features, counts, paths
     meta/stats.json                                     of all episodes together
     meta/tasks.parquet                                  task text (the index) and its number
-    meta/episodes/chunk-000/file-000.parquet            a row an episode: lengths, files, stats
-    data/chunk-000/file-000.parquet                     a row a frame
+    meta/episodes/chunk-000/file-000.parquet one row per episode: lengths, files, stats
+    data/chunk-000/file-000.parquet one row per frame
     videos/observation.images.front/chunk-000/file-NNN.mp4
 
 Timestamps are frame_index / fps exactly, so pictures are resampled to one rate, and a recording is
@@ -53,18 +53,19 @@ TASK = "Drive as the pilot taught."
 _FILES_A_CHUNK = 1000
 _FILMS = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 _KEY_EVERY = 2
-"""Number of pictures per key frame. Loaders read frames in any order, and decode from a key frame.
+"""Number of pictures per key frame. Loaders read frames in random order, and each time decode from
+the key frame before.
 """
 _AS_LEROBOT: dict[str, Any] = {"codec": AV1, "crf": 30, "preset": "12"}
-"""Encoder settings of LeRobot 0.6. Datasets only merge if their films have the same codec, because
-the films' bytes are copied."""
+"""Encoder settings of LeRobot 0.6. Datasets can be merged only if their films have the same codec,
+because the films' bytes are copied."""
 _STEERED = ("steering.pos", "throttle.vel")
-"""Names of the action's elements in the package for LeRobot (docs/examples/lerobot)."""
+"""Names of the action's elements, as in the package for LeRobot (docs/examples/lerobot)."""
 RESULTS = "meta/drivelesson_results.json"
-"""File with the results of extensions, by recording; written only if there are any."""
+"""File with the results of extensions, by recording. It is written only if there are results."""
 FPS = 20
-"""Default number of pictures per second of a dataset. Datasets only merge if their rates are
-equal."""
+"""Default number of pictures per second of a dataset. Datasets can be merged only if these numbers
+are equal."""
 SENSORS = "sensors"
 _SENSORS = ("distance_m", "bumped", "battery")
 _QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
@@ -98,7 +99,7 @@ class _Part(NamedTuple):
 
 
 _Shown = tuple[Episode, tuple[Move, ...], EpisodeFrame]
-"""A picture's recording, the moves that its robot declared, and what is known of the picture."""
+"""A picture's recording, the moves that the recording's robot declared, and the picture's data."""
 
 
 def write_lerobot(
@@ -113,9 +114,9 @@ def write_lerobot(
 
     `fps` is the number of pictures per second; `task` describes the robot's task. The columns of a
     dataset depend only on the robot's moves, so datasets of one robot can be merged. A `plain`
-    dataset contains only taught frames, with the columns that LeRobot's command records from our
-    robots, so it can be merged with datasets recorded by LeRobot.
-    Raises RecordingError if there are no pictures.
+    dataset contains only taught frames. Its columns are those that LeRobot's own command records
+    from our robots, so it can be merged with such datasets. Raises RecordingError if there are no
+    pictures.
     """
     need(*PYARROW)
     need(*AV)
@@ -201,7 +202,7 @@ def _split(source: int, episode: Episode, notes: Notes, fps: int, taught_only: b
 
 
 def _frames(parts: Sequence[_Part]) -> Iterator[_Shown]:
-    """Yield the moments of all parts in order; each recording is read once, chunk by chunk."""
+    """Yield the moments of all parts in order. Each recording is read once, chunk by chunk."""
     for _, same in groupby(parts, key=lambda part: part.source):
         of = list(same)
         episode, declared = of[0].episode, of[0].episode.declared_moves
@@ -219,8 +220,9 @@ def _pictures(
     counts: NDArray[np.int64],
     table: _Table,
 ) -> Iterator[Pixels]:
-    """Yield pictures, shape (height, width, 3), while their rows are added to the table. Adds their
-    colour histograms to `counts`, shape (3, 256), from which all statistics are computed."""
+    """Yield pictures, shape (height, width, 3), and add their rows to the table. Add the pictures'
+    colour histograms to `counts`, shape (3, 256), from which the pictures' statistics are
+    computed."""
     import cv2
 
     histogram = partial(cv2.calcHist, mask=None, histSize=[256], ranges=[0, 256])
@@ -235,8 +237,8 @@ def _pictures(
 class _Table:
     """The values of all frames, and the description of each column.
 
-    The action is steering and throttle. If a move of the robot has no steering and throttle, the
-    action is a number for each move. All zero: the robot stands.
+    The action is steering and throttle. If one of the robot's moves has no steering and throttle,
+    the action has instead one number for each move. If all numbers are zero, the robot stands.
     """
 
     def __init__(self, parts: Sequence[_Part], fps: int) -> None:
@@ -300,15 +302,15 @@ class _Table:
 
 
 def _moves(parts: Sequence[_Part]) -> list[str]:
-    """Return all moves of the robots, including unused moves, and all other labels."""
+    """Return all moves of the robots, used or not, and all other labels."""
     known = {str(move.name) for part in parts for move in part.episode.declared_moves}
     known |= {str(move) for part in parts for move in (*part.episode.moves, *part.labels)}
     return sorted(known - {str(Action.STOP)})
 
 
 def _sensed(parts: Sequence[_Part]) -> Iterator[NDArray[np.float32]]:
-    """Yield the sensors' last values at each part's pictures, shape (pictures, sensors). Before a
-    sensor's first value it is the first value; without values it is 0."""
+    """Yield for each part the sensors' last values at its pictures, shape (pictures, sensors).
+    Pictures before a sensor's first value get the first value; without any value they get 0."""
     for _, same in groupby(parts, key=lambda part: part.source):
         of = list(same)
         readings = _readings(of[0].episode)

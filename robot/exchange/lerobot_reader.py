@@ -1,8 +1,8 @@
-"""Reads LeRobot datasets, even damaged ones, versions 2.0, 2.1 and 3.0, one episode at a time.
+"""Reads LeRobot datasets of versions 2.0, 2.1 and 3.0, even damaged ones, one episode at a time.
 
 Version 2 has one table and one film per episode. In version 3 several episodes share a file, and a
-table lists each episode's rows and seconds. Source: lerobot, datasets/utils.py, and its documents
-lerobot-dataset-v3.mdx and porting_datasets_v3.mdx.
+table lists where each episode's rows and seconds are. Source: lerobot, datasets/utils.py, and its
+documents lerobot-dataset-v3.mdx and porting_datasets_v3.mdx.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ from robot.exchange.steering import (
 from robot.types import DEFAULT_MOVES, Action
 
 _INTERVENTIONS = ("intervention", "complementary_info.is_intervention")
-"""Columns of interventions. Without other information only intervention frames count as driven by
-the pilot."""
+"""Columns of interventions. Unless other columns name the driver, only frames with an intervention
+count as driven by the pilot."""
 _FIELD = re.compile(r"\{(\w+)(?::0(\d)d)?\}")
 _MOST_S = 1e7
 Record = dict[str, Any]
@@ -48,8 +48,8 @@ _VELOCITIES: dict[tuple[str, str], Pair] = {
     ("linear_velocity", "angular_velocity"): (1.0, 1.0),
     ("x.vel", "theta.vel"): (FULL_MPS, FULL_TURN_DEG_S),
 }
-"""Names of the actions ahead and to the left of lerobot's driving robots, with the values of full
-speed: shares (EarthRover Mini), or metres and degrees per second (LeKiwi)."""
+"""Names of the actions ahead and to the left of lerobot's driving robots, with their values at full
+speed: shares for the EarthRover Mini, metres and degrees per second for LeKiwi."""
 
 
 class _Info(RawValue):
@@ -165,7 +165,7 @@ class LerobotDataset:
         )
 
     def _camera(self, report: ImportReport) -> str:
-        """Return the camera whose name says that it looks ahead, or else the first camera."""
+        """Return the camera whose name says that it looks ahead, else the first camera."""
         features = self._info.features
         cameras = [
             name
@@ -272,8 +272,8 @@ class LerobotDataset:
 
 
 def _is_depth(feature: Record) -> bool:
-    """True for a depth camera. Version 0.6 of lerobot marks it by a new name. The description of
-    the film may contain the old or the new name."""
+    """True for a depth camera. Version 0.6 of lerobot renamed the field that says so; the
+    description of the film may contain the old or the new name."""
     said = [feature, *(feature.get(name) for name in ("info", "video_info"))]
     names = "is_depth_map", "video.is_depth_map"
     return any(of.get(name) is True for of in said if isinstance(of, dict) for name in names)

@@ -24,14 +24,14 @@ PYARROW = ("pyarrow", "reading and writing LeRobot datasets", "export")
 _PARQUET = ("pyarrow.parquet", *PYARROW[1:])
 _MOST_TABLE_BYTES = 2**30
 _ROWS = 10_000
-"""Number of rows that are encoded together, in memory."""
+"""Number of rows that are encoded in memory together."""
 
 
 def read_table(
     path: Path, columns: list[str] | None = None, episode: int | None = None
 ) -> list[dict[str, Any]]:
-    """Read the rows of one episode or of all, with those of the `columns` that are present.
-    Raises RecordingError if the table is damaged, or unpacks to more than 1 GB."""
+    """Read the rows of one episode or of all episodes, with the `columns` that are present. Raises
+    RecordingError if the table is damaged, or unpacks to more than 1 GB."""
     pa, pq = need(*PYARROW), need(*_PARQUET)
     errors = pa.lib.ArrowException, OSError, ValueError, KeyError
     with told_as(RecordingError, f"{path} cannot be read", *errors):
@@ -65,7 +65,7 @@ def write_episodes(folder: Path, rows: list[dict[str, Any]]) -> None:
 
 
 def write_tasks(folder: Path, task: str) -> None:
-    """Write the tasks; their texts are the index of the table, in pandas' format."""
+    """Write the tasks. Their texts are the index of the table, in pandas' format."""
     pa = need(*PYARROW)
     types = {"task_index": ("int64", "int64"), "task": ("unicode", "object")}
     described = [

@@ -1,8 +1,8 @@
 """`.npz` recordings for the evaluation: JPEG frames in time order, each with a label.
 
 Frames may also have the steering (`angle`) and the `throttle`; if these are NaN, only the label
-counts. People steer by tapping, so a recording may also contain the mean angle over a moment
-(`angle_mean`), from which its labels are made. This angle then counts instead of `angle`.
+counts. Because people steer by tapping, a recording may also contain the mean angle over a moment
+(`angle_mean`), from which its labels were made. This angle then counts instead of `angle`.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _MEAN = "angle_mean"
 _UNKNOWN = Point(math.nan, math.nan)
 _COPIED_BYTES = 1 << 20
 MAX_BYTES = 512 * 2**20
-"""Largest unpacked size of a recording, in bytes; larger recordings are refused."""
+"""Largest unpacked size of a recording, in bytes. Larger recordings are refused."""
 
 
 def load_recording(path: Path | str, report: ImportReport | None = None) -> Drive:
@@ -55,20 +55,21 @@ def load_recording(path: Path | str, report: ImportReport | None = None) -> Driv
 
 
 def is_example(moment: EpisodeFrame) -> bool:
-    """True if `write_npz` writes this moment; the format has only three labels."""
+    """True if `write_npz` writes this moment: its label is one of the format's three."""
     return not moment.is_deleted and moment.label in DEFAULT_MOVES
 
 
 def write_npz(episode: Episode, notes: Notes, path: Path) -> int:
     """Write the taught pictures of an episode as a recording; return their number.
 
-    The bytes of a JPEG of 160x120 are unchanged; any other picture is scaled. The format has only
-    three labels, so pictures with other labels are left out. Raises RecordingError if no picture is
-    left.
+    The bytes of a JPEG of 160x120 are written unchanged; other pictures are scaled and encoded. The
+    format has only three labels, so pictures with other labels are left out. Raises RecordingError
+    if no picture is left.
     """
     labels, ends, times_s = array("B"), array("q", [0]), array("d")
     points = array("f"), array("f")
-    # The pictures may not fit into memory, and their array's header contains its length.
+    # A file is used because the pictures may not fit into memory; their total length is in the
+    # array's header.
     with tempfile.TemporaryFile(dir=path.parent) as pictures:
         for moment in moments(episode, notes, about=()):
             if is_example(moment):

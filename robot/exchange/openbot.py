@@ -5,7 +5,7 @@
     sensor_data/ctrlLog.txt                                  timestamp[ns],leftCtrl,rightCtrl
     sensor_data/matched_frame_ctrl_cmd_processed.txt         by its notebook: path, left, right, cmd
 
-Wheel commands range from -255 to 255; positive is ahead. A command is valid until the next.
+Wheel commands range from -255 to 255; positive is ahead. A command is valid until the next command.
 Source: ob-f/OpenBot, policy/openbot and the app's logger.
 """
 
@@ -122,7 +122,7 @@ def _drive(
 
 
 def _rows(path: Path, report: ImportReport, width: int) -> list[Row]:
-    """Return the fields of a log's lines, without its header line."""
+    """Return the fields of a log's lines, except the header line."""
     rows = []
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         fields = [field for field in re.split(r"[,\s]+", line.strip()) if field]

@@ -29,7 +29,7 @@ def is_own(path: Path) -> bool:
 def copy_recording(path: Path, target: Path, report: ImportReport) -> int:
     """Copy a recording with its edits; return its number of pictures.
 
-    The copy is marked as imported. A truncated recording is copied up to its end. Raises
+    The copy is marked as imported. A truncated recording is copied as far as it is readable. Raises
     RecordingError if the recording is damaged at its beginning or has no pictures.
     """
     episode = open_episode(path)

@@ -23,7 +23,7 @@ class Reading:
         trim: The steering in the data at which the car drives straight.
         full_lock: The steering in the data at full lock.
         moves: Moves by the names of the data's classes.
-        columns: Columns of a table by meaning; each is a name or a number, from 1.
+        columns: Columns of a table by meaning. A column is given by its name or its number, from 1.
         topics: Topics of a ROS bag to read.
     """
 
@@ -51,7 +51,7 @@ class Reading:
     def steering(self, written: float) -> float:
         """Convert the data's steering to -1 to 1; raises ValueError if it is beyond full lock.
 
-        Straight is 0 and full lock remains full lock, so a trim stretches one side.
+        The trim becomes 0, but full lock stays -1 and 1, so a trim stretches one side.
         """
         share, trim = written / self.full_lock, self.trim / self.full_lock
         if not -1.0 <= share <= 1.0:
@@ -62,7 +62,7 @@ class Reading:
         return (share - trim) / (1.0 - trim if share > trim else 1.0 + trim)
 
     def move(self, name: str) -> Action | None:
-        """Return the move of a class, from the person's setting or the class's name; None: no
+        """Return the move of a class, by the person's setting or by the class's name; None: no
         move."""
         return self.moves.get(as_word(name)) or _KNOWN.get(as_word(name))
 

@@ -20,7 +20,7 @@ from robot.exchange.timeline import make_timeline
 from robot.types import Frame
 
 _LONGEST_PAUSE_S = 0.15
-"""Longest pause that is replayed, in seconds: the loop's timeout for a frame is 0.2 s."""
+"""Longest pause that is replayed, in seconds. The loop's timeout for a frame is 0.2 s."""
 _LAST_FRAME_S = 0.05
 """Time for which the last frame is shown before the next recording begins, in seconds."""
 
@@ -35,12 +35,13 @@ class ReplayCameraOptions(Options):
 
 
 Footage = list[tuple[float, Callable[[], Picture | Frame]]]
-"""Times of the pictures, in ascending seconds, each with the function that reads the picture."""
+"""The times of the pictures in seconds, ascending, each with the function that reads the
+picture."""
 
 
 class ReplayCamera(ThreadedCamera):
-    """Plays one recording, or a folder's recordings sorted by name. Raises an error if there is no
-    recording."""
+    """Plays one recording, or a folder's recordings in the order of their names. Raises an error if
+    there is no recording."""
 
     name: ClassVar[str] = "replay"
     options_type: ClassVar[type[Any]] = ReplayCameraOptions

@@ -11,7 +11,7 @@ from robot.types import Action, Point, Sensors
 
 
 class ReplayDriver(ConnectedDriver[bool]):
-    """Has no motors and no sensors; the recording is an option of the camera."""
+    """Has no motors and no sensors. The camera's options name the recording."""
 
     name: ClassVar[str] = "replay"
     default_camera: ClassVar[str] = "replay"
@@ -21,7 +21,8 @@ class ReplayDriver(ConnectedDriver[bool]):
 
     @property
     def action(self) -> Action:
-        """The current action of a real body: the last action, until its time is over."""
+        """The action that a real body would be doing now: the last action, until its time is
+        over."""
         return self._action if self._clock.now_s() < self._ends_s else Action.STOP
 
     def _open(self) -> bool:

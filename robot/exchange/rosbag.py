@@ -1,7 +1,7 @@
 """Reads bags of ROS 1 and 2: pictures of a camera, and the robot's velocity commands.
 
-Pictures and velocities have recording times by the same clock; a velocity is valid until the next.
-The library `rosbags` reads the bags; it does not need ROS.
+The recording times of pictures and velocities are by the same clock. A velocity is valid until the
+next velocity. The library `rosbags` reads the bags; it does not need ROS.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _CONVERTED = {
     "bayer_gbrg8": "BayerGR2RGB",
     "bayer_grbg8": "BayerGB2RGB",
 }
-"""OpenCV's names for the conversions of encodings to colours."""
+"""OpenCV's names for the conversions of ROS's encodings to colours."""
 _CHANNELS = {_AS_IT_IS: 3, "BGR2RGB": 3, "RGBA2RGB": 4, "BGRA2RGB": 4}
 Order = tuple[int, float, float]
 """A velocity command: its time in nanoseconds, speed ahead (m/s) and turn to the left (rad/s)."""
@@ -65,8 +65,8 @@ def is_bag(path: Path) -> bool:
 def read_bag(path: Path, reading: Reading, report: ImportReport) -> Drive:
     """Read a bag; its pictures are read when the drive is written.
 
-    Raises RecordingError if the bag is damaged, has no camera or no velocities, or has several and
-    none was chosen (`--topics`).
+    Raises RecordingError if the bag is damaged or has no camera or no velocities, or if it has
+    several cameras or velocities and none was chosen (`--topics`).
     """
     bag = _Bag(path)
     with bag.opened() as reader:

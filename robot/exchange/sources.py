@@ -14,7 +14,7 @@ from robot.exchange.forms import FORMS, UNUSABLE, Source
 
 _DEEPEST = 5
 _FILES = (".npz", ".mcap", ".bag", ".db3")
-"""Suffixes of files that are separate drives, even if a folder contains several such files."""
+"""Suffixes of files that are drives by themselves, even if a folder contains several of them."""
 _MOST_LOOKED_AT = 5000
 
 __all__ = ["Source", "find_drives", "unpacked"]
@@ -23,8 +23,8 @@ __all__ = ["Source", "find_drives", "unpacked"]
 def find_drives(path: Path) -> list[Source]:
     """Return the drives at a path, or in its subfolders.
 
-    Raises RecordingError if there is no drive, with the kinds of files found and the reasons why
-    they cannot be imported; or if a dataset has no readable description.
+    Raises RecordingError if a dataset has no readable description, or if there is no drive; the
+    error then names the kinds of files found and why they cannot be imported.
     """
     if not path.exists():
         raise RecordingError(f"{path} does not exist")
@@ -48,7 +48,7 @@ def _within(path: Path, depth: int) -> list[Source]:
 
 
 def _at(path: Path, *, is_whole: bool) -> list[Source]:
-    """Return the drives of the first format that recognises a path."""
+    """Return the drives at a path by the first format that recognises the path."""
     for form in FORMS:
         if form.is_whole is is_whole and (found := form.find(path)):
             return list(found)

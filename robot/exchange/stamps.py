@@ -20,20 +20,21 @@ _WRITTEN = re.compile(
     r"(?::(\d\d)(?:[.,:](\d{1,9}))?)? ?(?:([APap])\.?[Mm]\.?)?"
 )
 _SINCE_1970 = {1e17: 1e-9, 1e14: 1e-6, 1e11: 1e-3}
-"""Lower bounds of numbers that are nanoseconds, microseconds and milliseconds since 1970, with
-their factors to seconds."""
+"""Numbers from these bounds on are nanoseconds, microseconds and milliseconds since 1970; each
+bound is mapped to the factor that gives seconds."""
 
 
 def seconds_of(value: object, name: str = "") -> float | None:
     """Return a time in seconds; None if `value` is not a time.
 
-    A date without a time zone counts as UTC: only differences matter, and daylight saving time
-    would break them. `name` is the time's name, which may contain a unit, as in `timestamp[ns]`.
+    A date without a time zone counts as UTC, because only differences matter and daylight saving
+    time would make some of them wrong. `name` is the time's name, which may contain a unit, as in
+    `timestamp[ns]`.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
     try:
-        if "_" in str(value):  # between digits float() skips it, and reads a date as one number
+        if "_" in str(value):  # float() would skip the `_`, and read a date as a number
             return _date_of(str(value))
         number = float(value)
     except (ValueError, OverflowError):
@@ -62,8 +63,9 @@ def _asctime(text: str) -> datetime:
 
 
 def _written(text: str) -> datetime | None:
-    """Read a date of digits. Between slashes the month is first, unless it cannot be a month; only
-    differences matter, so a wrong guess shows only where a drive goes on after midnight."""
+    """Read a date of digits. In a date with slashes the month comes first, unless that cannot be a
+    month. Only differences matter, so a wrong guess matters only if a drive goes on after
+    midnight."""
     found = _WRITTEN.fullmatch(text)
     if found is None:
         return None
@@ -82,8 +84,8 @@ def _written(text: str) -> datetime | None:
 def seconds_in_name(name: str) -> float | None:
     """Return the time in a picture's name; None if the name contains no time.
 
-    A time is ten digits of seconds since 1970, followed by the fraction, whose last zeros may be
-    missing; or a date and a time of day.
+    A time is either ten digits of seconds since 1970, followed by the digits of the fraction, whose
+    last zeros may be missing; or it is a date and a time of day.
     """
     stem = re.split(r"[\\/]", name)[-1].rpartition(".")[0]
     if found := _DIGITS.search(stem):

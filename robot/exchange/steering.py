@@ -15,8 +15,8 @@ ANGLES = ("angle", "steering", "user/angle", "steering_angle")
 THROTTLES = ("throttle", "user/throttle")
 """Other programs' names of the throttle."""
 FULL_MPS, FULL_TURN_RAD_S = 0.4, math.radians(45.0)
-"""Velocities at full throttle and full lock: the defaults of this project's ROS robot. Higher
-values count as full."""
+"""Speed ahead at full throttle, and speed of turning at full lock: the defaults of this project's
+ROS robot. Higher values count as full."""
 FULL_TURN_DEG_S = math.degrees(FULL_TURN_RAD_S)
 _TURNING = (*DEFAULT_MOVES, Action.SPIN_LEFT, Action.SPIN_RIGHT)
 _STANDING = 0.02
@@ -108,7 +108,7 @@ def _clipped(share: float) -> float:
 def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Point | None]:
     """Return the action at a picture (the pilot's label, or else the action sent) and its point.
 
-    The point is the steering by degrees, or the move's point; None if the move has no point.
+    The point is the steering by degrees, else the point of the move; None if the move has no point.
     """
     by_degrees = moment.point if moment.label else moment.sent_point
     done = moment.label or Action(moment.sent or Action.STOP)
@@ -116,8 +116,8 @@ def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Poi
 
 
 def read_share(value: object, name: str) -> float:
-    """Return a steering angle or a throttle that is a number or text. Raises ValueError if it is
-    not a number from -1 to 1, because there is no default."""
+    """Return a steering angle or a throttle, which may be a number or text. Raises ValueError if it
+    is not a number from -1 to 1."""
     with contextlib.suppress(ValueError):
         share = read_number(value, name)
         if -1.0 <= share <= 1.0:
@@ -126,7 +126,7 @@ def read_share(value: object, name: str) -> float:
 
 
 def read_number(value: object, name: str) -> float:
-    """Return the value of a number or of text; raises ValueError if it is not a number."""
+    """Return the value of a number, which may be text; raises ValueError if it is not a number."""
     if isinstance(value, int | float | str) and not isinstance(value, bool):
         with contextlib.suppress(ValueError, OverflowError):
             number = float(value)

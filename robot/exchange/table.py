@@ -1,4 +1,4 @@
-"""Reads a folder of pictures with a table of their labels, with the columns of any program."""
+"""Reads a folder of pictures with a table of their labels, as many programs write it."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ from robot.recordings.moves import from_text
 from robot.types import Action
 
 LIST = ".txt"
-"""Suffix of lists, such as `1.jpg 0.5`. Other text files have it, too, so it is only a table if it
-names pictures."""
+"""Suffix of lists with lines such as `1.jpg 0.5`. Any text file may have this suffix, so a file is
+a table only if it names pictures."""
 ENDINGS = (".csv", ".tsv", ".jsonl", LIST)
 
 _FULL_SPEEDS = (1.0, 100.0, 255.0, 1023.0, 32767.0)
-"""Full speeds of motors in different programs. The lowest of them that no value of a table exceeds
-is used."""
+"""Full speeds of motors in different programs. For a table, the lowest one that no value exceeds is
+used."""
 _MOVES = 0.05
 """Speed, in any unit, above which a car moves. Simulators write small speeds for standing cars."""
 _UNIT_SHARE = 10
-"""If one value of this many is beyond 1, the steering has another unit."""
+"""If at least one in this number of values is beyond 1, the steering is in another unit."""
 _TOLD_NAMES = 3
 
 
@@ -136,8 +136,8 @@ def _meaning(
 
 
 def _check_unit(table: ColumnTable, reading: Reading) -> None:
-    """Raise RecordingError for steering in degrees or another unit: a small angle would count as a
-    turn. Rows with a single damaged value are only skipped."""
+    """Raise RecordingError for steering in degrees or another unit, because even a small angle
+    would count as a turn. If only a few values are too large, their rows are skipped."""
     found = []
     for _, cells in table.rows:
         with contextlib.suppress(ValueError):
@@ -175,7 +175,8 @@ def _labelled(
 def _steered(table: ColumnTable, reading: Reading, cells: Cells) -> Meant:
     """Return the label of a row from its steering.
 
-    A car that rolls without throttle drives; a car whose speed and throttle are both 0 stands.
+    A car that rolls without throttle counts as driving, and stands only if speed and throttle are
+    both 0.
     """
     angle, throttle = (table.number(cells, role) for role in ("steering", "throttle"))
     named = "the angle", "the throttle"
@@ -204,7 +205,7 @@ def _most(table: ColumnTable, role: str) -> float:
 
 
 def _tell_of_others(table: ColumnTable, pictures: Pictures, report: ImportReport) -> None:
-    """Report how many pictures the table does not list, or lists only for other cameras."""
+    """Report how many pictures are not in the table, or are in it only for other cameras."""
     others = [i for i in table.pictures if i != table.columns["picture"]]
     if others:
         told = ", ".join(table.names[i] or f"column {i + 1}" for i in others[:_TOLD_NAMES])

@@ -17,7 +17,7 @@ _LONGEST_PAUSE_S = 60.0
 """Longest pause within a session, in seconds. A longer pause means that a new session began or that
 the clock was set."""
 _CUT_PAUSE_S = 2.0
-"""Length to which a longer pause is cut, in seconds; it still counts as a gap."""
+"""Length to which a longer pause is cut, in seconds. It still counts as a gap."""
 _USUAL_S = 1 / 20
 _MOST_S = 1e11
 
@@ -41,8 +41,8 @@ class Timeline:
         return min(max(round(1 / self.usual_s), 1), 60)
 
     def evenly(self, fps: int) -> list[list[int]]:
-        """Return the stretches without a gap; each is a list of the nearest pictures' indices, at
-        this rate."""
+        """Return the stretches without a gap. For each stretch, list which picture is nearest to
+        each of the times at this rate."""
         times_s = np.array(self.times_s)
         begins = [0, *(np.flatnonzero(np.diff(times_s) > self.gap_s) + 1)]
         stretches = [times_s[a:b] for a, b in pairwise([*begins, len(times_s)])]
@@ -53,10 +53,10 @@ class Timeline:
 def make_timeline(stamps_s: Sequence[object]) -> Timeline:
     """Return a time for each picture.
 
-    A stamp that is missing or out of order is set between its neighbours. Equal stamps are spread
-    over the time until the next stamp, or at the usual period. If the clock was set back, the time
-    line continues. A pause of more than a minute becomes two seconds. Stamps are seconds of any
-    clock; any value that is not a finite number counts as missing.
+    Stamps are seconds by any clock. A value that is not a finite number counts as missing. A stamp
+    that is missing or out of order is set between its neighbours. Equal stamps are spread over the
+    time until the next stamp, or at the usual period. If the clock was set back, the time line goes
+    on. A pause of more than a minute becomes two seconds.
     """
     if isinstance(stamps_s, array) and (plain := _plain(np.array(stamps_s))) is not None:
         return plain
@@ -90,8 +90,8 @@ def make_timeline(stamps_s: Sequence[object]) -> Timeline:
 
 
 def _plain(stamps_s: NDArray[np.float64]) -> Timeline | None:
-    """Return the time line of stamps that need no repair, without an object for each; otherwise
-    None."""
+    """Return the time line of stamps that need no repair; otherwise None. This saves an object for
+    each stamp."""
     steps_s = np.diff(stamps_s)
     is_plain = len(steps_s) > 0 and bool(np.all((steps_s > 0) & (steps_s <= _LONGEST_PAUSE_S)))
     if not is_plain or max(-stamps_s[0], stamps_s[-1]) >= _MOST_S:

@@ -1,10 +1,10 @@
 """Tubs of donkeycar: versions 1 and 2 are read, version 2 is written.
 
-A tub of version 1 is a folder with files `record_N.json`, each next to its picture. In version 2 it
-contains `manifest.json` (five lines of JSON: names of inputs, their types, metadata, more
-metadata, catalogs), files `catalog_N.catalog` with one JSON record per line, for each of them a
-`.catalog_manifest` with the lengths of these lines, and `images/`. Source: donkeycar,
-parts/tub_v2.py and parts/datastore_v2.py.
+A tub of version 1 is a folder with files `record_N.json`, each next to its picture. A tub of
+version 2 contains `manifest.json` (five lines of JSON: names of inputs, types of inputs, metadata,
+more metadata, catalogs), the pictures in `images/`, files `catalog_N.catalog` with one JSON record
+per line, and for each catalog a `.catalog_manifest` with the lengths of these lines. Source:
+donkeycar, parts/tub_v2.py and parts/datastore_v2.py.
 """
 
 from __future__ import annotations
@@ -126,8 +126,9 @@ def _written(record: Record, reading: Reading) -> float | None:
 
 
 def _time(record: Record) -> float | None:
-    """Return the time of a record, from the first valid field. Version 2 writes milliseconds since
-    1970; version 1 writes milliseconds since the tub's start, a date, or no time."""
+    """Return the time of a record, from the first valid field. In version 2 this is milliseconds
+    since 1970. In version 1 it is milliseconds since the tub's start, or a date; there may also be
+    no time."""
     stamps_ms = (_seconds(record.get(name)) for name in ("_timestamp_ms", "milliseconds"))
     known = next((stamp for stamp in stamps_ms if stamp is not None), None)
     return seconds_of(record.get(_WRITTEN_TIME)) if known is None else known
@@ -149,10 +150,11 @@ def write_tub(episode: Episode, notes: Notes, folder: Path, *, taught_only: bool
 
     Pictures are written without loss, as their JPEG bytes or as PNG. Each record also contains the
     label, the frame id and whether the label corrected the robot, so that importing the tub yields
-    the same examples at any threshold. Angle and throttle are the pilot's if steered by degrees
-    (marked in the record), or those declared for the move. If a move declares none, such as `push`,
-    the tub has no such columns, because a zero would teach a car to stand. The robot's proposal is
-    in `pilot/angle` and `pilot/throttle`. `taught_only` leaves out frames that were not taught.
+    the same examples at any threshold. If the pilot steered by degrees, which the record says,
+    angle and throttle are the pilot's; otherwise they are those declared for the move. If a move
+    declares none, such as `push`, the tub has no columns for angle and throttle, because a zero
+    would teach a car to stand. The robot's proposal is in `pilot/angle` and `pilot/throttle`.
+    `taught_only` leaves out frames that were not taught.
     """
     folder.mkdir(parents=True)
     with tempfile.TemporaryFile("w+", dir=folder, encoding="ascii", newline="\n") as lines:

@@ -1,7 +1,7 @@
 """Reads the valid records of a donkeycar tub.
 
-Cars are switched off while they write, and tubs are copied in part. So each record is read
-separately, and damaged records are skipped.
+Cars may be switched off while they write, and tubs may be copied incompletely. So each record is
+read separately, and damaged records are skipped.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from robot.exchange.files import parse, read_text
 
 IMAGE = "cam/image_array"
 MOVES, RESULTS = "drivelesson_moves", "drivelesson_results"
-"""Keys in a manifest written by this program: the moves, by which damaged labels are recognised,
-and the results of extensions."""
+"""Keys in a manifest written by this program: the moves, with which damaged labels can be
+recognised, and the results of extensions."""
 _MOST_LINE_CHARS = 2**20
 _DECODER = json.JSONDecoder()
 Record = dict[str, Any]
@@ -74,7 +74,7 @@ def _read_manifest(
 ) -> tuple[list[str], set[str], list[str] | None]:
     """Return the names of the catalogs, the deleted records, and the moves, as far as known.
 
-    Without a manifest the folder's catalogs are read in order.
+    If there is no manifest, the names are those of the folder's catalogs, in order.
     """
     path = folder / "manifest.json"
     lines = [parse(line) for line in _text_of(path, report).splitlines() if line.strip()]
@@ -104,7 +104,8 @@ def _text_of(path: Path, report: ImportReport) -> str:
 
 
 def _records(text: str, place: str, report: ImportReport) -> Iterator[Record]:
-    """Yield the records of a line: usually one, or several if a power cut lost a line break."""
+    """Yield the records of a line: usually one record, or several if a power cut lost a line
+    break."""
     left_out, at = "", 0
     while len(text) <= _MOST_LINE_CHARS and (begin := text.find("{", at)) >= 0:
         left_out += text[at:begin]

@@ -23,14 +23,14 @@ _KEPT_IN = (
     "Actions",
     "buttons",
 )
-"""Attributes and methods that are known to contain names, the most reliable first."""
+"""Attributes and methods that are known to contain names; the most reliable come first."""
 _NOTHING_PRESSED = "noop"
 
 
 def names_of(env: Any, first: int, n: int) -> dict[int, str]:
     """Return the names of the actions `first` to `first + n - 1`, if there are any.
 
-    The outermost wrapper with names for exactly these actions counts.
+    They come from the outermost wrapper that has names for exactly these actions.
     """
     for layer in _layers(env):
         for path in _KEPT_IN:
@@ -44,7 +44,7 @@ def names_of(env: Any, first: int, n: int) -> dict[int, str]:
 
 
 def _layers(env: Any) -> Iterator[Any]:
-    """Yield the environment and each one that it wraps."""
+    """Yield the environment, and each environment that is wrapped in it."""
     for _ in range(32):
         yield env
         inner = getattr(env, "env", None)
@@ -64,7 +64,7 @@ def _find(owner: Any, path: str) -> Any:
 
 
 def _read(kept: Any, first: int, n: int) -> dict[int, str]:
-    """Return the names in a mapping of either direction, an enumeration or a list; else none."""
+    """Return the names in an enumeration, a list, or a mapping in either direction; else none."""
     members = getattr(kept, "__members__", None)
     if isinstance(members, Mapping):
         kept = {name: getattr(member, "value", member) for name, member in members.items()}

@@ -1,8 +1,8 @@
 """Converts any action space to a list of numbers, and the numbers to moves.
 
-An action of a nested space is the list of all its numbers in the order of its parts; a table of
-moves uses this order. Without a table, the moves get the environment's names for its actions if
-there are any; otherwise each move changes one number.
+An action of a nested space is the list of all its numbers, in the order of the space's parts. A
+table of moves uses the same order. Without a table, each named action of the environment is a move;
+if there are no names, each move changes one number.
 """
 
 from __future__ import annotations
@@ -26,15 +26,16 @@ _MOST_NUMBERS = 64
 _MOST_MOVES = 32
 """Maximum number of moves in a model."""
 _NO_BOUND = 1e6
-"""A larger bound of a space means "no bound"."""
+"""A bound of a space that is larger than this means "no bound"."""
 _LONGEST_NAME, _LONGEST_LABEL = 32, 24
 _CAR_RACING = (
     "left=-0.6,0.1,0; right=0.6,0.1,0; forward=0,0.3,0; brake=0,0,0.5; coast=0,0,0",
     "left=2; right=1; forward=3; brake=4; coast=0",
 )
-"""Tables for CarRacing's continuous and discrete form, because its moves have no names."""
+"""Tables for the continuous and the discrete form of CarRacing, whose moves have no names."""
 _SIDES = {"left": -1.0, "right": 1.0}
-"""Steering of moves whose names contain one of these words; the page shows them on this side."""
+"""Steering of moves whose names contain one of these words. The page shows the moves on this
+side."""
 _STANDING = ("noop", "no_op", "idle", "rest", "coast", "nothing", "do_nothing", "stop", "wait")
 _BACK = ("back", "down", "brake", "slower", "reverse")
 
@@ -50,12 +51,12 @@ class Number:
 
     @property
     def rest(self) -> float:
-        """Return the number's value at rest, the nearest to 0."""
+        """Return the number's value at rest: the allowed value nearest to 0."""
         return min(max(0.0, self.least), self.most)
 
     @property
     def others(self) -> list[tuple[str, float]]:
-        """Return the values that get a separate move, each with its name."""
+        """Return the values for which there is a separate move, each with its name."""
         if self.is_whole and (self.least, self.most) == (0.0, 1.0):
             return [(self.name, 1.0)]
         if self.is_whole and self.most - self.least <= _MOST_MOVES:
@@ -80,11 +81,12 @@ class ActionForm:
 
     Attributes:
         numbers: The numbers of an action, in the order of the space's parts.
-        is_one_choice: True if an action is one choice among numbered actions.
+        is_one_choice: True if an action is a single number, which chooses among numbered actions.
         is_buttons: True if an action is a list of buttons, each pressed or not.
 
     Raises:
-        ConfigurationError: If an action contains anything but numbers, or too many numbers.
+        ConfigurationError: If an action contains something that is not a number, or too many
+            numbers.
     """
 
     def __init__(self, space: Any, name: str) -> None:
@@ -139,7 +141,8 @@ def steering_of(table: Mapping[Move, Any], space: Any) -> Callable[[Point], Any]
     """Return the function from a point to an action, for a box of fractions; None for other spaces.
 
     Steering interpolates between the move ahead and the turns, throttle between coasting and the
-    moves ahead and back. None also if the table has no move ahead, or no turn to either side.
+    moves ahead and back. Also returns None if the table has no move ahead, or has no turn to one of
+    the sides.
     """
     if _kind_of(space) != "Box" or not np.issubdtype(space.dtype, np.floating):
         return None
@@ -172,7 +175,7 @@ def is_car_racing(name: str) -> bool:
 
 
 def _kind_of(space: Any) -> str:
-    """Return the kind of a space: Gymnasium's, or the same-named one of the older library."""
+    """Return the kind of a space, by the name of its class, which the older library also uses."""
     names = [base.__name__ for base in type(space).__mro__]
     kinds = ("Discrete", "MultiDiscrete", "MultiBinary", "Box", "Tuple", "Dict")
     return next((name for name in names if name in kinds), type(space).__name__)
@@ -279,7 +282,8 @@ def _named(env: Any, form: ActionForm) -> Iterator[tuple[str, list[float]]]:
 
 
 def _distinct(chosen: _Chosen) -> Iterator[tuple[Move, list[float]]]:
-    """Yield a move for each entry; the second and later moves of a name are numbered."""
+    """Yield a move for each entry. If several moves have one name, they are numbered from the
+    second on."""
     taken: set[str] = set()
     for word, values in chosen:
         name, n = _as_action(word), 1

@@ -16,7 +16,7 @@ from robot.types import Encoding, Frame
 
 _JPEG_QUALITY = 90
 _REMEMBERED_FRAMES = 128
-"""Number of frames for which `world_s` is exact: twice the number that the loop remembers."""
+"""Number of frames for which `world_s` is exact: twice as many as the loop remembers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,9 +30,9 @@ class GymnasiumCamera(WorldCamera[GymnasiumDriver]):
     """Takes pictures of the environment.
 
     The environment waits for the loop: the next step comes only after the loop has acted on the
-    previous picture. So a slow computer slows the environment down, but skips no picture. The
-    environment's clock runs between a picture and the next step, for one period at most, and stops
-    during the step.
+    previous picture. So on a slow computer the environment is slower, but no picture is skipped.
+    The environment's clock runs between a picture and the next step, for one period at most, and
+    stops during the step.
     """
 
     name: ClassVar[str] = "gymnasium"
@@ -48,7 +48,7 @@ class GymnasiumCamera(WorldCamera[GymnasiumDriver]):
         self._period_s = 1.0 / options.env_rate_hz
         self._compress = jpeg_encoder(_JPEG_QUALITY, "the camera of a simulated world")
         self._shown_s: deque[tuple[float, float]] = deque(maxlen=_REMEMBERED_FRAMES)
-        """The time at which each picture was shown, and the world's time then."""
+        """For each picture the time at which it was shown, and the world's time at that moment."""
 
     def world_s(self, at_s: float) -> float:
         shown = tuple(self._shown_s)

@@ -1,4 +1,5 @@
-"""Any Gymnasium environment with pictures as a robot, whose moves are the environment's actions."""
+"""Makes any Gymnasium environment with pictures a robot, whose moves are the environment's
+actions."""
 
 from __future__ import annotations
 
@@ -41,7 +42,7 @@ class GymnasiumOptions(Options):
 
 
 class GymnasiumDriver(ConnectedDriver[bool]):
-    """Acts in an environment. Its time passes only when the camera, or a test, calls `advance`.
+    """Acts in an environment, whose time passes only when the camera or a test calls `advance`.
 
     An environment may belong to the thread that made it (a renderer often does), so one thread must
     call `advance`, `picture` and `close`; the environment is made again on that thread.
@@ -65,7 +66,7 @@ class GymnasiumDriver(ConnectedDriver[bool]):
         self._action: Any = None
         self._left_s = self._over_s = 0.0
         self.acted = threading.Event()
-        """Set by each `send_action`: the loop has finished with a picture."""
+        """Set by each `send_action`, because the loop then no longer needs the last picture."""
 
     def _make(self) -> Environment:
         chosen = self.options
@@ -74,14 +75,14 @@ class GymnasiumDriver(ConnectedDriver[bool]):
 
     @property
     def first_moves(self) -> tuple[Action, ...]:
-        """Return all moves, because a game with a brake needs braking."""
+        """Return all moves, because in a game with a brake the pilot must also teach braking."""
         return self.moves
 
     def _open(self) -> bool:
         return True  # the thread that steps the environment makes it
 
     def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
-        """Apply an action for at most `ACTION_TIMEOUT_S`; an environment has one speed."""
+        """Apply an action for at most `ACTION_TIMEOUT_S`. An environment has only one speed."""
         by_degrees = None if self._action_at is None or point is None else self._action_at(point)
         with self._lock:
             self._action = self._actions.get(action) if by_degrees is None else by_degrees
@@ -99,7 +100,7 @@ class GymnasiumDriver(ConnectedDriver[bool]):
     # On the environment's thread ----------------------------------------------------------------
 
     def advance(self, dt_s: float) -> None:
-        """Let time pass: make some steps if a move is under way, otherwise none."""
+        """Let time pass: make steps if a move is under way, and none otherwise."""
         environment = self._opened()
         with self._lock:
             action = self._action if self._left_s > 0.0 else None
@@ -121,7 +122,7 @@ class GymnasiumDriver(ConnectedDriver[bool]):
         """Close the environment; the next `advance` or `picture` opens it again."""
         environment, self._environment = self._environment, None
         if environment is not None:
-            with contextlib.suppress(Exception):  # foreign code may raise anything; nothing is lost
+            with contextlib.suppress(Exception):  # foreign code; no harm is done
                 environment.close()
 
     def _opened(self) -> Environment:

@@ -1,7 +1,7 @@
 """A Gymnasium environment with pictures: opened, stepped and closed on one thread.
 
-Environments differ in more than their pictures and actions: some accept no seed or no
-`render_mode`, some return lists as rewards, and some use the older form of `reset` and `step`.
+Environments differ not only in their pictures and actions: some accept no seed or no `render_mode`,
+some return lists as rewards, and some use the older form of `reset` and `step`.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from robot.types import Game
 
 PICTURES = ("auto", "observed", "rendered")
 _LEAST_OBSERVED = (120, 160)
-"""Minimum height and width of an observation that is shown, in pixels; if it is smaller, the
-rendering is shown instead."""
+"""Minimum height and width of an observation that is shown, in pixels. If the observation is
+smaller, the rendering is shown instead."""
 _RENDER_MODES = ("rgb_array", "rgb_array_list", None)
 """The render modes to try in turn; None for environments without this argument."""
 _LARGEST_REWARD = 1e12
-"""Upper bound of a reward's magnitude, so that a score stays a number that can be written."""
+"""Upper bound of the magnitude of rewards and scores, so that they can be written as numbers."""
 
 
 def read_options(text: str) -> dict[str, Any]:
@@ -49,8 +49,8 @@ def read_options(text: str) -> dict[str, Any]:
 
 
 def render_without_a_screen() -> None:
-    """Let libraries draw in memory if there is no screen, unless the environment variables are set
-    already. On macOS and Windows there is always a screen."""
+    """If there is no screen, let libraries draw in memory; environment variables that are already
+    set stay. On macOS and Windows there is always a screen."""
     if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
         return
     gl = "osmesa" if find_library("OSMesa") and not find_library("EGL") else "egl"
@@ -65,16 +65,16 @@ def render_without_a_screen() -> None:
 
 
 def make(name: str, options: Mapping[str, Any]) -> Any:
-    """Return a Gymnasium environment, one that renders pictures if possible.
+    """Return a Gymnasium environment, with rendered pictures if possible.
 
     Args:
-        name: `CarRacing-v3`, `module:CarRacing-v3` for one that a module registers, or
-            `module:Class` for one that is not registered.
+        name: `CarRacing-v3`; `module:CarRacing-v3` for an environment that a module registers; or
+            `module:Class` for an environment that is not registered.
         options: Options for the environment's constructor.
 
     Raises:
-        ConfigurationError: If there is no such environment, or it is of another kind; contains
-            Gymnasium's message.
+        ConfigurationError: If there is no such environment, or it is of another kind. The error
+            contains Gymnasium's message.
         MissingExtraError: If Gymnasium is not installed.
     """
     gymnasium = need("gymnasium", "the robot gymnasium", "gymnasium")
@@ -107,10 +107,11 @@ def _made(maker: Any, options: Mapping[str, Any]) -> Any:
 
 
 class Environment:
-    """An environment as a world, with the `game` under way. Time passes only by `step`.
+    """An environment as a world. `game` is the current game. Time passes only by `step`.
 
     Args:
-        picture: `observed`, `rendered`, or `auto`, which means observed if 160x120 or larger.
+        picture: `observed`, `rendered`, or `auto`, which means the observation if it is at least
+            160x120.
         seed: The first game's seed; each further game gets the next number, if the environment
             accepts seeds.
     """
@@ -135,7 +136,7 @@ class Environment:
         self.game = Game(number=before + 1, score=0.0, reward=0.0, is_over=False)
 
     def step(self, action: Any) -> None:
-        """Make one step; does nothing after the end of a game."""
+        """Make one step; after the end of a game, do nothing."""
         if self.game.is_over:
             return
         with self._told("failed in a step"):
@@ -181,7 +182,8 @@ class Environment:
         return self.env.reset()
 
     def _rendered(self) -> Pixels | None:
-        """Return the rendered picture; None, from then on, if the environment cannot render."""
+        """Return the rendered picture. If the environment cannot render, return None from then
+        on."""
         if self._render_failure:
             return None
         try:
@@ -207,12 +209,12 @@ class Environment:
         return ", and ".join(told)
 
     def _told(self, what: str) -> contextlib.AbstractContextManager[None]:
-        """Raise errors of foreign code as a sentence about this environment."""
+        """Convert errors of foreign code to a sentence about this environment."""
         return told_as(CameraError, f"the environment {self.name!r} {what}", Exception)
 
 
 def reward_in(given: Any) -> float:
-    """Return a reward as one number: the sum of its parts, in which NaN and non-numbers count 0.
+    """Return a reward as one number: the sum of its parts, where NaN and non-numbers count as 0.
 
     Example:
         >>> reward_in([1.5]), reward_in({"speed": 1, "crash": -2.0}), reward_in(float("nan"))

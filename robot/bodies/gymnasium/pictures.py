@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 
 Pixels = NDArray[np.uint8]
 _LEAST_PX = 16
-"""Minimum side of a picture in pixels; a smaller array is a board or a table."""
+"""Minimum width and height of a picture, in pixels. A smaller array is a board or a table."""
 _MOST_PX = 1920
-"""Maximum side of a picture in pixels; larger pictures are reduced to every n-th pixel."""
+"""Maximum width and height of a picture, in pixels. Larger pictures are reduced to every n-th
+pixel."""
 _MOST_CHANNELS = 48
-"""Maximum number of channels in a stack of frames; more would be a third dimension."""
+"""Maximum number of channels in a stack of frames. With more channels it is not a picture."""
 _LARGEST = 65535.0
-"""Maximum value that counts as white; a larger bound of a space means "no bound"."""
+"""Maximum value that counts as white. A bound of a space that is larger means "no bound"."""
 _MADE_OF_IT = re.compile(r"mask|depth|segment|semantic|label|map|flow|normals|heat", re.I)
 """Names of observation parts that are derived from the picture."""
 _PICTURE = re.compile(r"rgb|image|img|pixel|screen|camera|visual|frame", re.I)
@@ -37,7 +38,7 @@ class _Found(NamedTuple):
 
     @property
     def rank(self) -> tuple[bool, bool, bool, int]:
-        """Sort key: larger for a picture that a person would rather look at."""
+        """The key for sorting; it is larger for pictures that a person prefers to see."""
         is_made_of_it = _MADE_OF_IT.search(self.name) is not None
         is_called_so = _PICTURE.search(self.name) is not None
         return self.has_colours, not is_made_of_it, is_called_so, self.pixels.size
@@ -46,12 +47,12 @@ class _Found(NamedTuple):
 def picture_in(seen: Any, space: Any = None) -> Pixels | None:
     """Return the picture in an observation; None if there is none.
 
-    Of several pictures, one with colours has priority, then one with a picture's name, then the
-    largest.
+    If there are several, pictures with colours come first, then those with a picture's name, then
+    the largest.
 
     Args:
         seen: An observation, or a rendering; in a list of frames the newest counts.
-        space: The observation's space, if it has one; its bounds are the numbers for black and
+        space: The observation's space, if there is one. Its bounds are the values of black and
             white.
 
     Returns:

@@ -26,10 +26,11 @@ SEND_S = 0.3
 PING_EVERY_S = 0.1
 MAX_BYTES = 6 * 2**20
 _LOST_S = 3.0
-"""Time limit for the answer to a ping, in seconds; then the connection is opened again."""
+"""Time limit for the answer to a ping, in seconds. After this time the connection is opened
+again."""
 _ASK_AGAIN_S = REFUSED_S / 2
-"""Pause after a refusal before topics are requested again, in seconds: the conflicting node may
-have ended, and if it has not, the refusal is repeated in time."""
+"""Pause after a refusal before topics are requested again, in seconds. The conflicting node may
+have ended by then; otherwise rosbridge refuses again before the first refusal expires."""
 
 
 class RosBridge(ReconnectingConnection, Topics):
@@ -112,7 +113,7 @@ class RosBridge(ReconnectingConnection, Topics):
         self.trouble = "the bridge has ended the connection"
 
     async def _ping(self, socket: Any) -> None:
-        """Send pings, and close a connection that does not answer for too long."""
+        """Send pings, and close a connection that has not answered for too long."""
         with contextlib.suppress(TimeoutError):
             while True:
                 async with asyncio.timeout(_LOST_S):
@@ -122,12 +123,12 @@ class RosBridge(ReconnectingConnection, Topics):
         await socket.close()
 
     async def _ask(self, socket: Any) -> None:
-        """Advertise and subscribe; a status message about a topic contains its `id`."""
+        """Advertise and subscribe. A status message about a topic will contain the topic's `id`."""
         for topic, kind in self._advertised.items():
             await _tell(socket, op="advertise", id=f"advertise:{topic}", topic=topic, type=kind)
         for topic, kind in self._subscribed.items():
             name = f"subscribe:{topic}"
-            # At most one message is queued, because only the newest counts.
+            # At most one message is queued, because only the newest message counts.
             await _tell(socket, op="subscribe", id=name, topic=topic, type=kind, queue_length=1)
 
     def _take(self, socket: Any, told: Message) -> None:

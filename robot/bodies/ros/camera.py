@@ -1,4 +1,4 @@
-"""A ROS topic of images, by rosbridge or DDS. JPEGs are not re-encoded."""
+"""A camera that is a ROS topic of images, by rosbridge or DDS. JPEGs are not re-encoded."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class RosCameraOptions(TransportOptions):
 
 
 class RosCamera(WatchedCamera):
-    """Uses the newest picture of a topic; a thread watches the time.
+    """Uses the newest picture of a topic; a thread checks that pictures keep coming.
 
     A picture's time is its arrival, because the robot has a different clock.
     """

@@ -1,8 +1,8 @@
 """DDS, the network protocol of ROS 2, without ROS: topics by Eclipse Cyclone DDS.
 
-All users in this program share one participant per domain. Peers are discovered by unicast. DDS
-notices only after ten seconds or more that the other side is gone. This module notices it earlier,
-by missing acknowledgements, by the watchdog's signs and by the age of pictures.
+All parts of this program share one participant per domain. Named peers are discovered by unicast.
+DDS notices only after ten seconds or more that the other side is gone. This module notices it
+earlier, by missing acknowledgements, by the watchdog's signs of life and by the age of pictures.
 """
 
 from __future__ import annotations
@@ -52,31 +52,31 @@ _MOST_PROCESSES = 50
 _LOOK_EVERY_S, _ANSWER_EVERY_S = 0.05, 0.05
 """Longest pauses of our two threads, in seconds."""
 _HEARTBEAT = '<HeartbeatInterval min="1 ms" minsched="5 ms" max="20 ms">10 ms</HeartbeatInterval>'
-"""Interval of requests for acknowledgements. With the default, a writer that writes continuously
-may request none for seconds."""
+"""Interval at which acknowledgements are requested. With the default, a writer that writes
+continuously may not request any for seconds."""
 _LAST_ANSWER_S = 0.2
-"""How long the end waits for the last order's acknowledgement, in seconds."""
+"""How long `close` waits for the acknowledgement of the last order, in seconds."""
 _SETTLED_S = 1.0
-"""Age after which a peer's topic that does not match ours counts as refused, in seconds."""
+"""A peer's topic that does not match ours counts as refused after this time, in seconds."""
 _BLOCKED_S = 0.1
 _TAKEN = 16
 _MOST_WARNINGS = 100
 _NEEDED = (*VELOCITIES, COMPRESSED, RAW)
-"""Types of topics, at least one of which is needed."""
+"""Types of topics; at least one topic of these types must be found."""
 _NS = 1_000_000_000
 _ANY = ViewState.Any | SampleState.Any | InstanceState.Any
-# Orders are reliable, because ROS's subscribers request it. Only the newest is stored to be resent.
+# Orders are reliable, because ROS's subscribers request this. Only the newest order is resent.
 _ORDERS = Qos(
     Policy.Reliability.Reliable(int(_BLOCKED_S * _NS)),
     Policy.History.KeepLast(1),
     Policy.Durability.Volatile,
 )
-# Best effort matches every publisher, and does not request late messages again.
+# Best effort matches every publisher. Lost messages are not requested again.
 _NEWEST = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(1), Policy.Durability.Volatile)
 
 
 def configuration(hosts: Sequence[str], interface: str) -> str:
-    """Return Cyclone DDS's configuration: CYCLONEDDS_URI first, then ours, which overrides it.
+    """Return Cyclone DDS's configuration: CYCLONEDDS_URI, then our settings, which override it.
 
     Raises:
         DriveError: If a host is unknown.
@@ -156,7 +156,7 @@ class Participant:
             return found
 
     def leave(self) -> None:
-        """Release the participant; the last user ends it."""
+        """Release the participant; it ends when its last user has left."""
         with self._lock:
             self._users -= 1
             if not self._users:
@@ -202,7 +202,8 @@ class Neighbours:
         return tuple(self._seen.values())
 
     def kinds(self, topic: str, *, publishes: bool) -> dict[str, float]:
-        """Return the types of a topic's publishers or subscribers, and the times of discovery."""
+        """Return the types of a topic's publishers or subscribers, with the time at which each was
+        found."""
         named = "/" + topic.removeprefix("/")
         return {
             each.kind: each.seen_s
@@ -266,7 +267,7 @@ class DdsTopics(Topics):
         self._wait_for_listeners()
 
     def _wait_for_listeners(self) -> None:
-        """Wait until the velocities have a subscriber; `refusal` says why there is none."""
+        """Wait until the velocities have a subscriber. If there is none, `refusal` says why."""
         deadline_s = self._clock.now_s() + FOUND_S
         while self._is_unheard() and self._clock.now_s() < deadline_s:
             kinds = [self._neighbours.kinds(topic, publishes=False) for topic in self._advertised]
@@ -328,7 +329,7 @@ class DdsTopics(Topics):
             self.publish(topic, message)
 
     def _write(self, topic: str, message: Message, ends: End | None) -> None:
-        """Write one message; the lock is held."""
+        """Write one message; the caller holds the lock."""
         self._ends.pop(topic, None)
         if self._shared is None:
             raise ConnectionError("not connected")
@@ -403,8 +404,8 @@ class DdsTopics(Topics):
             self._warn_once(f"a message of {topic} cannot be read: {error!r}")
 
     def _note_sign(self) -> None:
-        """Count a message as a sign of life, too. After a subscriber has died, its acknowledgements
-        are missing until DDS drops it, even if another subscriber has replaced it."""
+        """Also count a message as a sign of life. After a subscriber has died, its acknowledgements
+        are missing until DDS drops it, even if another subscriber has taken its place."""
         with self._lock:
             if self._unanswered_s is not None:
                 self._unanswered_s = self._clock.now_s()
@@ -443,7 +444,8 @@ def _acknowledged(writer: DataWriter[Any], within_s: float) -> bool:
 def neighbours_of(
     domain: int, hosts: Sequence[str], interface: str, clock: Clock, seconds: float
 ) -> tuple[Endpoint, ...]:
-    """Return the publishers and subscribers of others in a domain, after a search of some seconds.
+    """Return other programs' publishers and subscribers in a domain, after a search of some
+    seconds.
 
     Raises:
         DriveError: If a host or an interface is unknown.
@@ -458,7 +460,8 @@ def neighbours_of(
 def _look_around(
     participant: DomainParticipant, clock: Clock, seconds: float
 ) -> tuple[Endpoint, ...]:
-    """Search for some seconds; the readers end with this call, before their participant."""
+    """Search for some seconds. The readers end with this call, because they must end before the
+    participant."""
     neighbours = Neighbours(participant, clock)
     clock.sleep(seconds)
     neighbours.look()

@@ -36,10 +36,10 @@ from robot.types import Action, Point, Pose, Prediction, Sensors
 ORDERS, ALIVE = "/drivelesson/cmd_vel", "/drivelesson/alive"
 """Topics of docs/examples/ros/watchdog.py: its velocities, and its signs of life."""
 _DISPUTED = "disputed"
-"""The word in the watchdog's signs if another node or a second server drives too."""
+"""The word in the watchdog's signs of life if another node or a second server also drives."""
 _FIRST_SIGN_S = 3.0
 _FRESH_S = 1.0
-"""Age from which a value of a sensor's topic is ignored, in seconds."""
+"""Age from which a sensor's value is ignored, in seconds."""
 _STANDS = Point(0.0, 0.0)
 _NO_WATCHDOG = "the robot's watchdog does not answer; is watchdog.py running there?"
 
@@ -77,8 +77,8 @@ class RosDriver(ConnectedDriver[Topics]):
 
     `cmd_vel` contains no duration. So if this program, its computer or the network fails, the robot
     stops only if its base ends a velocity that is not renewed. With `watchdog`, our node on the
-    robot stops it: each order contains the node's newest sign of life, and ends soon after this
-    sign.
+    robot stops the robot: each order contains the node's newest sign of life, and ends soon after
+    the time of this sign.
     """
 
     name: ClassVar[str] = "ros"
@@ -150,11 +150,12 @@ class RosDriver(ConnectedDriver[Topics]):
                 f"{connection.where} does not accept velocities: "
                 f"{error or 'it took too long to answer'}"
             ) from error
-        if ends is not None:  # a stop is sent in spite of any fault
+        if ends is not None:  # a stop is sent even if there is a fault
             self._check_heard(connection)
 
     def _sense(self) -> Sensors:
-        """Check that the other end answers and refuses nothing; return the values of its topics."""
+        """Check that the other end answers and refuses nothing; return the values of the sensors'
+        topics."""
         self._check_heard(self._connected())
         now_s = self._clock.now_s()
         fresh = {

@@ -1,7 +1,8 @@
-"""ROS 2 messages over DDS (rmw's names: `pkg::msg::dds_::Name_` on topics `rt/...`).
+"""ROS 2 messages over DDS. On the wire a type's name is `pkg::msg::dds_::Name_`, a topic's
+`rt/...`.
 
 Fields and their order: github.com/ros2/common_interfaces, rcl_interfaces (builtin_interfaces).
-Annotations are types here, not strings, because cyclonedds 11.0.1 finds no `str` in strings.
+In this module annotations are types, not strings: cyclonedds 11.0.1 does not find `str` in strings.
 """
 
 import functools
@@ -134,7 +135,7 @@ class TwistWithCovariance(IdlStruct, typename="geometry_msgs::msg::dds_::TwistWi
 
 @dataclass
 class Odometry(IdlStruct, typename="nav_msgs::msg::dds_::Odometry_"):
-    """The robot's pose by its wheels."""
+    """The robot's pose by odometry."""
 
     header: Header = field(default_factory=Header)
     child_frame_id: str = ""
@@ -144,7 +145,7 @@ class Odometry(IdlStruct, typename="nav_msgs::msg::dds_::Odometry_"):
 
 @dataclass
 class Range(IdlStruct, typename="sensor_msgs::msg::dds_::Range_"):
-    """A distance; the variance that Jazzy appends is not read."""
+    """A distance. The variance that Jazzy appends is not read."""
 
     header: Header = field(default_factory=Header)
     radiation_type: uint8 = 0
@@ -155,7 +156,7 @@ class Range(IdlStruct, typename="sensor_msgs::msg::dds_::Range_"):
 
 
 class _Reading:
-    """Reads plain CDR quickly; the library would make a list of a picture's bytes."""
+    """Reads plain CDR quickly, whereas the library would convert a picture's bytes to a list."""
 
     def __init__(self, data: bytes) -> None:
         self._data, self._at = memoryview(data), 4
@@ -247,7 +248,7 @@ def _hints(kind: Any) -> dict[str, Any]:
 
 
 def to_dds(kind: type[Any], message: Message) -> Any:
-    """Make a message of its fields' values."""
+    """Make a message from the values of its fields."""
     hints = _hints(kind)  # type: ignore[arg-type]
     return kind(
         **{

@@ -17,14 +17,14 @@ from robot.errors import MissingExtraError, need, told_as
 
 log = logging.getLogger(__name__)
 REFUSED_S = 1.0
-"""How long a refusal counts after it was last received, in seconds. A refused topic is requested
-twice in this time."""
+"""How long a refusal counts after it was last received, in seconds. In this time a refused topic is
+requested twice."""
 _HARMLESS = ("info", "none")
 _LONGEST_TEXT = 300
 _MOST_PARTS, _MOST_BYTES = 1000, 6 * 2**20
-"""Limits of one message in fragments: parts, and characters."""
+"""Maximum numbers of parts and of characters of a message in fragments."""
 _DEEPEST = 4
-"""Maximum depth of wrapping; a picture in fragments has depth two."""
+"""Maximum depth of wrapping. A picture in fragments has depth two."""
 
 
 class Refusals:
@@ -66,7 +66,7 @@ class Unwrapping:
         self._parts: dict[str, dict[int, str]] = {}
 
     def messages(self, text: str | bytes) -> Iterator[Mapping[str, Any]]:
-        """Yield the message once it is complete. An unreadable message is left out."""
+        """Yield the message that this data completes, if any. An unreadable message is left out."""
         for _ in range(_DEEPEST):
             try:
                 message = json.loads(text)
@@ -87,7 +87,7 @@ class Unwrapping:
             text = whole
 
     def _join(self, part: Mapping[str, Any]) -> str | None:
-        """Return the text when all parts have arrived, in any order."""
+        """Return the text once all parts have arrived; the order of arrival does not matter."""
         key, number, total = str(part["id"]), int(part["num"]), int(part["total"])
         if not 0 <= number < total <= _MOST_PARTS:
             raise ValueError(f"part {number} of {total}")

@@ -20,7 +20,7 @@ class Endpoint:
     Attributes:
         topic, kind: Topic and type by their ROS names.
         publishes: True for a publisher.
-        seen_s: The time of its discovery.
+        seen_s: The time at which it was discovered.
     """
 
     topic: str
@@ -31,7 +31,7 @@ class Endpoint:
 
 def suggest(endpoints: Iterable[Endpoint]) -> list[str]:
     """Return the options of `drivelesson serve --robot ros --camera ros` that differ from the
-    defaults; a robot with our watchdog is driven through it.
+    defaults. If the robot has our watchdog, it is driven through the watchdog.
 
     Example:
         >>> suggest([Endpoint("/base/cmd_vel", "geometry_msgs/msg/TwistStamped", False)])
@@ -71,7 +71,8 @@ def _sensors(seen: list[Endpoint]) -> list[str]:
 
 
 def _named(seen: list[Endpoint], kind: str, *, publishes: bool, preferred: str) -> str:
-    """Return the best topic of a type: the one of the usual name, or of the nearest name."""
+    """Return the best topic of a type: the topic with the usual name, else with the most similar
+    name."""
     names = {each.topic for each in seen if (each.kind, each.publishes) == (kind, publishes)}
 
     def distance(name: str) -> tuple[bool, bool, int, str]:

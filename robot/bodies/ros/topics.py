@@ -17,10 +17,10 @@ GONE_S = 0.4
 """Time without any sign of life after which the other end counts as gone, in seconds."""
 
 Message = Mapping[str, Any]
-"""A message as a mapping of field names to values. Bytes are base64 text over rosbridge, and bytes
-over DDS."""
+"""A message as a mapping of field names to values. Bytes are base64 text if they come over
+rosbridge, and bytes if they come over DDS."""
 End = tuple[Message, float]
-"""A message, and the seconds after which it is published unless another is sent before."""
+"""A message, and the seconds after which it is published unless another message is sent before."""
 OnMessage = Callable[[str, Message], None]
 """Called with topic and message on the transport's thread; must return at once."""
 
@@ -39,7 +39,7 @@ class Topics(ABC):
     @property
     @abstractmethod
     def silent_s(self) -> float:
-        """Seconds since an overdue sign of life of the other end."""
+        """Seconds for which a sign of life of the other end has been overdue."""
 
     @property
     @abstractmethod
@@ -52,7 +52,7 @@ class Topics(ABC):
 
     @abstractmethod
     def publish(self, topic: str, message: Message, ends: End | None = None) -> None:
-        """Publish one message and wait until it is sent; later, publish its `End`.
+        """Publish one message and wait until it is sent. Publish its `End` when that is due.
 
         Raises:
             OSError: If the message cannot be sent now; it is then never sent.
@@ -60,7 +60,8 @@ class Topics(ABC):
 
     @abstractmethod
     def publish_soon(self, topic: str, message: Message) -> None:
-        """Publish without waiting; dropped while the previous message is still being sent."""
+        """Publish without waiting. The message is dropped if the previous message is still being
+        sent."""
 
     @abstractmethod
     def close(self) -> None:

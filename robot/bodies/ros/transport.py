@@ -13,7 +13,7 @@ from robot.errors import ConfigurationError, need
 
 ROSBRIDGE, DDS = "rosbridge", "dds"
 MOST_DOMAINS = 232
-"""Largest domain with valid ports, which begin at 7400 + 250 times the domain's number."""
+"""Largest domain whose ports are valid; they begin at 7400 + 250 times the domain's number."""
 _FEATURE = (
     "--transport dds (cyclonedds is available for Windows, macOS and Linux on x86_64, up to Python "
     "3.13; elsewhere use --transport rosbridge)"
