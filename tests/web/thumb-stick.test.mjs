@@ -12,7 +12,7 @@ class FakeElement extends EventTarget {
 }
 const make = () => new FakeElement();
 Object.assign(globalThis, { document: { createElement: make, createElementNS: make }, addEventListener() {} });
-const { makeStick } = await import('../../web/js/components/thumb-stick.js');
+const { makeStick } = await import('../../web/js/inputs/thumb-stick.js');
 const { Helm } = await import('../../web/js/helm.js');
 const { declare } = await import('../../web/js/moves.js');
 

@@ -9,7 +9,6 @@ import { t } from '../i18n.js';
 import { isEnter } from '../inputs/key-name.js';
 import { inColumns, isOwn } from '../moves.js';
 import { makeStop } from '../stop.js';
-import { makeStick } from './thumb-stick.js';
 
 const SLACK_PX = 24;
 const TAP_MS = 500;
@@ -42,7 +41,10 @@ export class DrivePad extends HTMLElement {
     const page = /** @type {import('../page.js').Page} */ (this.page);
     const useTilt = page.preferences.tilt;
     if (useTilt) import('../inputs/tilt.js').then(({ Tilt }) => this.useTilt(new Tilt(page.helm)), () => {});
-    if (hasStick && !this.sticks.length) this.sticks = ['left', 'right'].map((side) => makeStick(page, side));
+    if (hasStick && !this.sticks.length) {
+      import('../inputs/thumb-stick.js').then(({ makeStick }) => this.useStick(makeStick), () => {});
+      hasStick = false; // arrows until it has loaded
+    }
     const controls = hasStick ? this.sticks : moves.map((move) => this.makeButton(move));
     fill(/** @type {Element} */ (this.moves), ...controls,
       useTilt ? h('button', { class: 'move tilt', type: 'button', 'data-move': 'tilt' }, icon('tilt'), t('tilt_hold')) : null);
@@ -73,10 +75,12 @@ export class DrivePad extends HTMLElement {
     const is = { many: isMany, placed: columns !== null, own: moves.some(isOwn) || (useTilt && spins), spins, backs: moves.includes('backward'), tilts: useTilt };
     for (const [name, isOn] of Object.entries(is)) this.moves?.classList.toggle(name, isOn);
     // In a low window Back lies below the other three, which then share a row (drive.css).
-    const lowRows = is.backs && !isMany && !spins ? rows - 1 : rows;
-    for (const [name, count] of [['--pad-rows', rows], ['--low-rows', lowRows]]) {
-      this.parentElement?.style.setProperty(String(name), `calc(${hasStick ? 'var(--stick-rows, 3)' : count} + ${useTilt ? 1 : 0})`);
-    }
+    const isRow = is.backs && moves.length < 5 && !spins && !hasStick;
+    this.moves?.classList.toggle('row', isRow);
+    const { style } = /** @type {HTMLElement} */ (this.parentElement);
+    const tilts = useTilt ? 1 : 0;
+    style.setProperty('--pad-rows', hasStick ? `calc(var(--stick-rows, 3) + ${tilts})` : String(rows + tilts));
+    style.setProperty('--share', isRow ? '1' : '0');
     this.parentElement?.classList.toggle('crowded', is.own || spins || is.backs || useTilt);
     this.measure();
   }
@@ -135,6 +139,13 @@ export class DrivePad extends HTMLElement {
     helm.addEventListener('freed', liftAll);
     addEventListener('resize', liftAll);
     this.addEventListener('contextmenu', (event) => event.preventDefault());
+  }
+
+  /** Take the thumb stick that has loaded, if it is still wanted. @param {typeof import('../inputs/thumb-stick.js').makeStick} makeStick */
+  useStick(makeStick) {
+    const page = /** @type {import('../page.js').Page} */ (this.page);
+    this.sticks = ['left', 'right'].map((side) => makeStick(page, side));
+    this.build(page.store.state.moves, page.store.state.hasStick);
   }
 
   /** Take the tilt that has loaded; a finger may be on its button already. @param {import('../inputs/tilt.js').Tilt} tilt */

@@ -11,6 +11,7 @@ import { makeNeedle, turnNeedle } from '../needle.js';
 const OLD_PICTURE_MS = 200;
 const FROZEN_MS = 1000;
 const LIKE_MS = 500;
+const TWO_LINES_PX = 55; // room for the word above the bars, which is longest while the robot asks
 const SMALL_PX = 300;
 const WORKER_MS = 3000; // a worker that has not started by then never will
 
@@ -102,11 +103,9 @@ export class VideoView extends HTMLElement {
     this.classList.toggle('many-votes', votes.length > 3);
     delete this.dataset.room;
     if (this.clientWidth <= SMALL_PX) this.dataset.room = 'small';
-    const { who, votes: bars } = this;
-    // Two lines of the word above them must fit: it is longest while the robot asks.
-    const lines = who ? 2.4 * parseFloat(getComputedStyle(who).fontSize) + 12 : 0;
-    const isHigh = () => !who || !bars || bars.getBoundingClientRect().top - who.getBoundingClientRect().top >= lines;
-    const fits = () => isHigh() && votes.every((vote) => [vote, ...vote.children].every((part) => part.scrollWidth <= part.clientWidth));
+    const top = (/** @type {Element | undefined} */ part) => part?.getBoundingClientRect().top ?? 0;
+    const fits = () => top(this.votes) - top(this.who) >= TWO_LINES_PX
+      && votes.every((vote) => [vote, ...vote.children].every((part) => part.scrollWidth <= part.clientWidth));
     for (const room of ['narrow', 'narrower', 'small']) if (this.dataset.room !== 'small' && !fits()) this.dataset.room = room;
   }
 
