@@ -230,7 +230,8 @@ class _Joiner:
         source = _WORKER.sub(lambda found: f"new Worker('{self._worker(found[1])}')", source)
         if left := re.search(r"^(?:import|export) .*", source, re.M):
             raise JoinError(f"{module}: cannot join {left[0]!r}")
-        given = ", ".join(f"{name}: {own}" for name, own in exports.items())
+        pairs = (name if name == own else f"{name}: {own}" for name, own in exports.items())
+        given = ", ".join(pairs)
         return f"{{\n{source}$m['{module}'] = {{ {given} }};\n}}\n"
 
 
