@@ -13,7 +13,7 @@ from robot.types import Encoding, Frame, StartStop
 
 
 class Mounting:
-    """How a camera is mounted. This one stands upright; an extension sets another."""
+    """How a camera is mounted: here upright. An extension may set another mounting."""
 
     def upright(self, picture: Frame) -> Frame:
         """Return the picture as if the camera stood upright."""
@@ -23,16 +23,16 @@ class Mounting:
 class Camera(StartStop):
     """A source of frames, found by name among the entry points.
 
-    Subclasses take pictures on a separate thread (or when a world steps) and pass each picture to
+    Subclasses take pictures on a separate thread, or when a world steps. They pass each picture to
     `_publish`, which overwrites the slot and wakes the listener. Reading never blocks, so a frozen
     camera cannot hold up the loop. `start` and `stop` are idempotent. Options are declared in the
     same way as a driver's.
 
     Attributes:
         fault: The camera's fault, as a sentence for the page; None if all is well.
-        source_age_s: Age of the pictures at the computer that the camera is plugged into, as it
-            reports it, in seconds; waiting and transit come on top. None: the camera is plugged
-            in here, or does not report it.
+        source_age_s: Age of the pictures at the other computer that the camera is plugged into, as
+            that computer reports it, in seconds. Waiting and transit are not included. None: the
+            camera is plugged in here, or no age is reported.
 
     Example:
         >>> from robot.testing import VirtualClock
@@ -68,9 +68,9 @@ class Camera(StartStop):
 
         @property
         def device(self) -> str:
-            """Device found by a search, such as `C270 (serial number A17)`; else empty."""
+            """The device that a search found, such as `C270 (serial number A17)`; else empty."""
     else:
-        device = ""  # not a property, because a plug-in may set an attribute of this name
+        device = ""  # not a property: a plugin may set an attribute of this name
 
     @classmethod
     @abstractmethod
@@ -101,8 +101,8 @@ class Camera(StartStop):
     def world_s(self, at_s: float) -> float:
         """Return the time of the world's clock when `self.clock` showed `at_s`.
 
-        The two times are equal unless `world_waits`. If it does, the world's clock stops while the
-        world is computed or waits for the loop, so this time does not count as the pilot's silence.
+        The two times are equal unless `world_waits`. If the world waits, its clock stops while it
+        is computed or waits for the loop, so that this time does not count as the pilot's silence.
         """
         return at_s
 
@@ -117,8 +117,9 @@ class Camera(StartStop):
     def rest(self, every_s: float) -> None:
         """Set the period at which pictures are needed, until the next call. Returns at once.
 
-        0: all pictures are needed, the next at once. Infinite: no picture is needed. A camera that
-        renders pictures skips the others; a camera that relays a device's pictures may ignore this.
+        0: all pictures are needed, and the next one at once. Infinite: no picture is needed. A
+        camera that renders pictures skips the others; a camera that relays a device's pictures may
+        ignore this.
         """
 
     def listen(self, on_frame: Callable[[], None] | None) -> None:
@@ -128,10 +129,10 @@ class Camera(StartStop):
     def _publish(
         self, data: bytes, *, width: int, height: int, encoding: Encoding, captured_s: float
     ) -> Frame:
-        """Make these bytes the newest frame, with the next frame id. A `captured_s` in the future
-        is replaced by the current time.
+        """Make these bytes the newest frame, with the next frame id. If `captured_s` is in the
+        future, it becomes the current time.
 
-        `data` is the picture as the camera took it; the frame is upright.
+        `data` is the picture as the camera took it; the frame contains it upright.
         """
         with self._slot_lock:
             self._last_frame_id += 1
@@ -149,7 +150,7 @@ class Camera(StartStop):
         return frame
 
     def _report_fault(self, sentence: str) -> None:
-        """Set the fault, and wake the listener if the fault is new; the next frame clears it."""
+        """Set the fault, and wake the listener if it is new. The next frame clears the fault."""
         if sentence != self.fault:
             self.fault = sentence
             self._on_frame()

@@ -17,10 +17,10 @@ from robot.types import DEFAULT_MOVES, Action, Mode, Point, Prediction, Sensors
 
 ACTION_TIMEOUT_S = 0.4
 """Duration of one `send_action`, in seconds. The body stops by itself unless the next call comes
-before that, so motors stop even if Python dies. It is just above the gate's timeout of 0.3 s."""
+before its end, so motors stop even if Python dies. It is just above the gate's timeout of 0.3 s."""
 _LONGEST_LABEL, _LONGEST_ICON, _LONGEST_MEANING = 24, 16, 200
 TURNS_BEYOND = 0.2
-"""Steering, as a share of full lock, up to which a move or a point counts as driving straight."""
+"""A move or a point counts as driving straight up to this steering, as a share of full lock."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class Move:
     Args:
         name: A lower-case word such as `fast` or `left_2`; recordings and models store this name.
         label: The button's text: one text, or texts by language (`en`, `es`, `zh`). If a language
-            is missing, the English text is used. Empty: the text is made from the name.
+            is missing, the English text is used; if it is empty, the text is made from the name.
         icon: The name of a classic move, whose arrow is used, or one or two characters such as
             "⏩". Empty: the arrow of this move's name, if there is one.
         does: The body's motion in this move, as a sentence.
@@ -70,7 +70,8 @@ class Move:
 
     @property
     def labels(self) -> dict[str, str]:
-        """The label by language. It includes English unless the page has labels for this move."""
+        """The label by language. It includes English, or is empty if the page has its own
+        labels."""
         if isinstance(self.label, str):
             return {"en": self.label} if self.label else {}
         return dict(self.label)
@@ -107,7 +108,7 @@ def names(moves: Iterable[Move]) -> tuple[Action, ...]:
 
 
 def describe(wanted: Iterable[Action], declared: Iterable[Move] = ()) -> tuple[Move, ...]:
-    """Return each wanted move as declared, else the classic move, else one made from the name."""
+    """Return each wanted move as declared, else as the classic move, else made from the name."""
     known = {**CLASSIC, **{move.name: move for move in declared}}
     return tuple(known.get(name) or Move(name) for name in wanted)
 
@@ -126,11 +127,11 @@ def side_of(steering: float, threshold: float = TURNS_BEYOND) -> int:
 
 
 def move_at(point: Point, moves: Iterable[Move], threshold: float = TURNS_BEYOND) -> Action | None:
-    """Return the move that a point counts as. None: the point is a stop, or no move drives in its
-    direction (ahead, back, or on the spot).
+    """Return the move that a point counts as. None: the point is a stop, or no move drives in the
+    point's direction (ahead, back, or on the spot).
 
-    The move is the nearest that drives in the same direction and turns to the same side. If no move
-    turns to that side, it is the nearest in the same direction: a curve backward counts as
+    It is the nearest move that drives in the same direction and turns to the same side. If no move
+    turns to that side, it is the nearest move in the same direction: a curve backward counts as
     backward.
 
     Raises:
@@ -147,8 +148,8 @@ def move_at(point: Point, moves: Iterable[Move], threshold: float = TURNS_BEYOND
 
 
 class Correction:
-    """What lies between a move and the motors of a body. This one changes nothing; an extension
-    sets another for a body that is built or wired differently from what its driver expects."""
+    """A correction of the orders to a body. This one changes nothing; an extension may set another
+    for a body that is built or wired differently from what its driver expects."""
 
     @property
     def signs(self) -> tuple[float, float]:
@@ -181,15 +182,16 @@ class BodyButton(StrEnum):
 
 
 class Driver(ABC):
-    """A body: its motors, and its sensors except the camera. Found by name among the entry points.
+    """A body: its motors, and its sensors except the camera. It is found by name among the entry
+    points.
 
     A driver declares its options as a frozen dataclass in its code. Each field has a default and
     `metadata={"help": ...}`, and becomes a flag of the command line. The driver declares its moves
     in `declared_moves`.
     `connect`, `stop` and `disconnect` are idempotent; `stop` and `disconnect` are safe on a
-    half-built driver. All methods except `__init__` may be called from any thread, but only from
-    one at a time.
-    `drivelesson new-driver NAME` writes a first version; `robot.testing` tests it.
+    half-built driver. All methods except `__init__` may be called on any thread, but only one
+    method at a time. `drivelesson new-driver NAME` writes a first version; `robot.testing` tests
+    it.
 
     Example:
         >>> from robot.testing import FakeDriver
@@ -207,8 +209,8 @@ class Driver(ABC):
     takes_points: bool = False
     """True for a body that also accepts steering and throttle by degrees: see `send_point`."""
     turns_motors: ClassVar[bool] = False
-    """True if the driver sets each motor and applies `correction.motors`. False: the driver sends
-    moves or points to a program that sets the motors, and motors are reversed in that program."""
+    """True if the driver sets each motor and applies `correction.motors`. False: another program,
+    to which the driver sends moves or points, sets the motors and has to reverse them."""
     correction: Correction = Correction()
     """The differences between this body and what its driver expects; set by `correct`."""
     is_remote: ClassVar[bool] = False
@@ -222,7 +224,7 @@ class Driver(ABC):
 
         @property
         def device(self) -> str:
-            """Device found by a search, such as `'Anna' (00:16:53:00:00:01)`; else empty."""
+            """The device that a search found, such as `'Anna' (00:16:53:00:00:01)`; else empty."""
     else:
         device = ""  # not a property, because a plug-in may set an attribute of this name
 
@@ -239,7 +241,7 @@ class Driver(ABC):
 
     @property
     def takes_advice(self) -> bool:
-        """True for a body that passes on the learner's predictions, also while the pilot drives."""
+        """True for a body that passes on the learner's predictions, even while the pilot drives."""
         return False
 
     @property
@@ -278,12 +280,12 @@ class Driver(ABC):
         """Drive at a point for at most `ACTION_TIMEOUT_S`; return the move that the point counts
         as.
 
-        The point of a declared move equals that move; a point between the points of two moves
-        drives in between. A body that does not accept points drives the move.
+        The point of a declared move drives like this move; a point between two moves drives in
+        between. A body that does not accept points drives the move.
 
         Args:
             point: Steering and throttle.
-            speed_scale: As for `send_action`; it changes the speed but not the curve.
+            speed_scale: As for `send_action`; it does not change the curve.
 
         Raises:
             ValueError: If a number is out of range.
@@ -296,8 +298,8 @@ class Driver(ABC):
     ) -> Action:
         """Drive the point, if one is given and this body accepts points, or else the move.
 
-        The loop calls this method. The order is corrected here; the returned move is the
-        uncorrected one. Raises as `send_action`.
+        The loop calls this method. The order is corrected here, but the returned move is not.
+        Raises as `send_action`.
         """
         return self.correction.drive(self, action, point, speed_scale=speed_scale)
 
@@ -336,7 +338,8 @@ class Driver(ABC):
         raise."""
 
     def announce(self, address: str) -> None:  # noqa: B027 - a body without a screen says nothing
-        """Receive the page's address, for bodies that can show it; called before `connect`."""
+        """Receive the page's address, for bodies that can show an address; called before
+        `connect`."""
 
     def show(self, mode: Mode) -> None:  # noqa: B027
         """Show the mode on the body's own screen and lights, if it has any. Never raises."""

@@ -25,7 +25,7 @@ _LONGEST_SAID = 300
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return ` (did you mean 'x'?)` for the most similar known word; empty if none is similar."""
     near = difflib.get_close_matches(word, list(known), n=1)
-    # If the first letters differ, the words must be more similar: `drive` is not `new-driver`.
+    # If the first letters differ, words must be more similar: `drive` does not mean `new-driver`.
     if not near or (near[0][:1] != word[:1] and not difflib.get_close_matches(word, near, 1, 0.75)):
         return ""
     return f" (did you mean {near[0]!r}?)"
@@ -40,7 +40,7 @@ class ConfigurationError(RobotError, ValueError):
 
 
 class InUseError(ConfigurationError):
-    """Another program uses a folder or port that only one program can use; it may be free later."""
+    """Another program uses a folder or port that only one program can use at a time."""
 
 
 class MissingExtraError(RobotError, ImportError):
@@ -67,7 +67,7 @@ def need(library: str, feature: str, extra: str) -> Any:
 
 
 class PluginError(RobotError, LookupError):
-    """No driver or camera of this name is installed, or it cannot be loaded."""
+    """No driver or camera with this name is installed, or it cannot be loaded."""
 
 
 class NotConnectedError(RobotError, ConnectionError):
@@ -99,8 +99,8 @@ class NotFoundError(RobotError, LookupError):
 def told_as(
     kind: type[Exception], what: str, *errors: type[Exception], do: str = ""
 ) -> Iterator[None]:
-    """Raise the system's errors (or the given errors of a library) as `kind`. The message says what
-    failed, why, and what to do."""
+    """Raise OSErrors, or the given types of errors, as `kind`. The message says what failed, why,
+    and what to do."""
     caught = errors or (OSError,)
     try:
         yield
@@ -110,15 +110,15 @@ def told_as(
 
 
 class PluginErrors:
-    """Converts the errors of one plug-in's code to `RobotError`s.
+    """Converts the errors of one plugin's code to `RobotError`s.
 
     Errors of type `RobotError` pass unchanged, because they already say what is wrong. For other
     errors the traceback is logged, once for each message.
 
     Args:
-        kind: Kind of the plug-in: `robot` or `camera`.
-        name: The name by which the plug-in was chosen.
-        error_type: Type of the errors raised in place of others; its argument is the message.
+        kind: Kind of the plugin: `robot` or `camera`.
+        name: The name by which the plugin was chosen.
+        error_type: Type of the errors that are raised instead; its only argument is the message.
         first: Called before anything is logged, because writing the log to a terminal may block.
 
     Example:
@@ -142,7 +142,7 @@ KeyError: 'port'; the log has the traceback: send that to the plug-in's author
 
     @contextmanager
     def named(self, call: str) -> Iterator[None]:
-        """Convert the errors of one call of the plug-in's code."""
+        """Convert the errors of one call of the plugin's code."""
         try:
             yield
         except RobotError:
@@ -182,7 +182,7 @@ def install_command(extra: str) -> str:
 
 
 def _clone() -> Path | None:
-    """Return the folder of the source code, if this program runs from source; else None."""
+    """Return the folder of the source code if this program runs from source, else None."""
     folder = Path(__file__).resolve().parents[1]
     return folder if (folder / "pyproject.toml").is_file() else None
 
@@ -211,9 +211,8 @@ def _pip_install() -> str:
 
 
 def quoted(word: str) -> str:
-    """Return a word quoted for this system's shells. The result also works as a command: PowerShell
-    would treat a command that begins with a quote as text, and cmd fails on the `&` that prevents
-    this."""
+    """Return a word quoted for this system's shells, even as a command. PowerShell would treat a
+    command that begins with a quote as text, and cmd fails on the `&` that would prevent this."""
     if os.name != "nt":
         return shlex.quote(word)
     parts = word.split("\\")

@@ -1,8 +1,7 @@
 """The data types that every part of the robot shares.
 
-Units and signs, stated once: lengths in metres, times in seconds on a monotonic clock,
-angles in radians, counter-clockwise positive; forward is positive. The name of a bare number
-ends in its unit.
+Units and signs, stated once: lengths are in metres, times in seconds on a monotonic clock, angles
+in radians. Counter-clockwise and forward are positive. The name of a plain number ends in its unit.
 """
 
 from __future__ import annotations
@@ -96,7 +95,7 @@ class Mode(StrEnum):
 
 
 class DrivenBy(StrEnum):
-    """The source of the current action."""
+    """Who chose the current action."""
 
     NOBODY = "nobody"
     PILOT = "pilot"
@@ -131,8 +130,8 @@ class Encoding(StrEnum):
 class Frame:
     """One upright picture; it is encoded again only if it had to be turned (`Mounting`).
 
-    `frame_id` counts up from 1 within one run and is the key that commands, examples and
-    recordings use; `captured_s` is the clock's time at which the picture was taken.
+    `frame_id` counts up from 1 within one run; commands, examples and recordings name frames by it.
+    `captured_s` is the clock's time at which the picture was taken.
     """
 
     frame_id: int
@@ -147,8 +146,8 @@ class Frame:
 class Pose:
     """The robot's position and heading, in metres and radians.
 
-    In a virtual world it is the true pose, in the world's frame. For a real robot it is an estimate
-    from its wheels, relative to the pose at which it was connected; this estimate drifts.
+    In a virtual world it is the true pose, in the world's coordinates. For a real robot it is an
+    estimate from the wheels, relative to the pose at the time of connecting; the estimate drifts.
     """
 
     x_m: float
@@ -184,7 +183,7 @@ class Sensors:
     distance_m: float | None = None
     bumped: bool | None = None
     bumpers: tuple[bool, ...] = ()
-    """State of each bumper, from left to right; `bumped` is true if any is pressed."""
+    """State of each bumper, from left to right; `bumped` is true if any bumper is pressed."""
     battery_share: float | None = None
     pose: Pose | None = None
     game: Game | None = None
@@ -199,8 +198,8 @@ class PilotCommand:
     `frame_age_s` is the page's estimate of the frame's age when the command was sent, and `phone_s`
     the part of this age that the frame had spent on the phone. `proven_s` is a time before which
     the command cannot have been sent; None: the time at which it was received.
-    `seen_id` is the newest frame that has been acknowledged; None: unknown. `point` is the exact
-    steering and throttle, if `held` was steered by degrees.
+    `seen_id` is the newest frame that the page has acknowledged; None: unknown. `point` is the
+    exact steering and throttle, if `held` was steered by degrees.
     """
 
     held: Action | None
@@ -219,7 +218,7 @@ class PilotCommand:
 class Prediction:
     """The policy's proposal on one frame, and the reasons for it.
 
-    `probabilities` are the smoothed votes per move, summing to 1 (empty before the first example);
+    `probabilities` are the smoothed votes per move and sum to 1 (empty before the first example);
     `novelty` is 0 for a familiar view and 1 or more for a view unlike all examples; `node` is the
     learned image nearest to the view, and `distance` is the distance between them.
     """

@@ -1,7 +1,8 @@
 """Corrections for a robot that is built or wired differently from what its driver expects.
 
-A correction changes the values sent to the motors and the orientation of the pictures. It never
-changes the meaning of a move: `left` means left on the page, in recordings and for the learner.
+A correction changes the values sent to the motors, or the orientation of the pictures. It never
+changes the meaning of a move: `left` still means left on the page, in recordings and for the
+learner.
 """
 
 from __future__ import annotations
@@ -19,11 +20,11 @@ from robot.errors import ConfigurationError, DriveError, PluginErrors, need
 from robot.types import Action, Encoding, Frame, Point
 
 MOST_TRIM = 0.3
-"""Largest trim: if a robot needs a larger trim, a motor or a wheel is broken."""
+"""Largest trim. If a robot needs a larger trim, a motor or a wheel is broken."""
 REVERSED = ("none", "left", "right", "both")
 TURNS_DEG = (0, 90, 180, 270)
 _JPEG_QUALITY = 90
-"""Quality at which a turned JPEG is encoded again: almost without loss."""
+"""Quality at which a turned JPEG is encoded again, almost without loss."""
 Pair = tuple[float, float]
 _OTHER = {"left": "right", "right": "left"}
 _NOT_CORRECTED = {
@@ -31,7 +32,7 @@ _NOT_CORRECTED = {
     "swap_sides": "it has no moves that steer left and right",
     "trim": "it is not steered by degrees",
 }
-"""The reason why a correction does not apply to a body."""
+"""For each correction, the reason why a body may not support it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,8 +43,8 @@ class BodyCorrection(Correction):
         reverse: The motors that turn in the wrong direction: `none`, `left`, `right` or `both`,
             named as in the driver's options.
         swap_sides: The left motor is plugged in at the right, and the right motor at the left.
-        trim: Steering to the right (positive) or left that is added when the robot should drive
-            straight, as a share of full lock. A robot that pulls to the left needs a positive trim.
+        trim: Steering that is added when the robot should drive straight, as a share of full lock.
+            It is positive to the right, for a robot that pulls to the left.
 
     Raises:
         ConfigurationError: If a value is out of range.
@@ -97,7 +98,7 @@ class BodyCorrection(Correction):
     def point(self, point: Point) -> Point:
         """Return the steering and throttle to send so that the robot drives `point`.
 
-        Trim decreases towards full lock. A spin on the spot needs no trim.
+        The trim decreases towards full lock. A spin on the spot has no trim.
         """
         steering, throttle = point
         if throttle:
@@ -116,7 +117,7 @@ class BodyCorrection(Correction):
 
 
 def mirrored(action: Action, body: Driver) -> Action:
-    """Return the mirrored move of a body; a straight move is its own mirror image."""
+    """Return the mirror image of a body's move; a straight move is its own mirror image."""
     name = Action("_".join(_OTHER.get(word, word) for word in action.split("_")))
     at = point_of(action, body.declared_moves)
     if name is not action and name in body.moves:
@@ -149,8 +150,9 @@ class CameraCorrection(Mounting):
     """The mounting of a camera.
 
     Args:
-        turn_deg: Degrees by which the pictures are turned clockwise, to be upright.
-        is_mirrored: The turned pictures are also mirrored, because the camera looks into a mirror.
+        turn_deg: Degrees by which the pictures are turned clockwise to make them upright.
+        is_mirrored: True if the turned pictures are also mirrored, for a camera that looks into a
+            mirror.
 
     Raises:
         ConfigurationError: If a value is out of range.
@@ -172,7 +174,7 @@ class CameraCorrection(Mounting):
     def upright(self, picture: Frame) -> Frame:
         """Return the picture as if the camera stood upright. An unreadable picture is unchanged.
 
-        The values of raw pixels do not change. A JPEG is encoded again.
+        Raw pixels are moved without changing their values. A JPEG is encoded again.
 
         Raises:
             MissingExtraError: If a JPEG must be turned and OpenCV is not installed.
@@ -195,7 +197,7 @@ class CameraCorrection(Mounting):
 
     def _yuyv(self, picture: Frame) -> Frame:
         """Turn a YUYV picture. Two neighbours in a row share a colour; after a turn by 90 degrees
-        these are other pixels."""
+        other pixels are neighbours in a row."""
         rows, columns = picture.height, picture.width
         packed = np.frombuffer(picture.data, np.uint8).reshape(rows, columns, 2)
         colours = packed[:, :, 1].reshape(rows, columns // 2, 2).repeat(2, axis=1)
@@ -281,7 +283,7 @@ class Corrections:
                 rig.driver.correct(self.body)
 
     def described(self) -> dict[str, Any]:
-        """Return plain values, keyed by the names of the options."""
+        """Return plain values by the names of the options."""
         return {
             "reverse": self.body.reverse,
             "swap_sides": self.body.swap_sides,

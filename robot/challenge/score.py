@@ -2,11 +2,12 @@
 
 The path is divided into stretches of `STRETCH_M`, measured in a straight line. A stretch counts if
 the robot drove it forward and nearly straight, and drove the stretch before or after it in nearly
-the same direction. So standing, turning on the spot and circles narrower than the smallest box
-score nothing. Metres driven backward are subtracted. If the robot drives back over a stretch, its
-score is subtracted and it never counts again, so driving back and forth scores nothing. A stretch
-that is driven again in the same direction counts a half, then a third, so a larger course is worth
-more than many rounds of a small course.
+the same direction. So no metres are scored by standing, by turning on the spot, or by circles
+narrower than the smallest box. Metres driven backward are subtracted. If the robot drives back over
+a stretch, the stretch's score is subtracted, and the stretch never counts again. So driving back
+and forth scores nothing. A stretch that is driven again in the same direction counts a half the
+second time and a third the third time, so a larger course is worth more than many rounds of a small
+course.
 """
 
 from __future__ import annotations
@@ -19,11 +20,11 @@ from robot.types import Pose
 STRETCH_M = 0.2
 """Length of a stretch, in metres: about the length of a robot."""
 _STRAIGHT_RAD = math.radians(25)
-"""Largest change of the robot's heading within a stretch, in radians; a larger one begins a new
-stretch."""
+"""Largest change of the robot's heading within a stretch, in radians. After a larger change a new
+stretch begins."""
 _ONWARD_RAD = math.radians(20)
-"""Largest angle between two successive stretches of a straight run, in radians. A circle exceeds it
-if its radius is less than 0.57 m, half the width of the smallest box."""
+"""Largest angle between two successive stretches of a straight run, in radians. On a circle the
+angle is larger if the radius is less than 0.57 m, half the width of the smallest box."""
 _NEAR_M, _ALIKE_RAD = 0.2, math.radians(50)
 """Two stretches are the same if their midpoints differ by at most `_NEAR_M` and their directions by
 at most `_ALIKE_RAD`."""
@@ -41,13 +42,14 @@ class _Stretch:
 
 
 class Score:
-    """The score of one try; call `note` with each pose while the robot drives by itself."""
+    """The score of one try. Call `note` with each pose while the robot drives by itself."""
 
     def __init__(self) -> None:
         self._start: Pose | None = None
         self._stretches: list[_Stretch] = []
         self._run: list[_Stretch] = []
-        """The stretches of the current straight run; the first counts with the second."""
+        """The stretches of the current straight run. The first counts only once there is a
+        second."""
         self._backward_m = 0.0
 
     @property
@@ -70,7 +72,7 @@ class Score:
         if length_m < STRETCH_M and turned_rad <= _STRAIGHT_RAD:
             return
         self._start = pose
-        if length_m > 2 * STRETCH_M:  # the robot was carried, or its pose corrected
+        if length_m > 2 * STRETCH_M:  # the robot was carried, or its pose was corrected
             self._run = []
             return
         aside_rad = max(_angle(one.heading_rad, way_rad) for one in (start, pose))
@@ -82,7 +84,8 @@ class Score:
             self._backward_m += length_m
 
     def _go_on(self, stretch: _Stretch) -> None:
-        """Count a stretch if it continues a straight run, and the first stretch of this run."""
+        """If a stretch continues a straight run, count it, and also count the run's first
+        stretch."""
         if self._run and _angle(self._run[-1].way_rad, stretch.way_rad) > _ONWARD_RAD:
             self._run = []
         self._run.append(stretch)

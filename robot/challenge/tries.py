@@ -2,7 +2,8 @@
 
 A try is armed by a person and begins when the robot drives by itself. It ends when the
 pilot takes the wheel, when the robot bumps, asks for help or is stopped, or after `TRY_S`. A try
-that is stopped before it scores, for example by a slow link, is not used up. The best try counts.
+that is stopped before anything is scored, for example by a slow link, is not used up. The best try
+counts.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class Try:
 
 
 class Challenge:
-    """Follows one robot; `note` and the methods are for the loop's thread."""
+    """Follows one robot. Call all methods on the loop's thread."""
 
     def __init__(self) -> None:
         self.best_m: float | None = None
@@ -72,7 +73,7 @@ class Challenge:
         return max(0.0, TRY_S - self._seconds)
 
     def arm(self) -> None:
-        """Make the next drive count as a try; after the last try a new challenge begins."""
+        """Make the next drive count as a try. After the last try this begins a new challenge."""
         if self.is_on:
             return
         if len(self.tries) >= TRIES:
@@ -89,7 +90,7 @@ class Challenge:
         step_s = min(max(step_s, 0.0), _LONGEST_STEP_S)
         self._last_s = tick.now_s
         if any(isinstance(event, Replaced) for event in tick.history_events):
-            self.cancel()  # with another model, the try would be another robot's
+            self.cancel()  # with another model, the try would be of another robot
             self.tries, self.best_m, self.is_shown = (), None, False
         is_alone = tick.decision.driven_by is DrivenBy.ROBOT
         if self.is_armed and is_alone and tick.sensors.pose is not None:

@@ -12,17 +12,17 @@ from robot.policy.policy import Policy
 from robot.types import Action
 
 _COMPARED = 128
-"""Maximum number of learned images that are compared; if there are more, an even sample is
-used."""
+"""Maximum number of learned images that are compared. If there are more, an evenly spaced sample is
+compared."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearnedImage:
     """One node, in the form that the gallery shows.
 
-    `node_id` follows the node through merges. `last_used` and `last_taught` are the numbers of the
-    latest proposal and example that matched it (0: none).
-    `angle` is the mean steering of its frames, if they were steered by degrees.
+    Merges do not change the `node_id`. `last_used` and `last_taught` are the numbers of the latest
+    proposal and of the latest example that matched the node (0: none). `angle` is the mean steering
+    of the node's frames, if they were steered by degrees.
     """
 
     node_id: int
@@ -37,14 +37,14 @@ class LearnedImage:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Explanation:
-    """The image that decides, and the current view.
+    """The image that decides, beside the current view.
 
     Attributes:
         image: The image.
         present: The view that the learner sees, shape (30, 40).
-        alike: For each cell of the picture, how much more similar the view is to the image than to
-            the learned images on average, from 0 to 1, shape (6, 8). All 0 if there is only one
-            image.
+        alike: How much more similar the view is to this image than to the learned images on
+            average, from 0 to 1, for each cell of the picture, shape (6, 8). All 0 if there is only
+            one image.
     """
 
     image: LearnedImage
@@ -72,11 +72,11 @@ def _shown(policy: Policy, node: Node) -> LearnedImage:
 
 
 def explain(policy: Policy, x: Vector, node_id: int | None) -> Explanation | None:
-    """Return the explanation why an image decided a view; None if the image no longer exists.
+    """Explain why an image decided a view; None if the image no longer exists.
 
-    A squared distance is a sum over the cells of the picture. A cell counts as similar if it is
-    nearer to the deciding image than to the learned images on average. A cell that is similar in
-    all images, such as an empty floor, explains nothing.
+    A squared distance is a sum over the cells of the picture. A cell counts as similar if in it the
+    view is nearer to the deciding image than to the learned images on average. A cell that is
+    similar in all images, such as an empty floor, explains nothing.
     """
     nodes, features = policy.learner.nodes(), policy.features
     decides = next((node for node in nodes if node.id == node_id), None)

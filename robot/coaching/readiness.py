@@ -1,11 +1,12 @@
 """Estimates whether the robot is ready to drive alone, by short trials, not by agreement. Pure.
 
-Agreement is a poor predictor, since most frames are similar to their neighbours. The best predictor
-of a minute alone is a short trial: the robot drives, and the pilot stays ready to correct. The time
-of a trial counts while nothing goes wrong: no correction, no collision, no call for help, few
-unknown views. Before the first trial all moves in use must have been begun a few times.
+Agreement predicts little, since most frames are similar to the frames before them. The best
+predictor of a minute alone is a short trial: the robot drives, and the pilot stays ready to
+correct. The time of a trial counts while nothing goes wrong: no correction, no collision, no call
+for help, and few unknown views. Before the first trial the pilot must have begun each move in use a
+few times.
 
-Each mistake becomes a `Gap`: the move to show the robot, and a picture of the location.
+Each mistake becomes a `Gap`: the move to show the robot, with a picture of the place.
 """
 
 from __future__ import annotations
@@ -22,35 +23,36 @@ from robot.types import Action, DrivenBy, Frame, StopReason
 TAUGHT_S = 40.0
 """Teaching time after which the first trial may begin in any case, in seconds."""
 EARLY_S, EARLY_CHANGES, EARLY_FORESEEN, EARLY_KNOWN = 15.0, 6, 5, 0.9
-"""Conditions of an early trial. It may begin after 15 s of teaching if the robot foresaw five of
-the pilot's last six changes of move, and knew nine of ten views of the last ten seconds."""
+"""Conditions of an early first trial. It may begin after 15 s of teaching if the robot foresaw five
+of the pilot's last six changes of move, and knew 90 % of the views of the last ten seconds."""
 STARTS = 3
-"""Number of times that each move in use must be begun before a first trial, to exclude chance."""
+"""Each move in use must be begun this number of times before the first trial, to exclude chance."""
 RARE_SHARE = 0.02
 """A move with a smaller share of the examples is rare, and must be begun `2 * STARTS` times. If a
 pilot drives straight for minutes, the few examples of the turn at a wall have little weight."""
 _SLIP_S, _MEANT_S = 0.35, 0.9
-"""A press shorter than `_SLIP_S` seconds counts as a slip of the finger. A rare move is in use once
-its other presses add up to `_MEANT_S` seconds. Otherwise the robot would ask for a move that the
-pilot never meant."""
+"""A press shorter than `_SLIP_S` seconds counts as a slip of the finger. A rare move counts as in
+use once its longer presses add up to `_MEANT_S` seconds. Otherwise the page would ask for a move
+that the pilot never meant."""
 _FEWEST = 5
-"""Least number of examples of a move in use, independent of their share."""
+"""Least number of examples of a move in use, whatever their share."""
 CLEAN_S = 45.0
 """Time without mistakes after which the robot is ready, in seconds."""
 NOVEL_SHARE = 0.015
 """Largest share of hardly known views in a clean trial."""
 HARDLY_KNOWN = 0.8
-"""Novelty from which a view counts as hardly known. Above 1 the robot asks for help; a robot that
-comes near to 1 in a trial will ask later."""
+"""Novelty from which a view counts as hardly known. Above 1 the robot asks for help, and a robot
+that comes near to 1 in a trial will probably ask later."""
 PUSHED_S = 0.3
 BEFORE_S, AFTER_S = 0.5, 0.15
-"""A change of move was foreseen if the robot proposed the move at most `BEFORE_S` before or
-`AFTER_S` after the pilot, in seconds."""
+"""A change of move was foreseen if the robot proposed the move at most `BEFORE_S` seconds before
+the pilot or `AFTER_S` seconds after."""
 _LONGEST_STEP_S, _PAUSE_S = 0.25, 0.5
 _COVERED_S = 10.0
 _GAPS, _CHANGES = 6, 40
 _FORGOTTEN_S = 2 * CLEAN_S
-"""Length of a trial above which its values are halved, in seconds: old driving says little."""
+"""Length of a trial above which its figures are halved, in seconds, because old driving says
+little."""
 
 
 class Stage(StrEnum):
@@ -77,7 +79,7 @@ class GapKind(StrEnum):
 class Gap:
     """One situation to show the robot, and its location.
 
-    `move` is the pilot's move there (None: unknown), `instead` the move that the robot proposed.
+    `move` is the pilot's move there (None: unknown). `instead` is the move that the robot proposed.
     """
 
     kind: GapKind
@@ -240,7 +242,7 @@ class Readiness:
 
     @property
     def needed_s(self) -> float:
-        """The required `clean_s`, which is longer if too many of the views were hardly known."""
+        """The required `clean_s`. It is longer if too many of the views were hardly known."""
         return min(self._wanted_s, _FORGOTTEN_S)
 
     @property
@@ -249,7 +251,8 @@ class Readiness:
 
     @property
     def foreseen(self) -> Mapping[str, int]:
-        """Numbers of the pilot's latest changes of move while teaching, and of foreseen changes."""
+        """The number of the pilot's latest changes of move while teaching, and how many were
+        foreseen."""
         return {"changes": len(self._foreseen), "foreseen": sum(self._foreseen)}
 
     def missing(self) -> list[Gap]:

@@ -16,7 +16,7 @@ from robot.policy.history import Replaced
 from robot.types import Action, DrivenBy, Mode, Pose
 
 STEP_M, STEP_RAD = 0.03, math.radians(10)
-"""Distance in metres, or turn in radians, after which a new point is added; a change of driver also
+"""Distance in metres, or turn in radians, after which a new point is added. A change of driver also
 adds a point."""
 POINTS = 2000
 """Maximum number of points: seven minutes at the paper's speed, more with turns. The oldest points
@@ -33,7 +33,7 @@ class Event(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Waypoint:
-    """One point of the trail; `driven_by` drove to this point, `events` began here."""
+    """One point of the trail. `driven_by` drove to this point, and the `events` began here."""
 
     pose: Pose
     driven_by: DrivenBy
@@ -72,9 +72,9 @@ class Trail:
     def since(self, number: int) -> tuple[int, list[Waypoint]]:
         """Return the points from `number` on, and the number of the first returned point.
 
-        A client that has the points before `number` appends the returned points. If the first has
-        another number, all points are returned, because old points were dropped or a new trail
-        began.
+        A client that has the points before `number` appends the returned points. If the first
+        returned point has another number, all points are returned, because old points were dropped
+        or a new trail began.
         """
         points = list(self._points)
         first = self._n - len(points)

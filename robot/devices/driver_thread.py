@@ -1,6 +1,6 @@
 """Runs a driver on a separate thread, for bodies that answer over a network.
 
-The control loop must never wait for a body: at 45 ms per request it would run at 10 Hz, drive at
+The control loop must never wait for a body: with 45 ms per request it would run at 10 Hz, drive at
 half speed and learn less than half of the examples. So the loop puts its newest action into a slot,
 and a thread sends this action when the body is ready; older actions are never sent.
 """
@@ -25,8 +25,8 @@ SENSE_EVERY_S = 0.1
 STALE_S = 0.25
 """Age above which an action is no longer sent, in seconds, because the loop was held up."""
 SILENT_S = 0.5
-"""Duration above which a request counts as a fault, in seconds. By then the body has ended the move
-by its own time limit."""
+"""Duration above which a request counts as a fault, in seconds. By then the body's own time limit
+has ended the move."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class DriverThread(Driver):
     """Wraps a driver with `is_remote`; the loop's calls return at once.
 
     A fault of the body is raised by the next call, and by all further calls until a request
-    succeeds. `step` does one request; the thread repeats it.
+    succeeds. `step` does one request; the thread calls it again and again.
     """
 
     def __init__(self, driver: Driver, clock: Clock) -> None:
@@ -134,7 +134,7 @@ class DriverThread(Driver):
             self.driver.stop()
 
     def take_button(self) -> BodyButton | None:
-        """Return the request of the body's button from the latest reading."""
+        """Return what the body's button requested by the latest reading."""
         with self._lock:
             button, self._button = self._button, None
         return button
@@ -171,7 +171,7 @@ class DriverThread(Driver):
         try:
             do()
             self._faults.pop(kind, None)
-        except Exception as error:  # the error is stored; the loop's thread raises it and stops
+        except Exception as error:  # stored: the loop's thread raises it and stops
             self._faults[kind] = error
         finally:
             self._request_s = None
@@ -180,8 +180,8 @@ class DriverThread(Driver):
     def _choose(self, now_s: float) -> tuple[str, Callable[[], None]] | None:
         """Remove and return the most urgent request: stop, then sense or drive, then show.
 
-        A new action is sent before the sensors are read, but only once (STOP: always); a renewed
-        action is sent after that.
+        A new action is sent before the sensors are read, unless reading is late by another
+        `SENSE_EVERY_S`; STOP is always sent first. A renewed action is sent after reading.
         """
         order, since_s = self._order, now_s - self._sensed_s
         is_new = order is not None and order.action is not self._driven
@@ -218,7 +218,7 @@ class DriverThread(Driver):
         self._sensed_s = now_s
         self._sensors = self.driver.sense()
         button = self.driver.take_button()
-        # A start that was pressed while the body did not answer no longer counts.
+        # A start button that was pressed while the body did not answer no longer counts.
         if button is BodyButton.STOP or (button is not None and "sense" not in self._faults):
             self._button = button
 

@@ -2,7 +2,7 @@
 
 Each field has a default and `metadata={"help": ...}`. The metadata may also contain `choices`,
 `range` as `(least, most)` for a number, and `secret` for a value that is never recorded. The
-built-in devices declare fields by `option`, with a base class that refuses values out of range.
+built-in devices declare fields by `option`, and their base class refuses values out of range.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def options_of(options_type: type[Any]) -> list[Option]:
 
 
 def make_options(options_type: type[Any], given: Mapping[str, Any]) -> Any:
-    """Build the dataclass from values or their texts, without those of other classes.
+    """Build the dataclass from values or their texts; values of other classes are ignored.
 
     Raises:
         ConfigurationError: If a value has a wrong type, or is out of range.

@@ -1,4 +1,4 @@
-"""Finds built-in drivers and cameras, and plug-ins, by name among the entry points."""
+"""Finds drivers and cameras, built-in or from plugins, by name among the entry points."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ def default_driver() -> str | None:
 def load_driver(name: str) -> type[Driver]:
     """Return the driver class with this name.
 
-    There is no fallback, because an error is better than a robot that is silently missing.
+    There is no fallback: an error is better than a robot that is silently missing.
 
     Raises:
-        PluginError: If there is no plug-in with this name, or it is not a driver.
+        PluginError: If there is no plugin with this name, or it is not a driver.
         MissingExtraError: If a library that the driver needs is not installed.
     """
     return _load(DRIVERS, name, "robot", Driver)

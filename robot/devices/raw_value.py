@@ -1,4 +1,4 @@
-"""Validates external values. Each is declared once, with pydantic; its description is in the error.
+"""Validates external values. Each is declared once, with pydantic, and described in the error.
 
 The code uses only features that pydantic 1.10 and 2 have in common, because bricks run Debian 12,
 which has version 1.10. docs/adr/0037-typed-borders.md gives the reasons for pydantic, and the
@@ -21,7 +21,7 @@ IS_OLD = pydantic.VERSION.startswith("1.")
 _KINDS = {int: "a whole number", float: "a number", bool: "true or false", str: "a text"}
 _STRICT: dict[str, Any] = {} if IS_OLD else {"strict": True}
 _MOST_BITS = 1000
-"""Maximum number of bits of an integer, so that it fits into a float; pydantic 1 fails at larger
+"""Maximum number of bits of an integer, so that it fits into a float. Pydantic 1 fails at larger
 integers."""
 _M = TypeVar("_M", bound=BaseModel)
 
@@ -31,7 +31,7 @@ class RawValue(BaseModel, **_STRICT):
 
     @classmethod
     def validate(cls, value: Any) -> Self:
-        """Make pydantic 1 as strict as pydantic 2, which never calls this method."""
+        """Make pydantic 1 as strict as pydantic 2. Pydantic 2 never calls this method."""
         if not isinstance(value, cls | dict):
             raise TypeError("no object")
         given: dict[str, Any] = value if isinstance(value, dict) else {}
@@ -89,7 +89,7 @@ def read(kind: type[_M], plain: Any, where: str = "") -> _M:
 
 
 def reader(kind: Any, declared: Any, base: type[BaseModel] = BaseModel) -> Callable[[Any], Any]:
-    """Return a function that reads one value; text is converted, unless `base` is strict.
+    """Return a function that reads one value. It converts text unless `base` is strict.
 
     Its ConfigurationError is the end of a sentence after a name: "must be a number above 0, not
     'x'".
@@ -138,7 +138,7 @@ def _description(kind: type[BaseModel], name: str) -> str | None:
 
 
 def _is_same(given: Any, read: Any) -> bool:
-    """True if pydantic 1 converted no value except an integer to a float. A lone surrogate is
+    """True if pydantic 1 converted nothing except integers to floats. A lone surrogate is
     refused."""
     if isinstance(given, list):
         return all(map(_is_same, given, read))

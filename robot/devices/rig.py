@@ -24,8 +24,8 @@ from robot.types import StartStop, StopReason
 class Rig(StartStop):
     """Owns the parts, and starts and stops them in the right order. A context manager.
 
-    The loop ticks on a separate thread, for each new frame, command or request, and otherwise at
-    least every 50 ms.
+    The loop ticks on a separate thread, for each new frame, command or request, and at least every
+    50 ms.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class Rig(StartStop):
 
     def start(self) -> None:
         """Connect the body, start the camera, and run the loop. If hardware is missing, stop the
-        started parts again and raise RobotError."""
+        parts that were started, and raise RobotError."""
         try:
             with self._body.named("connect"):
                 self.driver.connect()

@@ -18,14 +18,14 @@ from robot.types import Action, Point, Sensors
 _C = TypeVar("_C")
 _T = TypeVar("_T")
 AGAIN_S = 0.01, 0.5
-"""First and longest pause between failed attempts to open a lost connection again, in seconds. The
-pause doubles in between."""
+"""First and longest pause between attempts to open a lost connection again, in seconds. Each failed
+attempt doubles the pause."""
 _BROKEN = OSError, EOFError
 
 
 class _Shown:
     """An attribute for subclasses to read. A subclass may use the name for its own attribute,
-    because the base class does not use it."""
+    because the base class itself does not read the attribute."""
 
     def __init__(self, name: str) -> None:
         self.name = f"_ConnectedDriver__{name}"
@@ -38,12 +38,13 @@ class ConnectedDriver(Driver, Generic[_C]):
     """Base of drivers with one connection to open: a serial line, a bridge, a library's motor.
 
     A subclass implements `_open`, `_drive` and `_close`, and `_sense` if the body has sensors. It
-    does not catch OSError and EOFError: this class reports them as DriveErrors and closes the
-    connection, and the next request opens it again. This class also refuses calls without a
-    connection, makes `connect` and `disconnect` idempotent, and stops the body after each `_begin`.
+    need not catch OSError and EOFError: this class reports them as DriveErrors and closes the
+    connection, and the next request opens the connection again. This class also refuses calls
+    without a connection, makes `connect` and `disconnect` idempotent, and stops the body after each
+    `_begin`.
 
-    This is sufficient for a body that answers orders. If a body acknowledges no orders but sends
-    reports, set `gone_after_s`, and call `heard` whenever data came from the body.
+    For a body that answers orders this is sufficient. If a body does not acknowledge orders but
+    sends reports, set `gone_after_s`, and call `heard` whenever data came from the body.
 
     Attributes:
         gone_after_s: Time without a call of `heard` after which the body counts as gone, in
@@ -105,8 +106,8 @@ class ConnectedDriver(Driver, Generic[_C]):
     def _sense(self) -> Sensors:
         """Read the sensors and all other data from the body; by default there are no sensors.
 
-        This must not wait if the body sends reports by itself. It is also called before a move if
-        `heard` was not called for `gone_after_s`.
+        If the body sends reports by itself, this must not wait for them. It is also called before a
+        move if `heard` was not called for `gone_after_s`.
         """
         return Sensors()
 
@@ -114,7 +115,7 @@ class ConnectedDriver(Driver, Generic[_C]):
         """Close the connection; a simulated body has no connection to close."""
 
     def heard(self) -> None:
-        """Record that data came from the body, for `gone_after_s`; may be called on any thread.
+        """Record that data came from the body (see `gone_after_s`); may be called on any thread.
 
         If `gone_after_s` is set, `_begin` must wait until data came from the body.
         """
@@ -182,7 +183,7 @@ class ConnectedDriver(Driver, Generic[_C]):
         self.__reach()
         try:
             return request()
-        except RobotError:  # already reported; includes DriveError, an OSError
+        except RobotError:  # already reported; DriveError is also an OSError
             raise
         except _BROKEN as error:
             raise self.__lose(f"does not answer: {_words(error)}") from error

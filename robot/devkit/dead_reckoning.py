@@ -1,7 +1,7 @@
 """Dead reckoning: estimates a robot's pose from its wheels, relative to its start. Pure.
 
-The wheel encoders are used if the driver reads them, else the commands to the motors, which do not
-show slip or walls. Either estimate drifts, so the pose is marked as estimated.
+The estimate uses the wheel encoders if the driver reads them, else the commands to the motors,
+which do not show slip or walls. Both kinds of estimate drift, so the pose is marked as estimated.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ class DeadReckoning:
         self._told_s = self._rolled_s = 0.0
 
     def tell(self, speeds_mps: Pair, now_s: float) -> None:
-        """Record the speeds that the wheels were sent; without another command they end by
-        themselves."""
+        """Record the speeds that were sent to the wheels. Without another command the wheels stop
+        by themselves."""
         self._roll(now_s)
         self._speeds_mps, self._told_s = speeds_mps, now_s
 
@@ -45,7 +45,7 @@ class DeadReckoning:
         return self._pose
 
     def _roll(self, now_s: float) -> None:
-        """Add the distances that the last command rolled since the last call."""
+        """Add the distances that the wheels rolled by the last command since the last call."""
         until_s = min(now_s, self._told_s + ACTION_TIMEOUT_S)
         seconds = max(until_s - max(self._rolled_s, self._told_s), 0.0)
         left_m, right_m = self._told_m

@@ -5,13 +5,12 @@ from typing import Optional
 REOPEN_S = 0.5
 """Period of the search for a lost camera, in seconds."""
 STILL_S = 0.35
-"""Time without a new picture, in addition to the camera's period, after which a camera counts as
-broken, in seconds: a fault is detected within 500 ms plus the period."""
+"""A camera counts as broken after its period plus this time without a new picture, in seconds. So a
+fault is detected within 500 ms plus the period."""
 LONGEST_PERIOD_S = 1.2
-"""Longest camera period that extends the time limit, in seconds; a slower camera gets no more
-time."""
+"""The time limit grows with the camera's period only up to this period, in seconds."""
 _BURST_S = 0.02
-"""Gap below which two pictures count as sent together, in seconds: it is not the camera's
+"""Gap below which two pictures count as sent together, in seconds. Such a gap is not the camera's
 period."""
 
 
@@ -25,7 +24,8 @@ class Freshness:
         self._period_s = None  # type: Optional[float]
 
     def is_new(self, data: bytes, now_s: float) -> bool:
-        """Record a picture. Return False for an exact repeat, since a working sensor has noise."""
+        """Record a picture. Return False for an exact repetition, because a working sensor has
+        noise."""
         self._seen_s = now_s
         if data == self._last:
             return False
@@ -43,7 +43,7 @@ class Freshness:
 
     @property
     def patience_s(self) -> float:
-        """Longest time that the camera may send no new picture."""
+        """Longest time for which the camera may send no new picture."""
         return STILL_S + (self._period_s or 0.0)
 
     def continue_from(self, before: "Freshness") -> None:
@@ -55,7 +55,8 @@ class Freshness:
         """The camera's fault, or None."""
         if now_s - self._new_s <= self.patience_s:
             return None
-        # A camera that repeats its picture at longer intervals than its period still works.
+        # A camera that repeats its picture at intervals longer than its period still sends
+        # pictures.
         if now_s - self._seen_s <= max(self.patience_s, STILL_S + LONGEST_PERIOD_S):
             return "repeats one picture" if self._seen_s > self._new_s else "gives no pictures"
         return "gives no pictures"

@@ -1,7 +1,7 @@
 """Ends the moves of bodies without a watchdog: a thread on the robot's computer sends the stop.
 
-This is weaker than a watchdog on the body, because it fails with the program, its computer or the
-link. So if a body can end its moves by itself, in any way, use that instead.
+This is weaker than a watchdog on the body, because it fails together with the program, its computer
+or the link. So if a body can end its moves by itself in some way, use that way instead.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ _C = TypeVar("_C")
 _T = TypeVar("_T")
 _LOG = logging.getLogger(__name__)
 GAP_S = 0.002
-"""Least time between two orders, in seconds: some bodies drop the second of two orders within
-1 ms."""
+"""Least time between two orders, in seconds. If two orders come within 1 ms, some bodies drop the
+second."""
 AGAIN_S = 0.015
-"""Period of repeating a stop that was not acknowledged, or not yet repeated often enough, in
+"""Period at which a stop is repeated until it is acknowledged, or was sent often enough, in
 seconds."""
 REPEATS = 5
-"""Number of quick stops to a body without acknowledgement before they are sent slowly. If one order
-in ten is lost, one stop in 100,000 is late."""
+"""Number of stops that are sent quickly to a body without acknowledgement; further stops are sent
+slowly. If one order in ten is lost, one stop in 100,000 is late."""
 REST_S = 0.2
-"""Period of stops to a body without acknowledgement while nobody drives, in seconds, because it may
-still move after the link was cut for a moment."""
+"""Period of stops to a body without acknowledgement while nobody drives, in seconds. They are
+needed because the body may still move after the link was cut for a moment."""
 PATIENCE_S = 0.02
 """Time for which a stop waits for an unfinished call of a move, in seconds."""
 LONGEST_LEAD_S = 0.15
@@ -45,16 +45,16 @@ CLOSES_WITHIN_S = 0.5
 class MoveEnder:
     """Serialises the calls to one body, and ends its moves from a separate thread.
 
-    A stop is sent `ACTION_TIMEOUT_S` after the last move (earlier by the latency of stops), and
-    repeated until it succeeds. A stop never waits for a move: if a move's call does not return, the
-    stop is called at the same time on another thread, and once more after the call returned. A move
-    waits for a stop.
+    A stop is sent `ACTION_TIMEOUT_S` after the last move, minus the latency of stops, and is
+    repeated until it succeeds. A stop never waits for a move. If a move's call does not return, the
+    stop is called at the same time on another thread, and once more after that call has returned.
+    But a move waits for a stop.
 
     Args:
         send_stop: Stops the body, or raises an error.
         clock: The clock of the thread and its waits.
-        is_acknowledged: True if `send_stop` returns only after the body has received the stop; else
-            stops are repeated while nobody drives.
+        is_acknowledged: True if `send_stop` returns only after the body has received the stop. If
+            False, stops are repeated while nobody drives.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class MoveEnder:
                 self._wake.set()
 
     def stop(self) -> None:
-        """Send a stop now, and repeat it from the thread until it succeeds; raises its errors."""
+        """Send a stop now, and raise its error. The thread repeats the stop until it succeeds."""
         self._stop(must=True)
 
     def end(self) -> bool:
@@ -160,8 +160,8 @@ class HostWatchdog(ConnectedDriver[_C]):
     Attributes:
         acknowledges: True if `_drive` returns only after the body has received the order. Otherwise
             the stop is repeated while nobody drives.
-        gone_after_s: For a body without acknowledgement, as in `ConnectedDriver`: longest time
-            without a call of `heard`, in seconds.
+        gone_after_s: Longest time without a call of `heard`, in seconds, for a body without
+            acknowledgement; see `ConnectedDriver`.
     """
 
     acknowledges: ClassVar[bool] = False

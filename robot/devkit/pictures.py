@@ -14,10 +14,11 @@ from robot.types import Encoding
 
 MAX_SIDE_PX = 4096
 DRIVEN_BY_PX = 1280 * 960
-"""Largest picture that is passed on, in pixels. The learner uses only a few hundred pixels, and
-larger pictures reach the pilot later."""
+"""Number of pixels of the largest picture that is passed on. The learner uses only a few hundred
+pixels, and larger pictures reach the pilot later."""
 _SHARES = (2, 4, 8)
-"""Factors by which a JPEG can be reduced while it is decoded, in a fraction of the full time."""
+"""Factors by which a JPEG can be reduced while it is decoded; this takes a fraction of the full
+time."""
 _READABLE_SOF = (0xC0, 0xC1, 0xC2)
 """JPEG kinds that decoders read: baseline, extended, progressive. Not 0xC3, which is lossless."""
 _PNG = b"\x89PNG\r\n\x1a\n"
@@ -43,7 +44,8 @@ def read_picture(data: bytes, name: str) -> Picture:
     """Check the bytes of a JPEG or PNG by decoding them once.
 
     Raises:
-        RecordingError: If they are not a picture, damaged, or wider or higher than 4096 pixels.
+        RecordingError: If the bytes are not a picture, or it is damaged, or wider or higher than
+            4096 pixels.
         MissingExtraError: If OpenCV is not installed.
     """
     size = _size(data)

@@ -1,4 +1,4 @@
-"""Base classes of cameras with threads. One thread may watch pictures that a library delivers."""
+"""Base classes of cameras with threads."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class ThreadedCamera(Camera):
     """A camera with threads: `_begin` starts the threads by `_work`, and `stop` ends them."""
 
     longest_join_s: ClassVar[float] = 2.0
-    """Longest wait for a thread to end, in seconds; a thread that hangs is left running."""
+    """Longest wait for a thread to end, in seconds. A thread that hangs is left running."""
 
     def __init__(self, options: Any, clock: Clock) -> None:
         super().__init__(clock)
@@ -58,7 +58,7 @@ class ThreadedCamera(Camera):
         self._threads = []
 
     def _work(self, *works: Callable[[], None]) -> None:
-        """Run each function on a thread; it must return soon after `_ending` is set."""
+        """Run each function on a thread. The function must return soon after `_ending` is set."""
         self._ending.clear()
         self._threads = [self.clock.start_thread(work, f"{self.name}-camera") for work in works]
 

@@ -1,9 +1,9 @@
 """Identifies the robot's USB camera, so that only the camera that was opened first is used.
 
 Linux assigns new numbers to cameras that are plugged in again, so a number is no identity. A camera
-is identified by its make and serial number, or by its socket if its serial number is not unique:
-many cheap cameras have the same. Written for Python 3.5, because the agent on a brick includes this
-module.
+is identified by its make and serial number. If the serial number is not unique, as with many cheap
+cameras, it is identified by its socket. Written for Python 3.5, because the agent on a brick
+includes this module.
 """
 
 import os
@@ -70,7 +70,7 @@ class SameCamera:
         self._look_for_twins(cameras)
 
     def lost(self) -> None:
-        """Record the identical cameras that are plugged in now; they are not the lost camera."""
+        """Record that the identical cameras that are plugged in now are not the lost camera."""
         self._look_for_twins(list_usb_cameras(self._root))
 
     @property
@@ -80,7 +80,7 @@ class SameCamera:
 
     @property
     def device(self) -> str:
-        """Description of the camera for the page, independent of its number; empty if unknown."""
+        """Description of the camera for the page, without its number; empty if unknown."""
         mine = self.chosen
         if mine is None:
             return ""

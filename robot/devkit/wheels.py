@@ -1,7 +1,7 @@
 """Converts steering and throttle to the wheel speeds of a differential drive. Pure.
 
 Bodies differ only in the speeds of their moves. The moves have the points of
-`robot.driver.CLASSIC`; a point between the points of two moves drives in between.
+`robot.driver.CLASSIC`. At a point between the points of two moves, the speeds are also in between.
 """
 
 from __future__ import annotations
@@ -17,12 +17,13 @@ CLASSIC_POINTS = {Action.STOP: Point(0.0, 0.0)} | {
     name: move.point for name, move in CLASSIC.items() if move.point is not None
 }
 USUAL_THROTTLE = 0.5
-"""Throttle of the moves that drive ahead or back; speed is proportional to throttle."""
+"""Throttle of the moves that drive ahead or back. Speed is proportional to throttle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TwoWheels:
-    """Speeds of the wheels in each move, in any unit; moves to the right mirror those to the left.
+    """Speeds of the wheels in each move, in any unit. Moves to the right mirror the moves to the
+    left.
 
     Attributes:
         ahead: Speed of both wheels, straight ahead.
@@ -39,8 +40,8 @@ class TwoWheels:
     def at(self, point: Point, most: Pair | None = None) -> Pair:
         """Return the speeds of the wheels.
 
-        Ahead, more steering makes the robot slower, and full lock is a turn; without throttle the
-        robot spins. Backward the inner wheel is slower, as in a car.
+        Ahead, the robot drives slower with more steering, and full lock is a turn. Without throttle
+        it spins. Backward, the inner wheel is slower, as in a car.
 
         Args:
             point: Steering and throttle.

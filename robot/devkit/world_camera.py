@@ -23,7 +23,7 @@ class WorldCamera(ThreadedCamera, Generic[_D]):
 
     longest_join_s: ClassVar[float] = 5.0
     patience_s: ClassVar[float] = 20.0
-    """Longest wait for the first picture, in seconds: some worlds load slowly."""
+    """Longest wait for the first picture, in seconds. Some worlds load slowly."""
     _failure: RobotError | None = None
 
     def __init__(self, body: _D, options: Any, clock: Clock) -> None:
@@ -68,7 +68,7 @@ class WorldCamera(ThreadedCamera, Generic[_D]):
             self._live()
         except RobotError as error:
             self._fail(error, first)
-        except Exception as error:  # outermost handler: this thread may run plug-ins
+        except Exception as error:  # outermost handler: this thread may run plugins
             self._fail(CameraError(f"the world of this camera failed: {error}"), first)
         finally:
             self._leave()

@@ -1,7 +1,8 @@
 """The simulated body: its motion by wheels, its collisions, and its sonar. Pure.
 
 Speeds are the paper's: 16 cm/s forward. In a turn one wheel drives backward at a quarter of this
-speed while the other stands, so the robot turns about the standing wheel by 18.5 degrees a second.
+speed and the other stands still. So the robot turns about the wheel that stands, by 18.5 degrees a
+second.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ FORWARD_MPS = 0.16
 TURNING_WHEEL_MPS = 0.04
 TRACK_M = TURNING_WHEEL_MPS / math.radians(18.5)
 RADIUS_M = 0.09
-"""Radius of the body, in metres; for collisions the body is a disc."""
+"""Radius of the body, in metres. In collisions the body is a disc."""
 
 WHEELS = TwoWheels(
     ahead=FORWARD_MPS,
@@ -57,14 +58,15 @@ def move(pose: Pose, left_mps: float, right_mps: float, dt_s: float) -> Pose:
 
 
 def push_out(world: World, pose: Pose) -> tuple[Pose, list[float]]:
-    """Move the body out of the walls and things that it overlaps, so that it slides along them.
+    """Move the body out of all walls and things that it overlaps, so that it slides along their
+    sides.
 
     Returns:
         The pose, and the bearing of each contact relative to straight ahead.
     """
     x_m, y_m = pose.x_m, pose.y_m
     contacts_rad: list[float] = []
-    for _ in range(3):  # in a corner the push from one wall may lead into the other
+    for _ in range(3):  # in a corner the push from one wall may lead into the other wall
         normals = _overlaps(world, x_m, y_m)
         if not normals:
             break

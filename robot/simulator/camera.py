@@ -15,17 +15,17 @@ from robot.simulator.renderer import HEIGHT_PX, LARGE_HEIGHT_PX, LARGE_WIDTH_PX,
 from robot.types import Encoding, Frame
 
 _LONGEST_GAP_S = 0.25
-"""Longest step of the world after a pause, in seconds. After the machine was suspended the world
-continues from its last state."""
+"""Longest step of the world after a pause, in seconds. So after the machine was suspended the world
+continues almost from where it was."""
 
 _LONGEST_PERIOD_S, _USUAL_FRAMES = 0.1, 10
-"""Longest period of pictures on a busy computer, in seconds, unless the chosen frame rate is lower;
-and the number of pictures over which the rendering time is averaged."""
+"""Longest period of pictures on a busy computer, in seconds (longer only if the chosen frame rate
+is lower); and the number of pictures over which the rendering time is averaged."""
 _RESTING_STEP_S = 1.0
 """Period at which the world advances while no picture is needed, in seconds."""
 _EARLY_S = 0.01
 _ASKED_FRAMES = 30
-"""Number of frames, after a request for a large picture, for which large pictures are made."""
+"""After a request for a large picture, large pictures are made for this number of frames."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,9 +39,9 @@ class SimCameraOptions(Options):
 class SimCamera(WorldCamera[SimDriver]):
     """Renders the simulated robot's view.
 
-    In real time its pictures are JPEGs, like a webcam's, encoded once for the page, the recording
-    and the learner. Experiments call `capture` as fast as they can; it returns raw pixels, so that
-    their results do not depend on a codec.
+    In real time its pictures are JPEGs like a webcam's; a JPEG is encoded once, for the page, the
+    recording and the learner. Experiments call `capture` as fast as they can. It returns raw
+    pixels, so that the results do not depend on a codec.
 
     While people look, a picture of 320x240 is made with each JPEG (`for_the_eye`).
     """
@@ -89,7 +89,7 @@ class SimCamera(WorldCamera[SimDriver]):
                 encoding=Encoding.JPEG,
                 data=data,
             )
-            # Set first: the frame's listeners may request it.
+            # This is set first, because the frame's listeners may request it.
             self._large = self.mounting.upright(taken)
         return self._show(jpeg, Encoding.JPEG, captured_s)
 
@@ -109,9 +109,9 @@ class SimCamera(WorldCamera[SimDriver]):
         self._stirred.set()
 
     def _live(self) -> None:
-        """Take pictures, and wait after each for at least the time that it took. So if there are
-        too many robots for the computer, each takes fewer pictures, which leaves time for a STOP.
-        At rest only the world advances.
+        """Take pictures, and after each picture wait for at least the time that it took. So if
+        there are too many robots for the computer, each takes fewer pictures, and there is time for
+        a STOP. At rest only the world advances.
         """
         taken_s = last_s = self.clock.now_s()
         due_s, takes_s = last_s + self._period_s, 0.0

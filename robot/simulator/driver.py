@@ -27,11 +27,12 @@ class SimOptions(Options):
 
 
 class SimDriver(ConnectedDriver[Simulation]):
-    """Drives a `Simulation`. Time passes when the simulated camera's thread, or an experiment,
-    calls `advance`.
+    """Drives a `Simulation`. Time passes when the simulated camera's thread or an experiment calls
+    `advance`.
 
     Attributes:
-        worlds: Worlds to which the robot can be moved: maps names to arguments of `load_world`.
+        worlds: The worlds to which the robot can be moved; maps their names to arguments of
+            `load_world`.
     """
 
     name: ClassVar[str] = "sim"

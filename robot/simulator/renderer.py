@@ -35,15 +35,15 @@ _CYLINDER_SIDES = 16
 
 _LOCK = threading.RLock()
 """Lock that is held during every call of Panda3D. Panda3D releases the GIL while it draws, and two
-threads that draw at the same time change each other's pixels by single grey levels."""
+threads that draw at the same time would change each other's pixels by single grey levels."""
 _OWN_SETTINGS = """
 notify-level error
 audio-library-name null
 garbage-collect-states 0
 """
-"""Settings of Panda3D. Each pose creates new transform states. Panda3D collects unused states in a
-task of its application object, which is not used here. With this collection switched off, states
-are freed as soon as no object refers to them."""
+"""Settings of Panda3D. Each pose creates new transform states. Panda3D would collect unused states
+in a task of its application object, which is not used here. With this collection switched off,
+states are freed as soon as no object refers to them."""
 
 
 class _Window:
@@ -97,7 +97,7 @@ _engine = cache(_Engine)
 
 
 class Renderer:
-    """Renders one world from any pose, on any thread; the seed determines the floor's pattern."""
+    """Renders one world from any pose, on any thread. The seed determines the floor's pattern."""
 
     def __init__(self, world: World, seed: int = 0) -> None:
         with _LOCK:
@@ -196,7 +196,7 @@ class Renderer:
         node.addGeom(geometry)
         path = parent.attachNewNode(node)
         path.setTwoSided(True)
-        # Where two edges meet, the one drawn last is visible, so the order must not vary.
+        # Where two edges meet, the edge drawn last is visible, so the order must not vary.
         self._n_shapes += 1
         path.setBin("fixed", self._n_shapes)
         return path

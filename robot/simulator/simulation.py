@@ -1,7 +1,8 @@
 """A simulated robot in a world: body, sensors, camera and noise, advanced by `step`.
 
-The simulation uses no clock and no thread. The simulator's driver and camera run it in real time;
-experiments step it as fast as they can. The same world, seed and actions yield the same numbers.
+The simulation uses no clock and no thread. The simulator's driver and camera run the simulation in
+real time; experiments step it as fast as they can. The same world, seed and actions yield the same
+numbers.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ DRIFT_S = 1.0
 
 _SLIP_SHARE, _SONAR_NOISE_M, _PIXEL_NOISE = 0.04, 0.005, 3.0
 """Standard deviations of the noise of each wheel's speed (as a share of the speed), of the sonar
-(in metres) and of each pixel (of 255). The wheels' noise is for steps of a fiftieth of a second; in
-shorter steps it is larger, so that the robot's path is equally uncertain at any frame rate."""
+(in metres) and of each pixel (of 255). The wheels' noise is for steps of a fiftieth of a second. It
+is larger in shorter steps, so that the robot's path is equally uncertain at any frame rate."""
 
 
 class Simulation:
@@ -41,9 +42,9 @@ class Simulation:
             of their speed: one wheel turns faster, the other slower. 0: no drift.
         action: The current move.
         point: The current point; None: the move is not driven by degrees.
-        first_world: The initial state of the world. Any thread may set another world. The next step
-            then begins in the new world, because `world` and the renderer change only on the thread
-            that steps and renders.
+        first_world: The initial state of the world. Any thread may set another world here. The
+            world changes at the next step, because `world` and the renderer change only on the
+            thread that steps and renders.
     """
 
     def __init__(self, world: World, seed: int = 0, *, is_noisy: bool = True) -> None:
@@ -94,7 +95,7 @@ class Simulation:
         """Return the sensors' readings: sonar with noise, bumpers, and the true pose."""
         noise_m = float(self._sonar_rng.normal(0.0, _SONAR_NOISE_M)) if self.is_noisy else 0.0
         measured_in, measured_at, free_m = self._measured
-        # This allows for some motion since.
+        # The margin allows for some motion since then.
         if measured_in is not self.world or measured_at != self.pose:
             free_m = sonar_m(self.world, self.pose)
             self._measured = self.world, self.pose, free_m
@@ -113,7 +114,8 @@ class Simulation:
 
     @property
     def is_pushing(self) -> bool:
-        """True while the robot drives forward against a wall or a thing, also in a curve."""
+        """True while the robot drives forward, straight or in a curve, against a wall or a
+        thing."""
         return sum(self._wheels_mps) > 0.0 and any(self.bumpers)
 
     @property
@@ -181,8 +183,8 @@ class Simulation:
         )
 
     def _add_grain(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        # Shifting one block of noise at random looks as good as 57,600 new normal numbers for each
-        # picture, and is far faster.
+        # One block of noise is shifted at random for each picture. This looks as good as 57,600 new
+        # normal numbers, and is far faster.
         if self._grain is None:
             rng = np.random.default_rng((self._seed, 3))
             block = rng.normal(0.0, _PIXEL_NOISE, 4 * picture.size).astype(np.int16)

@@ -1,7 +1,7 @@
 """A study's data in one zip, and its table, which any machine can rebuild from the zip.
 
-Only `rebuild` computes the table: the server packs its result, and `drivelesson study report` calls
-it again and compares the result with the packed files.
+Only `rebuild` computes the table. The server packs the result, and `drivelesson study report` calls
+`rebuild` again and compares its result with the packed files.
 """
 
 from __future__ import annotations

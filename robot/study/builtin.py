@@ -1,7 +1,7 @@
 """The paper's protocol as plans: an example study, and the guided trial of one person. Pure.
 
-Source: FLAIRS-30 (2017), experiment with human teachers: trials 1 to 3; 90 s of teaching and
-330 s with corrections, or 180 s and 240 s; then 60 s alone, and a question on a 7-point scale.
+Source: FLAIRS-30 (2017), the experiment with human teachers. Trials 1 to 3 have 90 s of teaching
+and 330 s with corrections, or 180 s and 240 s; then 60 s alone, and a question on a 7-point scale.
 """
 
 from __future__ import annotations
@@ -95,6 +95,6 @@ def _write(trial: int, times: Mapping[int, int], **fields: Any) -> str:
         correct=correct,
         alone=ALONE_S,
         conditions="".join(_CONDITION.format(teach=t, correct=c) for t, c in times.items()),
-        # These values have the same form in JSON and TOML.
+        # These values have the same form in TOML as in JSON.
         **{name: json.dumps(value) for name, value in {"moves": moves, **fields}.items()},
     )

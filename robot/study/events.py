@@ -43,9 +43,9 @@ class StudyEvent:
 
 COLUMNS = tuple(field.name for field in fields(StudyEvent))
 _WHOLE, _REAL = ("position", "attempt"), ("wall_s", "phase_s", "distance_m")
-_LATEST_S = 2.5e11  # the year 9892; later times cannot be dates
+_LATEST_S = 2.5e11  # the year 9892: later times cannot be dates
 _RECORDING = re.compile(rb"(?m)^[^,\n]*,recording,.*,(\d{4}-\d\d-\d\d_\d{6}_\d{3})\r?$")
-# A spreadsheet runs a text that begins like this as a formula, at the start of a line or after
+# A spreadsheet runs a text as a formula if it begins like this, at the start of a line or after
 # characters that may end a cell.
 _CELL, _RUNS = r"(^|[;\t\r\n])", r"""((?:[^\S\t\r\n]|['"])*[=+\-@＝＋－＠])"""
 _FORMULA, _DISARMED = re.compile(_CELL + _RUNS), re.compile(f"{_CELL}'{_RUNS}")
@@ -72,7 +72,7 @@ def write_events(events: Iterable[StudyEvent], *, with_head: bool = False) -> st
 
 
 def whole_lines(data: bytes) -> bytes:
-    """Return a log without a last line that a power cut truncated."""
+    """Return a log without its last line, if a power cut truncated that line."""
     return data[: data.rfind(b"\n") + 1]
 
 
@@ -84,7 +84,7 @@ def recordings_in(log: bytes) -> list[str]:
 
 def read_events(data: bytes, where: str = "the event log") -> list[StudyEvent]:
     """Read a session's log; a truncated last line is left out. Raises RecordingError, with the line
-    number, if it is not such a log, or does not start at its beginning."""
+    number, if `data` is not such a log, or if the log's beginning is missing."""
     with told_as(RecordingError, f"{where} is not UTF-8", UnicodeDecodeError):
         text = whole_lines(data).decode("utf-8-sig")
     events: list[StudyEvent] = []
@@ -99,7 +99,7 @@ def read_events(data: bytes, where: str = "the event log") -> list[StudyEvent]:
 
 
 def check_begun(events: Sequence[StudyEvent], where: str) -> int:
-    """Return the slot of the session; RecordingError if the first event is not its begin."""
+    """Return the slot of the session. Raises RecordingError if the first event is not `begin`."""
     first = events[0] if events else None
     if (
         first is None

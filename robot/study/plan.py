@@ -17,7 +17,7 @@ from robot.types import Action, Mode
 MOST_PARTICIPANTS, MOST_CONDITIONS, MOST_PHASES, MOST_QUESTIONS = 500, 8, 12, 60
 LONGEST_PHASE_S = 7200.0
 CODE = re.compile(r"[A-Z]{1,3}[0-9]{1,4}")
-"""Form of a participant's code; no other personal data is requested or stored."""
+"""Form of a participant's code. No other personal data is requested or stored."""
 _MOVES = 'a list of moves such as ["forward", "left"]'
 
 
@@ -105,7 +105,7 @@ class StudyPlan:
         return {condition.name: condition for condition in self.conditions}
 
     def order(self, slot: int) -> tuple[str, ...]:
-        """Return the names of the conditions for one slot in the plan (from 0), in order."""
+        """Return the names of the conditions, in the order for one slot of the plan (from 0)."""
         return tuple(self.conditions[i].name for i in self._orders[slot % self.balanced_every])
 
     @property
@@ -125,12 +125,13 @@ class StudyPlan:
 
 
 def williams_rows(n: int) -> list[tuple[int, ...]]:
-    """Return the participants' orders of `n` conditions, numbered from 0: a Latin square.
+    """Return the orders of `n` conditions (numbered from 0), one for each participant: a Latin
+    square.
 
     Every condition is at every position equally often, and follows every other condition equally
     often. Source: E. J. Williams, "Experimental designs balanced for the estimation of residual
     effects of treatments", Australian Journal of Scientific Research A 2 (1949): one square for an
-    even number of conditions, a square and its mirror image for an odd one.
+    even number of conditions, a square and its mirror image for an odd number.
     """
     first = [0] + [(k + 1) // 2 if k % 2 else n - k // 2 for k in range(1, n)]
     rows = [tuple((start + i) % n for start in first) for i in range(n)]

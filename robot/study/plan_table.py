@@ -88,7 +88,7 @@ def _by_language(name: str, value: Any) -> Any:
 
 
 def _check(name: str, value: Any) -> None:
-    """Refuse values that the field's type allows but plans do not."""
+    """Refuse values that the type of the field allows but a plan does not."""
     if name == "name" and not _NAME.fullmatch(value):
         raise ValueError(
             f"'name' is {value[:40]!r}; "

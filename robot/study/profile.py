@@ -1,4 +1,5 @@
-"""Behavior Profile: the distances at which a driver makes each move, and the difference of two.
+"""Behavior Profile: the distances at which a driver makes each move; and the difference of two
+profiles.
 
 A profile is P(d < c | move) for c = 0, 0.02, ..., 4 m, where d is the sonar reading. The sum of
 squared differences (SSD) of two profiles over all moves and all c is the measure of FLAIRS-30,
@@ -6,7 +7,7 @@ squared differences (SSD) of two profiles over all moves and all c is the measur
 
 The paper does not define the profile of a move that was never made. Here it is 0 for every c, like
 a profile without readings. So a robot that never turns is far from a teacher who turns. Such moves
-are listed, and `made` is the same sum over the moves that both made.
+are listed, and `made` is the sum over only the moves that both drivers made.
 """
 
 from __future__ import annotations
@@ -52,12 +53,13 @@ class Difference:
 
     @property
     def ssd(self) -> float:
-        """The published figure: the sum over all moves; a move never made counts as P = 0."""
+        """The published figure: the sum over all moves. A move that was never made counts as P =
+        0."""
         return float(sum(self.per_move.values()))
 
     @property
     def made(self) -> float:
-        """The same sum over the moves that both made."""
+        """The sum over only the moves that both drivers made."""
         never = {*self.never_by_teacher, *self.never_by_robot}
         return float(sum(ssd for move, ssd in self.per_move.items() if move not in never))
 

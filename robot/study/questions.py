@@ -1,10 +1,10 @@
 """Questions and their scores; the built-in questionnaires are in questionnaires.toml. Pure.
 
 Sources: S. G. Hart and L. E. Staveland, "Development of NASA-TLX" (1988), unweighted ("raw"): the
-mean of six scales from 0 to 100 in steps of 5. Trust: three of the items of J.-Y. Jian, A. M.
-Bisantz and C. G. Drury, "Foundations for an empirically determined scale of trust in automated
-systems" (2000), their mean from 1 to 7. The closing question is the paper's; its wording and
-all translations are our own.
+mean of six scales from 0 to 100 in steps of 5. Trust: the mean, from 1 to 7, of three of the items
+of J.-Y. Jian, A. M. Bisantz and C. G. Drury, "Foundations for an empirically determined scale of
+trust in automated systems" (2000). The closing question is the paper's; its wording and all
+translations are our own.
 """
 
 from __future__ import annotations
@@ -68,7 +68,8 @@ class Question(PlanTable):
 
 
 SCORES = {"nasa_tlx": "nasa-tlx", "trust": "trust"}
-"""Columns of scores, each with its questionnaire: a score is the mean of its answers."""
+"""Columns of scores, each with its questionnaire. A score is the mean of the questionnaire's
+answers."""
 
 
 def scores(answers: Mapping[str, Any]) -> dict[str, float]:

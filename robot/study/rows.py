@@ -29,7 +29,8 @@ _DIGITS = 6
 
 
 def columns(plan: StudyPlan) -> tuple[str, ...]:
-    """Return the titles of all columns: those common to all studies, the scores, the questions."""
+    """Return the titles of all columns: the columns common to all studies, the scores, the
+    questions."""
     return (*DRIVE_COLUMNS, *SCORES, *(question.name for question in plan.questions))
 
 
@@ -40,7 +41,7 @@ def refuse_same_columns(plan: StudyPlan, where: str = "the plan") -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConditionLog:
-    """One participant's last attempt at one condition; all its rows start with `common`."""
+    """One participant's last attempt at one condition. All its rows start with `common`."""
 
     condition: Condition
     events: Sequence[StudyEvent]
@@ -78,8 +79,8 @@ def condition_logs(plan: StudyPlan, participant: str, log: bytes) -> list[Condit
         mine = [event for event in events if event.position == position]
         attempt = max(event.attempt for event in mine)
         last = [event for event in mine if event.attempt == attempt]
-        # By name, because a plan that was changed since may have another condition at this
-        # position.
+        # Find the condition by name, because the plan may have been changed, and may now have
+        # another condition at this position.
         condition = plan.by_name.get(name := last[0].condition)
         if condition is None:
             raise RecordingError(
@@ -101,7 +102,7 @@ def condition_logs(plan: StudyPlan, participant: str, log: bytes) -> list[Condit
 
 
 def rows_of(plan: StudyPlan, log: ConditionLog) -> Iterator[Row]:
-    """Yield a row for each phase that was begun, then one with the answers."""
+    """Yield a row for each phase that was begun, then a row with the answers."""
     teacher = log.profile(DrivenBy.PILOT, "teach")
     for phase in log.condition.phases:
         if events := [event for event in log.events if event.phase == phase.name]:
@@ -156,7 +157,7 @@ def outcome(log: ConditionLog) -> dict[str, Any]:
     """Return the comparison of participant and robot as plain values; profiles at 0, 0.02, ... m.
 
     The participant's profile is from teaching, the robot's from driving by itself. `ssd` is None if
-    either profile is missing (nobody moved, or there is no sonar).
+    either profile is missing, because there was no move or there is no sonar.
     """
     moves = log.condition.moves
     pilot = log.profile(DrivenBy.PILOT, "teach")

@@ -18,7 +18,7 @@ from robot.study.questions import Question
 from robot.types import Action, DrivenBy, Mode
 
 LONGEST_STEP_S = 0.5
-"""Longest gap between two ticks that counts, in seconds; a longer gap was a pause."""
+"""Longest gap between two ticks that counts as driving, in seconds; a longer gap was a pause."""
 
 
 class SessionStep(StrEnum):
@@ -38,8 +38,9 @@ class StudySession:
     Args:
         plan: The study.
         participant: The participant's code.
-        slot: The participant's slot in the plan, from 0, which sets the order of the conditions.
-        pace: Seconds of a phase per second of the clock: 1, except in demonstrations and tests.
+        slot: The participant's slot in the plan, from 0. It determines the order of the conditions.
+        pace: Seconds of a phase per second of the clock. It is 1, except in demonstrations and
+            tests.
     """
 
     def __init__(self, plan: StudyPlan, participant: str, slot: int, *, pace: float = 1.0) -> None:
@@ -83,7 +84,8 @@ class StudySession:
         return self.plan.questions_at(self.position, len(self.order))
 
     def require(self, step: SessionStep) -> None:
-        """Raise ConfigurationError, which names the awaited step, unless it is this step."""
+        """Raise ConfigurationError unless the session waits for this step; the error names the
+        awaited step."""
         if self.step is not step:
             raise ConfigurationError(
                 f"the session of {self.participant} waits for {self.step.value!r}, "

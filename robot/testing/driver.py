@@ -12,7 +12,7 @@ from robot.types import Action, Point, Sensors
 
 
 class FakeDriver(Driver):
-    """Records commands and their times; ends each move by itself; can be made to fail.
+    """Records commands and their times. It ends each move by itself, and can be made to fail.
 
     Attributes:
         sent: Every action sent, with its speed scale.

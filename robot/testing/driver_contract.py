@@ -22,17 +22,17 @@ from robot.testing.cases import DriverCase
 from robot.types import Action, Mode, Point, Sensors
 
 LOCAL_BUDGET_S = 0.01
-"""Upper bound of the quickest of some requests, in seconds, because the control loop waits for
-requests."""
+"""Upper bound for the quickest of some requests, in seconds. The control loop waits for requests,
+so they must be short."""
 REMOTE_BUDGET_S = 0.2
-"""Upper bound for a driver that declares `is_remote`, in seconds; a move must be renewed within
-0.4 s."""
+"""The same for a driver that declares `is_remote`, in seconds. A move must be renewed within 0.4
+s."""
 STANDS_WITHIN_S = 0.5
 """Time within which the body stands after its connection was cut, in seconds."""
 CUTS_S = (0.5, 5.0)
 BACK_WITHIN_S = 5.0
-"""Time within which the body obeys after it can be reached again, in seconds, independent of how
-long the connection was cut."""
+"""Time within which the body obeys after it can be reached again, in seconds, however long the
+connection was cut."""
 POINTS = [
     Point(steering, throttle) for steering in (-1.0, -0.5, 0.0, 0.4, 1.0) for throttle in (0.3, 0.8)
 ]
@@ -250,7 +250,7 @@ class DriverContract:
                     driver.send_point(passing)
                     now = drives()
                     if type(driver).is_remote and not _is_within(now, limits):
-                        driver_case.forward(_LOOK_EVERY_S)  # one wheel's message came first
+                        driver_case.forward(_LOOK_EVERY_S)  # the message of one wheel came first
                         now = drives()
                     assert _is_within(now, limits), (
                         f"on the way to {tuple(passing)} it drives {tuple(now)}; at the corners "
@@ -538,7 +538,8 @@ def _ask(case: DriverCase, move: Action, step_s: float) -> None:
 
 
 def _quickest_s(request: Callable[[], object], now_s: Callable[[], float]) -> float:
-    """Return the shortest duration of some requests; a busy machine only makes requests longer."""
+    """Return the shortest duration of some requests, because a busy machine makes the others
+    longer."""
     taken_s = []
     for _ in range(_REQUESTS):
         start_s = now_s()

@@ -1,7 +1,7 @@
 """A link between page and robot in virtual time, with delay, jitter, throttling and silence.
 
-Messages keep their order, as over TCP: after loss or reordering a line stalls, and then delivers
-all messages at once.
+Messages keep their order, as over TCP: after a loss a line stalls, and then delivers all messages
+at once.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class Line:
     """One direction of one connection."""
 
     HOLDS_BYTES = 8192
-    """Number of bytes waiting in the line above which `has_room` blocks the sender."""
+    """`has_room` blocks the sender while more than this number of bytes are waiting in the line."""
 
     def __init__(self, link: Link, deliver: Callable[[Any], None], *, throttled: bool) -> None:
         self._link = link

@@ -13,11 +13,12 @@ from robot.clock import Clock, Worker
 
 _T = TypeVar("_T")
 WALL_START_S = 1_700_000_000.0
-"""Wall-clock time at the start of a virtual clock, in seconds since 1970: equal in all runs."""
+"""Wall-clock time at the start of a virtual clock, in seconds since 1970. It is equal in all
+runs."""
 
 
 class _Waiting:
-    """A waiting thread: until `event`, until `due_s`, or indefinitely."""
+    """A thread that waits until `event`, until `due_s`, or indefinitely."""
 
     __slots__ = ("due_s", "event", "turn")
 
@@ -31,10 +32,10 @@ class _Waiting:
 class VirtualClock(Clock):
     """A discrete-event clock: as soon as all threads wait, it jumps to the earliest deadline.
 
-    If no thread waits, the clock stands, so simulations run as fast as they can. Threads that were
-    started by the clock run one at a time and switch only when they wait, so all runs are equal. An
-    asyncio program runs on `run` or a `runner`, whose event loop uses this clock's time and takes
-    turns with the threads.
+    While a thread runs, the clock stands, so simulations run as fast as the machine can. Threads
+    that were started by the clock run one at a time and switch only when they wait, so all runs are
+    equal. An asyncio program runs on `run` or a `runner`, whose event loop uses this clock's time
+    and takes turns with the threads.
 
     Example:
         >>> clock = VirtualClock()
@@ -67,13 +68,13 @@ class VirtualClock(Clock):
         self._wall_ahead_s = wall_s - self.now_s()
 
     def _base_s(self) -> float:
-        """Return the time without the jumps of `advance`; the event loop's time lags while threads
-        run."""
+        """Return the time without the jumps of `advance`. The event loop's own time lags while
+        threads run."""
         event_loop = self._event_loop
         return self._now_s if event_loop is None else max(self._now_s, event_loop.now_s)
 
     def advance(self, seconds: float) -> None:
-        """Jump ahead although no thread waited, as after a computer's sleep."""
+        """Jump ahead although no thread waited for that time, as after a computer's sleep."""
         if seconds < 0:
             raise ValueError(f"a clock cannot go back by {-seconds} s")
         self._ahead_s += seconds
@@ -123,7 +124,7 @@ class VirtualClock(Clock):
             raise RuntimeError(self._deadlock)
 
     def _hand_over(self) -> None:
-        """Wake the next thread: a thread whose event is set, else the one with the earliest
+        """Wake the next thread: a thread whose event is set, else the thread with the earliest
         deadline."""
         following = soonest = None
         for other in self._waiting:
@@ -202,7 +203,7 @@ class _Lock:
 
 
 class _JumpingEventLoop(asyncio.SelectorEventLoop):
-    """Asyncio's event loop with a time in whole microseconds, which jumps to the next timer.
+    """Asyncio's event loop with a clock in whole microseconds that jumps to the next timer.
 
     No sockets are polled: all events come from timers or from threads of the clock.
     """
@@ -237,7 +238,8 @@ class _JumpingEventLoop(asyncio.SelectorEventLoop):
     def call_soon_threadsafe(  # type: ignore[override]
         self, callback: Any, *args: Any, context: Any = None
     ) -> asyncio.Handle:
-        """Do not use the self-pipe, because the loop is already blocked by the caller."""
+        """Do not use the self-pipe to wake the loop, because the caller is blocking the loop
+        anyway."""
         self._clock._event_loop_woken.set()
         return self.call_soon(callback, *args, context=context)
 
@@ -264,7 +266,7 @@ class _VirtualThread(threading.Thread):
 
     def join(self, timeout: float | None = None) -> None:
         if self._clock.wait(self._ended, timeout):
-            super().join()  # it has woken the next thread and ends now
+            super().join()  # the thread has woken the next one and ends now
 
     def is_alive(self) -> bool:
         return not self._ended.is_set()

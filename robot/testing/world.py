@@ -1,5 +1,5 @@
-"""A robot in virtual time together with an event loop: its camera takes pictures and its loop
-ticks."""
+"""A robot in virtual time, together with an event loop. The robot's camera takes pictures and its
+control loop ticks."""
 
 from __future__ import annotations
 
