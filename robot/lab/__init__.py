@@ -1,1 +1,1 @@
-"""The paper's experiments and further ones: protocols, runs, tables, report."""
+"""The paper's experiments and further experiments: protocols, runs, tables, report."""

@@ -1,4 +1,5 @@
-"""Each mechanism of policy and learner switched off in turn, in every world: what is it worth?"""
+"""Measures what each mechanism of policy and learner is worth, by switching it off, in every
+world."""
 
 from __future__ import annotations
 
@@ -19,15 +20,17 @@ from robot.study.table import Cell, Table
 
 KINDS = ("default", *VARIANTS, "published")
 NODES = {2: 32, 3: 128}
-"""Number of nodes by trial in our simulator; elsewhere it is 32."""
+"""Number of nodes by trial in our simulator. Everywhere else it is 32."""
 WORLDS = {"Sidewalk": "miniworld", "CarRacing": "Box2D", "ViZDoom": "vizdoom"}
 """Third-party worlds, and the libraries that they need."""
 EXAMPLES = 250
-"""Number of examples taught in these worlds by corrections before the robot drives unaided."""
+"""Number of examples that are taught in these worlds, by corrections, before the robot drives
+unaided."""
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
-    """Plan all kinds in our simulator, in the worlds whose library is installed, on all footage."""
+    """Plan all kinds of learners in our simulator, in the worlds whose library is installed, and on
+    all footage."""
     for trial, nodes in list(NODES.items())[: 1 if settings.quick else None]:
         learners = [f"{kind}-{nodes}" for kind in KINDS]
         yield from seeded(run_lesson, trial_cases(trial, learners, settings), settings)

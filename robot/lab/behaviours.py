@@ -1,4 +1,5 @@
-"""Other behaviours, the paper's future work: taught in episodes, and judged by their purpose."""
+"""Other behaviours, which the paper leaves to future work: taught in episodes, and judged by their
+purpose."""
 
 from __future__ import annotations
 
@@ -59,13 +60,14 @@ _COLUMNS: Columns = {
 }
 
 AT_WALL_M = 0.02
-"""Distance from a wall, in metres, at which a thing counts as brought to the wall."""
+"""A thing counts as brought to a wall if it is at most this far from it, in metres."""
 _IN_VIEW_RAD = math.radians(31.0)
 _IN_REACH_M = 1.0
 
 
 def run_episodes(params: Params) -> Result:
-    """Teach in some episodes, correct in some, then let the robot drive unaided in some.
+    """Teach in some episodes, correct in further episodes, then let the robot drive unaided in
+    some.
 
     Parameters: `world`, `teacher`, `moves`, `learner`, `seed`, `episode_s`, and the numbers of
     episodes `teach`, `correct` and `alone`. An episode ends when a movable thing is at a wall.

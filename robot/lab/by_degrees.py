@@ -1,4 +1,5 @@
-"""A pilot who steers by degrees: is his robot smoother than one that accepts only moves?"""
+"""If a pilot steers by degrees, does the robot drive more smoothly than a robot that accepts only
+moves?"""
 
 from __future__ import annotations
 

@@ -29,9 +29,10 @@ def interval(values: Sequence[float]) -> tuple[float, float]:
 
 
 def difference_by_chance(values: Sequence[float], others: Sequence[float]) -> tuple[float, float]:
-    """Return the 90 % bootstrap interval of the difference of two medians.
+    """Return the 90 % bootstrap interval of the difference between two medians.
 
-    Half of a minute's SSD is chance, so medians of sixty robots differ by a fifth without a cause.
+    Half of the SSD of a minute is due to chance, so even medians of sixty robots may differ by a
+    fifth.
     """
     rng = np.random.default_rng(0)
     ours, theirs = (

@@ -1,9 +1,9 @@
 """Runs tasks on the workers of a Dask cluster, one at a time per worker.
 
-Before its first task, a worker returns everything that affects figures (`identify`). A worker whose
-figures would differ gets no task. Each task is assigned to one worker, and to another if that
-worker is lost. A task is submitted as a text for Python's `eval`, so neither the scheduler nor a
-worker needs this program to read the task.
+Before its first task, a worker reports everything that affects its figures (`identify`). A worker
+whose figures would differ gets no task. Each task is assigned to one worker; if that worker is
+lost, to another. A task is submitted as text for Python's `eval`, so that neither the scheduler nor
+a worker needs this program to read it.
 """
 
 from __future__ import annotations
@@ -32,20 +32,21 @@ _CONNECT_S = 10.0
 _LOOK_S = 1.0
 """Interval at which the scheduler is asked for its workers, in seconds."""
 _FIRST_WORKER_S, _NO_WORKER_S = 10.0, 60.0
-"""The call ends after this time without any worker, in seconds: at the start, and later."""
+"""The call ends after this time without any worker, in seconds; the first is for the start, the
+second for later."""
 _SILENT_S = 20.0
-"""Interval at which a silent or unidentified worker is reported, in seconds."""
+"""Interval at which a worker that is silent or not yet identified is reported, in seconds."""
 _FROZEN_S = 60.0
 """Time after which the task of a silent worker is reassigned, in seconds; Dask waits for 300 s."""
 _FETCH_S = 3.0
-"""Longest time to fetch an answer, in seconds. If its worker was killed meanwhile, it never comes.
+"""Longest time to fetch an answer, in seconds. If the worker was killed meanwhile, no answer comes.
 """
 _MOST_LOSSES = 3
-"""Number of lost workers after which their task is not tried again."""
+"""After the loss of this number of workers their task is not tried again."""
 
 OnWorkers = Callable[[int, str], object]
-"""Called with the number of workers that get tasks, and a sentence about the change, empty if there
-is none."""
+"""Called with the number of workers that get tasks, and a sentence about what has changed; empty if
+nothing has."""
 
 
 def run_on_cluster(
@@ -62,7 +63,8 @@ def run_on_cluster(
         return
     with _quiet(), contextlib.ExitStack() as stack:
         try:
-            # If it cannot connect, a Client waits another 20 s and prints a traceback.
+            # A Client that cannot connect would wait another 20 s and print a traceback, so try
+            # first.
             asyncio.run(_knock(scheduler))
             client = distributed.Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
         except Exception as error:  # the kind of error depends on the address and the network
@@ -81,7 +83,8 @@ def run_packed(packed: bytes) -> Outcome:
 
 @dataclass(slots=True)
 class _Worker:
-    """A worker, its task, and the time of its last message by the scheduler's and by our clock."""
+    """A worker, its task, and the time of its last message, both by the scheduler's clock and by
+    ours."""
 
     name: str
     began_s: float
@@ -89,10 +92,10 @@ class _Worker:
     heard_s: float = 0.0
     future: Any = None
     key: str = ""
-    """The key of its task; empty while it is being identified."""
+    """The key of the worker's task; empty while the worker is being identified."""
     is_used: bool = False
     said_s: float = 0.0
-    """The time of silence that was reported last, in seconds."""
+    """How long the worker had been silent at the last report, in seconds."""
 
 
 class _Run:
@@ -151,14 +154,14 @@ class _Run:
         self._end_if_alone(now_s)
 
     def _listen(self, address: str, heard: float, now_s: float) -> None:
-        """Report a silent worker, and after a while reassign its task."""
+        """Report a worker that is silent; after a while reassign its task."""
         worker = self._workers[address]
         if heard != worker.heard:
             worker.heard, worker.heard_s, worker.said_s = heard, now_s, 0.0
         since_s = worker.heard_s if worker.is_used or worker.future is None else worker.began_s
         silent_s = now_s - since_s
         if silent_s > _FROZEN_S and worker.is_used:
-            # If it answers again, it is identified again.
+            # If the worker answers again, it is identified again.
             self._let_go(address, "does not answer; its task goes to another", losses=0)
         elif silent_s > worker.said_s + _SILENT_S:
             worker.said_s += _SILENT_S
@@ -227,9 +230,9 @@ class _Run:
             try:
                 answer = future.result(timeout=_FETCH_S)
             except TimeoutError:
-                self._events.put((address, future))  # until its worker is lost, or answers
+                self._events.put((address, future))  # until the worker is lost or answers
                 return
-            except Exception:  # its worker was killed, and Dask tried again
+            except Exception:  # the worker was killed, and Dask tried again
                 future.release()
         worker.future, worker.key = None, ""
         if answer is None:
@@ -246,7 +249,7 @@ class _Run:
         is_lost = error is None or type(error).__name__ == "KilledWorker"
         if is_lost or not key:
             worker.key = key
-            self._let_go(address)  # if the worker still exists, it is identified again
+            self._let_go(address)  # a worker that still exists is identified again
             return
         raise ConfigurationError(
             f"the worker at {worker.name} cannot run {self._tasks[key]}: "

@@ -1,4 +1,5 @@
-"""Learners compared on recorded footage: trained on one drive of a place, tested on another."""
+"""Compares learners on recorded footage: each is trained on one drive of a place and tested on
+another."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ if TYPE_CHECKING:
     from robot.exchange.drive import Drive
 
 Vectors = dict[tuple[type[Features], str, str, float], list[Vector]]
-"""Vectors by features, drive and light, extracted once for all learners with these features."""
+"""Vectors by features, drive and light. They are extracted once for all learners with these
+features."""
 Seen = Sequence[tuple[Vector, Action, Point | None]]
 """A drive as a learner's input: each frame's features, its label, and the label by degrees."""
 
@@ -48,8 +50,8 @@ class Lesson(NamedTuple):
 
     Attributes:
         frames: Maximum number of frames; None: all.
-        in_a_row: True to use the first frames, as when a pilot teaches; False to use frames spread
-            evenly over the drive, which flatters learners that need few examples.
+        in_a_row: True: use the first frames, as when a pilot teaches. False: use frames spread
+            evenly over the drive, which favours learners that need few examples.
     """
 
     frames: int | None = None
@@ -73,8 +75,8 @@ WHOLE_DRIVE = Lesson()
 
 
 def load_pairs(folder: Path | str) -> list[Pair]:
-    """Return both directions of every place X that has X_A.npz and X_B.npz in `folder`;
-    RecordingError if there is no such folder or pair, or a recording is broken."""
+    """Return two pairs, one in each direction, for every place X that has X_A.npz and X_B.npz in
+    `folder`. Raises RecordingError if there is no such folder or pair, or a recording is broken."""
     from robot.exchange.npz import load_recording  # from another extension, imported when needed
 
     pairs = recorded_pairs(Path(folder))
@@ -83,8 +85,8 @@ def load_pairs(folder: Path | str) -> list[Pair]:
 
 
 def recorded_pairs(folder: Path) -> list[tuple[Path, Path]]:
-    """Return the paths of each place's two recordings, in both directions; RecordingError if there
-    is no such folder or recording."""
+    """Return the paths of the two recordings of each place, in both orders. Raises RecordingError
+    if there is no such folder or recording."""
     if not folder.is_dir():
         raise RecordingError(f"there is no folder {folder}")
     firsts = sorted(folder.glob("[!.]*_A.npz"))
@@ -128,8 +130,9 @@ def evaluate(
 
 
 def seen_by(policy: Policy, drive: Drive, known: Vectors, light: float = 1.0) -> Seen:
-    """Return a drive with the policy's features, its brightness multiplied by `light`."""
-    # Stored for one policy only.
+    """Return a drive as seen with the policy's features, with its brightness multiplied by
+    `light`."""
+    # Features that have a state belong to one policy only.
     whose = policy.name if getattr(policy.features, "__dict__", True) else ""
     key = (type(policy.features), whose, drive.name, light)
     if key not in known:
@@ -140,7 +143,7 @@ def seen_by(policy: Policy, drive: Drive, known: Vectors, light: float = 1.0) ->
 
 
 def darkened(frame: Frame, light: float) -> Frame:
-    """Return the frame darkened to the share `light` of its light."""
+    """Return the frame with its brightness reduced to the share `light`."""
     if light == 1.0:
         return frame
     pixels = (to_rgb(frame) * light).astype(np.uint8)
@@ -152,11 +155,11 @@ def judge(policy: Policy, train: Seen, test: Seen, lesson: Lesson = WHOLE_DRIVE)
 
     Returns:
         Shares between 0 and 1. `calibration_error` is the expected difference between confidence
-        and accuracy in ten equal bins of confidence (Guo et al. 2017); `novel` is the share of
-        views unlike all examples. If the drives have angles: the mean error, the correlation, and
-        the root mean square of the change from frame to frame, which is smaller for smoother
-        driving. `learn_ms` and `predict_ms` are the times per frame on this machine, without the
-        features.
+        and accuracy in ten equal bins of confidence (Guo et al. 2017). `novel` is the share of
+        views unlike all examples. If the drives have angles, there are also the mean error, the
+        correlation, and the root mean square of the change from frame to frame, which is smaller
+        for smoother driving. `learn_ms` and `predict_ms` are the times per frame on this machine,
+        without the extraction of features.
     """
     started_s = time.perf_counter()
     n_taught = teach(policy, train, lesson)
@@ -200,7 +203,7 @@ def teach(policy: Policy, drive: Seen, lesson: Lesson = WHOLE_DRIVE) -> int:
 def _angles(
     truth: Sequence[Point | None], proposed: Sequence[Point | None]
 ) -> dict[str, float | None]:
-    """Return mean error, correlation and step of the angle; None if unknown."""
+    """Return the mean error, the correlation and the step of the angle; None if unknown."""
     known = [(t.steering, p.steering) for t, p in zip(truth, proposed, strict=True) if t and p]
     found = dict.fromkeys(("angle_error", "angle_correlation", "angle_step"))
     if known:
@@ -213,7 +216,8 @@ def _angles(
 
 
 def calibration_error(confidences: Sequence[float], right: Sequence[bool]) -> float:
-    """Return the mean over frames of |confidence - accuracy| in the frame's tenth of confidence."""
+    """Return the mean over all frames of |confidence - accuracy|, each in the frame's bin of
+    confidence."""
     values, hits = np.array(confidences), np.array(right, float)
     tenths = np.minimum((values * 10).astype(int), 9)
     gaps = [abs(float((values - hits)[tenths == tenth].sum())) for tenth in range(10)]
@@ -241,8 +245,8 @@ _MEASURES = {
 
 
 def table(results: Sequence[Result]) -> Table:
-    """Return one row for each pair, learner and lesson, then each learner's mean after each lesson;
-    for times, the median."""
+    """Return one row for each pair, learner and lesson, then for each learner and lesson a row of
+    means (of medians for times)."""
     names = ("place", "train", "test", "learner", "lesson")
     rows: list[tuple[Cell, ...]] = [
         (*(r[name] for name in names), f"{r['correct']}/{r['frames']}", *_measures([r]))

@@ -19,22 +19,22 @@ class ExperimentSettings:
     seeds: int = 10
     quick: bool = False
     learners: Sequence[str] = ()
-    """Learners to run; empty: the experiment's."""
+    """Learners to run; empty: the experiment's own."""
     teacher: str | None = None
-    """Teacher to use; None: the experiment's."""
+    """Teacher to use; None: the experiment's own."""
     recordings: str | None = None
     worlds: Sequence[str] = ()
-    """Third-party worlds; empty: the experiment's."""
+    """Third-party worlds to use; empty: the experiment's own."""
     robot: str = "sim"
-    """The robot whose cycles figure 5 times."""
+    """The robot whose cycles are timed for figure 5."""
 
     @property
     def n_seeds(self) -> int:
-        """Number of runs of each kind; one with `--quick`."""
+        """Number of runs of each kind; 1 with `--quick`."""
         return 1 if self.quick else self.seeds
 
     def taught(self, place: Params) -> Params:
-        """Return a place of simulated people, with the named teacher if one was named."""
+        """Return the parameters of a place, with the teacher that the settings name, if any."""
         return {**place, "teacher": self.teacher or place["teacher"]}
 
     @property
@@ -53,7 +53,8 @@ class Plot:
     """A plot for matplotlib: lines over numbers, or points beside names.
 
     Attributes:
-        series: Name, x values or names, y values; None for a missing value.
+        series: For each series its name, the x values or names, and the y values; None for a
+            missing value.
     """
 
     title: str
@@ -72,7 +73,7 @@ def seeded(
     first: int = 0,
     least: int = 1,
 ) -> Iterator[Task]:
-    """Yield each case with every seed from `first` on, at least `least` seeds."""
+    """Yield each case with every seed from `first` on; there are at least `least` seeds."""
     for case in cases:
         for seed in range(max(least, settings.n_seeds)):
             yield Task(run, {**case, "seed": first + seed})
@@ -85,10 +86,10 @@ class Experiment:
     Attributes:
         plan: Makes the tasks to run.
         tables: Makes the tables of the results.
-        drawn: Columns of each table that are plotted over the rows.
+        drawn: Columns of each table that are also plotted, over the rows.
         plots: Makes further plots.
-        times_machine: True if it measures time: its runs are made one after the other on this
-            machine.
+        times_machine: True if the experiment measures time, so that its runs are made one after the
+            other on this machine.
     """
 
     title: str
@@ -123,7 +124,7 @@ EXPERIMENTS = {
     "ground": "robot.lab.ground.ground:GROUND",
     "streams": "robot.lab.streams:ONLINE",
 }
-"""The location of each experiment, in the order of `all`; imported when needed."""
+"""Where each experiment is defined, in the order of `all`. The modules are imported when needed."""
 
 
 def load_experiment(name: str) -> Experiment:

@@ -1,4 +1,5 @@
-"""Figure 3: trained on 700 frames of one drive, tested on 700 of another; without a robot."""
+"""Figure 3: learners are trained on 700 frames of one drive and tested on 700 of another, without a
+robot."""
 
 from __future__ import annotations
 
@@ -32,11 +33,12 @@ PUBLISHED = {
     "published-64": (614.5, 40.5),
     "published-128": (616.1, 36.6),
 }
-"""The paper's figures: correctly classified frames of 700, mean and standard deviation."""
+"""The paper's figures: mean and standard deviation of the correctly classified frames of 700."""
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
-    """Plan every learner on every place and seed, and on every pair of recordings."""
+    """Plan a task for every learner in every place with every seed, and on every pair of
+    recordings."""
     learners = settings.learners or (*LEARNERS, *(RIVALS if find_spec("minigng") else ()))
     cases = (
         {**settings.taught(trial), "trial": number, "learner": learner}
@@ -47,7 +49,8 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
 
 
 def recorded_tasks(settings: ExperimentSettings, learners: Iterable[str]) -> Iterator[Task]:
-    """Yield every learner on every pair of recordings, if a folder of recordings was given."""
+    """Yield a task for every learner on every pair of recordings; none without a folder of
+    recordings."""
     pairs = recorded_pairs(Path(settings.recordings)) if settings.recordings else []
     for (train, test), learner in product(pairs[:2] if settings.quick else pairs, learners):
         params = {"train": str(train), "test": str(test), "learner": learner}
@@ -85,9 +88,10 @@ KEPT = ("accuracy", "balanced_accuracy", "calibration_error")
 
 
 def run_simulated_footage(params: Params) -> Result:
-    """Train on a teacher's drive, test on another; `world`, `teacher`, `moves`, `learner`, `seed`.
+    """Train on a teacher's drive, test on another. Parameters: `world`, `teacher`, `moves`,
+    `learner`, `seed`.
 
-    Both drives are in the same place, with different starts, noise and slips of the hand.
+    Both drives are in the same place, but their starts, noise and slips of the hand differ.
     """
     policy = make_learner(params["learner"], tuple(map(Action, params["moves"])))
     train, test = (
@@ -99,7 +103,8 @@ def run_simulated_footage(params: Params) -> Result:
 
 
 def run_recorded_footage(params: Params) -> Result:
-    """Train on one recording, test on another; `train`, `test` (paths) and `learner`."""
+    """Train on one recording, test on another. Parameters: `train` and `test` (paths),
+    `learner`."""
     from robot.exchange.npz import load_recording  # from another extension, imported when needed
 
     policy = make_learner(params["learner"], DEFAULT_MOVES)

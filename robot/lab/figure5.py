@@ -1,4 +1,4 @@
-"""Figure 5: cycles a second by number of nodes, with camera and drive, on this machine."""
+"""Figure 5: cycles a second by number of nodes, including camera and drive, on this machine."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PUBLISHED = {
     "published-32": (7.13, 2.33),
     "published-64": (4.0, 1.57),
 }
-"""The paper's figures: cycles a second on the EV3, learning and applying."""
+"""The paper's figures: cycles a second on the EV3 while learning, and while applying."""
 _COLUMNS = ("learning", "applying", "paper (EV3) learning", "paper (EV3) applying")
 
 
@@ -57,8 +57,9 @@ def _tables(runs: Runs) -> list[Table]:
 def run_cycles(params: Params) -> Result:
     """Measure cycles a second while learning and while applying, on this machine.
 
-    Parameters: `learner`, `robot` (`sim` is as fast as possible; another robot's camera sets the
-    pace), `cycles` (the number to time). The learner gets all its nodes first.
+    Parameters: `learner`, `robot` (`sim` runs as fast as possible; with another robot the camera
+    sets the pace), `cycles` (how many are timed). The learner is filled to its maximum number of
+    nodes first.
     """
     policy = make_learner(params["learner"], DEFAULT_MOVES)
     frames = sample_frames(policy.max_nodes + 8)
@@ -76,7 +77,8 @@ def run_cycles(params: Params) -> Result:
 
 
 def _pictures(rig: Rig, loop: ControlLoop) -> Generator[int]:
-    """Yield the number of each new picture. A real robot's wheels turn, so put it on a stand."""
+    """Yield the number of each new picture. The wheels of a real robot turn, so put it on a
+    stand."""
     driver, camera, last = rig.driver, rig.camera, 0
     if isinstance(driver, SimDriver) and isinstance(camera, SimCamera):
         driver.connect()

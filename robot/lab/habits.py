@@ -1,4 +1,5 @@
-"""The release gate: robots taught by many kinds of pilots, in many places, at many frame rates."""
+"""The test for a release: robots are taught by many kinds of pilots, in many places, at many frame
+rates."""
 
 from __future__ import annotations
 
@@ -36,13 +37,13 @@ QUICK = [
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
-    """Plan every habit in every place at every rate; the seed differs from task to task."""
+    """Plan a task for every habit in every place at every rate. Each task has another seed."""
     times_s = (*((rate_hz, LONG_S) for rate_hz in RATES_HZ), (30.0, SHORT_S))
     chosen = [
         {"habit": habit, "world": world, "rate_hz": rate_hz, "teach_s": teach_s}
         for habit, world, (rate_hz, teach_s) in product(HABITS, WORLDS, times_s)
     ]
-    # In random order, so that at any moment the finished runs are a sample of all.
+    # The order is random, so that the finished runs are a sample of all runs at any moment.
     random.Random(0).shuffle(chosen)
     chosen *= max(1, settings.n_seeds // 10)
     for number, case in enumerate(QUICK if settings.quick else chosen):
@@ -57,9 +58,9 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
 
 
 def _tables(runs: Runs) -> list[Table]:
-    """Return a table of the release criteria, then one table each by rate, habit and place.
+    """Return a table of the release criteria, then a table by rate, one by habit and one by place.
 
-    The tables contain lessons of 90 s, of which the quick form has none.
+    The tables are about lessons of 90 s. With `--quick` there are no such lessons.
     """
     tables = [_gate(runs)]
     for name in ("rate_hz", "habit", "world"):
@@ -79,7 +80,8 @@ def _drives(results: Iterable[Result], phases: Sequence[str] = ("before", "after
 
 
 def _share(drives: Sequence[Result], name: str) -> float:
-    """Return the robots' sum as a share of their teachers' sum; 0 if the teachers' sum is 0."""
+    """Return the robots' sum of a figure as a share of their teachers' sum; 0 if the latter is
+    0."""
     whole = float(sum(own["teacher"][name] for own in drives))
     return float(sum(own[name] for own in drives)) / whole if whole else 0.0
 
@@ -134,17 +136,18 @@ def _gate(runs: Runs) -> Table:
 
 _MEANS = ("driven_m", "covered_m2", "steering_per_s")
 DRIFT_SHARE = 0.15
-"""Drift of the wheels while a simulated pilot teaches. While driving straight, the heading changes
-by 17 degrees a second (standard deviation)."""
+"""Drift of the wheels while a simulated pilot teaches. With it the heading changes by 17 degrees a
+second (standard deviation) while the robot drives straight."""
 
 
 def run_habit(params: Params) -> Result:
-    """Teach, drive unaided, correct, drive again; the pilot drives from the robot's start too.
+    """Teach, drive unaided, correct, drive unaided again. The pilot also drives, from the robot's
+    start.
 
-    In a minute neither robot nor pilot sees the whole place, so from different corners the
-    difference would be due to the corners. The pilot's minutes have the lesson's frame rate too,
-    because with ten pictures a second a hand moves later than with thirty, and a pilot who follows
-    a wall drives differently.
+    In a minute neither robot nor pilot sees the whole place. So if they started in different
+    corners, the corners would make a difference. The pilot's minutes also have the frame rate of
+    the lesson, because with ten pictures a second a hand moves later than with thirty, and a pilot
+    who follows a wall then drives differently.
 
     Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `teach_s`, `correct_s`, `alone_s`,
     `reference_s`.
@@ -161,7 +164,7 @@ def run_habit(params: Params) -> Result:
 
 
 def taught_by(habit: Habit, name: str, params: Params) -> Trial:
-    """Return a trial with a pilot of this habit; the name seeds the random numbers."""
+    """Return a trial with a pilot of this habit. `name` is the seed of the random numbers."""
     policy, rate_hz = make_learner(params["learner"], habit.moves), params["rate_hz"]
     world, seed, pilot = params["world"], params["seed"], habit.pilot(name)
     return Trial(world, seed, policy, pilot, rate_hz=rate_hz, drift=DRIFT_SHARE)
@@ -172,7 +175,7 @@ def beside_pilot(
 ) -> dict[str, Any]:
     """Return the figures of a robot's minute, and of its pilot's minute from the same start.
 
-    The pilot's pushes in the lesson count too, because the robot learned them there.
+    The pilot's pushes in the lesson also count, because the robot learned to push there.
     """
     minutes = [
         drive_by_hand(
@@ -199,10 +202,11 @@ def beside_pilot(
 
 
 def ssd_in_place(drive: DriveLog, pilot: SimulatedPilot) -> float:
-    """Return the SSD of a drive against the pilot's wanted moves at each of its ticks.
+    """Return the SSD of a drive against the moves that the pilot would make at each tick of this
+    drive.
 
-    A pilot who drives in curves soon circles in one place, so two separate drives differ by this
-    place. At the robot's place, robot and pilot differ only by their moves.
+    A pilot who drives in curves soon circles in one place, so two separate drives would differ
+    because of the place. Here robot and pilot are in the same place and differ only in their moves.
     """
     pilot.change_mode(Mode.TRAIN)
     held = DriveLog()
@@ -214,7 +218,8 @@ def ssd_in_place(drive: DriveLog, pilot: SimulatedPilot) -> float:
 
 
 def _ssd_of_turns_alike(drive: DriveLog, teacher: DriveLog) -> float:
-    """Return the SSD with left and right as one move, because the side is often chance."""
+    """Return the SSD with left and right counted as one move, because the side is often due to
+    chance."""
     alike = (
         [replace(at, action=Action.LEFT) if at.action is Action.RIGHT else at for at in log]
         for log in (teacher, drive)

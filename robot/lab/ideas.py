@@ -1,4 +1,5 @@
-"""Learners, teachers and trials by name: a built-in one, an entry point, or `path.py:Name`."""
+"""Makes learners, teachers and trials by name: the name of a built-in one or of an entry point, or
+`path.py:Name`."""
 
 from __future__ import annotations
 
@@ -37,14 +38,14 @@ def make_learner(name: str, moves: tuple[Action, ...]) -> Policy:
     """Return a policy.
 
     Args:
-        name: `default-32`, the name of an entry point, or `path.py:Name`: a class or function that
-            returns, without arguments, a `Policy` or a `Learner`. A `Learner` gets the default's
-            features and action filter.
+        name: `default-32`, the name of an entry point, or `path.py:Name`. The last names a class or
+            function that, called without arguments, returns a `Policy` or a `Learner`. A `Learner`
+            gets the features and the action filter of the default learner.
         moves: The moves that the policy may propose.
 
     Raises:
-        ConfigurationError: If the name is unknown, or returns neither; names the file and the
-            reason.
+        ConfigurationError: If the name is unknown, or the call returns neither. The error names the
+            file and the reason.
     """
     made = _make_idea(name, "drivelesson.learners")
     if made is None:
@@ -60,8 +61,8 @@ def make_learner(name: str, moves: tuple[Action, ...]) -> Policy:
 
 
 def make_teacher(name: str, moves: tuple[Action, ...]) -> Teacher:
-    """Return a teacher: a built-in one such as `sonar`, an entry point, or `path.py:Name`;
-    ConfigurationError if it is unknown, or is not a teacher."""
+    """Return a teacher by its name: a built-in teacher such as `sonar`, an entry point, or
+    `path.py:Name`. Raises ConfigurationError if the name is unknown or does not name a teacher."""
     made = _make_idea(name, "drivelesson.teachers")
     if made is not None:
         if not (hasattr(made, "choose") and hasattr(made, "tolerates")):
@@ -76,7 +77,7 @@ def make_teacher(name: str, moves: tuple[Action, ...]) -> Teacher:
 def make_trial(params: Params) -> Trial:
     """Build a trial of `world`, `learner`, `teacher`, `moves` and `seed`.
 
-    The sonar controller is a program on the robot, so it has no human delays.
+    The teacher `sonar` is a program on the robot, so it has no human delays.
     """
     moves, seed = tuple(map(Action, params["moves"])), params["seed"]
     teacher = make_teacher(params["teacher"], moves)
@@ -93,7 +94,7 @@ def _make_idea(name: str, group: str) -> Any:
             return point.load()()
         if colon and file.endswith(".py"):
             return getattr(_load_file(Path(file)), attribute)()
-    except Exception as error:  # third-party code, so name the place of any error
+    except Exception as error:  # third-party code: name the place of any error
         raise ConfigurationError(
             f"the idea {name} cannot be used: {type(error).__name__}: {error}"
         ) from error

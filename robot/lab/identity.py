@@ -1,7 +1,8 @@
-"""Identifies the causes of a run's figures: the program, Python, its libraries, and the arithmetic.
+"""Identifies everything that affects a run's figures: the program, Python, its libraries, and the
+arithmetic.
 
-A cluster's workers get this file as text and run it, even if this program is not installed there.
-So it needs only the standard library and any Python 3.
+The workers of a cluster get this file as text and run it, even if this program is not installed
+there. So the file needs only the standard library of any Python 3.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ LIBRARIES = ("numpy", "panda3d", "opencv-python-headless", "scikit-learn", "rive
 
 
 def identify() -> dict[str, str]:
-    """Return the versions of all code that affects this process's figures; `MISSING` if absent."""
+    """Return the versions of all code that affects this process's figures; `MISSING` for absent
+    code."""
     return {
         "drivelesson": fingerprint(_program()),
         "Python": platform.python_version(),
@@ -28,12 +30,13 @@ def identify() -> dict[str, str]:
 
 
 def identify_all() -> dict[str, str]:
-    """Return the same, and under `arithmetic` a fingerprint of computed numbers."""
+    """Return the same as `identify`, and under `arithmetic` a fingerprint of computed numbers."""
     return {**identify(), "arithmetic": arithmetic()}
 
 
 def differences(ours: Mapping[str, str], theirs: Mapping[str, str]) -> list[str]:
-    """Describe the differences of another process in words, the most important first."""
+    """Describe in words how another process differs from this one; the most important comes
+    first."""
     if theirs["drivelesson"] == MISSING:
         return ["it does not have Drivelesson"]
     names = dict.fromkeys((*ours, *theirs))
@@ -92,7 +95,8 @@ def arithmetic() -> str:
 
 
 def _program() -> Path | None:
-    """Return the folder of `robot` if it is this program's (Robot Framework has a `robot` too)."""
+    """Return the folder of the package `robot` if it is this program's and not Robot
+    Framework's."""
     try:
         found = importlib.util.find_spec("robot")
     except (ImportError, ValueError):

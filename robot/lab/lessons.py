@@ -24,17 +24,17 @@ TRIALS: dict[int, dict[str, Any]] = {
     2: {"world": "office", "moves": ("forward", "left"), "teacher": "usual"},
     3: {"world": "office", "moves": ("forward", "left", "right"), "teacher": "habit"},
 }
-"""The paper's places and moves; the teachers are ours."""
+"""The places and moves are the paper's, the teachers ours."""
 _RETRAINED = {"teach_s": 90.0, "correct_s": 330.0, "alone_s": 60.0}
 _SONAR = {"world": "box", "moves": ("forward", "left"), "teacher": "sonar"}
 
 
 def run_lesson(params: Params) -> Result:
-    """Teach, drive unaided, correct, drive unaided again; figures of each phase.
+    """Teach, drive unaided, correct, drive unaided again; return the figures of each phase.
 
     Parameters: `world`, `learner`, `teacher`, `moves`, `seed`, `teach_s`, `correct_s`, `alone_s`,
-    `reference_s` (for how long the teacher drives once more, for a reliable profile; the robot is
-    not measured after it).
+    `reference_s`. For this time the teacher drives once more, at the end, so that the teacher's
+    profile is reliable.
     """
     alone_s = params.get("alone_s", 60.0)
     with make_trial(params) as trial:
@@ -46,7 +46,7 @@ def run_lesson(params: Params) -> Result:
     result: Result = {
         name: {
             **metrics.against(drive, teacher, moves),
-            # Against the teaching only, as in the paper.
+            # This one is against the teaching only, as in the paper.
             "ssd_against_lesson": compare(taught.profile(), drive.profile(), moves).ssd,
         }
         for name, drive in drives.items()
@@ -59,7 +59,8 @@ def run_lesson(params: Params) -> Result:
 def ssd_tables(
     results: Iterable[tuple[str, str, Result]], *published: tuple[str, str, tuple[Cell, ...]]
 ) -> list[Table]:
-    """Return tables of SSD, each with the paper's rows (title, name, figures) before our rows."""
+    """Return tables of SSD. In each table the paper's rows (title, name, figures) come before our
+    rows."""
     made = []
     for table in tables_of(results, SSD_COLUMNS, "SSD"):
         missing = (None,) * len(SSD_COLUMNS)
@@ -82,7 +83,7 @@ _NODES_PUBLISHED = {
     32: (3.48, 5.84),
     64: (12.20, 10.57),
 }
-"""The paper's SSD by number of nodes, self-trained by sonar: mean and standard deviation."""
+"""The paper's SSD by number of nodes, for self-training by sonar: mean and standard deviation."""
 KINDS = ("published", "default")
 
 
@@ -117,7 +118,7 @@ _TRIALS_PUBLISHED = {
     2: {"before": (14.24, 12.15, 46.76), "after": (1.72, 1.93, 7.50)},
     3: {"before": (20.47, 16.42, 65.56), "after": (10.84, 15.21, 86.79)},
 }
-"""The paper's SSD by trial, 32 nodes, human teachers: mean, standard deviation, maximum."""
+"""The paper's SSD by trial, with 32 nodes and human teachers: mean, standard deviation, maximum."""
 
 
 def trial_cases(
@@ -136,7 +137,8 @@ def _trials(settings: ExperimentSettings) -> Iterable[Params]:
 
 
 def _tables_by_trial(runs: Runs) -> list[Table]:
-    """Return a table per trial: minutes before and after retraining, and the teachers' minutes."""
+    """Return one table per trial: the minutes before and after retraining, and the teachers'
+    minutes."""
     titles = {
         trial: f"Trial {trial}: {setting['world']}, {', '.join(setting['moves'])}"
         for trial, setting in TRIALS.items()

@@ -1,6 +1,6 @@
 """The log of a drive, tick by tick, and its measures.
 
-Collisions, pushing, distance, floor covered, agreement. Pure: logs in, numbers out.
+The measures are collisions, pushing, distance, floor covered, agreement and others. Pure.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from robot.study.profile import Profile, behavior_profile, compare
 from robot.types import Action, DrivenBy, Point, Pose
 
 STAY_M, STUCK_S = 0.15, 20.0
-"""A robot is stuck if it stays within this distance, in metres, for this time, in seconds. A full
-turn about one wheel takes 19.5 s."""
+"""A robot is stuck if it stays within `STAY_M` metres for `STUCK_S` seconds. A full turn about one
+wheel takes 19.5 s."""
 CELL_M = 0.1
 """Side of the squares in which covered floor is counted, in metres."""
 
@@ -73,7 +73,7 @@ class DriveLog(list[DriveSample]):
 
 
 def collisions_per_minute(log: DriveLog) -> float:
-    """Return the number of new contacts per minute; a lasting contact counts once."""
+    """Return the number of new contacts per minute. A contact that lasts counts once."""
     flags = [moment.is_touching for moment in log]
     begun = sum(now and not before for before, now in pairwise([False, *flags]))
     return _per_minute(begun, log)
@@ -125,12 +125,13 @@ def is_stuck(log: DriveLog) -> bool:
 
 
 def asking_share(log: DriveLog) -> float:
-    """Return the share of ticks with a view that the robot did not know."""
+    """Return the share of ticks on which the robot did not know the view."""
     return sum(moment.asks_pilot for moment in log) / max(len(log), 1)
 
 
 def agreement(log: DriveLog) -> float | None:
-    """Return the share of ticks with equal moves of robot and teacher, of the ticks with both."""
+    """Return the share of ticks with equal moves of robot and teacher, among all ticks with both
+    moves."""
     both = [
         moment.proposed is moment.wanted
         for moment in log
@@ -154,7 +155,8 @@ def figures(log: DriveLog) -> dict[str, float]:
 
 
 def against(log: DriveLog, teacher: DriveLog, moves: tuple[Action, ...]) -> dict[str, Any]:
-    """Return the figures of a drive, and its Behavior Profile's difference from the teacher's."""
+    """Return the figures of a drive, and the difference of its Behavior Profile from the
+    teacher's."""
     difference = compare(teacher.profile(), log.profile(), moves)
     rare = rare_moves(move_shares(teacher.actions()), move_shares(log.actions()))
     return {
@@ -171,7 +173,8 @@ def _per_minute(amount: float, log: DriveLog) -> float:
 
 
 def _spans(log: DriveLog) -> Iterator[tuple[DriveSample, float]]:
-    """Yield each tick with the time until the next tick; for the last tick, with the mean time."""
+    """Yield each tick with the time until the next tick, or with the mean time for the last
+    tick."""
     yield from ((moment, following.now_s - moment.now_s) for moment, following in pairwise(log))
     if log:
         yield log[-1], log.seconds / len(log)
@@ -189,7 +192,7 @@ def steering_per_s(steering: ArrayLike, at_s: ArrayLike) -> float:
 
 
 RARE_SHARE = 0.05
-"""Share of ticks below which a move is rare; a slip that is never repeated costs an SSD of 200."""
+"""Share of ticks below which a move is rare. A single slip of a hand would add 200 to the SSD."""
 
 
 def move_shares(moves: Sequence[Action]) -> dict[Action, float]:
@@ -199,7 +202,7 @@ def move_shares(moves: Sequence[Action]) -> dict[Action, float]:
 
 
 def rare_moves(teacher: Mapping[Action, float], robot: Mapping[Action, float]) -> set[Action]:
-    """Return the moves that both make on fewer than `RARE_SHARE` of their ticks."""
+    """Return the moves that both drivers make on less than `RARE_SHARE` of their ticks."""
     return {
         move
         for move in {*teacher, *robot}

@@ -1,4 +1,5 @@
-"""A changed mind: a minute of LEFT at walls, then RIGHT for half a minute, twice."""
+"""A change of mind: the pilot turns LEFT at walls for a minute, then RIGHT for half a minute,
+twice."""
 
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ SAYS_SO = ", who is told"
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
-    """Plan every learner in every place, at 10 and 30 frames a second in turn."""
+    """Plan every learner in every place, alternately at 10 and 30 frames a second."""
     learners = settings.learners or LEARNERS
     others = ((learners[0], 60.0, True), (learners[0], 0.0, False))
     cases = (
@@ -68,7 +69,7 @@ _COLUMNS: Columns = {
 
 
 BLOCKED_M = TEACHER_PARAMS["usual"].turn_at_m
-"""Free distance ahead, in metres, below which both pilots turn: these views are tested."""
+"""Free distance ahead, in metres, below which both pilots turn. The views there are tested."""
 LOOKS_HZ = 10.0
 NEW_S, ASKED_S, ALONE_S = 30.0, 40.0, 60.0
 
@@ -77,7 +78,7 @@ def run_mind(params: Params) -> Result:
     """Teach LEFT, then RIGHT twice; test after each lesson; then let the robot drive unaided.
 
     Parameters: `world`, `learner`, `seed`, `old_s` (duration of LEFT), and `is_told`: whether the
-    pilot reports the change of mind in between.
+    pilot declares the change of mind in between.
     """
     world, seed = params["world"], params["seed"]
     rate_hz = (10.0, 30.0)[seed % 2]
@@ -100,12 +101,14 @@ def run_mind(params: Params) -> Result:
 
 
 def ask(policy: Policy, world: str, seed: int, seconds: float) -> dict[str, int]:
-    """Return the policy's moves on views in which the new pilot turns; the policy learns nothing.
+    """Return which moves the policy would make on views at which the new pilot turns. The policy
+    learns nothing.
 
     Returns:
         `blocked`: number of views on which the pilot turns RIGHT because the way ahead is blocked;
         `right` and `left`: number of these views on which the policy would turn to that side;
-        `turning` and `turning_right`: the same over all views on which the pilot turns.
+        `turning` and `turning_right`: the numbers of all views on which the pilot turns, and of
+            those on which the policy would turn right.
     """
     policy.reset()
     pilot = HABITS["right"].pilot(f"asked {seed}")

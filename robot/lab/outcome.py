@@ -15,26 +15,28 @@ from robot.lab.task import Params, Result, Task
 
 
 class TrialError(RobotError):
-    """A run raised an error; names the task, with the traceback of foreign errors."""
+    """A run raised an error. The message names the task, and has the traceback of foreign
+    errors."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The result of a run, or its error in words: a plug-in's errors may not be picklable."""
+    """The result of a run, or its error in words, because errors of a plugin may not be
+    picklable."""
 
     result: Result | None = None
     error: str = ""
     traceback: str = ""
 
     def value(self, task: Task, where: str = "") -> Result:
-        """Return the result; TrialError, with the run's traceback, if there is no result."""
+        """Return the result. Raises TrialError, with the run's traceback, if there is no result."""
         if self.result is None:
             raise TrialError(f"{self.traceback}the run {task} failed{where}: {self.error}")
         return self.result
 
 
 Contents = Mapping[str, tuple[str, bytes]]
-"""Files named by parameters, by the parameter's value: each file's path and content."""
+"""The files that parameters name: maps the parameter's value to the file's path and content."""
 
 
 def contents_of(task: Task) -> Contents:
@@ -52,7 +54,7 @@ def run_task(task: Task, contents: Contents | None = None) -> Outcome:
         cause = error.__cause__
         is_ours = cause is None or isinstance(cause, RobotError | OSError)
         return Outcome(error=str(error), traceback="" if is_ours else _told(cause))
-    except Exception as error:  # a plug-in may raise anything
+    except Exception as error:  # a plugin may raise anything
         return Outcome(error=f"{type(error).__name__}: {error}", traceback=_told(error))
 
 

@@ -1,4 +1,4 @@
-"""Does "ready" mean ready?
+"""Tests whether a robot that the page calls ready is ready.
 
 Forty pilots follow the page's hints; then the robot drives for a minute.
 """
@@ -25,7 +25,7 @@ FIRST_SEED = 700
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
-    """Plan one run for each pilot; ten `seeds` are forty pilots."""
+    """Plan one run for each pilot. Ten `seeds` make forty pilots."""
     habits = list(HABITS)
     for number in range(2 if settings.quick else PILOTS * max(1, settings.n_seeds // 10)):
         turn = number + number // len(habits)
@@ -42,7 +42,8 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
 
 
 def _tables(runs: Runs) -> list[Table]:
-    """Return one table: robots that were ready in time, ready later, and never ready."""
+    """Return one table: robots that were ready in time, that were ready later, and that never
+    were."""
     called = [("The minute after", _when(result), result) for _, result in runs]
     called.sort(key=lambda each: ("within four minutes", "later", "never").index(each[1]))
     return tables_of(called, _COLUMNS, "called ready")

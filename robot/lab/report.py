@@ -30,7 +30,7 @@ pre { background: #f2f4f5; padding: .8rem; overflow-x: auto }
 
 
 def write_html(made: Iterable[tuple[Experiment, Runs]], command: str) -> str:
-    """Return the report on some experiments as HTML; it contains the command line that ran them."""
+    """Return the report on some experiments as HTML, with the command line that ran them."""
     parts = [
         "<!doctype html><html lang=en><meta charset=utf-8>",
         "<meta name=viewport content='width=device-width, initial-scale=1'>",
@@ -44,7 +44,7 @@ def write_html(made: Iterable[tuple[Experiment, Runs]], command: str) -> str:
 
 
 def machine() -> list[str]:
-    """Return a description of the machine: processor, Python, and the relevant libraries."""
+    """Describe this machine: its processor, Python, and the relevant libraries."""
     names = ("drivelesson", "numpy", "panda3d", "scikit-learn", "joblib")
     return [
         f"{platform.system()} {platform.machine()}, {processor()}",
@@ -54,7 +54,7 @@ def machine() -> list[str]:
 
 
 def processor() -> str:
-    """Return the processor's name from Linux, else from Python."""
+    """Return the processor's name as Linux gives it, else as Python does."""
     with contextlib.suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text("utf-8").splitlines():
             if line.startswith("model name"):
@@ -95,8 +95,8 @@ def _of_columns(table: Table, columns: Sequence[str]) -> Plot:
 
 
 def draw_svg(plot: Plot) -> str:
-    """Return one plot as an SVG element; lines over numbers, points beside names. MissingExtraError
-    if matplotlib is not installed."""
+    """Return one plot as an SVG element: lines over numbers, points beside names. Raises
+    MissingExtraError if matplotlib is not installed."""
     matplotlib = need("matplotlib", "plots", "experiments")
     matplotlib.use("Agg")
     matplotlib.rcParams["svg.hashsalt"] = "drivelesson"  # so that equal plots have equal bytes

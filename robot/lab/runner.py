@@ -1,6 +1,6 @@
 """Runs independent tasks in parallel processes on this machine, or on a Dask cluster.
 
-Each result is saved as soon as its run is finished, so a crash or Ctrl-C does not lose it.
+Each result is saved as soon as its run is finished, so that a crash or Ctrl-C does not lose it.
 """
 
 from __future__ import annotations
@@ -61,15 +61,15 @@ def run_all(
         jobs: Number of parallel processes on this machine; 1: run in this process.
         backend: `processes`, or `dask` for the cluster whose `scheduler` is named.
         on_done: Called with each task when it is done.
-        on_workers: Called with the number of workers, and a sentence about the change.
+        on_workers: Called with the number of workers, and a sentence about what has changed.
 
     Raises:
         MissingExtraError: If joblib or dask is not installed.
-        TrialError: If a run raised an error; with its traceback.
-        ConfigurationError: If the cluster cannot be used, or a file that a task names changes
-            meanwhile, because the version that ran would be unknown.
+        TrialError: If a run raised an error; the message has its traceback.
+        ConfigurationError: If the cluster cannot be used; or if a file that a task names changes
+            meanwhile, because it would be unknown which version ran.
     """
-    # Computed once, because a key reads all files of its task.
+    # Keys are computed once, because for a key all files of its task are read.
     keys = [task.key() for task in tasks]
     done: dict[str, Result] = {}
     waiting: dict[str, Task] = {}

@@ -49,7 +49,7 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
 
 
 def _tables(runs: Runs) -> list[Table]:
-    """Return one table: a row for each learner, a column for each stream."""
+    """Return one table with a row for each learner and a column for each stream."""
     rows: dict[str, list[str]] = {}
     for (learner, _), results in group(runs, "learner", "stream").items():
         rights = [result["right"] / result["examples"] for result in results]
@@ -59,7 +59,7 @@ def _tables(runs: Runs) -> list[Table]:
 
 
 def run_stream(params: Params) -> Result:
-    """Predict, then learn, each example of a stream. Parameters: `stream`, `learner`, `seed`."""
+    """Predict each example of a stream, then learn it. Parameters: `stream`, `learner`, `seed`."""
     examples = read_stream(params["stream"])
     order = np.random.default_rng(params["seed"]).permutation(len(examples))
     scaler, learner = preprocessing.StandardScaler(), LEARNERS[params["learner"]]()
@@ -110,14 +110,15 @@ def read_stream(stream: str) -> list[Example]:
 
 
 def _hashed(sentence: str) -> NDArray[np.float64]:
-    """Return the square roots of the word counts by hash."""
+    """Return the square roots of the counts of words with the same hash."""
     vectorizer = HashingVectorizer(n_features=_N_HASHES, alternate_sign=False, norm=None)
     counts: NDArray[np.float64] = np.sqrt(vectorizer.transform([sentence]).toarray()[0])
     return counts
 
 
 def _sentences(library: str) -> list[str]:
-    """Return sentences of a library's documentation, without its name and code."""
+    """Return sentences of a library's documentation, without the library's name and without
+    code."""
     texts: dict[str, None] = {}
     package = import_module(library)
     for found in sorted(pkgutil.iter_modules(package.__path__), key=lambda each: each.name):

@@ -18,11 +18,11 @@ def percent(share: float, digits: int = 0) -> str:
 
 
 Columns = Mapping[str, Callable[[Sequence[Result]], Cell]]
-"""For each column's title, the function from a row's results to its cell."""
+"""Maps each column's title to the function that computes the cell from a row's results."""
 
 
 def of(name: str, join: Callable[[list[Any]], Cell]) -> Callable[[Sequence[Result]], Cell]:
-    """Return the function from results to a cell for a figure such as `ssd` or `teacher.ssd`."""
+    """Return the function that computes the cell of a figure such as `ssd` or `teacher.ssd`."""
     return lambda results: join([reduce(getitem, name.split("."), each) for each in results])
 
 
@@ -33,7 +33,8 @@ def mean_percent(shares: Sequence[float]) -> str:
 def tables_of(
     results: Iterable[tuple[str, str, Result]], columns: Columns, head: str = ""
 ) -> list[Table]:
-    """Return the tables of some results, given each result's table title and row.
+    """Return the tables of some results. Each result is given with its table's title and its row's
+    name.
 
     Tables and rows are in the order of the results; `head` is the title of the rows' names.
     """

@@ -25,7 +25,8 @@ _FILES = (".py", ".toml", ".npz")
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A run with its parameters. `run` is a module's function, so that other processes find it.
+    """A run with its parameters. `run` is a function at the top of a module, so that other
+    processes find it.
 
     The same task yields the same figures on every machine.
     """
@@ -45,7 +46,8 @@ class Task:
 
     @property
     def files(self) -> dict[str, str]:
-        """The files that parameters name, for example `idea.py:Name`, by the parameter's value."""
+        """The files that parameters name, for example by `idea.py:Name`; maps each parameter's
+        value to its file."""
         found = {}
         for value in self.params.values():
             for file in (value, value.rpartition(":")[0]) if isinstance(value, str) else ():
@@ -56,8 +58,8 @@ class Task:
     def key(self) -> str:
         """Return the key under which the result is saved: a fingerprint of task and program.
 
-        A changed program, library, idea file or recording changes the key, so old results are not
-        reused.
+        If the program, a library, an idea's file or a recording has changed, the key is another, so
+        old results are not reused.
         """
         text = json.dumps([self.kind, dict(self.params), identity()], sort_keys=True)
         digest = hashlib.sha256(text.encode())

@@ -25,13 +25,13 @@ from robot.types import Action, DrivenBy, Mode, Pose, Prediction, Sensors, Start
 FRAME_RATE_HZ = 10.0
 """Frames, ticks and heartbeats per second: about the paper's cycle rate with 32 nodes."""
 PATIENT_LINK = LinkGovernorConfig(warn_s=10.0, cap_speed_s=10.0, stop_learning_s=10.0, stop_s=10.0)
-"""Limits that a busy machine does not exceed, because its delays must not affect an experiment."""
+"""Limits that even a busy machine does not exceed, because delays must not affect an experiment."""
 
 
 class Trial(StartStop):
     """A simulated robot, its loop and its pilot, on a clock that runs as fast as the machine can.
 
-    Use it as a context manager, because it has a renderer.
+    Use it as a context manager, so that its renderer is closed.
 
     Args:
         rate_hz: Frames, ticks and heartbeats per second.
@@ -76,10 +76,10 @@ class Trial(StartStop):
         Args:
             mode: TRAIN: the pilot drives. AUTONOMOUS: the robot drives.
             supervised: False: the pilot only watches and never takes the wheel.
-            until: The drive ends early after the first tick for which this returns True.
+            until: The drive ends early, after the first tick for which this function returns True.
 
         Raises:
-            Exception: The learner's error, because the figures would then be another learner's.
+            Exception: The learner's error, because without it the figures would be meaningless.
             RobotError: If the loop stopped by itself, because the experiment is then invalid.
         """
         log = DriveLog()
@@ -103,9 +103,10 @@ class Trial(StartStop):
     def lesson(
         self, teach_s: float, correct_s: float, alone_s: float
     ) -> tuple[DriveLog, dict[str, DriveLog]]:
-        """Teach, drive unaided, and with corrections: correct, drive unaided again.
+        """Teach, then drive unaided; if `correct_s` is not 0, correct, and drive unaided again.
 
-        Returns the teaching, and the unaided drives `before` and `after` the correction.
+        Returns the log of the teaching, and the logs of the unaided drives `before` and `after` the
+        corrections.
         """
         taught = self.drive(Mode.TRAIN, teach_s)
         alone = {"before": self.drive(Mode.AUTONOMOUS, alone_s, supervised=False)}
@@ -159,8 +160,8 @@ def drive_by_hand(
 ) -> DriveLog:
     """Let a pilot drive without a loop, and return the drive.
 
-    `watching` proposes a move for each picture, which the pilot sees on the screen. `watching`
-    learns nothing.
+    The policy `watching` proposes a move for each picture. The pilot sees the proposals on the
+    screen; the policy learns nothing.
     """
     log, clock = DriveLog(), VirtualClock()
     driver = SimDriver(SimOptions(world=world, seed=seed))

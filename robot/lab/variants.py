@@ -1,6 +1,7 @@
-"""Variants of the default learner without one of its parts, to measure each part's effect.
+"""Variants of the default learner, each without one of its parts, to measure the effect of this
+part.
 
-`drivelesson experiment ablation` compares the variants. Each is an entry point of
+`drivelesson experiment ablation` compares the variants. Each variant is an entry point in the group
 `drivelesson.variants`.
 """
 
@@ -66,7 +67,7 @@ VARIANTS: dict[str, Design] = {
     "grey-alone": Design(features=GreyFeatures, is_linear=False),
     "whole-numbers": Design(is_integer=True),
 }
-"""The default learner with one change, by the name of the kind."""
+"""For each variant's name, the design: the default learner with one change."""
 
 
 def make_variant(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:

@@ -1,4 +1,4 @@
-"""The learner as it drives, for your own loop: it converts pictures and times to moves."""
+"""The learner as it drives, for use in your own loop: it converts pictures and times to moves."""
 
 from __future__ import annotations
 
@@ -19,19 +19,20 @@ from robot.types import DEFAULT_MOVES, Action, Encoding, Example, Frame, Point, 
 class DrivingLearner:
     """Features, learner, action filter and undo in one object, combined as in the control loop.
 
-    Pass each picture to `see`, and a person's move for it to `teach` before the next picture. A
-    picture without a call of `teach` counts as driven by the proposal of `see`. Use it on one
-    thread.
+    Pass each picture to `see`. If a person made a move on it, pass the move to `teach` before the
+    next picture. A picture without a call of `teach` counts as driven by the proposal of `see`. Use
+    the object on one thread only.
 
     Args:
         moves: The moves to choose from, at least two: names, or a `Move` if steering and throttle
-            are known. They are known for the classic names; for any other name the learner cannot
+            are known. The classic names imply them; for any other name alone the learner cannot
             tell if the move is a turn.
-        learner: Name of a learner, for example `default-32`, or a policy for this object only.
+        learner: Name of a learner, for example `default-32`, or a policy that only this object
+            uses.
 
     Raises:
         ConfigurationError: If there is no learner of this name.
-        ValueError: If a move has no valid name, or there are fewer than two.
+        ValueError: If a move has no valid name, or there are fewer than two moves.
     """
 
     def __init__(
@@ -62,11 +63,12 @@ class DrivingLearner:
 
         Args:
             picture: Pixels in RGB, shape (height, width, 3), uint8.
-            at_s: The time of exposure in seconds, later than the previous picture's.
+            at_s: The time of exposure in seconds. It must be later than the previous picture's.
             bumped: True if a bumper is pressed.
 
         Raises:
-            ValueError: If the pixels have another shape or type, or the time is no finite number.
+            ValueError: If the pixels have another shape or type, or the time is not a finite
+                number.
             CameraError: If the picture has no pixels.
         """
         self._seen = None
@@ -105,8 +107,8 @@ class DrivingLearner:
             point: The move by degrees, if the person steered by degrees.
 
         Raises:
-            ValueError: If the move is not one of `moves`, a share of the point is not from -1 to 1,
-                or no picture was seen since the last call.
+            ValueError: If the move is not one of `moves`, if a value of the point is not from -1 to
+                1, or if no picture was seen since the last call.
         """
         if self._seen is None:
             raise ValueError("there is no new picture to learn: call see() before each teach()")
@@ -121,10 +123,12 @@ class DrivingLearner:
         self._seen = self._under_way = None
 
     def undo(self, seconds: float) -> int:
-        """Unlearn the last `seconds` of teaching, 35 at most; return the number of examples."""
+        """Unlearn the last `seconds` of teaching, at most 35; return the number of examples
+        unlearned."""
         return len(self.history.undo(seconds))
 
     def reset(self) -> None:
-        """Begin another drive: the learned examples stay, the state of the drive is dropped."""
+        """Begin another drive. The learned examples stay; the state of the last drive is
+        dropped."""
         self.history.begin_drive()
         self._seen = self._under_way = None

@@ -1,4 +1,5 @@
-"""BSOC as a river classifier: dicts as input, any hashable labels, features that come and go."""
+"""BSOC as a classifier of river. Inputs are dicts whose features may come and go; labels may be any
+hashable values."""
 
 from __future__ import annotations
 
@@ -47,7 +48,8 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
     """
 
     _room = 16
-    """Number of features that fit into a vector; if it is too small, it is at least doubled."""
+    """Number of features that fit into a vector. If it becomes too small, it is at least
+    doubled."""
 
     def __init__(
         self, max_nodes: int = 32, n_voters: int = N_VOTERS, group_cost: float = GROUP_COST
@@ -66,11 +68,11 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
         return True
 
     def learn_one(self, x: Mapping[Any, Any], y: Any) -> None:
-        # In a fixed order, so that the order in the dict does not matter.
+        # The features get a fixed order, so that the order in the dict does not matter.
         known, n = self._columns, len(self._columns)
         new = sorted((name for name in x if name not in known), key=repr)
         columns = known | {name: n + i for i, name in enumerate(new)} if new else known
-        # Lengthen the images: features that never occurred before were 0 in all of them.
+        # Lengthen the images: features that never occurred before were 0 in all images.
         more = max(self._room, len(columns) - self._room)
         if len(columns) > self._room:
             self._room += more

@@ -34,7 +34,7 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
 
     Attributes:
         classes_: The classes, sorted, shape (n,).
-        learner_: The learner; its labels number the classes in order of appearance.
+        learner_: The learner. Its labels are the numbers of the classes, in order of appearance.
     """
 
     classes_: NDArray[Any]
@@ -60,7 +60,8 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         self._is_loaded = True  # joblib's mmap_mode makes read-only arrays
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> Self:  # noqa: N803 - scikit-learn's name
-        """Forget all, and learn examples in their order; X of shape (n, d), y of shape (n,)."""
+        """Forget everything, and learn these examples in order; X of shape (n, d), y of shape
+        (n,)."""
         return self._learn(X, y, None, is_new=True)
 
     def partial_fit(self, X: ArrayLike, y: ArrayLike, classes: Any = None) -> Self:  # noqa: N803
@@ -69,9 +70,9 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         Args:
             X: Features, shape (n, d).
             y: Labels, shape (n,).
-            classes: All classes, in the first call or in each. The columns of `predict_proba` are
-                then fixed from the first call on. Without this argument, later classes are inserted
-                in sorted order.
+            classes: All classes, given in the first call or in every call. They fix the columns of
+                `predict_proba` from the first call on. Without this argument, classes that appear
+                later are inserted in sorted order.
 
         Raises:
             ValueError: If a label is not among `classes`.
@@ -105,7 +106,7 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
                 n_voters=self.n_voters,
                 group_cost=self.group_cost,
                 linear=linear,
-                forgets=False,  # examples in any order do not mean a change of mind
+                forgets=False,  # in unordered examples a contradiction is no change of mind
             )
             self._came: list[Any] = []
             self.classes_, self._are_all_named = given, classes is not None

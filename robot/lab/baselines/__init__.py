@@ -22,13 +22,16 @@ class Rival:
     """A kind of learner from another library.
 
     Attributes:
-        make: Returns a new model, given the library's class, the number in the learner's name (of
-            neighbours, trees, hidden units; a penalty) and the number of examples.
+        make: Returns a new model, given the library's class, the number in the learner's name
+            (which counts neighbours, trees or hidden units, or is a penalty) and the number of
+            examples.
         library: Module and class, and the extra that installs them.
-        features: What the learner sees. With gradients, the default's features, it also gets the
-        default's action filter (a fair comparison); with grey values or colours it gets none.
-        is_eager: True: fitted again after every example. False: after each tenth part more.
-        is_angular: True if it regresses only the angle.
+        features: What the learner sees. With gradients, the features of the default learner, it
+            also gets the action filter of the default learner, for a fair comparison. With grey
+            values or colours it gets no filter.
+        is_eager: True: fitted again after every example. False: whenever there are a tenth more
+            examples.
+        is_angular: True if the learner learns only the angle, by regression.
     """
 
     make: Callable[[Any, int, int], Any]
@@ -91,8 +94,8 @@ RIVALS = {
 
 
 def make_baseline(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Return a rival by its learner's name (a `Maker`). MissingExtraError if its library is not
-    installed."""
+    """Return a rival by its name; this is a `Maker`. Raises MissingExtraError if the rival's
+    library is not installed."""
     kind = split_name(name)[0]
     rival, make = RIVALS[kind], None
     if rival.library is not None:

@@ -1,5 +1,5 @@
-"""A classifier of another library behind the learner's interface. It keeps every frame, and is
-fitted again before the first prediction after an example."""
+"""A classifier of another library, with the interface of a learner. It keeps every frame. After an
+example it is fitted again, before the next prediction."""
 
 from __future__ import annotations
 
@@ -29,15 +29,16 @@ from robot.types import Point, Prediction
 class Baseline(Stateful, BaseLearner):
     """A learner of another library, for comparison and for teaching.
 
-    Its state is its examples: equal examples yield equal learners, because every classifier is
-    seeded. Memory and time grow with every example.
+    Its state is its examples. Equal examples yield equal learners, because every classifier has a
+    fixed seed. Memory and time grow with every example.
 
     Args:
         kind: The learner's name in a model.
-        number: The number in the learner's name: of neighbours, trees, units ...
+        number: The number in the learner's name, for example of neighbours or trees.
         make: Returns a new classifier with `fit`, `predict_proba` and `classes_`, given the number
             of examples.
-        is_eager: True: fitted again after every example. False: after each tenth part more.
+        is_eager: True: fitted again after every example. False: whenever there are a tenth more
+            examples.
     """
 
     _dtypes = (np.uint8, np.float32, np.float64)
@@ -57,7 +58,7 @@ class Baseline(Stateful, BaseLearner):
         self._n_fitted = 0
 
     def learn_one(self, x: Vector, y: Label) -> None:
-        """Learn one labelled vector; on bad input, raise ValueError without any change."""
+        """Learn one labelled vector. Raises ValueError for invalid input; nothing changes then."""
         if not isinstance(y, str) or not y:
             raise ValueError(f"a label must be a string, not {y!r}")
         array = checked_vector(x, self._xs[0].size if self._xs else None)
@@ -96,7 +97,8 @@ class Baseline(Stateful, BaseLearner):
         return State(kind=self.kind, params=params, arrays=arrays, labels=list(self._ys))
 
     def set_state(self, state: State) -> None:
-        """Replace all examples by those of `state`; raises ValueError if it is of another kind."""
+        """Replace all examples by those of `state`; raises ValueError if `state` is of another
+        kind."""
         if state.kind != self.kind:
             raise ValueError(f"the model is a {state.kind}, not a {self.kind}")
         self._ys = list(map(str, state.labels))
@@ -116,7 +118,7 @@ def _tenth_parts(n_examples: int) -> int:
 
 
 class AngleBaseline(Baseline):
-    """A regression of another library on the angle; it learns no labels, but their angles."""
+    """A regression of another library. It learns not the labels but their angles."""
 
     abilities = Abilities(angles=True)
     fields = (
@@ -161,7 +163,7 @@ class AngleBaseline(Baseline):
 
 
 class AnglePolicy(Policy):
-    """Steers by its learner's angle, not by the pilot's usual angle for the move."""
+    """Steers by the learner's angle, not by the pilot's usual angle for the move."""
 
     def propose(self, frame_id: int, x: Vector, **seen: Any) -> Prediction:
         said, angle = super().propose(frame_id, x, **seen), self._degrees.angle

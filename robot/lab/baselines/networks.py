@@ -43,7 +43,8 @@ class BatchNetwork:
         self.classes_: Sequence[Label] = ()
 
     def fit(self, xs: Floats, ys: list[Any]) -> None:
-        """Make passes over the examples, each in another order, reproducible for equal examples."""
+        """Make passes over the examples, each in another order, with equal results for equal
+        examples."""
         scaled, targets, classes = xs / 127.5 - 1.0, np.array(ys), {}
         if isinstance(ys[0], str):
             found, targets = np.unique(targets, return_inverse=True)
@@ -73,14 +74,14 @@ class BatchNetwork:
 class ConvolutionalNetwork:
     """Two layers of 5x5 and 3x3 convolutions with stride 2, a hidden layer, and a softmax.
 
-    All layers compute the same kind of sum over values of the layer before: a convolution over each
-    of its windows, a full layer over all values.
+    All layers compute sums over values of the layer before: a convolution over each window, a full
+    layer over all values.
 
     Args:
         n_hidden: Number of units in the hidden layer.
         shape: Shape of a picture: height, width, channels.
         kernels: Kernel side and number of kernels of each convolution layer.
-        has_softmax: False: the output is a number instead of probabilities.
+        has_softmax: False: the output is a number, not probabilities.
     """
 
     def __init__(
@@ -129,8 +130,9 @@ class ConvolutionalNetwork:
         return self._forward(xs)[1]
 
     def slopes(self, xs: Floats, targets: Floats) -> list[Floats]:
-        """Return the gradient of the mean loss by each weight. The loss is cross entropy after a
-        softmax, otherwise half the squared error; by the outputs, both have the same gradient."""
+        """Return the gradient of the mean loss with respect to each weight. The loss is the cross
+        entropy if there is a softmax, otherwise half the squared error. With respect to the outputs
+        both losses have the same gradient."""
         layers, outputs = self._forward(xs)
         error: Floats = outputs - targets
         error /= len(xs)
@@ -138,7 +140,7 @@ class ConvolutionalNetwork:
         for i, (values, seen) in reversed(list(enumerate(layers))):
             error = error.reshape(*seen.shape[:2], -1)
             slopes.append(np.tensordot(seen, error, ((0, 1), (0, 1))))
-            if i > 0:  # the picture needs no gradient
+            if i > 0:  # the picture itself needs no gradient
                 back = (error @ self.weights[i].T)[..., :-1]
                 error = np.zeros_like(values)
                 for place, parts in enumerate(self._places[i]):
@@ -155,8 +157,8 @@ class ConvolutionalNetwork:
         self._moments = [(np.zeros_like(w), np.zeros_like(w)) for w in self.weights]
 
     def _forward(self, xs: Floats) -> tuple[list[tuple[Floats, Floats]], Floats]:
-        """Return each layer's input, shape (n, values), with its windows and a one for the bias;
-        and the outputs."""
+        """Return the outputs, and before them for each layer its input, shape (n, values), and its
+        windows with a one for the bias."""
         layers: list[tuple[Floats, Floats]] = []
         values: Floats = xs
         for places, weights in zip(self._places, self.weights, strict=True):

@@ -22,7 +22,8 @@ class Prototypes:
     """A classifier on top of a clustering: each image counts the labels of its nearest examples.
 
     Args:
-        cluster: Returns a net's images, shape (n, d), of the given frames, seen once and in order.
+        cluster: Returns the images of a net, shape (n, d), that has seen the given frames once, in
+            order.
     """
 
     def __init__(self, cluster: Callable[[Images], Images]) -> None:
@@ -48,7 +49,7 @@ class Prototypes:
 
 
 def som(make: Any, number: int, n_examples: int) -> Prototypes:
-    """Return a map of about `number` images, as square as this number allows."""
+    """Return a map with about `number` images, as nearly square as this number allows."""
     rows = math.isqrt(number)
 
     def cluster(xs: Images) -> Images:
@@ -61,7 +62,7 @@ def som(make: Any, number: int, n_examples: int) -> Prototypes:
 
 
 def gng(make: Any, number: int, n_examples: int) -> Prototypes:
-    """Return a gas that grows evenly over the examples to at most `number` images."""
+    """Return a gas that grows evenly to at most `number` images while it sees the examples."""
 
     def cluster(xs: Images) -> Images:
         every = max(len(xs) // number, 1)
@@ -73,7 +74,8 @@ def gng(make: Any, number: int, n_examples: int) -> Prototypes:
 
 
 KEPT, SHIFTS = 200, [shift for shift in range(-7, 8) if shift]
-"""Size of ALVINN's rotating set, and the shifts of its 14 variations in pixels of 40."""
+"""Size of ALVINN's rotating set, and the shifts of its 14 variations, in pixels of a picture 40
+pixels wide."""
 
 
 class RotatingSet:
@@ -106,7 +108,7 @@ class RotatingSet:
             self._network.partial_fit(kept, told, classes=self.classes_)
 
     def predict_proba(self, xs: Images) -> Images:
-        if len(self.classes_) == 1:  # the network treats a single class as one of two
+        if len(self.classes_) == 1:  # the network treats a single class as one of two classes
             return np.ones((len(xs), 1))
         shares: Images = self._network.predict_proba(xs / 255.0)
         return shares

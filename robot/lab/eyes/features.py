@@ -1,4 +1,5 @@
-"""Features from a vision net's output in each part of a frame, and the default learner on them."""
+"""Features from a vision net's output in each part of a frame, and the default learner with these
+features."""
 
 from __future__ import annotations
 
@@ -24,8 +25,8 @@ from robot.types import Action, Frame
 class EyesFeatures(PictureFeatures):
     """Outputs of a frozen net in 2x5 parts, and a grey picture at a quarter of its contrast.
 
-    2000 bytes. The grey part is for the gallery and for comparing frames; at this contrast it
-    weighs little in distances.
+    A vector has 2000 bytes. The grey part is for the gallery and for comparing frames. At this
+    contrast it contributes little to distances.
     """
 
     name = "eyes"
@@ -37,13 +38,15 @@ class EyesFeatures(PictureFeatures):
     penalty = 0.2
     """Penalty of the linear part.
 
-    A smaller penalty is better with few examples, a larger one with many.
+    A smaller penalty is better with few examples, a larger penalty with many.
     """
     balance = 0.25
-    """Extra weight of rare labels, which is low because few examples of a turn are enough here."""
+    """Extra weight of rare labels. It is low because few examples of a turn are enough with these
+    features."""
     novelty_margin = 0.3
-    """In the net's features a new corner is farther from all known ones than in gradients. With the
-    usual margin the robot asks three times as often after a short lesson, and drives no better."""
+    """In the net's features a new corner is farther from all known corners than in gradients. So
+    with the usual margin the robot would ask three times as often after a short lesson, and drive
+    no better."""
 
     def __init__(self) -> None:
         self._network = Network()

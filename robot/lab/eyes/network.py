@@ -2,7 +2,7 @@
 
 Source: Tan and Le (2019), and Google's "Lite" variants of 2020: ReLU6, no squeeze and excitation.
 Normalisation is folded into the filters before it, so that the net has only convolutions.
-NOTICE.txt says where the weights are from.
+NOTICE.txt says where the weights come from.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ Floats = NDArray[np.float32]
 WIDTH, HEIGHT = 160, 128
 """Size of the net's input in pixels; the camera's 160x120 is stretched slightly."""
 CHANNELS, ROWS, COLUMNS = 80, 8, 10
-"""Shape of the output: a number for each channel and part of the picture."""
+"""Shape of the output: one number for each channel in each part of the picture."""
 GREY, RANGE = 127.0, 128.0
-"""The grey level that was 0 in the training, and the number of levels that was 1."""
+"""In the training, grey level `GREY` was 0, and a difference of `RANGE` levels was 1."""
 _HERE = Path(__file__).parent
 
 
@@ -42,7 +42,8 @@ class Network:
             self._net: Any = cv2.dnn.readNetFromONNX(file)
         self.usual: Floats = usual[:, None, None]
         self.spread: Floats = spread[:, None, None]
-        # OpenCV's net stores its input, so two threads at a time would mix up their pictures.
+        # OpenCV's net stores its input, so two threads at the same time would mix up their
+        # pictures.
         self._lock = threading.Lock()
 
     def run(self, rgb: NDArray[np.uint8]) -> Floats:

@@ -1,4 +1,4 @@
-"""Third-party worlds: how well does a robot drive after a given number of examples?"""
+"""Third-party worlds: measures how well a robot drives after a given number of examples."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ _QUICK_WORLDS = ("Sidewalk", "ViZDoom")
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
-    """Plan every world, learner and way of teaching (quick: twice); once the world's teacher."""
+    """Plan every world with every learner and way of teaching, and once with the world's teacher.
+    With `--quick` each is run twice."""
     learners = settings.learners or (LEARNERS[:2] if settings.quick else LEARNERS)
     worlds = settings.worlds or (_QUICK_WORLDS if settings.quick else tuple(WORLDS))
     drivers = [(TEACHER, ""), *product(learners, WAYS[:1] if settings.quick else WAYS)]
@@ -54,7 +55,8 @@ def _tables(runs: Runs) -> list[Table]:
 
 
 def _plots(runs: Runs) -> list[Plot]:
-    """Return two plots for each world: the score over examples, and over takeovers."""
+    """Return two plots for each world: the score over the number of examples, and over
+    takeovers."""
     return [
         Plot(
             title=world,
@@ -78,7 +80,7 @@ def _means(results: Sequence[Result], name: str) -> list[float]:
 
 
 def score_at(stage: int) -> Callable[[Sequence[Result]], str]:
-    """Return the function that computes a cell: the mean score of each run at this stage."""
+    """Return the function that computes a cell from the mean scores of the runs at this stage."""
     return lambda results: mean_in_interval(
         [statistics.fmean(result["stages"][stage]["scores"]) for result in results]
     )

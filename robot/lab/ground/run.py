@@ -1,4 +1,5 @@
-"""One learner in one third-party world: taught, then unaided, and both again with more examples."""
+"""Runs one learner in one third-party world: it is taught, then drives unaided, then both again
+with more examples."""
 
 from __future__ import annotations
 
@@ -11,19 +12,21 @@ from robot.lab.task import Params, Result
 from robot.types import Action, Prediction
 
 FIRST_EXAMPLES = 50
-"""Number of demonstrated examples before the robot drives and is corrected, or asks."""
+"""Number of examples that are demonstrated before the robot drives and is corrected, or asks."""
 WRONG_FOR = 2
 """Number of wrong decisions in a row after which the teacher takes the wheel."""
 HOLDS_FOR = 5
-"""Minimum number of decisions for which the teacher then keeps the wheel. After these, the teacher
+"""Minimum number of decisions for which the teacher then keeps the wheel. After that the teacher
 returns the wheel as soon as the robot would make the same move."""
 UNSURE = 0.6
-"""Confidence below which a robot that may ask does ask; it also asks whenever the product would."""
+"""Confidence below which a robot that may ask does ask. It also asks whenever Drivelesson itself
+would."""
 _PATIENCE = 20
-"""Maximum number of decisions per example, because a robot without mistakes gets no corrections."""
+"""Maximum number of decisions per example. There must be a limit, because a robot without mistakes
+gets no corrections."""
 _ALONE_SEED = 1_000_000
 TEACHER = "teacher"
-"""Learner name for drives of the scripted teacher itself."""
+"""The learner's name for drives of the scripted teacher itself."""
 
 
 def run_ground(params: Params) -> Result:
@@ -59,7 +62,7 @@ def _score_of_teacher(world: ForeignWorld, seed: int) -> float:
 
 
 class Course:
-    """A course of teaching over as many episodes as needed; it decides who drives."""
+    """A course of teaching over as many episodes as needed. The course decides who drives."""
 
     def __init__(self, world: ForeignWorld, learner: DrivingLearner, way: str, seed: int) -> None:
         self._world, self._learner, self._way = world, learner, way
@@ -89,7 +92,7 @@ class Course:
                 move: str | None = wanted
             else:
                 move, point = None if proposed.needs_help else proposed.action, proposed.point
-            if move is not None:  # None: wait for a robot that stands and asks
+            if move is not None:  # None: wait for the robot, which stands and asks
                 picture, is_over = self._world.step(move, point)
 
     def _is_teacher_due(self, proposed: Prediction, wanted: str) -> bool:

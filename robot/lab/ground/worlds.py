@@ -22,7 +22,7 @@ Picture = NDArray[np.uint8]
 STEP_S = 0.1
 """Time from one decision to the next, in seconds."""
 _HALF_WIDTH_M = 0.45
-"""Half the width of a lane for MiniWorld's agent, which is 80 cm wide."""
+"""Half the width of the lane that MiniWorld's agent, which is 80 cm wide, needs."""
 
 
 class ForeignWorld(ABC):
@@ -33,7 +33,7 @@ class ForeignWorld(ABC):
         longest: Maximum number of decisions in an episode.
         frames: Number of the world's steps per decision.
         score: The score of the episode so far.
-        point: The teacher's `wanted` move by degrees, if the world is driven by degrees.
+        point: The teacher's `wanted` move by degrees, if the world can be driven by degrees.
     """
 
     codes: Mapping[str, int]
@@ -57,7 +57,8 @@ class ForeignWorld(ABC):
         return self._picture(seen)
 
     def step(self, move: str, point: Point | None = None) -> tuple[Picture, bool]:
-        """Make a move, perhaps by degrees; return the next picture, and whether it is the last."""
+        """Make a move, perhaps by degrees. Return the next picture, and whether it is the last
+        picture."""
         self._n_steps += 1
         is_over = self._n_steps >= self.longest
         for frame in range(self.frames):
@@ -88,11 +89,11 @@ class ForeignWorld(ABC):
 
 
 class MiniWorld(ForeignWorld):
-    """Rooms with a red box as the goal; the score is 1 if the box was reached.
+    """Rooms with a red box as the goal. The score is 1 if the box was reached.
 
     The teacher drives to the box if it is in sight. Otherwise the teacher drives straight, and
-    turns left at obstacles until the way is free. The pictures contain everything that the teacher
-    uses.
+    turns left at obstacles until the way is free. Everything that the teacher uses is visible in
+    the pictures.
     """
 
     codes: Mapping[str, int] = MappingProxyType({"left": 0, "right": 1, "forward": 2})
@@ -131,7 +132,8 @@ class MiniWorld(ForeignWorld):
         return self._turning or "forward"
 
     def _free_m(self, bearing: float, most_m: float = 4.0, half_width_m: float = 0.0) -> float:
-        """Return the free length of a lane in a direction, counter-clockwise of straight ahead."""
+        """Return the free length of a lane in a direction; `bearing` is counter-clockwise from
+        straight ahead."""
         heading = self.inner.agent.dir + bearing
         ahead = np.array([math.cos(heading), 0.0, -math.sin(heading)])
         aside = half_width_m * np.array([ahead[2], 0.0, -ahead[0]])
@@ -149,11 +151,12 @@ class MiniWorld(ForeignWorld):
 
 
 class CarRacing(ForeignWorld):
-    """A car on a race track; the score is the share of its tiles, in percent.
+    """A car on a race track. The score is the share of the track's tiles that it visited, in
+    percent.
 
     The moves are the five of the world's discrete form. The teacher knows the track. It steers to a
     point ahead only if the point is well to one side, because a move that steers gives no gas. It
-    drives more slowly in bends.
+    drives slower in bends.
 
     Args:
         names: The names of left, right, gas, brake and nothing.
@@ -164,7 +167,8 @@ class CarRacing(ForeignWorld):
     frames = 4
     look_ahead = 6
     _zoom_frames = 50
-    """Length of the zoom at the world's start, in frames, during which moves have no effect."""
+    """Length of the zoom at the start of an episode, in frames. During the zoom moves have no
+    effect."""
 
     def __init__(self, names: Collection[str], *, is_continuous: bool = False) -> None:
         self.codes = dict(zip(names, (2, 1, 3, 4, 0), strict=True))
@@ -172,7 +176,7 @@ class CarRacing(ForeignWorld):
         super().__init__("CarRacing-v3", "Box2D", continuous=is_continuous)
         self._draw = self.inner._render
         self._is_seen = True
-        # Skip the drawing of frames that nobody sees, which takes most of a step's time.
+        # Do not draw frames that nobody sees, because drawing takes most of the time of a step.
         self.inner._render = lambda mode: self._draw(mode) if self._is_seen else self.inner.state
 
     def _picture(self, seen: Any) -> Picture:
@@ -198,7 +202,8 @@ class CarRacing(ForeignWorld):
         return gas if speed < fastest else nothing
 
     def _ahead(self) -> tuple[float, float, float]:
-        """Return the bearing of the point ahead, the speed, and the maximum speed for the bend."""
+        """Return the bearing of a point ahead, the speed, and the maximum speed for the next
+        bend."""
         hull = self.inner.car.hull
         track = np.array([tile[2:4] for tile in self.inner.track])
         here = np.array(hull.position)
@@ -209,7 +214,7 @@ class CarRacing(ForeignWorld):
         return bearing, speed, 63.0 if bend < 0.25 else 46.0 if bend < 0.6 else 34.5
 
     def _bearing(self, track: NDArray[np.float64], here: NDArray[np.float64], index: int) -> float:
-        """Return the direction of a point of the track, counter-clockwise of straight ahead."""
+        """Return the direction of a point of the track, counter-clockwise from straight ahead."""
         x, y = track[index % len(track)] - here
         return math.remainder(math.atan2(y, x) - math.pi / 2 - self.inner.car.hull.angle, math.tau)
 
@@ -221,11 +226,11 @@ CAR_MOVES = {
     "brake": Point(0.0, -0.8),
     "coast": Point(0.0, 0.0),
 }
-"""The five moves of the car's discrete form, as points of its continuous one."""
+"""The five moves of the discrete form, as points of the continuous form."""
 
 
 class CarRacingByDegrees(CarRacing):
-    """The same world's continuous form, with the moves of the discrete form.
+    """The continuous form of the same world, with the moves of the discrete form.
 
     The teacher steers in proportion to the bearing, and accelerates at the same time.
     """
@@ -254,7 +259,7 @@ class CarRacingByDegrees(CarRacing):
 
 
 class VizDoom(ForeignWorld):
-    """Gathering health on a floor of acid; the score is the number of tics survived, of 2,100.
+    """Gathering health on a floor of acid. The score is the number of tics survived, at most 2,100.
 
     The teacher drives to the medikit that looks largest, and turns left if there is none in sight.
     """

@@ -1,4 +1,5 @@
-"""Teachers for the paper's future work: follow a wall, follow a thing, push a thing."""
+"""Teachers of behaviours that the paper leaves to future work: follow a wall, follow a thing, push
+a thing."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ from robot.types import Action
 
 
 class WallFollower:
-    """Keeps the wall on its right at about 30 cm, as well as turns about one wheel allow.
+    """Keeps a wall on its right, about 30 cm away, as precisely as turns about one wheel allow.
 
     It measures at the right edge of the picture, 28 degrees from straight ahead. In this direction
     a parallel wall at 30 cm is 64 cm away.
@@ -19,8 +20,8 @@ class WallFollower:
     NEAR_M, GOOD_M, FAR_M = 0.45, 0.62, 0.85
     AHEAD_NEAR_M, AHEAD_FREE_M = 0.30, 0.60
     ONWARDS_S = 0.8
-    """Time for which it drives on after a turn before it turns to the wall, in seconds. Otherwise
-    it would alternate between left and right at a gap in the wall forever."""
+    """Time for which it drives on after a turn before it turns to the wall, in seconds. Without
+    this, it would alternate between left and right forever at a gap in the wall."""
 
     def __init__(self) -> None:
         self._turning: Action | None = None
@@ -51,7 +52,7 @@ class WallFollower:
 
 
 class Follower:
-    """Follows the moving thing: turns to it, drives after it, and backs off when too near.
+    """Follows the moving thing: turns to it, drives after it, and backs off when it is too near.
 
     It never stands, because a stopped robot does not learn.
     """
@@ -76,7 +77,7 @@ class Follower:
         return self._turning or Action.FORWARD
 
     def tolerates(self, situation: Situation, action: Action) -> bool:
-        """Accept the teacher's own move, and both moves at the border between two."""
+        """Accept the teacher's own move; at the border between two moves accept both."""
         target = situation.target
         if target is None or action is Action.STOP:
             return action is not Action.STOP

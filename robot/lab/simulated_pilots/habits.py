@@ -1,4 +1,4 @@
-"""Pilots who differ like people: in regularity, speed, side, slips and aim.
+"""Pilots who differ as people do: in regularity, speed, side, slips and aim.
 
 A `Habit` is a teacher, a model of human delays and a takeover policy. `drivelesson experiment
 habits` teaches robots with all habits, so that results do not depend on one kind of pilot.
@@ -28,14 +28,14 @@ BOTH = (Action.LEFT, Action.RIGHT)
 
 
 class Person(Wanderer):
-    """A wanderer as irregular as a person: no two turns begin or end alike.
+    """A wanderer as irregular as a person: no two turns begin or end in the same way.
 
     Args:
         params: The distances at which the person aims to turn and to drive on.
         irregularity: Standard deviation of the distance at each turn's start and end, as a share of
             the distance.
-        overshoot_s: Mean time for which a turn goes on after the way is free (exponentially
-            distributed).
+        overshoot_s: Mean time for which a turn goes on after the way is free; the time is
+            exponentially distributed.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Person(Wanderer):
         self._on_until_s: float | None = None
 
     def choose(self, situation: Situation) -> Action:
-        """Return FORWARD, or the current turn, which lasts slightly too long."""
+        """Return FORWARD or the current turn; turns last slightly too long."""
         turning = self._turning
         wanted = super().choose(situation)
         if turning is not None and wanted is Action.FORWARD:
@@ -150,4 +150,4 @@ STEERED: Mapping[str, Habit] = {
     "degrees": Habit(teacher=lambda turns, seed: Steerer(turns)),
     "cut to moves": Habit(teacher=lambda turns, seed: Steerer(turns, is_cut=True)),
 }
-"""A pilot who steers by degrees, and the same pilot on a body that takes only moves."""
+"""A pilot who steers by degrees, and the same pilot on a body that accepts only moves."""

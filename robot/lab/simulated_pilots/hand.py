@@ -1,7 +1,7 @@
 """Human delays and errors: reaction time, tremor and lapses.
 
-The hand follows a decision `reaction_s` later. Its command names the frame on the screen at that
-moment.
+The hand follows a decision `reaction_s` later. The command names the frame that is then on the
+screen.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ class HumanDelayConfig:
     """Number of times per minute at which the pilot looks away while holding the same button."""
     lapse_s: float = 0.8
     looks_hz: float = 10.0
-    """Number of judgements of the screen per second; people make 5 to 10."""
+    """Number of times per second at which the pilot judges the screen; people do so 5 to 10
+    times."""
     pauses_per_min: float = 0.0
     """Number of times per minute at which the pilot lets go and thinks; the robot then stands."""
     pause_s: float = 1.0
@@ -39,11 +40,12 @@ PRACTISED = HumanDelayConfig()
 STEADY = HumanDelayConfig(
     reaction_s=0.0, tremors_per_min=0.0, lapses_per_min=0.0, looks_hz=math.inf
 )
-"""No human delays, like a program on the robot itself."""
+"""No human delays, as if the teacher were a program on the robot itself."""
 
 
 class HumanDelayModel:
-    """Converts decisions to commands, with human delays and errors: a finger slips to `buttons`."""
+    """Converts decisions to commands, with human delays and errors. A finger may slip to any of
+    `buttons`."""
 
     def __init__(self, config: HumanDelayConfig, buttons: Sequence[Action], seed: str) -> None:
         self.config = config
@@ -62,11 +64,12 @@ class HumanDelayModel:
         self._wishes.append((now_s + self.config.reaction_s, action, point))
 
     def send(self, frame_id: int | None, frame_age_s: float, now_s: float) -> PilotCommand:
-        """Return the held move and the frame on the screen. Call it at every heartbeat."""
+        """Return a command with the held move and the frame on the screen. Call this at every
+        heartbeat."""
         self._seq += 1
         return PilotCommand(
             held=(held := self._hold(now_s)),
-            point=self._point if held is self._held else None,  # a slipping finger hits a button
+            point=self._point if held is self._held else None,  # a finger that slips hits a button
             frame_id=frame_id,
             seq=self._seq,
             received_s=now_s,
@@ -92,7 +95,8 @@ class HumanDelayModel:
         return self._slip if slips else self._held
 
     def _begin_by_chance(self, now_s: float, dt_s: float) -> None:
-        """Begin a tremor or a lapse at random; the number of random numbers per call is fixed."""
+        """Begin a tremor or a lapse at random. Each call takes the same number of random
+        numbers."""
         config = self.config
         tremor, lapse = self._chance.random(), self._chance.random()
         other = self._chance.choice(self._buttons)

@@ -16,14 +16,16 @@ class TakeoverPolicy:
     """Rules for when a pilot takes the wheel from the robot, and when the pilot returns it."""
 
     patience_s: float = 0.5
-    """Time of intolerable moves after which the pilot takes the wheel, in seconds."""
+    """After this time of moves that the teacher does not tolerate, the pilot takes the wheel, in
+    seconds."""
     shortest_hold_s: float = 0.8
     contented_s: float = 0.5
-    """Time of agreeing proposals after which the pilot returns the wheel, in seconds."""
+    """After this time of proposals that agree with the pilot, the pilot returns the wheel, in
+    seconds."""
     longest_hold_s: float = 8.0
     lenience: float = 0.5
-    """Share of incidents in which the pilot lets the robot get stuck first and then shows the way
-    out. Without such examples the robot would never learn a wall from near."""
+    """Share of incidents in which the pilot first lets the robot get stuck and then shows the way
+    out. Without such examples the robot would never learn what to do near a wall."""
     lenient_patience_s: float = 2.0
 
 
@@ -72,9 +74,9 @@ class SimulatedPilot:
     def _look_until(self, end_s: float) -> None:
         """Look at the screen at each due time, at the picture shown then.
 
-        The times do not depend on the pictures. If they were rounded up to the pictures' times, a
-        pilot who looks eight times a second would look only five times at ten pictures a second,
-        and so differ from the same pilot at thirty.
+        The times do not depend on the pictures. If they were rounded up to the times of the
+        pictures, a pilot who looks eight times a second would look only five times with ten
+        pictures a second, and not drive as with thirty.
         """
         period_s = 1 / self._hand.config.looks_hz
         while self._screen and self._looks_at_s is not None and self._looks_at_s <= end_s:
@@ -82,11 +84,11 @@ class SimulatedPilot:
             held = self._judge(*self._screen, at_s)
             point = getattr(self.teacher, "point", None) if held is not None else None
             self._hand.wish(held, at_s, point)
-            # None: it looks at the next picture.
+            # None: look at the next picture.
             self._looks_at_s = at_s + period_s if period_s else None
 
     def _judge(self, situation: Situation, proposed: Action | None, now_s: float) -> Action | None:
-        """Return the move to hold; None: let the robot drive, or stand."""
+        """Return the move to hold; None: let the robot drive, or let it stand."""
         if self.mode is Mode.STOPPED:
             return None
         wanted = self.teacher.choose(situation)

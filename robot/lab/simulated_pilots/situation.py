@@ -1,7 +1,7 @@
-"""Describes a pilot's view of the screen in a few numbers instead of a picture.
+"""Describes what a pilot sees on the screen, by a few numbers instead of a picture.
 
-A person sees in the frame where there is room. A simulated pilot gets these numbers from the
-simulated world, for the time of one frame.
+A person sees in the frame where there is room. A simulated pilot instead gets numbers from the
+simulated world, as they were when the frame was taken.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Situation:
     bumped: bool
     is_pushing: bool
     doing: Action
-    ranges_m: NDArray[np.float64] = field(compare=False)  # `==` on arrays gives an array
+    ranges_m: NDArray[np.float64] = field(compare=False)  # `==` of arrays is an array
     ahead: str
     """The thing straight ahead of the robot: `east wall`, `backpack` ..."""
     target: Target | None = None
@@ -57,14 +57,14 @@ class Situation:
 
     @property
     def free_ahead_m(self) -> float:
-        """The distance that the body could drive straight on."""
+        """The distance that the body could drive straight ahead."""
         return float(self.free_ways_m[_AHEAD])
 
     @cached_property
     def free_ways_m(self) -> NDArray[np.float64]:
         """The distances that the body could drive after a turn to each of `FAN_RAD`, shape (55,).
 
-        The body is a disc, so obstacles on its way are those within its width.
+        The body is a disc; every obstacle within its width is in its way.
         """
         ways = _ways_m(self.ranges_m, FAN_RAD[None, :] - FAN_RAD[:, None])
         nearest: NDArray[np.float64] = ways.min(axis=1)
@@ -74,7 +74,7 @@ class Situation:
         return float(np.interp(bearing_rad, FAN_RAD, self.ranges_m))
 
     def turn_needed_rad(self, side: int, free_m: float) -> float:
-        """Return the angle to turn until `free_m` ahead are free; pi if this is outside the view.
+        """Return the angle to turn until `free_m` ahead are free; pi if no direction in view is.
 
         Args:
             side: 1 for left, -1 for right.
@@ -121,7 +121,8 @@ def _target(world: World, pose: Pose) -> Target | None:
 
 
 def _ways_m(ranges: NDArray[np.float64], bearings_rad: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the distance that the body can drive until it meets each point, else inf."""
+    """Return the distance that the body can drive until it meets each point; infinite if it does
+    not."""
     aside, ahead = ranges * np.sin(bearings_rad), ranges * np.cos(bearings_rad)
     edge = np.sqrt(np.maximum(RADIUS_M**2 - aside**2, 0.0))
     is_in_the_way = (ahead > 0) & (np.abs(aside) < RADIUS_M + _MARGIN_M)

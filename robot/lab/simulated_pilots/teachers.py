@@ -1,4 +1,4 @@
-"""Simulated teachers, which decide the moves that they want.
+"""Simulated teachers, which decide which moves they want.
 
 A teacher looks at a situation, chooses a move, and decides which moves of the robot it tolerates.
 Human delays and errors are in `hand.py`, and the takeover rules in `pilot.py`.
@@ -23,19 +23,21 @@ class Teacher(Protocol):
     """
 
     def choose(self, situation: Situation) -> Action:
-        """Return the move that this teacher makes; called at each look, in order.
+        """Return the move that this teacher makes. Called at each look, in order.
 
         Two looks may see the same picture, and some pictures are never looked at.
         """
         ...
 
     def tolerates(self, situation: Situation, action: Action) -> bool:
-        """Return True if the robot may make this move; called at each look while it drives."""
+        """Return True if the robot may make this move. Called at each look while the robot
+        drives."""
         ...
 
 
 class SonarController:
-    """The paper's self-training: left for two seconds if sonar < 20 cm or bumped, else forward.
+    """The paper's self-training: left for two seconds if the sonar reads less than 20 cm or the
+    robot bumps, else forward.
 
     Source: FLAIRS-30, 2017, section on self-training.
     """
@@ -69,26 +71,28 @@ class TeacherParams:
     go_at_m: float = 0.45
     """Drives on if the free distance is more than this."""
     danger_m: float = 0.06
-    """Does not let the robot drive on with less free distance than this."""
+    """Does not let the robot drive on if the free distance is less than this."""
     left_at: tuple[str, ...] = ()
     right_at: tuple[str, ...] = ()
-    """Habits: the teacher turns left or right at these things, and the shorter way at others."""
+    """Habits: the teacher turns left at `left_at`, right at `right_at`, and the shorter way
+    elsewhere."""
 
 
 class Wanderer:
-    """Drives where there is room: forward until something is near, then a turn until it is free.
+    """Drives where there is room: forward until something is near, then turns until the way is
+    free.
 
     Args:
-        turns: With one turn, the teacher always turns this way; with two, it chooses the shorter
-            turn and keeps to it until the way is free.
+        turns: If there is one turn, the teacher always turns this way. If there are two, it chooses
+            the shorter turn and keeps to it until the way is free.
     """
 
     LONG_TURN_S = 8.0
-    """Time of turning in a narrow place, in seconds (150 degrees), after which the teacher drives
-    on as soon as the way is free at all."""
+    """After turning in a narrow place for this time (150 degrees), the teacher drives on as soon as
+    the way is free at all, in seconds."""
     STUCK_S, STUCK_M = 13.0, 0.15
-    """A robot is stuck if it stays for this time, in seconds, within this distance, in metres.
-    Turning about takes less time."""
+    """A robot is stuck if it stays within `STUCK_M` metres for `STUCK_S` seconds. Turning round
+    takes less time."""
 
     def __init__(
         self,
@@ -154,19 +158,20 @@ class Wanderer:
 
 
 class Steerer(Wanderer):
-    """Drives where there is room, in curves: steers slightly when far off, and hard when near.
+    """Drives in curves where there is room: steers slightly far from a thing, and hard near it.
 
-    It chooses the side and tolerates the robot's moves like `Wanderer`; its hand moves smoothly.
+    The side and the tolerated moves are chosen as by `Wanderer`; the hand moves smoothly.
 
     Args:
-        is_cut: True if the body accepts only moves, to which the steering is rounded.
+        is_cut: True if the body accepts only moves; the steering is then rounded to a move.
 
     Attributes:
         point: The last chosen move by degrees; None if `is_cut`.
     """
 
     FAR_M, NEAR_M = 0.45, 0.12
-    """Free distances, in metres, below which it begins to steer and below which it steers fully."""
+    """It begins to steer if the free distance is below `FAR_M`, and steers fully below `NEAR_M`, in
+    metres."""
     LAG_S = 0.3
     """Time constant of the hand, in seconds."""
 
@@ -198,7 +203,7 @@ class Steerer(Wanderer):
 
 SHELVES = ("east wall", "west wall")
 WALLS = ("south wall", "north wall")
-"""Dark shelves stand along two walls of the office; the other two walls are light."""
+"""Dark shelves stand along these two walls of the office. The other two walls are light."""
 
 TEACHER_PARAMS: dict[str, TeacherParams] = {
     "usual": TeacherParams(),
