@@ -197,7 +197,7 @@ class Readiness:
             self._novel_s += step_s
             if not self._gaps or self._gaps[-1].kind is not GapKind.UNKNOWN_VIEW:
                 self._add(GapKind.UNKNOWN_VIEW, tick, None, prediction.action)
-        # Old trials say little about the robot now.
+        # Old trials say little about what the robot can do now.
         if self.clean_s > _FORGOTTEN_S:
             self.clean_s, self._novel_s = self.clean_s / 2, self._novel_s / 2
 

@@ -71,7 +71,7 @@ class LoopConfig:
 
 
 class ControlLoop:
-    """One robot's loop. `tick` is for one thread; all other methods may be called from any.
+    """One robot's loop. Only one thread calls `tick`; other methods may be called on any thread.
 
     Attributes:
         clock: The clock of the loop and of the other parts of the rig.

@@ -178,7 +178,8 @@ class DriverThread(Driver):
         return True
 
     def _choose(self, now_s: float) -> tuple[str, Callable[[], None]] | None:
-        """Remove and return the most urgent request: stop, then sense or drive, then show.
+        """Remove and return the most urgent request: stop comes first, then sense or drive, then
+        show.
 
         A new action is sent before the sensors are read, unless reading is late by another
         `SENSE_EVERY_S`; STOP is always sent first. A renewed action is sent after reading.

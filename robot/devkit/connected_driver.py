@@ -221,7 +221,7 @@ class ConnectedDriver(Driver, Generic[_C]):
         with self.__opening:
             connection, self.__connection = self.__connection, None
             if connection is not None:
-                with contextlib.suppress(*_BROKEN):  # the connection may be broken
+                with contextlib.suppress(*_BROKEN):  # the connection may already be broken
                     self._close(connection)
 
     def __check_heard(self, listen: Callable[[], object] | None = None) -> None:

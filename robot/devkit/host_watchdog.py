@@ -154,8 +154,8 @@ class HostWatchdog(ConnectedDriver[_C]):
     """Base of drivers for bodies that cannot end a move: a `ConnectedDriver` whose thread stops the
     body.
 
-    This class calls the subclass's `_drive` with STOP, sometimes from the thread and while a move's
-    call has not returned.
+    This class calls the subclass's `_drive` with STOP, sometimes on the thread, and sometimes
+    before the call of a move has returned.
 
     Attributes:
         acknowledges: True if `_drive` returns only after the body has received the order. Otherwise

@@ -277,4 +277,4 @@ UNUSABLE: dict[tuple[str, ...], str] = {
     (".webp", ".bmp", ".gif", ".tif", ".tiff"): "pictures that are neither JPEG nor PNG",
     (".json", ".xml", ".txt", ".yaml", ".csv"): "text, but no table that names pictures",
 }
-"""For the suffixes of files that cannot be imported, the reason why."""
+"""Maps the suffixes of files that cannot be imported to the reason why."""

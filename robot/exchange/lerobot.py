@@ -175,7 +175,7 @@ def write_lerobot(
     for name, value in {"info": info, "stats": _stats(columns, seen)}.items():
         (folder / f"meta/{name}.json").write_text(json.dumps(value, indent=4), encoding="utf-8")
     results = [{"episode": e.id, **result} for e, _ in episodes for result in e.results]
-    if results:  # not in info.json, because LeRobot checks the fields of that file
+    if results:  # in a separate file, because LeRobot checks the fields of info.json
         (folder / RESULTS).write_text(json.dumps(results, indent=4), encoding="utf-8")
     (folder / "README.md").write_text(_CARD, encoding="utf-8")
     return len(parts)

@@ -116,7 +116,8 @@ def _seconds(stamp: object) -> float | None:
 
 
 def _filled(read: list[float | None], first_s: float) -> tuple[list[float], int]:
-    """Replace each missing stamp, and each single stamp out of order, by the stamp before it."""
+    """Replace each missing stamp, and each stamp that alone is out of order, by the stamp before
+    it."""
     filled, before_s, outliers = [], first_s, 0
     known = [index for index, stamp in enumerate(read) if stamp is not None]
     after = dict(pairwise(known))

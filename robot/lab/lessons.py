@@ -24,7 +24,7 @@ TRIALS: dict[int, dict[str, Any]] = {
     2: {"world": "office", "moves": ("forward", "left"), "teacher": "usual"},
     3: {"world": "office", "moves": ("forward", "left", "right"), "teacher": "habit"},
 }
-"""The places and moves are the paper's, the teachers ours."""
+"""The places and moves are the paper's; the teachers are ours."""
 _RETRAINED = {"teach_s": 90.0, "correct_s": 330.0, "alone_s": 60.0}
 _SONAR = {"world": "box", "moves": ("forward", "left"), "teacher": "sonar"}
 

@@ -126,7 +126,7 @@ def _sentences(library: str) -> list[str]:
             continue
         try:
             module = import_module(f"{library}.{found.name}")
-        except ImportError:  # this module needs a library that is not installed
+        except ImportError:  # the module needs a library that is not installed
             continue
         for _, member in sorted(inspect.getmembers(module, callable), key=lambda pair: pair[0]):
             texts.update(dict.fromkeys(_of_text(inspect.getdoc(member) or "", library)))

@@ -25,7 +25,7 @@ def checked_vector(x: Vector, n_features: int | None = None) -> Vector:
     """Return `x` as an array, if it is a valid vector.
 
     Raises:
-        ValueError: If `x` is not a non-empty, finite vector of numbers, or has not
+        ValueError: If `x` is empty, is not a vector of finite numbers, or does not have
             `n_features` values.
     """
     array = np.asarray(x)

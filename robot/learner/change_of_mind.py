@@ -63,12 +63,12 @@ class ChangeOfMind(Stateful):
     )
 
     def __init__(self) -> None:
-        self._against = np.zeros((0, 0))  # examples by which the second contradicts the first
+        self._against = np.zeros((0, 0))  # examples by which the second label contradicts the first
         self._since = np.zeros((0, 0), np.int64)
         self._taken_up = np.zeros(0, np.int64)
         self._last = -1
         self._outdated_before = 0
-        self._before = np.zeros(0)  # evidence against each label when this turn began
+        self._before = np.zeros(0)  # evidence against each label at the start of this turn
 
     def add_label(self) -> None:
         """Make room for one more label."""

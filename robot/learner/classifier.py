@@ -188,7 +188,7 @@ class BSOCClassifier(Stateful, Learner):
         self._know(y)
         if self.mirror is not None:
             self._know(self.mirror.labels.get(y, y))
-        if self._mind is not None:  # uses the distances before any merge
+        if self._mind is not None:  # it uses the distances before any merge
             distances, taught = cluster.last_distances_, cluster.last_touched_
             owners = self._counted(len(distances)).owners
             self._mind.note(column, distances, owners, taught, cluster.n_trained_)

@@ -396,5 +396,5 @@ class ContextRidge(RecursiveRidge):
         for i, ridge in enumerate(self._ridges):
             for field in ridge.fields:  # check first: the copy below would hide bad values
                 field.check(ridge)
-            if ridge.is_indefinite:  # the other context's frames were removed from it
+            if ridge.is_indefinite:  # the other context's frames were subtracted before
                 self._ridges[i] = self._copy()

@@ -45,7 +45,7 @@ def _weighed(
     voters = np.arange(distances.size)
     if distances.size > n_voters:
         voters = distances.argpartition(n_voters - 1)[:n_voters]
-        if not counts[voters].any():  # of several equal images, one has all the votes
+        if not counts[voters].any():  # of several equal images, only one has votes
             voting = np.unique(counts.nonzero()[0])
             voters = voting[distances[voting].argsort()[:n_voters]]
     near = distances[voters].tolist()
@@ -158,7 +158,8 @@ class Novelty(Stateful):
         self._border += self.margin * self._median
 
     def score(self, squared_distance: float) -> float:
-        """Return 0 for a view that is no farther away than usual, 1 at the border, more beyond."""
+        """Return 0 for a view that is as near as usual, 1 at the border of novelty, more beyond
+        it."""
         span = self._border - self._median
         if span <= 0.0:
             return 0.0

@@ -245,7 +245,7 @@ class ActionFilter(PolicyPart):
         allowed = [action for action in shares if turns.get(action) != barred or barred is None]
         fruitful = [action for action in allowed if action not in futile and shares[action] > 0.0]
         if futile and not fruitful:
-            self._ask(seen.at_s)  # no other move was taught, or all were tried
+            self._ask(seen.at_s)  # no other move was taught, or all moves were tried
         inertia = self.turn_inertia if under_way in turns else self.straight_inertia
         # A context distinguishes a turn from a straight drive, but not left from right turns.
         by_degrees = seen.in_context and self._point is not None
@@ -269,7 +269,7 @@ class ActionFilter(PolicyPart):
         """Return the side to which the robot must not turn, because it has just changed sides
         twice."""
         side, sides_s, pace = self._headway.side, self._headway.sides_s, self.pace
-        # A quick pilot alternates to steer; a robot that cannot go straight alternates in vain.
+        # A quick pilot alternates to steer, but a robot that cannot go straight alternates in vain.
         limit_s = TO_AND_FRO_S if self._stall_detector.futile else pace.to_and_fro_s
         if side is None or len(sides_s) < 2 or at_s - sides_s[0] > limit_s:
             return None

@@ -2,8 +2,8 @@
 
 Merging loses detail, so an example cannot be removed from a learner. Instead the events of the last
 minute are stored, and snapshots of the learner. Undo restores a snapshot and learns all later
-examples again except the undone examples. Afterwards the learner is bit for bit as if the undone
-examples had never been taught.
+examples again except the undone examples. Afterwards the learner is the same, bit for bit, as if
+the undone examples had never been taught.
 """
 
 from __future__ import annotations

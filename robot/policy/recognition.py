@@ -57,7 +57,7 @@ class Degrees(PolicyPart):
         self._moves = moves
         self._kinds = kinds
         self.n_moves = len(moves)
-        self._sums: NDArray[np.float64] | None = None  # examples, steering, squared, throttle
+        self._sums: NDArray[np.float64] | None = None  # examples, steering, its square, throttle
         self.angle: float | None = None
         self._steering: float | None = None  # the running average
 

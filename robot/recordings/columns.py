@@ -38,7 +38,8 @@ _NO_VECTOR, _NO_POINT = np.zeros(0), Point(nan, nan)
 
 
 class FrameTable(Mapping[int, FrameEntry]):
-    """The pictures of a recording by their ids, in ascending order; a later duplicate id wins."""
+    """The pictures of a recording by their ids, in ascending order. Of duplicate ids the last
+    counts."""
 
     def __init__(self, origin_ns: int = 0) -> None:
         self.origin_ns = origin_ns

@@ -105,7 +105,7 @@ def walk_part(number: int, file: Path) -> Iterator[Part]:
     except (RecordingError, OSError):
         if number == 0:
             raise
-        yield Cut(CUT_SHORT)  # the power failed when the file was created
+        yield Cut(CUT_SHORT)  # a power cut came when the file was created
 
 
 def blocks_after(

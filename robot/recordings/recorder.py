@@ -178,7 +178,7 @@ class Recorder:
     def _record(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> None:
         is_shown = tick.frame is not None and tick.now_s - self._moved_s <= self._config.trail_s
         if is_shown:
-            while self._lead:  # a command may label an earlier picture
+            while self._lead:  # commands may label earlier pictures
                 self._keep(self._lead.popleft())
         if tick.frame is not None:
             (self._keep if is_shown else self._remember)(tick.frame)

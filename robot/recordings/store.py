@@ -50,7 +50,7 @@ class EpisodeStore:
     ) -> None:
         self._storage = storage
         self._recording = recording or (lambda: None)
-        self._is_recorder = recording is not None  # False: another program may record
+        self._is_recorder = recording is not None  # False: another program may be recording
         self.budget_bytes = DEFAULT_BUDGET_BYTES
         """Total size of all episodes above which the oldest unprotected episodes are offered for
         deletion."""

@@ -96,15 +96,15 @@ def _labelled_late(episode: Episode, notes: Notes) -> Iterator[Taught]:
 
 
 def surviving(episodes: Sequence[EditedEpisode]) -> list[NDArray[np.intp]]:
-    """Return for each recording the indices of its events that were not undone while driving, not
-    even by a later recording of the same run. Undo events for recordings before `episodes` stay."""
+    """Return for each recording the indices of its events that were undone neither while driving
+    nor by a later recording of the same run. Undo events for recordings before `episodes` stay."""
     counts = [np.ones(len(episode.events), bool) for episode, _ in episodes]
     frames = [episode.events.frames for episode, _ in episodes]
     for place, (episode, _) in enumerate(episodes):
         for row in episode.events.rows_of(Undone):
             event = episode.events.event(row)
             assert isinstance(event, Undone)
-            counts[place][row] = False  # each undo event applies once
+            counts[place][row] = False  # an undo event applies only once
             gone = 0
             if not event.frame_ids:
                 gone = _undo_edit(episodes, counts, place, row)

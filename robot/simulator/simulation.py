@@ -83,7 +83,7 @@ class Simulation:
         self._contacts_rad = []
         self.action, self.point = Action.STOP, None
         self.pose = self._start_pose()
-        self._entered = first_world  # set last, because another thread reads it (`shown_world`)
+        self._entered = first_world  # set last, because `shown_world` reads it on another thread
 
     @property
     def shown_world(self) -> World:

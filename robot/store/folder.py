@@ -172,7 +172,7 @@ def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
             if not file.closed:
                 file.flush()
                 os.fsync(file.fileno())
-        if path.is_dir() and not path.is_symlink():  # there is a folder of this name
+        if path.is_dir() and not path.is_symlink():  # a folder has this name
             set_aside(path)
         move(temporary, path)
     except BaseException:
@@ -427,7 +427,7 @@ class Storage:
         for place in places:
             with contextlib.suppress(ConfigurationError):
                 if place.name.startswith("."):
-                    FolderLock(place).start()  # fails while an import unpacks there
+                    FolderLock(place).start()  # this fails while an import unpacks there
                 shutil.rmtree(place, ignore_errors=True)
         return size - size_below(self.trash)
 

@@ -25,7 +25,8 @@ EVENTS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyEvent:
-    """One line of the log. `position` and `attempt` count from 1; 0 is before any condition."""
+    """One line of the log. `position` and `attempt` count from 1; before the first condition they
+    are 0."""
 
     wall_s: float
     event: str

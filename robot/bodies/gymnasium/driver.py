@@ -79,7 +79,7 @@ class GymnasiumDriver(ConnectedDriver[bool]):
         return self.moves
 
     def _open(self) -> bool:
-        return True  # the thread that steps the environment makes it
+        return True  # that thread makes the environment later
 
     def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
         """Apply an action for at most `ACTION_TIMEOUT_S`. An environment has only one speed."""

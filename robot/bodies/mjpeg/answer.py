@@ -27,7 +27,7 @@ _KEPT_BYTES = 256
 
 
 class Answer(HTTPResponse):
-    """A response, possibly without a status line or a head; its lengths are ignored.
+    """A response, possibly without a status line or a head. Lengths that it states are ignored.
 
     Chunks may violate HTTP: bytes without a length are passed on.
     """

@@ -31,7 +31,8 @@ class MjpegOptions(Options):
 
 
 class MjpegCamera(WatchedCamera):
-    """Reads the newest picture on one thread; a second thread watches the time and reopens.
+    """Reads the newest picture on one thread. If no pictures come, a second thread reopens the
+    stream.
 
     A picture's time is that of its first bytes, because the camera's delay is unknown.
     """

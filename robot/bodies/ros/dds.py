@@ -368,7 +368,7 @@ class DdsTopics(Topics):
     # On the threads ----------------------------------------------------------------------------
 
     def _hear_answers(self) -> None:
-        """Wait for acknowledgements of all messages written before the wait."""
+        """Again and again wait until all messages written so far are acknowledged."""
         while not self._ending.is_set():
             self._written.wait()
             began_s = self._clock.now_s()

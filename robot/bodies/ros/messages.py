@@ -1,4 +1,4 @@
-"""ROS 2 messages over DDS. On the wire a type's name is `pkg::msg::dds_::Name_`, a topic's
+"""ROS 2 messages over DDS. On the wire types are named `pkg::msg::dds_::Name_`, and topics
 `rt/...`.
 
 Fields and their order: github.com/ros2/common_interfaces, rcl_interfaces (builtin_interfaces).

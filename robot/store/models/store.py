@@ -209,7 +209,7 @@ class ModelStore:
 
     def add_file(self, name: str, data: bytes) -> str:
         """Save an uploaded model under this name, or a similar free name; return the name."""
-        try_model(decode_model(data, max_bytes=len(data)))  # refuse compressed models
+        try_model(decode_model(data, max_bytes=len(data)))  # so compressed models are refused
         name = self.free_name(name)
         write_whole(self._storage.models / name / "00001.npz", data)
         return name

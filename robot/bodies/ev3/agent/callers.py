@@ -127,7 +127,7 @@ class CallerLimiter:
             line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 65536)
         except OSError:
-            line.close()  # it has been closed meanwhile
+            line.close()  # the caller has closed it meanwhile
             return
         self.callers.append(Caller(line, address[0], now_s))
         if sum(not caller.has_joined for caller in self.callers) > MAX_STRANGERS:
