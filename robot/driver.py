@@ -226,7 +226,7 @@ class Driver(ABC):
         def device(self) -> str:
             """The device that a search found, such as `'Anna' (00:16:53:00:00:01)`; else empty."""
     else:
-        device = ""  # not a property, because a plug-in may set an attribute of this name
+        device = ""  # not a property: a plugin may set an attribute of this name
 
     @property
     def moves(self) -> tuple[Action, ...]:

@@ -36,11 +36,11 @@ def read_meant(
 ) -> Meant:
     """Return the driver's move, one of `moves`; None if no move drives in this direction.
 
-    A car has the moves FORWARD, LEFT and RIGHT, so standing or backing up is not an example.
+    A car has only FORWARD, LEFT and RIGHT, so standing or backing up is not an example.
 
     `written` are the angle (full lock to the left: -1) and the throttle that a program wrote under
-    these names, or only the angle; then the move has no point. An angle beyond the threshold is a
-    turn. Raises ValueError if a value is not a number in its range.
+    these names. If there is only the angle, the move has no point. An angle beyond the threshold is
+    a turn. Raises ValueError if a value is not a number in its range.
     """
     reading = reading or Reading()
     is_whole = len(written) == 2

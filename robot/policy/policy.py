@@ -249,7 +249,7 @@ class Policy(Stateful):
         self.learner.reset()
 
     def restore(self, state: State) -> None:
-        """Restore `state` in the middle of a drive, with the same predictions and future learning.
+        """Restore `state` in the middle of a drive; predictions and learning go on as before.
 
         Raises:
             ValueError: If `state` comes from another kind of policy.

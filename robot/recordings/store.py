@@ -132,7 +132,7 @@ class EpisodeStore:
             return notes
 
     def delete(self, *episode_ids: str) -> Deleted:
-        """Move episodes to the trash together, except episodes that cannot be deleted now.
+        """Move episodes to the trash together, except those that cannot be deleted now.
 
         Raises ConfigurationError if only one episode is given and it cannot be deleted.
         """

@@ -78,8 +78,8 @@ class CameraContract:
         assert to_grey(frame).shape == (frame.height, frame.width)
 
     def test_it_can_be_mounted_on_its_side(self, camera_case: CameraCase) -> None:
-        """Recorded pictures are not turned; all other pictures are turned for all users. Skipped
-        without the extension that corrects cameras."""
+        """Recorded pictures are not turned; all other pictures are turned, for everything that uses
+        them. Skipped without the extension that corrects cameras."""
         corrections = pytest.importorskip("robot.adjustments.corrections")
         camera, on_its_side = camera_case.camera, corrections.CameraCorrection(turn_deg=90)
         if not camera.can_be_turned:

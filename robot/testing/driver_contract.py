@@ -428,7 +428,7 @@ def _check_cut_off(case: DriverCase, after_s: float) -> None:
 
 
 def _check_stays(case: DriverCase, otherwise: str) -> None:
-    """Check that the body stands, also after the time in which a late order would arrive."""
+    """Check that the body still stands after the time in which a late order would arrive."""
     assert not _comes(case, lambda: moving(case)), otherwise
 
 
@@ -483,8 +483,8 @@ def _hold(case: DriverCase, send: Callable[[], object], seconds: float) -> None:
 
 
 def _settle(case: DriverCase) -> None:
-    """Wait until the body drives the same at two looks, because an order may consist of several
-    messages, such as one for each wheel."""
+    """Wait until the body drives in the same way at two successive looks, because an order may
+    consist of several messages, such as one for each wheel."""
     assert case.drives is not None
     looks = [case.drives()]
 
@@ -525,13 +525,13 @@ def _check_same(now: Point, wanted: Point, what: str) -> None:
 
 
 def _moves_within(case: DriverCase, seconds: float, move: Action, step_s: float) -> bool:
-    """Send a move at each step, and check at the end of the step whether the body moves. One
-    check may come too late on a busy machine."""
+    """Send a move at each step; return whether the body moves at the end of at least one step. On a
+    busy machine single checks may come too late."""
     return _sets_going(case, partial(_ask, case, move, step_s), round(seconds / step_s))
 
 
 def _ask(case: DriverCase, move: Action, step_s: float) -> None:
-    """Send a move and ignore errors, because the loop sends moves after failures, too."""
+    """Send a move and ignore errors, because the loop also sends moves after failures."""
     with contextlib.suppress(DriveError):
         case.driver.send_action(move)
     case.forward(step_s)

@@ -148,7 +148,7 @@ def steering_of(table: Mapping[Move, Any], space: Any) -> Callable[[Point], Any]
         return None
     known = {
         (side_of(move.point.steering), side_of(move.point.throttle, 0.0)): np.asarray(action, float)
-        for move, action in reversed(list(table.items()))  # if two are equal, the first counts
+        for move, action in reversed(list(table.items()))  # of equal points the first counts
         if move.point is not None
     }
     if not {(0, 1), (-1, 1), (1, 1)} <= set(known):

@@ -1,7 +1,7 @@
 """Saves the learner automatically, and loads the saved model at the next start.
 
 The loop's thread only notes that a save is due; the disk's thread copies the learner and writes the
-copy. A save is due after every change of mode, undo and edit, every ten seconds of teaching, and at
+copy. A save is due after every change of mode, undo or edit; every ten seconds of teaching; and at
 the end. The journal contains the changes between two saves.
 """
 
