@@ -134,8 +134,8 @@ class IntegerImages(Images):
     Args:
         max_nodes: Number of rows.
         n_compared: Number of leading values of a vector that are compared; None: all. The other
-            values are only averaged, because a picture is shown with more pixels than it is
-            recognised by.
+            values are only averaged: they are for showing the picture, which takes more pixels than
+            recognising it.
     """
 
     fields = (Array("sums", np.int32, ("max_nodes", "d"), high=2**30),)

@@ -167,10 +167,10 @@ TURN_INERTIA, STRAIGHT_INERTIA = 0.3, 0.1
 """Inertia of turns and of all other moves: the margin by which the votes for another move must
 exceed the votes for the current move.
 
-People begin a turn late and end it late, so at the same view they go on straight before a turn and
-go on turning during a turn. Votes do not show this, and a robot without inertia ends its turns too
-early. Beginning a turn too late is worse than ending a turn too late, so turns have more inertia
-(docs/explanation/learner.md).
+People begin a turn late and end it late. So at the same view they still drive straight before a
+turn, and still turn during a turn. Votes do not show this, and a robot without inertia ends its
+turns too early. Beginning a turn too late is worse than ending a turn too late, so turns have more
+inertia (docs/explanation/learner.md).
 """
 ALLOWANCE = 1.3
 """Multiple of the pilot's longest debt above which the robot's turns lose votes."""

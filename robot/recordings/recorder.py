@@ -38,9 +38,9 @@ class Recorder:
     """Records the runs of one loop.
 
     `announce` is called when recording begins, ends, stops because of a fault, or loses pictures.
-    `disk` is the thread that writes; by default the recorder starts a thread. `about` describes the
-    robot in each recording; its keys are the arguments `robot`, `declared_moves` and `options` of
-    `describe_run`. The attribute `queue` holds the recorder's state.
+    `disk` is the thread that writes; by default the recorder starts a thread. `about` are the
+    arguments `robot`, `declared_moves` and `options` of `describe_run`, which describe the robot in
+    each recording. The attribute `queue` holds the recorder's state.
     """
 
     def __init__(

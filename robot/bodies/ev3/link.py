@@ -27,8 +27,8 @@ SILENCE_S = 0.4
 a second. After this time its last move has ended."""
 GONE_S = PATIENCE_S + 1.0
 """Time of silence after which a brick is joined again, in seconds. It is longer than the brick's
-body takes to open. TCP itself would retry too late: after a minute without a connection, only once
-a minute."""
+body takes to open. After a minute without a connection, TCP itself would retry only after another
+minute."""
 PING_S = 0.1
 REJOIN_S = 0.5
 
