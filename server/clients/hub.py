@@ -19,7 +19,7 @@ from concurrent.futures import Future
 from robot.control.state import Tick
 from robot.devices.rig import Rig
 from robot.driver import describe, move_at
-from robot.types import DrivenBy, Frame, Mode, PilotCommand, StopReason
+from robot.types import Decision, DrivenBy, Frame, Mode, PilotCommand, StopReason
 from server import protocol
 from server.clients.client import Client
 from server.clients.freshness import NonceLedger, why_refused
@@ -76,6 +76,7 @@ class Hub:
         self.clients: dict[str, Client] = {}
         self._limit_s = robot.loop.config.gate.command_timeout_s
         self.pilot = ""  # the person who last had the wheel and may come back
+        self._previous_pilots: Decision | None = None
         self._ids = itertools.count(1)
         self._sent: object = None
         self._sent_s = 0.0
@@ -303,6 +304,7 @@ class Hub:
     def _pilot_changed(self) -> None:
         """Drop the last command, because the wheel has a new owner or no owner."""
         self.robot.loop.empty_command()
+        self._previous_pilots = self.robot.loop.state.decision
         if self.lease.owner is not None:
             self.pilot = self.clients[self.lease.owner].person
         log.info("wheel pilot=%s", self.lease.owner)
@@ -351,6 +353,8 @@ class Hub:
             "stop_number": self.stop_number,
             "viewers": len(self.clients) - (owner in self.clients),
         }
+        if loop.state.decision is self._previous_pilots and state["driven_by"] is DrivenBy.PILOT:
+            state["driven_by"] = DrivenBy.NOBODY  # the new pilot has not driven yet
         texts: dict[bool, str] = {}  # each text is encoded once for all clients
         for client in self.clients.values():
             if client.is_state_due((self._sent, owner), self._sent_s):

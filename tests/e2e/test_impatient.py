@@ -173,8 +173,8 @@ def test_what_is_refused_or_lost_is_not_shown_as_done(chromium: Any, world: Worl
     context.route("**/api/settings", refuse)
     speed.fill("30" if before != "30" else "60")
     page.locator("toast-bar", has_text="locked").wait_for()
-    page.wait_for_function(
-        "(before) => document.querySelector('input[type=range]').value === before", arg=before
+    wait_until(
+        lambda: speed.input_value() == before or page.wait_for_timeout(50), "the speed is as before"
     )
 
     lost: list[str] = []

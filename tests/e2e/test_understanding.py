@@ -164,7 +164,7 @@ def test_trial_1_from_start_to_result(phone: Any, world: World, tmp_path: Path) 
     session.pace = 110.0  # only now, so that on any machine enough was taught before the end
     teach(world, fingers, 10_000, until=lambda: session.phase_index > 0)
     wait_until(lambda: world.mode is Mode.STOPPED, "the phase is over, the robot stands")
-    phone.locator(".notice", has_text="correct it").wait_for()
+    phone.locator(".notice", has_text="correct the robot").wait_for()
     assert phone.locator("teach-panel strong").text_content() == "–", "no figure while it counts"
     drive_on(phone, world, until=lambda: session.phase_index > 1)
     session.pace = 1.0

@@ -61,6 +61,8 @@ def test_a_wheel_that_is_left_goes_to_the_only_other_pilot_and_the_robot_stands(
         lost.vanish()
         back.wait_for_state(you_are_pilot=True, mode="stopped")
         assert server.driver.now is Action.STOP, "and nothing is replayed"
+        states = [m for m in back.page.messages if m["type"] == "state" and m["you_are_pilot"]]
+        assert {state["driven_by"] for state in states} == {"nobody"}, "it has never driven"
 
 
 def test_who_has_the_wheel_sees_as_long_as_somebody_waits_for_it(server: VirtualServer) -> None:

@@ -34,7 +34,7 @@ def test_a_try_is_armed_and_can_be_given_up(server: VirtualServer) -> None:
 def simulated(folder: Path) -> VirtualServer:
     """A simulated robot, which measures its path."""
     clock = VirtualClock(100.0)
-    driver = SimDriver(SimOptions(world="box"))
+    driver = SimDriver(SimOptions(world="office"))
     camera = SimCamera(driver, SimCameraOptions(frame_rate_hz=10.0), clock)
     return VirtualServer(data=folder, rig=Rig(driver, camera, make_policy("default-8"), clock))
 
@@ -50,7 +50,7 @@ def test_what_a_try_reached_is_in_its_recording_and_on_the_board_of_who_wants_th
         pilot.hold(None)
         httpx.post(f"{server.address}/api/challenge/try")
         pilot.mode("autonomous")
-        server.forward(2.0)
+        server.forward(4.0)
         server.set_mode(Mode.STOPPED)
         server.forward(0.5)
         [tried] = told(server)["tries"]
