@@ -194,7 +194,7 @@ def idea_fails_to_drive(folder: Path) -> tuple[Ended, str]:
 
 @case
 def idea_fails_oddly(folder: Path) -> tuple[Ended, str]:
-    return plain(folder, "NotPicklable: odd", "good", learner="ideas.py:Odd")
+    return plain(folder, "NotPicklableError: odd", "good", learner="ideas.py:Odd")
 
 
 @case
