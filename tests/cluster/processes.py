@@ -19,6 +19,8 @@ from typing import Any, Self
 
 import numpy
 
+from tests.kit.ports import free_port
+
 ROOT = Path(__file__).parents[2]
 _SITE = Path(numpy.__file__).parents[1]
 _ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
@@ -46,9 +48,7 @@ class Cluster:
 
     def __init__(self, folder: Path, kind: str = "good") -> None:
         self._folder, self._kind = folder, kind
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            self._port = free.getsockname()[1]
+        self._port = free_port()
         self.address = f"tcp://127.0.0.1:{self._port}"
         self._processes: list[Process] = []
         self._timers: list[threading.Timer] = []

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import datetime as dt
-import socket
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,6 +28,7 @@ from server.identity import COLOURS, IdentityFile
 from server.lab.served import served
 from server.persistence import Persistence
 from server.services import Services, make_services
+from tests.kit.ports import free_port
 
 KEY = ClassKey("k" * 40)
 NAMES = ("Ada", "Bolt", "Comet", "Dot", "Echo", "Fox", "Gizmo", "Hazel", "Indigo", "Juno")
@@ -83,7 +83,7 @@ def running_class(
             address = stack.enter_context(served(create_app(services), config))
             addresses.append(RobotAddress.parse(address))
             found.append(services)
-        addresses += [RobotAddress("127.0.0.1", _free_port()) for _ in range(away)]
+        addresses += [RobotAddress("127.0.0.1", free_port()) for _ in range(away)]
         clock = RealClock()
         board = Board(KEY, NetworkTransport(), clock)
 
@@ -100,9 +100,3 @@ def _simulated(number: int) -> Rig:
     worlds = ("box", "office")
     options = {"world": worlds[number % 2], "seed": str(number), "frame_rate_hz": "5"}
     return build_rig("sim", options=options)
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])

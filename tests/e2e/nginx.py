@@ -51,13 +51,6 @@ def find_proxy(name: str, package: str) -> str:
     return found
 
 
-def free_port() -> int:
-    """Return a port of this machine that is free now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def plain_site(port: int, robot: int, connection: str = "upgrade") -> str:
     """Return the configuration that passes on only the request."""
     site = _PLAIN.replace("PORT", str(port)).replace("ROBOT", str(robot))

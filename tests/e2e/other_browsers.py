@@ -21,6 +21,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Protocol
 
+from tests.kit.ports import free_port
+
 PATIENCE_S = 60.0
 
 
@@ -153,9 +155,7 @@ class _WebKit:
 def _webkit() -> Iterator[OtherBrowser]:
     [browser, *_] = sorted(Path("/usr/lib").glob("*/webkit2gtk-4.*/MiniBrowser"), reverse=True)
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as home, _display() as display:
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = int(probe.getsockname()[1])
+        port = free_port()
         environment = {
             **os.environ,
             "DISPLAY": display,

@@ -14,11 +14,12 @@ from server.access.pairing import Pairing
 from server.config import Config
 from server.gateway.roles import Role
 from tests.joined_page import joined_page
+from tests.kit.ports import free_port
 from tests.kit.sizes import few
 from tests.kit.wait import wait_until
 from tests.server.live_robot import WEB, LiveServer, live_server
 
-from .nginx import free_port, plain_site, running_caddy, running_nginx, site_of_the_docs
+from .nginx import plain_site, running_caddy, running_nginx, site_of_the_docs
 from .world import PHONE
 
 pytestmark = pytest.mark.browser

@@ -22,8 +22,9 @@ import pytest
 from server.access.certificates import Certificates
 from server.access.config import NetworkConfig, PublicAddress, read_networks
 from server.access.pairing import Paired, Pairing, cookie_name
-from tests.e2e.nginx import free_port, plain_site, running_nginx, site_of_the_docs
+from tests.e2e.nginx import plain_site, running_nginx, site_of_the_docs
 from tests.joined_page import joined_page
+from tests.kit.ports import free_port
 
 from .live_robot import live_server
 

@@ -13,7 +13,6 @@ import contextlib
 import os
 import random
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -23,6 +22,7 @@ import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 
+from tests.kit.ports import free_port
 from tests.server.live_robot import Pilot
 from tests.soak.lessons import year
 from tests.soak.measured import describe_growth, disk_mb, measure_process
@@ -36,9 +36,7 @@ class Served:
     """A server in a separate process, measured from outside."""
 
     def __init__(self, folder: Path, rate_hz: float) -> None:
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            self.port = free.getsockname()[1]
+        self.port = free_port()
         self.folder, self._objects = folder, folder / "objects"
         began_s = time.monotonic()
         self.process = subprocess.Popen(

@@ -13,7 +13,6 @@ import argparse
 import asyncio
 import contextlib
 import os
-import socket
 import ssl
 import subprocess
 import sys
@@ -29,6 +28,7 @@ from server.access.config import NetworkConfig
 from server.access.pairing import Paired, Pairing, cookie_name
 from server.gateway.roles import Role
 from server.protocol import encode_acknowledgement, parse_picture
+from tests.kit.ports import free_port
 from tests.soak.measured import measure_process
 
 ROOT = Path(__file__).parents[2]
@@ -135,9 +135,7 @@ async def all_see(phones: list[Phone], since_s: float) -> list[float]:
 
 
 async def measure(folder: Path, args: argparse.Namespace) -> bool:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port()
     folder.mkdir()
     headers = pair(folder, port, args.phones, tls=args.tls)
     more, trust = ["--tls"] if args.tls else [], None

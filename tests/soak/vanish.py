@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import os
 import random
-import socket
 import subprocess
 import sys
 import tempfile
@@ -20,6 +19,7 @@ import time
 import urllib.request
 from pathlib import Path
 
+from tests.kit.ports import free_port
 from tests.server.live_robot import Pilot
 
 ROOT = Path(__file__).parents[2]
@@ -93,11 +93,8 @@ def main() -> int:
     args = parser.parse_args()
     took_s: list[float] = []
     again = again_late = skipped = 0
-    with tempfile.TemporaryDirectory() as name, socket.socket() as free:
-        folder = Path(name)
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-        free.close()
+    with tempfile.TemporaryDirectory() as name:
+        folder, port = Path(name), free_port()
         words = ["-m", "tests.soak.wheels", "serve", "--no-page", "--robot", "sim"]
         server = subprocess.Popen(
             [sys.executable, *words, "--port", str(port), "--data", str(folder / "data")],

@@ -20,6 +20,7 @@ from robot.errors import ConfigurationError
 from robot.testing import VirtualClock
 from server.__main__ import main
 from server.bodies import brick as command
+from tests.kit.ports import free_port
 
 SSH = """#!/bin/sh
 while [ "${1#-}" != "$1" ]; do [ "$1" = -o ] && shift; shift; done
@@ -60,12 +61,6 @@ def agent_pid(far_home: Path) -> Iterator[Path]:
     yield file
     if file.exists():
         os.kill(int(file.read_text()), signal.SIGTERM)
-
-
-def free_port() -> int:
-    with socket.socket() as line:
-        line.bind(("127.0.0.1", 0))
-        return int(line.getsockname()[1])
 
 
 @pytest.mark.realtime
