@@ -190,8 +190,8 @@ def _by_browser(words: list[str], url: str) -> list[tuple[int, float]]:
         serving.start()
         here = f"http://127.0.0.1:{site.server_port}/"
         given = [word.replace("HOME", home).replace("URL", here) for word in words]
-        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        browser = subprocess.Popen(given, start_new_session=True, **quiet)  # type: ignore[call-overload]
+        none = subprocess.DEVNULL
+        browser = subprocess.Popen(given, start_new_session=True, stdout=none, stderr=none)
         try:
             return [(number, at_s) for number, at_s in json.loads(told.get(timeout=120))]
         finally:

@@ -6,6 +6,7 @@ Hundreds of tests make an app of the same routes, and this was most of their tim
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable
 from types import CodeType
 from typing import Any
 
@@ -25,7 +26,7 @@ def read_routes_once() -> None:
 class _Signatures:
     """Returns the same signature for each copy of a function that has the same defaults."""
 
-    def __init__(self, read: Any) -> None:
+    def __init__(self, read: Callable[[Any], inspect.Signature]) -> None:
         self._read = read
         self._known: dict[CodeType, tuple[list[object], inspect.Signature]] = {}
         self.now: CodeType | None = None
@@ -35,7 +36,7 @@ class _Signatures:
         self.now = None
         code = getattr(call, "__code__", None)
         if code is None:
-            return self._read(call)  # type: ignore[no-any-return]
+            return self._read(call)
         defaults = [*(call.__defaults__ or ()), *(call.__kwdefaults__ or {}).values()]
         before, signature = self._known.get(code, ([], None))
         if signature is not None and [*map(id, before)] == [*map(id, defaults)]:

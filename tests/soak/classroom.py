@@ -18,7 +18,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 from urllib.request import Request, urlopen
 
 from server.board.class_key import read_class_key
@@ -48,21 +48,20 @@ class Class:
         )
         wait_until(self._are_there, "all robots are there", STARTED_S)
         self.started_s = time.monotonic() - began_s
-        self.robots = self.ask("/api/robots")["robots"]
+        self.robots = self._now()
 
     def _are_there(self) -> bool:
         if self.process.poll() is not None:
             raise SystemExit((self._folder / "log").read_text())
         with contextlib.suppress(OSError):
-            robots = self.ask("/api/robots")["robots"]
-            return [robot["status"] for robot in robots] == ["there"] * self._count
+            return [robot["status"] for robot in self._now()] == ["there"] * self._count
         return False
 
-    def ask(self, path: str, **body: object) -> dict:  # type: ignore[type-arg]
+    def ask(self, path: str, **body: object) -> dict[str, Any]:
         headers = {"Content-Type": "application/json"}
         data = json.dumps(body).encode() if body else None
         with urlopen(Request(self.board + path, data, headers), timeout=30) as answer:
-            found: dict = json.load(answer)  # type: ignore[type-arg]
+            found: dict[str, Any] = json.load(answer)
             return found
 
     def pupils(self) -> list[Pilot]:
@@ -102,8 +101,8 @@ class Class:
         wait_until(lambda: all(one["emergency"] for one in self._now()), "all are stopped", 30)
         return time.monotonic() - began_s
 
-    def _now(self) -> list[dict]:  # type: ignore[type-arg]
-        robots: list[dict] = self.ask("/api/robots")["robots"]  # type: ignore[type-arg]
+    def _now(self) -> list[dict[str, Any]]:
+        robots: list[dict[str, Any]] = self.ask("/api/robots")["robots"]
         return robots
 
     def __enter__(self) -> Self:

@@ -34,7 +34,8 @@ from robot.recordings.queue import RecorderConfig, RecordingQueue
 from robot.recordings.writer import describe_run
 from robot.store.disk import no_announcement
 from robot.testing import VirtualClock
-from robot.types import DEFAULT_MOVES, Encoding, Frame
+from robot.types import DEFAULT_MOVES
+from tests.kit.frames import jpeg_frame
 from tests.server.live_robot import Pilot
 from tests.soak.__main__ import Served
 
@@ -65,16 +66,7 @@ def record(data: Path, pictures: int) -> None:
     decision = {"mode": "train", "driven_by": "pilot", "speed_scale": 1.0, "stop_reason": None}
     for number in range(1, pictures + 1):
         now_s, label = number / RATE_HZ, DEFAULT_MOVES[number // 40 % len(DEFAULT_MOVES)]
-        queue.write_frame(
-            Frame(
-                frame_id=number,
-                captured_s=now_s,
-                width=160,
-                height=120,
-                encoding=Encoding.JPEG,
-                data=seen[number % len(seen)],
-            )
-        )
+        queue.write_frame(jpeg_frame(number, now_s, seen[number % len(seen)]))
         pose = {"x_m": number % 100 / 50, "y_m": 1.0, "heading_rad": 0.3}
         said: dict[Topic, dict[str, Any]] = {
             Topic.SENSORS: {"distance_m": 0.5, "bumped": False, "battery": None, "pose": pose},

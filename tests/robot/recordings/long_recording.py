@@ -8,7 +8,8 @@ import numpy as np
 
 from robot.recordings.messages import Topic
 from robot.recordings.writer import EpisodeWriter, describe_run
-from robot.types import DEFAULT_MOVES, Encoding, Frame
+from robot.types import DEFAULT_MOVES
+from tests.kit.frames import jpeg_frame
 
 RATE_HZ = 30
 _PICTURE_BYTES = 1900
@@ -40,17 +41,9 @@ def write_cut_recording(path: Path, minutes: float) -> Path:
         writer = EpisodeWriter(file, run)
         for number in range(1, round(minutes * 60 * RATE_HZ) + 1):
             now_s = number / RATE_HZ
-            frame = Frame(
-                frame_id=number,
-                captured_s=now_s,
-                width=160,
-                height=120,
-                encoding=Encoding.JPEG,
-                data=rng.bytes(_PICTURE_BYTES),
-            )
             label = DEFAULT_MOVES[number // 40 % len(DEFAULT_MOVES)]
             taught = {"event": "taught", "frame": number, "label": label, "intervention": False}
-            writer.write_frame(frame)
+            writer.write_frame(jpeg_frame(number, now_s, rng.bytes(_PICTURE_BYTES)))
             writer.write_message(Topic.DECISION, now_s, decision | {"frame": number})
             writer.write_message(Topic.LESSON, now_s, taught | {"at_s": now_s, "x": None})
         writer.flush()

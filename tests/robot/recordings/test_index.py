@@ -24,6 +24,7 @@ from robot.recordings.messages import Topic
 from robot.recordings.reader import Attachment, Message, Metadata, read_ends, scan
 from robot.recordings.writer import EpisodeWriter, describe_run
 from robot.types import DEFAULT_MOVES, Encoding, Frame
+from tests.kit.frames import jpeg_frame
 from tests.kit.sizes import seeds
 
 mcap = pytest.importorskip("mcap.writer", reason="the extra 'episodes' is not installed")
@@ -35,15 +36,8 @@ VECTOR = {"dtype": "<f4", "shape": [2], "data": "AACAPwAAAEA="}
 def teach(writer: EpisodeWriter, first: int, count: int) -> None:
     for number in range(first, first + count):
         now_s, label = number / 30, DEFAULT_MOVES[number // 7 % 3]
-        frame = Frame(
-            frame_id=number,
-            captured_s=now_s,
-            width=160 if number % 50 else 80,
-            height=120,
-            encoding=Encoding.JPEG,
-            data=b"\xff\xd8" + bytes(300),
-        )
-        writer.write_frame(frame)
+        width, data = 160 if number % 50 else 80, b"\xff\xd8" + bytes(300)
+        writer.write_frame(jpeg_frame(number, now_s, data, width))
         lesson: dict[str, Any] = {"event": "taught", "frame": number, "label": label}
         lesson |= {"intervention": number % 5 == 0, "at_s": now_s, "x": None}
         lesson |= {"steering": -0.5, "throttle": 0.25} if number % 11 == 0 else {}

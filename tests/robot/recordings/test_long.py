@@ -14,7 +14,8 @@ from robot.recordings.episode import open_episode, taught_frames
 from robot.recordings.messages import Topic
 from robot.recordings.reader import Message, scan
 from robot.recordings.writer import EpisodeWriter, describe_run
-from robot.types import DEFAULT_MOVES, Encoding, Frame
+from robot.types import DEFAULT_MOVES
+from tests.kit.frames import jpeg_frame
 
 pytest.importorskip("mcap.writer", reason="the extra 'episodes' is not installed")
 ENDS = {"dropped_frames": "0", "lost_words": "0"}
@@ -34,17 +35,7 @@ def teach(writer: EpisodeWriter, first: int, count: int) -> None:
         said = {"frame": number, "action": label, "confidence": 0.9}
         drove = {"action": label, "sent": label, "driven_by": "pilot", "asks_pilot": False}
         taught = {"event": "taught", "frame": number, "label": label, "intervention": False}
-        data = b"\xff\xd8" + bytes(300)
-        writer.write_frame(
-            Frame(
-                frame_id=number,
-                captured_s=now_s,
-                width=160,
-                height=120,
-                encoding=Encoding.JPEG,
-                data=data,
-            )
-        )
+        writer.write_frame(jpeg_frame(number, now_s, b"\xff\xd8" + bytes(300)))
         writer.write_message(Topic.SENSORS, now_s, {"distance_m": number / 1000, "pose": None})
         writer.write_message(Topic.PREDICTION, now_s, said)
         writer.write_message(Topic.DECISION, now_s, drove)

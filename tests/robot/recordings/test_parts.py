@@ -39,7 +39,8 @@ from robot.store.models.events import describe_event
 from robot.store.models.model import same_nodes
 from robot.store.prepare import ASIDE, prepare
 from robot.testing import VirtualClock
-from robot.types import Action, Encoding, Example, Frame, Mode
+from robot.types import Action, Example, Mode
+from tests.kit.frames import jpeg_frame
 from tests.kit.sizes import size
 
 from .drives import RecordedBench
@@ -343,16 +344,7 @@ def test_the_recorder_keeps_nothing_of_earlier_parts(tmp_path: Path) -> None:
             example = Example(frame_id=frame_id, label=Action.LEFT, is_intervention=False)
             event = Taught(example=example, x=np.zeros(0), at_s=now_s)
             taught.set_taught(frame_id, 1, now_s)
-            queue.write_frame(
-                Frame(
-                    frame_id=frame_id,
-                    captured_s=now_s,
-                    width=160,
-                    height=120,
-                    encoding=Encoding.JPEG,
-                    data=bytes(300),
-                )
-            )
+            queue.write_frame(jpeg_frame(frame_id, now_s, bytes(300)))
             queue.write_messages(now_s, [(Topic.LESSON, describe_event(event))])
             if number % 20 == 0:
                 queue.write_waiting()

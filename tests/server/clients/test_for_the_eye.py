@@ -8,23 +8,17 @@ from dataclasses import replace
 import pytest
 
 from robot.testing import VirtualClock
-from robot.types import Encoding, Frame
+from robot.types import Frame
 from server.clients.flow_control import PictureSize
 from server.clients.video import Encoder, VideoHub, Viewer
 from server.protocol import parse_picture
+from tests.kit.frames import jpeg_frame
 
 SMALL, LARGE = 3_000, 11_000
 
 
 def frame_of(frame_id: int, at_s: float) -> Frame:
-    return Frame(
-        frame_id=frame_id,
-        captured_s=at_s,
-        width=160,
-        height=120,
-        encoding=Encoding.JPEG,
-        data=bytes(SMALL),
-    )
+    return jpeg_frame(frame_id, at_s, bytes(SMALL))
 
 
 def enlarge(frame: Frame) -> Frame:
