@@ -74,14 +74,11 @@ export class DrivePad extends HTMLElement {
     const rows = columns ? columns.rows : isMany ? Math.ceil(moves.length / 3) : moves.length - inTwos + Math.ceil(inTwos / 2);
     const is = { many: isMany, placed: columns !== null, own: moves.some(isOwn) || (useTilt && spins), spins, backs: moves.includes('backward'), tilts: useTilt };
     for (const [name, isOn] of Object.entries(is)) this.moves?.classList.toggle(name, isOn);
-    // In a low window Back lies below the other three, which then share a row (drive.css).
-    const isRow = is.backs && moves.length < 5 && !spins && !hasStick;
-    this.moves?.classList.toggle('row', isRow);
-    const { style } = /** @type {HTMLElement} */ (this.parentElement);
-    const tilts = useTilt ? 1 : 0;
-    style.setProperty('--pad-rows', hasStick ? `calc(var(--stick-rows, 3) + ${tilts})` : String(rows + tilts));
-    style.setProperty('--share', isRow ? '1' : '0');
-    this.parentElement?.classList.toggle('crowded', is.own || spins || is.backs || useTilt);
+    const pad = /** @type {HTMLElement} */ (this.parentElement);
+    const count = hasStick ? 'var(--stick-rows, 3)' : rows;
+    pad.style.setProperty('--pad-rows', `calc(${count} + ${useTilt ? 1 : 0})`);
+    pad.classList.toggle('crowded', is.own || spins || is.backs || useTilt);
+    pad.classList.toggle('shares', is.backs && !isMany && !spins); // a row, in a low window
     this.measure();
   }
 
