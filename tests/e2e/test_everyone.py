@@ -229,13 +229,13 @@ def test_the_first_visit_shows_three_hints_once(chromium: Any, tmp_path: Path) -
         hold_until(world, fingers, "left", lambda: page.evaluate("hints.includes('bars')"))
         fingers.lift()
         choose(page, world, Mode.AUTONOMOUS)
-        page.wait_for_function("hints.includes('correct')")
+        page.wait_for_function("() => hints.includes('correct')")
         choose(page, world, Mode.STOPPED)
-        page.wait_for_function("hints.at(-1) === null")
+        page.wait_for_function("() => hints.at(-1) === null")
         assert [hint for hint in page.evaluate("hints") if hint] == ["teach", "bars", "correct"]
         page.reload()
         page.wait_for_selector("video-view[data-frames]")
-        page.wait_for_function("document.querySelector('app-bar').page.store.state.robot")
+        page.wait_for_function("() => document.querySelector('app-bar').page.store.state.robot")
         page.evaluate(_NOTE_HINTS)
         assert page.evaluate("hints") == [None]
         context.close()
