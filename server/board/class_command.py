@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import locale
 from pathlib import Path
 from typing import Any
 
@@ -52,29 +53,34 @@ def run(args: argparse.Namespace) -> int:
     from server.access.config import NetworkConfig
     from server.access.network import lan_addresses
     from server.board.class_key import keep_class_key
-    from server.board.command import serve_board
+    from server.board.command import BOARD_HOST, serve_board
     from server.board.discovery import read_list
-    from server.board.ready_lesson import NAME, left_turns
+    from server.board.ready_lesson import left_turns, name_of_left_turns
     from server.board.simulated_robot import simulated_robots
     from server.board.transport import RobotAddress
     from server.hosting.logs import start_logging
+    from server.hosting.serving import open_socket
 
     start_logging(verbose=args.verbose)
     world = args.world or LESSONS.get(args.lesson, "box")
     load_world(world)
     count, others = split(args.robots)
     listed = read_list(others) if others else []
+    listener = open_socket(BOARD_HOST, args.port)
     file = args.data / "class.key"
     key = keep_class_key(file)
     # The QR codes contain this address for phones, so the board uses it too.
     here = next(iter(lan_addresses(NetworkConfig(host=args.host, lan=True))), "127.0.0.1")
-    place: dict[str, Any] = {"host": args.host, "port": args.port, "data": args.data}
-    if args.lesson == "fair-data":
+
+    def make_model() -> tuple[str, bytes]:
         print("Making the lesson of left turns ...", flush=True)
-        place["model"] = (NAME, left_turns(world))
-    with simulated_robots(count, **place, world=world, key=file) as ports:
+        return name_of_left_turns(locale.getlocale()[0]), left_turns(world)
+
+    place: dict[str, Any] = {"host": args.host, "port": args.port, "data": args.data}
+    place["make_model"] = make_model if args.lesson == "fair-data" else None
+    with listener, simulated_robots(count, **place, world=world, key=file) as ports:
         listed = [*(RobotAddress(here, port) for port in ports), *listed]
-        serve_board(key, args.port, listed, lesson=args.lesson)
+        serve_board(key, listener, listed, lesson=args.lesson)
     return 0
 
 

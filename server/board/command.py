@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
-import dataclasses
+import socket
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from server.board.transport import RobotAddress
 
 _NETWORK = "network"
+BOARD_HOST = "127.0.0.1"
+"""The board's address: only a browser on the teacher's computer may command the class."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -39,24 +41,29 @@ def run(args: argparse.Namespace) -> int:
     from server.board.class_key import keep_class_key
     from server.board.discovery import read_list
     from server.hosting.logs import start_logging
+    from server.hosting.serving import open_socket
 
     start_logging(verbose=args.verbose)
     listed = [] if args.robots == _NETWORK else read_list(args.robots)
+    listener = open_socket(BOARD_HOST, args.port)
     key = keep_class_key(args.class_key)
     print(f"Start each robot with: --lan --class-key {args.class_key.name}", flush=True)
     print(f"and a copy of {args.class_key.resolve()}", flush=True)
-    serve_board(key, args.port, listed, 1 / args.pictures)
+    with listener:
+        serve_board(key, listener, listed, 1 / args.pictures)
     return 0
 
 
 def serve_board(
     key: ClassKey,
-    port: int,
+    listener: socket.socket,
     listed: Sequence[RobotAddress],
     picture_every_s: float = 1.0,
     lesson: str = "",
 ) -> None:
     """Serve the board of these robots; if none are given, of all that the network announces.
+
+    `listener` is the open socket of the board: a port in use is found before any robot starts.
 
     The printed address of the lessons opens `lesson`; without one, the list of them.
     """
@@ -65,11 +72,9 @@ def serve_board(
     from server.board.discovery import browsing
     from server.board.transport import NetworkTransport
     from server.config import Config
-    from server.hosting.serving import open_socket, serve
+    from server.hosting.serving import serve
 
-    config = Config(port=port)
-    listener = open_socket(config.host, config.port)
-    config = dataclasses.replace(config, port=listener.getsockname()[1])
+    config = Config(host=BOARD_HOST, port=listener.getsockname()[1])
     clock = RealClock()
     board = Board(key, NetworkTransport(), clock, picture_every_s)
     with contextlib.ExitStack() as stack:

@@ -12,11 +12,19 @@ from functools import cache
 from robot.clock import RealClock
 
 NAME = "left turns only"
-"""Name of the model on a robot."""
+"""Name of the model on a robot, where no language is known."""
+_NAMES = {"es": "solo izquierda", "spanish": "solo izquierda"}
+_NAMES |= {"zh": "只会左转", "chinese": "只会左转"}
 _STEP_S = 0.1
 """Time between two pictures, in seconds."""
 _NEAR_M, _FREE_M = 0.35, 0.5
 """Distances to the wall ahead at which a left turn begins and at which it ends, in metres."""
+
+
+def name_of_left_turns(locale: str | None) -> str:
+    """Return the model's name in the language of a locale, such as es_ES or Spanish_Spain."""
+    language = (locale or "").lower().partition("_")[0]
+    return _NAMES.get(language, NAME)
 
 
 @cache

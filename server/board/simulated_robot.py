@@ -16,7 +16,7 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -69,10 +69,11 @@ class SimulatedRobot:
 
     def start(
         self, host: str, world: str, key: Path, rate_hz: float, nursery: Nursery | None = None
-    ) -> None:
-        """Start the robot's process and return when it serves; its output goes to `log.txt`."""
+    ) -> bool:
+        """Start the robot's process, whose output goes to `log.txt`; return True when it serves,
+        and False if it does not."""
         if self._ending.is_set():
-            return
+            return False
         words = ["--lan", "--host", host, "--port", self.port, "--hostname", f"robot-{self.number}"]
         words += ["--data", self.folder, "--class-key", key, "--world", world]
         words += ["--model", self.model] if self.model else []
@@ -86,9 +87,10 @@ class SimulatedRobot:
         here = "127.0.0.1" if host == "0.0.0.0" else host
         for _ in range(_ASKS):
             if self._ending.wait(_ASK_S) or self._has_ended.is_set():
-                return
+                return False
             if _serves(here, self.port):
-                return
+                return True
+        return False
 
     def _spawn(self, words: list[str]) -> None:
         with (self.folder / "log.txt").open("wb") as log:
@@ -107,6 +109,10 @@ class SimulatedRobot:
             ended.set()
 
         threading.Thread(target=wait, daemon=True).start()
+
+    @property
+    def is_ending(self) -> bool:
+        return self._ending.is_set()
 
     def end(self) -> None:
         self._ending.set()
@@ -148,22 +154,26 @@ def simulated_robots(
     data: Path,
     world: str,
     key: Path,
-    model: tuple[str, bytes] | None = None,
+    make_model: Callable[[], tuple[str, bytes]] | None = None,
 ) -> Iterator[list[int]]:
     """Run `count` robots inside the block, each with its own room; yield their ports.
 
     They serve on the ports after `port`, which is the board's, and save their models in
-    `data/class`. They begin with `model`, a name and a file, if it is given.
+    `data/class`. `make_model` returns the name and the file of the model that they
+    begin with (default: the model that they used last); it is called once all ports are free.
     """
     robots = [SimulatedRobot(i, port + i, data / "class" / f"{i:02d}") for i in range(1, count + 1)]
     for robot in robots:  # check all ports before the first robot starts
         open_socket(host, robot.port).close()
-        if model is not None:
-            robot.keep_model(*model)
+    if make_model is not None:
+        name, file = make_model()
+        for robot in robots:
+            robot.keep_model(name, file)
     cores = os.cpu_count() or 1
     starting = ThreadPoolExecutor(cores)  # starting more at once would block the board
     nurseries: list[Nursery] = []
-    begun = itertools.count(1)
+    begun, asked = itertools.count(1), itertools.count(1)
+    are_up: list[bool] = []
 
     def begin() -> None:
         """Start all robots while the board already answers."""
@@ -182,7 +192,9 @@ def simulated_robots(
 
     def start(robot: SimulatedRobot, rate_hz: float) -> None:
         sys.stderr.write(f"starting {next(begun)} of {count}\n")
-        robot.start(host, world, key, rate_hz, *nurseries)
+        are_up.append(robot.start(host, world, key, rate_hz, *nurseries))
+        if next(asked) == count and not robot.is_ending:
+            sys.stderr.write(f"{sum(are_up)} of {count} simulated robots are up\n")
 
     beginning = threading.Thread(target=begin)
     try:

@@ -17,10 +17,11 @@ for (const language of ['en', 'es', 'zh']) {
     const seen = Object.values(await wordsOf(language));
     const pieces = piecesIn(readFileSync(new URL(`../../docs/lessons/${language}.md`, import.meta.url), 'utf8'));
     const kinds = pieces.map(({ kind }) => kind).join(' ');
-    assert.equal(kinds, `h1 p${' h2 p table p'.repeat(3)} h2 ul`);
+    assert.equal(kinds, `h1 p${' h2 p quote table p'.repeat(3)} h2 ul`);
     const said = JSON.stringify(pieces);
-    assert.doesNotMatch(said, /\*|`|\]\(/);
+    assert.doesNotMatch(said, /\*|`|>|\]\(/);
     for (const piece of pieces) {
+      if (piece.kind === 'quote') assert.deepEqual([piece.words[0].kind, piece.words[2].kind], ['strong', 'code'], 'a title, and the command');
       if (piece.kind === 'ul') assert.equal(piece.items.length, 3);
       if (piece.kind !== 'table') continue;
       const minutes = piece.rows.map(([first]) => Number(first[0].text));

@@ -1,4 +1,4 @@
-// A lesson of docs/lessons to project, and the answer sheet separately.
+// A lesson of docs/lessons to project. The text for the teacher, its answers and its button are folded away.
 
 import { ask } from '../js/api.js';
 import { fill, h } from '../js/dom.js';
@@ -8,8 +8,8 @@ import { piecesIn } from './markdown.js';
 /** @typedef {import('./markdown.js').Piece} Piece */
 /** @typedef {import('./markdown.js').Word} Word */
 
-/** The parts of a page of docs/lessons, in their order; the last is the answer sheet. */
-const PARTS = ['teach-it', 'fool-it', 'fair-data', 'answers'];
+/** The lessons of a page of docs/lessons, in their order; the answer sheet follows. */
+const LESSONS = ['teach-it', 'fool-it', 'fair-data'];
 const READY = 'fair-data';
 
 /** @param {string} id */
@@ -43,9 +43,11 @@ function draw(piece) {
 }
 
 /** @param {Piece[]} part */
-const titleOf = ([first]) => (first.kind === 'h2' ? first.words.map(({ text: said }) => said).join('') : '');
+const titleOf = ([first]) => (first?.kind === 'h2' ? first.words.map(({ text: said }) => said).join('') : '');
 
-const links = parts.map((part, i) => h('a', { href: `lesson#${PARTS[i]}` }, titleOf(part)));
+const sheet = parts[LESSONS.length] ?? [];
+const answers = sheet.flatMap((piece) => (piece.kind === 'ul' ? piece.items : []));
+const links = LESSONS.map((name, i) => h('a', { href: `lesson#${name}` }, titleOf(parts[i] ?? [])));
 fill(find('lessons'), ...links);
 find('lessons').setAttribute('aria-label', t('board.lessons'));
 
@@ -65,12 +67,24 @@ async function giveAll() {
   give.disabled = false;
 }
 
+/** Pupils see the page too, so this is closed until the teacher opens it. @param {Piece | undefined} piece @param {Word[]} answer */
+function drawForTeacher(piece, [, ...answer]) {
+  const [title, ...words] = piece?.kind === 'quote' ? piece.words : [];
+  find('teacher').hidden = !title;
+  /** @type {HTMLDetailsElement} */ (find('teacher')).open = false;
+  fill(find('title'), title?.text.replace(/[.。]$/, '') ?? '');
+  fill(find('told'), h('p', {}, ...spoken(words)), h('p', {}, h('strong', {}, titleOf(sheet)), ...spoken(answer)));
+}
+
 function show() {
-  const at = Math.max(0, PARTS.indexOf(location.hash.slice(1)));
+  const at = Math.max(0, LESSONS.indexOf(location.hash.slice(1)));
+  const pieces = parts[at] ?? [];
+  const isTold = (/** @type {Piece} */ { kind }) => kind === 'quote';
   links.forEach((link, i) => (i === at ? link.setAttribute('aria-current', 'page') : link.removeAttribute('aria-current')));
-  fill(find('lesson'), ...(parts[at] ?? []).map(draw));
-  find('acts').hidden = PARTS[at] !== READY;
-  document.title = `${titleOf(parts[at] ?? [{ kind: 'p', words: [] }])} · Drivelesson`;
+  fill(find('lesson'), ...pieces.filter((piece) => !isTold(piece)).map(draw));
+  drawForTeacher(pieces.find(isTold), answers[at] ?? []);
+  find('acts').hidden = LESSONS[at] !== READY;
+  document.title = `${titleOf(pieces)} · Drivelesson`;
   scrollTo(0, 0);
 }
 

@@ -1,9 +1,9 @@
-// The subset of Markdown that the lessons use: headings, paragraphs, lists, tables, bold, emphasis and code.
+// The subset of Markdown that the lessons use: headings, paragraphs, quotes, lists, tables, bold, emphasis and code.
 // Links lead to documents that the board does not serve, so only their text is shown. Pure.
 
 /** @typedef {{kind: 'text' | 'strong' | 'em' | 'code', text: string}} Word */
 /**
- * @typedef {{kind: 'h1' | 'h2' | 'p', words: Word[]} | {kind: 'ul', items: Word[][]} | {kind: 'table', head: Word[][], rows: Word[][][]}} Piece
+ * @typedef {{kind: 'h1' | 'h2' | 'p' | 'quote', words: Word[]} | {kind: 'ul', items: Word[][]} | {kind: 'table', head: Word[][], rows: Word[][][]}} Piece
  */
 
 const MARKS = /\*\*(.+?)\*\*|\*(.+?)\*|`(.+?)`|\[(.+?)\]\(.*?\)/g;
@@ -32,8 +32,8 @@ export function piecesIn(text) {
     const heading = /^(#{1,2}) (.*)$/.exec(lines[0]);
     if (heading) return [{ kind: /** @type {'h1' | 'h2'} */ (`h${heading[1].length}`), words: wordsIn(heading[2]) }, ...(lines.length > 1 ? piecesIn(lines.slice(1).join('\n')) : [])];
     if (lines[0].startsWith('|')) return [{ kind: 'table', head: cells(lines[0]), rows: lines.slice(2).map(cells) }];
-    const joined = lines.map((line) => line.trim()).join(' ').replace(/(\p{Script=Han}|[，。：；？！、”]) (?=\p{Script=Han}|[“])/gu, '$1');
+    const joined = lines.map((line) => line.trim().replace(/^> ?/, '')).join(' ').replace(/(\p{Script=Han}|[，。：；？！、”]) (?=\p{Script=Han}|[“])/gu, '$1');
     if (joined.startsWith('- ')) return [{ kind: 'ul', items: joined.slice(2).split(/ - (?=\*)/).map(wordsIn) }];
-    return [{ kind: 'p', words: wordsIn(joined) }];
+    return [{ kind: lines[0].startsWith('>') ? 'quote' : 'p', words: wordsIn(joined) }];
   });
 }

@@ -1,8 +1,9 @@
-"""`drivelesson class ORDER` asks the board on this computer; see also tests/e2e."""
+"""`drivelesson class` with an order, or with a port in use; see also tests/e2e."""
 
 from __future__ import annotations
 
 import socket
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
@@ -13,6 +14,7 @@ from server.board.app import create_board_app
 from server.board.board import Board
 from server.board.class_orders import give_order
 from server.board.transport import NetworkTransport
+from server.cli.main import main
 from server.config import Config
 from server.lab.served import served
 from tests.server.virtual_server import WEB
@@ -35,3 +37,16 @@ def test_an_order_is_given_to_the_board_and_refused_in_one_sentence() -> None:
         nobody.bind(("127.0.0.1", 0))
         with pytest.raises(NotConnectedError, match=r"no board answers at .* name its port"):
             give_order("keep", nobody.getsockname()[1])
+
+
+def test_a_port_in_use_is_said_before_anything_is_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("server.hosting.logs.start_logging", lambda verbose: None)
+    data = tmp_path / "data"
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        assert main(["class", "--lesson", "fair-data", "--port", port, "--data", str(data)]) == 1
+    said = capsys.readouterr()
+    assert f"port {port}: " in said.err and said.out == ""
+    assert not data.exists()

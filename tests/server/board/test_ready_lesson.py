@@ -10,7 +10,7 @@ from robot.store.folder import Storage
 from robot.store.models.store import ModelStore
 from robot.testing import VirtualClock
 from robot.types import Action
-from server.board.ready_lesson import left_turns
+from server.board.ready_lesson import NAME, left_turns, name_of_left_turns
 
 
 def test_it_has_no_right_turn_and_its_robot_turns_left_before_a_wall(tmp_path: Path) -> None:
@@ -32,3 +32,12 @@ def test_it_has_no_right_turn_and_its_robot_turns_left_before_a_wall(tmp_path: P
     body.disconnect()
     body.simulation.close()
     assert Action.RIGHT not in done and {Action.LEFT, Action.FORWARD} <= {*done}
+
+
+def test_its_name_is_in_the_language_of_the_computer() -> None:
+    for locale, name in {"es_ES": "solo izquierda", "Spanish_Spain": "solo izquierda"}.items():
+        assert name_of_left_turns(locale) == name
+    assert name_of_left_turns("zh_CN") == name_of_left_turns("Chinese_China") == "只会左转"
+    assert (
+        name_of_left_turns(None) == name_of_left_turns("C") == name_of_left_turns("de_DE") == NAME
+    )
