@@ -144,7 +144,7 @@ class Persistence(StartStop):
         except InUseError:
             raise
         except ConfigurationError as error:
-            log.warning("the data folder is not locked: %s", error)
+            log.warning("cannot lock the data folder: %s", error)
         with contextlib.suppress(OSError):  # a read-only folder is not watched
             self._presence = Presence(self.storage.root)
             self._presence.watch()

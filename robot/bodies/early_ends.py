@@ -96,7 +96,7 @@ class EarlyEnds:
             text = json.dumps({"drive_began": wanted, "early_ends": self.count})
             write_whole(self._file, text.encode())
         except OSError as error:
-            log.warning("the mark of a drive's start is not written: %s", error)
+            log.warning("cannot write the file that marks the start of a drive: %s", error)
 
     def close(self) -> None:
         """End normally; this does not count as an early end."""

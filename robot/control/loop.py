@@ -267,7 +267,7 @@ class ControlLoop:
         is_harmless = self._gate.mode is Mode.STOPPED or self._camera.world_waits
         if is_harmless or seconds <= self.config.stall_s:
             return False
-        why = f"The computer was held up for {seconds:.1f} s. Close other programs, and go on."
+        why = f"The computer was held up for {seconds:.1f} s. Close other programs, then go on."
         self._stop(StopReason.LOOP_FAULT, why)
         return True
 

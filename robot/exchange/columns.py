@@ -316,8 +316,8 @@ def _by_content(
     elif numeric or texts:
         told = " and ".join(str(i + 1) for i in sorted((*numeric, *texts)))
         raise UnclearColumnsError(
-            f"it has no line of column names, and columns {told} may each be the steering: say "
-            "which by --columns steering=NUMBER"
+            f"it has no line of column names, and columns {told} may each be the steering: choose "
+            "one with --columns steering=NUMBER"
         )
 
 

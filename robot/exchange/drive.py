@@ -73,7 +73,7 @@ class ImportReport:
         told = [f"skipped: {len(self.skipped)}"] if self.skipped else []
         told += [f"  {reason}: {_counted(found)}" for reason, found in by_count[:_MOST_REASONS]]
         if rest := [found for _, found in by_count[_MOST_REASONS:]]:
-            told.append(f"  {len(rest)} further reasons: {sum(map(len, rest))}")
+            told.append(f"  for {len(rest)} other reasons: {sum(map(len, rest))}")
         return self.remarks + told
 
     def why_nothing(self) -> str:
@@ -147,10 +147,10 @@ def drive_of(
     if not shots:
         raise RecordingError(f"{what} to use{report.why_nothing()}")
     if others := sum(shot.is_others for shot in shots):
-        report.remark(f"left out, as the pilot did not drive: {others} pictures")
+        report.remark(f"left out, because the pilot did not drive: {others} pictures")
     stands = sum(shot.label is None and shot.steering is not None for shot in shots) - others
     if stands > 0:
-        report.remark(f"left out, as the car stood or drove backward: {stands} pictures")
+        report.remark(f"left out, because the car stood or drove backward: {stands} pictures")
     moves = _moves_with(shot.label for shot in shots)
     known = {"moves": moves, "declared_moves": _declared(shots)}
     return Drive(shots=shots, report=report, **{**known, **about})

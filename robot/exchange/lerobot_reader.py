@@ -267,7 +267,7 @@ class LerobotDataset:
         if hot and all(hot):
             return lambda record: (_one_hot(record, hot), None, None)
         told = ", ".join(map(_bare, names))[:80] or "without names"
-        report.skip("action", f"is neither steering nor moves ({told}): nothing is an example")
+        report.skip("action", f"is neither steering nor moves ({told}), so there are no examples")
         return lambda record: (None, None, None)
 
 

@@ -84,7 +84,8 @@ def write_npz(episode: Episode, notes: Notes, path: Path) -> int:
                     shares.append(share)
         if not labels:
             raise RecordingError(
-                "there are no pictures to export: none was taught one of the 3 moves"
+                "there are no pictures to export: this format has only forward, left and right, "
+                "and no picture has one of these labels"
             )
         steered = dict(
             zip(_STEERED, (np.array(shares, np.float32) for shares in points), strict=True)

@@ -41,7 +41,9 @@ class Reading:
                 f"--threshold must lie between 0 and 1, not {self.threshold:g}"
             )
         if not 0.0 < self.full_lock < float("inf"):
-            raise ConfigurationError(f"--full-lock must be above 0, not {self.full_lock:g}")
+            raise ConfigurationError(
+                f"--full-lock must be a finite number above 0, not {self.full_lock:g}"
+            )
         if not abs(self.trim) < self.full_lock:
             raise ConfigurationError(
                 f"--trim must lie between -{self.full_lock:g} and {self.full_lock:g}, "

@@ -174,7 +174,7 @@ def _topics(path: Path, reader: Any, reading: Reading, report: ImportReport) -> 
                 f"{path} has {what} on {len(names)} topics: {', '.join(names)}; "
                 "choose the topics with --topics CAMERA,VELOCITIES"
             )
-    report.remark(f"taken: {cameras[0].topic}, {told[0].topic}")
+    report.remark(f"topics: {cameras[0].topic}, {told[0].topic}")
     return cameras, told
 
 
@@ -205,7 +205,9 @@ def _picture(message: Any, kind: str) -> Picture:
     encoding, width, height = message.encoding, int(message.width), int(message.height)
     if encoding not in _CONVERTED:
         known = "depth" if encoding in ("16UC1", "32FC1", "mono16") else "an encoding"
-        raise RecordingError(f"the picture is {known} ({encoding[:20]}), not colours or grey")
+        raise RecordingError(
+            f"the picture is {known} ({encoding[:20]}), but must be colour or grey"
+        )
     conversion = _CONVERTED[encoding]
     channels = _CHANNELS.get(conversion, 2 if conversion.startswith("YUV") else 1)
     row = width * channels

@@ -148,10 +148,10 @@ def _remark(
 ) -> str | None:
     longest_s = max(pauses, default=0.0)
     found = {
-        f"{missing} without a time": missing,
+        f"{missing} missing": missing,
         f"{equal} equal": equal,
         f"{outliers} out of order": outliers,
-        f"{backward} times back": backward,
+        f"{backward} jumps back": backward,
         f"{len(pauses)} pauses of up to {longest_s:.0f} s shortened to {_CUT_PAUSE_S:g} s": pauses,
     }
     told = ", ".join(text for text, count in found.items() if count)

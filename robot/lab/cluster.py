@@ -141,7 +141,7 @@ class _Run:
         except Exception as error:
             raise ConfigurationError(
                 f"the Dask scheduler at {self._scheduler} is lost; start it and its workers, then "
-                "call this again: what was finished is kept"
+                "run this again: finished tasks are kept"
             ) from error
         now_s = time.monotonic()
         for address in [address for address in self._workers if address not in found]:
@@ -178,7 +178,7 @@ class _Run:
             if self._lost[worker.key] >= _MOST_LOSSES:
                 raise ConfigurationError(
                     f"the run {self._tasks[worker.key]} was tried {_MOST_LOSSES} times, and each "
-                    "time its worker was lost; have the workers enough memory?"
+                    "time its worker was lost; do the workers have enough memory?"
                 )
             self._todo.append(worker.key)
         self._say(f"the worker at {worker.name} {why}")

@@ -42,8 +42,7 @@ class ExperimentSettings:
         """Return the learner of an experiment with only one learner."""
         if len(self.learners) > 1:
             raise ConfigurationError(
-                "habits, ready and degrees are about one learner: name one --learner, not "
-                + ", ".join(self.learners)
+                "habits, ready and degrees take only one --learner, not " + ", ".join(self.learners)
             )
         return self.learners[0] if self.learners else "default-32"
 

@@ -30,9 +30,7 @@ def checked_vector(x: Vector, n_features: int | None = None) -> Vector:
     """
     array = np.asarray(x)
     if array.ndim != 1 or array.size == 0:
-        raise ValueError(
-            f"a feature vector must be one-dimensional and not empty, not {array.shape}"
-        )
+        raise ValueError(f"a feature vector must be 1-D and not empty; its shape is {array.shape}")
     if array.dtype.kind not in "fiub":
         raise ValueError(f"a feature vector must hold numbers, not {array.dtype}")
     if n_features is not None and array.size != n_features:

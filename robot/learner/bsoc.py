@@ -219,7 +219,7 @@ class BSOC(Clusters):
     def faults(self) -> Iterator[str]:
         yield from super().faults()
         if self._touched.max(initial=0) > self.n_trained_:
-            yield "an image was touched by a frame that was not learned"
+            yield "an image was changed by a frame that was not learned"
         with np.errstate(all="ignore"):
             if not self._misfit()[0] <= 1.0:
                 yield "the distances do not match the images"

@@ -163,4 +163,4 @@ class ChangeOfMind(Stateful):
 
     def faults(self) -> Iterator[str]:
         if self._last >= len(self._taken_up):
-            yield "the last label is not known"
+            yield "the last label does not exist"

@@ -350,7 +350,7 @@ class BSOCClassifier(Stateful, Learner):
         if self.cluster.groups_.max(initial=-1) >= len(self.labels_):
             yield "an image has a label that does not exist"
         if self._node_angles is not None and (self._node_angles[:, 1:] < 0.0).any():
-            yield "the sizes or the squares of some angles are below zero"
+            yield "a sum of magnitudes or of squares of angles is below zero"
 
     @property
     def _kind(self) -> str:

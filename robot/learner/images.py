@@ -112,7 +112,7 @@ class Images(Stateful):
     def faults(self) -> Iterator[str]:
         norms = 0.5 * np.einsum("ij,ij->i", self._rows, self._rows)
         if not np.allclose(self._norms, norms, rtol=1e-3, atol=0.1):
-            yield "the array norms is not that of the images"
+            yield "the array norms does not match the images"
 
     def restored(self) -> None:
         self._set_origin(self._origin)
@@ -217,7 +217,7 @@ class IntegerImages(Images):
 
     def faults(self) -> Iterator[str]:
         if (self._sums > 255 * self._frames[:, None]).any():
-            yield "the array sums holds more than its frames"
+            yield "the array sums exceeds 255 times the number of frames"
         if self._sums.sum(axis=0, dtype=np.int64).max(initial=0) > 2**30:
             yield "the array sums has no room for more frames"
 
@@ -229,5 +229,5 @@ def checked_bytes(x: Vector, n_features: int | None = None) -> Vector:
         array.dtype != np.uint8
         and not ((array == np.floor(array)) & (array >= 0) & (array <= 255)).all()
     ):
-        raise ValueError("whole numbers from 0 to 255 are needed here")
+        raise ValueError("the vector must hold whole numbers from 0 to 255")
     return array

@@ -154,7 +154,8 @@ class Array:
         value = _get(part, self)
         array = np.zeros(0) if value is None else np.asarray(value)
         if not _is_within(array, self.low, self.high):
-            raise ValueError(f"the array {self.name} holds {array.min():g} to {array.max():g}")
+            bad = f"[{self.low:g}, {self.high:g}], not {array.min():g} to {array.max():g}"
+            raise ValueError(f"the array {self.name} must lie in {bad}")
 
 
 def _is_within(array: NDArray[Any], low: float, high: float) -> bool:

@@ -290,9 +290,9 @@ class RecursiveRidge(LinearPart):
     def faults(self) -> Iterator[str]:
         held = np.asarray(self._waiting.any(axis=1))
         if held[self._n_waiting :].any() or self._n_waiting == _WAITING:
-            yield "the array waiting is too full, or has gaps"
+            yield "the array waiting has too many rows, or gaps"
         if self.is_indefinite:
-            yield "the array triangle is the inverse of nothing that was learned"
+            yield "the array triangle is not the inverse of a learned matrix"
 
 
 class ContextRidge(RecursiveRidge):

@@ -108,7 +108,7 @@ def choose_max_nodes(
         ConfigurationError: If even the smallest size is too slow.
     """
     if not rate_hz > 0:
-        raise ConfigurationError(f"a frame rate is above 0, not {rate_hz}")
+        raise ConfigurationError(f"a frame rate must be above 0, not {rate_hz}")
     cost_of = cost_of or partial(measure, kind=kind, frames=sample_frames(60))
     best = None
     for size in SIZES:
@@ -118,7 +118,7 @@ def choose_max_nodes(
         best = cost
     if best is None:
         raise ConfigurationError(
-            f"this machine cannot hold {rate_hz:g} frames a second even with {SIZES[0]} nodes; "
+            f"this machine is too slow for {rate_hz:g} frames a second even with {SIZES[0]} nodes; "
             "ask for a lower --rate"
         )
     return best

@@ -136,8 +136,8 @@ def _packed(frame: Frame, n_channels: int) -> Pixels:
     expected = frame.width * frame.height * n_channels
     if len(frame.data) != expected or expected == 0:
         raise CameraError(
-            f"a picture has {len(frame.data)} bytes; {frame.encoding.upper()} of "
-            f"{frame.width}x{frame.height} has {expected}: check the camera's format"
+            f"a picture in {frame.encoding.upper()} of {frame.width}x{frame.height} must have "
+            f"{expected} bytes, not {len(frame.data)}; check the camera's format"
         )
     flat = np.frombuffer(frame.data, np.uint8)
     return flat.reshape(frame.height, frame.width, n_channels)
@@ -199,7 +199,7 @@ def swap_red_and_blue(pixels: Pixels) -> Pixels:
 
 def _yuyv_to_rgb(yuyv: Pixels) -> Pixels:
     if yuyv.shape[1] % 2:
-        raise CameraError(f"a YUYV picture has an even width, not {yuyv.shape[1]}")
+        raise CameraError(f"a YUYV picture must have an even width, not {yuyv.shape[1]}")
     luma = yuyv[:, :, 0].astype(np.int32) << 16
     u = np.repeat(yuyv[:, 0::2, 1].astype(np.int32), 2, axis=1) - 128
     v = np.repeat(yuyv[:, 1::2, 1].astype(np.int32), 2, axis=1) - 128

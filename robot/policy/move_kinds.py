@@ -65,4 +65,4 @@ class MoveKinds(Stateful):
     def faults(self) -> Iterator[str]:
         named = [*self._left, *self._right, *self._straight]
         if len(set(named)) < len(named) or not set(named) <= set(self._moves):
-            yield "the kinds of moves are not those of its moves"
+            yield "its kinds of moves do not match its moves"

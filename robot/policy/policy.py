@@ -202,7 +202,7 @@ class Policy(Stateful):
         if len(x) != self._n_values:  # check before any part changes
             checked_vector(x, self._n_values)
         if point is not None and not all(-1.0 <= share <= 1.0 for share in point):
-            raise ValueError(f"steering and throttle are from -1 to 1, not {tuple(point)}")
+            raise ValueError(f"steering and throttle must lie in [-1, 1], not {tuple(point)}")
         lesson = TaughtExample(
             number=self.n_seen + 1,
             x=x,

@@ -136,7 +136,7 @@ def make_policy(name: str = "default-32", moves: tuple[Action, ...] = DEFAULT_MO
     kind, number = split_name(name)
     if kind not in _points():
         raise ConfigurationError(
-            f"unknown learner {name!r}{did_you_mean(kind, _points())}; there are "
+            f"unknown learner {name!r}{did_you_mean(kind, _points())}; choose one of: "
             f"{', '.join(f'{kind}-NUMBER' for kind in learner_kinds())}"
         )
     try:

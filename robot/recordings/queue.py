@@ -147,7 +147,7 @@ class RecordingQueue:
             with self._lock:
                 self.waiting_bytes = sum(size for size, _, _ in self._jobs)
             if isinstance(error, OSError):
-                self._give_up(f"Recording stopped, the disk refused: {error.strerror or error}")
+                self._give_up(f"Recording stopped, writing failed: {error.strerror or error}")
             else:
                 log.exception("recording stopped")
                 self._give_up(f"Recording stopped: {error}")

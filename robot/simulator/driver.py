@@ -56,7 +56,8 @@ class SimDriver(ConnectedDriver[Simulation]):
         if name not in self.worlds:
             known = sorted(self.worlds)
             raise ConfigurationError(
-                f"unknown world {name!r}{did_you_mean(name, known)}; there are: {', '.join(known)}"
+                f"unknown world {name!r}{did_you_mean(name, known)}; choose one of: "
+                f"{', '.join(known)}"
             )
         world = self._load(self.worlds[name])
         with self._lock:

@@ -78,8 +78,8 @@ def load_world(name: str) -> World:
     if not path.is_file():
         known = world_names()
         raise ConfigurationError(
-            f"unknown world {name!r}{did_you_mean(name, known)}; there are: {', '.join(known)}, "
-            "or the path of a TOML file"
+            f"unknown world {name!r}{did_you_mean(name, known)}; choose one of: "
+            f"{', '.join(known)}, or give the path of a TOML file"
         )
     try:
         return _parse(path.stem, tomllib.loads(path.read_text("utf-8-sig")))
@@ -153,11 +153,11 @@ def _positive(table: Mapping[str, Any], key: str) -> float:
 def _colour(value: Any) -> Colour:
     red, green, blue = (int(part) for part in value)
     if not all(0 <= part <= 255 for part in (red, green, blue)):
-        raise ValueError(f"a colour has three numbers from 0 to 255, not {value}")
+        raise ValueError(f"a colour must be three numbers from 0 to 255, not {value}")
     return red, green, blue
 
 
 def _one_of(value: Any, known: tuple[str, ...]) -> str:
     if value not in known:
-        raise ValueError(f"no {value!r} is known; there are: {', '.join(known)}")
+        raise ValueError(f"unknown value {value!r}; choose one of: {', '.join(known)}")
     return str(value)

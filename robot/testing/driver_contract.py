@@ -53,7 +53,7 @@ _STEP_S, _HALF_WAY_S = 0.1, ACTION_TIMEOUT_S / 2
 def moving(case: DriverCase) -> bool:
     """Return whether the body moves; skips the test if that is unknown."""
     if case.is_moving is None:
-        pytest.skip("nobody can tell whether this body moves; give the case an is_moving")
+        pytest.skip("whether this body moves is unknown; set is_moving in the case")
     return case.is_moving()
 
 
@@ -66,7 +66,7 @@ class DriverContract:
         found = load_driver(kind.name)
         assert found is kind, f"the entry point {kind.name!r} is {found}, not {kind}"
         known = ", ".join(camera_names())
-        assert kind.default_camera in camera_names(), f"{kind.default_camera!r} is not of {known}"
+        assert kind.default_camera in camera_names(), f"no camera {kind.default_camera!r}: {known}"
         without = [option.name for option in options_of(kind.options_type) if not option.help]
         assert not without, f"options without metadata={{'help': ...}}: {without}"
         moves = driver_case.driver.moves
@@ -174,7 +174,7 @@ class DriverContract:
                 _check_points_as_moves(driver_case, points)
                 return
             if drives is None:
-                pytest.skip("nobody can tell how this body drives; give the case a drives")
+                pytest.skip("how this body drives is unknown; set drives in the case")
             turned = []
             for steering in (-1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0):
                 now = _driven(driver_case, partial(driver.send_point, Point(steering, 0.5)))
@@ -184,7 +184,7 @@ class DriverContract:
                     f"{asked}, which is not to this side"
                 )
                 assert now.throttle > 0.0 or abs(steering) > 0.5, f"{asked}, which is not ahead"
-            assert turned == sorted(turned), f"more steering turns less somewhere: {turned}"
+            assert turned == sorted(turned), f"with more steering it must not turn less: {turned}"
             if driver.move_of(Point(0.0, -0.5)) is not Action.STOP:  # the body has a move back
                 back = _driven(driver_case, partial(driver.send_point, Point(0.0, -0.5)))
                 assert back.throttle < 0.0, f"asked for throttle -0.5: it drives {tuple(back)}"
@@ -238,7 +238,7 @@ class DriverContract:
                 _check_points_as_moves(driver_case, CORNERS)
                 return
             if drives is None:
-                pytest.skip("nobody can tell how this body drives; give the case a drives")
+                pytest.skip("how this body drives is unknown; set drives in the case")
             reached: dict[Point, Point] = {}
             for point in CORNERS:
                 reached[point] = _driven(driver_case, partial(driver.send_point, point))
@@ -308,7 +308,7 @@ class DriverContract:
         end_s = _REAL.now_s() + _PATIENCE_S
         while (left := _leftovers() - before) and _REAL.now_s() < end_s:
             _REAL.sleep(0.02)  # other threads may take a moment to end
-        assert not left, f"{_PATIENCE_S:.0f} s after disconnect() there still are {left}"
+        assert not left, f"{_PATIENCE_S:.0f} s after disconnect() these are still there: {left}"
 
     def test_a_body_whose_line_is_cut_stands_and_the_driver_says_so(
         self, driver_case: DriverCase
@@ -330,10 +330,10 @@ class DriverContract:
             driver_case.forward(STANDS_WITHIN_S)
             _check_cut_off(driver_case, STANDS_WITHIN_S)
             assert said, (
-                f"no DriveError in {1000 * STANDS_WITHIN_S:.0f} ms, ten times send_action and "
-                "sense, of a body whose line is cut. If the body acknowledges nothing, set "
-                "gone_after_s and call heard() for each of its reports; if it sends nothing at "
-                "all, let cut_link take the port away, so that the driver's next write fails"
+                "the line was cut, but ten calls of send_action and sense within "
+                f"{1000 * STANDS_WITHIN_S:.0f} ms raised no DriveError. If the body acknowledges "
+                "nothing, set gone_after_s and call heard() for each of its reports; if it sends "
+                "nothing, let cut_link remove the port, so that the driver's next write fails"
             )
 
     def test_a_body_whose_line_is_whole_again_is_driven_again(
@@ -352,8 +352,9 @@ class DriverContract:
                 driver_case.restore_link()
                 is_back = _moves_within(driver_case, BACK_WITHIN_S, driver.moves[0], _STEP_S)
                 assert is_back, (
-                    f"{BACK_WITHIN_S:.0f} s after a cut of {cut_s} s the body does not move: "
-                    f"{round(BACK_WITHIN_S / _STEP_S)} orders, the last {_last_error(driver_case)}"
+                    f"{BACK_WITHIN_S:.0f} s after a cut of {cut_s} s the body still does not move, "
+                    f"in spite of {round(BACK_WITHIN_S / _STEP_S)} orders; the last "
+                    f"{_last_error(driver_case)}"
                 )
 
 
@@ -404,26 +405,25 @@ def _set_going(case: DriverCase, move: Action) -> None:
 def _check_goes_on(case: DriverCase, move: Action) -> None:
     goes = _moves_within(case, 5 * _HALF_WAY_S, move, _HALF_WAY_S)
     assert goes, (
-        f"{move} was sent every {1000 * _HALF_WAY_S:.0f} ms, and the body does not move "
-        f"{1000 * _HALF_WAY_S:.0f} ms after any of 5"
+        f"{move} was sent five times, every {1000 * _HALF_WAY_S:.0f} ms, but the body never moved "
+        f"{1000 * _HALF_WAY_S:.0f} ms after an order"
     )
 
 
 def _check_ended(case: DriverCase, after_s: float, what: str) -> None:
     """Check that the body stands, because a move lasts at most `ACTION_TIMEOUT_S`."""
     assert _comes_within(case, lambda: not moving(case), _GRACE_S), (
-        f"the body still moves {1000 * after_s:.0f} ms after {what}; a move lasts "
-        f"{1000 * ACTION_TIMEOUT_S:.0f} ms at most: give the body a timeout, or the driver the "
-        "base HostWatchdog"
+        f"the body still moves {1000 * after_s:.0f} ms after {what}, but a move must end after "
+        f"{1000 * ACTION_TIMEOUT_S:.0f} ms. Give the body a timeout, or let the driver inherit "
+        "from HostWatchdog"
     )
 
 
 def _check_cut_off(case: DriverCase, after_s: float) -> None:
     assert _comes_within(case, lambda: not moving(case), _GRACE_S), (
-        f"the body still moves {1000 * after_s:.0f} ms after the line was cut; no order reaches it "
-        "now, not even the stop of HostWatchdog: only a timeout of its own can end the move. If it "
-        "has none, cut_link must stop the stand-in's motors as well, and the real robot does not "
-        "keep this promise"
+        f"the body still moves {1000 * after_s:.0f} ms after the line was cut. No order reaches it "
+        "now, not even the stop of HostWatchdog, so it needs a timeout of its own. If it has none, "
+        "cut_link must also stop the stand-in's motors, but the real robot will not stop"
     )
 
 
@@ -448,7 +448,7 @@ def _last_error(case: DriverCase) -> str:
         case.driver.send_action(case.driver.moves[0])
     except Exception as error:
         return f"failed: {error}"
-    return "without an error"
+    return "succeeded"
 
 
 def _check_stands(case: DriverCase, when: str) -> None:

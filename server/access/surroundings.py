@@ -179,7 +179,7 @@ class Watch:
             try:
                 self._surroundings.look(self._clock.now_s())
             except Exception:  # a network error must not stop the robot
-                log.exception("the network cannot be looked at")
+                log.exception("cannot look up this machine's addresses")
             self._looked.set()
             self._clock.wait(self._ending, LOOK_EVERY_S)
 
@@ -189,5 +189,5 @@ class Watch:
             try:
                 self._surroundings.ask(self._clock.now_s())
             except Exception:
-                log.exception("this machine's names cannot be asked for")
+                log.exception("cannot look up this machine's names")
             self._clock.wait(self._ending, LOOK_EVERY_S)

@@ -32,7 +32,7 @@ class CorrectionOptions(Options):
     """For a robot that differs from what its driver expects; saved until changed."""
 
     reverse: str = option("none", "the motors that turn the other way", choices=REVERSED)
-    swap_sides: bool = option(False, "the motors are plugged in at each other's side")
+    swap_sides: bool = option(False, "the left motor and the right motor are exchanged")
     trim: float = option(
         0.0,
         "steering to the right (negative: left) that is added where the robot should drive "

@@ -22,9 +22,9 @@ LESSONS = {"teach-it": "box", "fool-it": "box", "fair-data": "box"}
 
 def configure(parser: argparse.ArgumentParser) -> None:
     add, shown = parser.add_argument, " (default: %(default)s)"
-    text = "give an order to all robots of the board that runs on this computer, at --port: keep a "
-    text += "dated copy of each model; reset: save it and start over; hand-over: reset, and sign "
-    text += "out the phones; undo the last order (default: start a class)"
+    text = "give an order to all robots of the board on this computer (at --port). keep: save a "
+    text += "dated copy of each model; reset: save a copy and start over; hand-over: reset, and "
+    text += "sign out the phones; undo: undo the last order (default: start a class)"
     add("order", nargs="?", choices=ORDERS, metavar="ORDER", help=text)
     text = "number of simulated robots; HOST:PORT of real ones, or a file of such lines; or both, "
     text += f"separated by commas{shown}"

@@ -57,7 +57,7 @@ def browsing(
     try:
         network = _join(addresses)
     except OSError as error:
-        log.warning("robots are not looked for on the network: %s", error)
+        log.warning("cannot look for robots on the network: %s", error)
         yield
         return
     ending, clock = threading.Event(), RealClock()

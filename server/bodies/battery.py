@@ -27,7 +27,7 @@ class BatteryExtension(Extension):
             return
         ends = EarlyEnds(kept.storage.root / FILE, lambda: hub.announce("battery_bears"))
         if ends.is_weak:
-            log.warning("ended %d times as the robot began to drive: check the battery", ends.count)
+            log.warning("ended %d times when a drive began: check the battery", ends.count)
             hub.announce("check_battery", detail=str(ends.count))
         self._ends = ends
         ends.start(robot.clock)

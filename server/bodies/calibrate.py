@@ -88,7 +88,7 @@ def _measure_straight(driver: ChassisDriver, seconds: float) -> float:
     by_sonar = f"; by the ultrasonic sensor: {100 * seen:.1f}" if seen else ""
     measured_cm = ask(f"How far did it go, in cm? (by the wheels: {wheels_cm:.1f}{by_sonar}) ")
     factor = correction(measured_cm, wheels_cm, "cm")
-    print(f"Straight speed: {measured_cm / seconds:.1f} cm/s until now.")
+    print(f"Straight speed before this calibration: {measured_cm / seconds:.1f} cm/s.")
     return factor
 
 
@@ -103,7 +103,7 @@ def _measure_turn(driver: ChassisDriver, seconds: float, wider: float) -> float:
     wheels_deg = math.degrees(wider * (right_m - left_m) / driver.options.track_m)
     measured_deg = ask(f"How far did it turn, in degrees? (by the wheels: {wheels_deg:.0f}) ")
     factor = correction(measured_deg, wheels_deg, "degrees")
-    print(f"Turning rate: {measured_deg / seconds:.1f} degrees/s until now.")
+    print(f"Turning rate before this calibration: {measured_deg / seconds:.1f} degrees/s.")
     return factor
 
 

@@ -24,7 +24,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--seconds",
         type=number(above=0),
         default=4.0,
-        help="how long to look (default: %(default)s)",
+        help="seconds to look for topics (default: %(default)s)",
     )
 
 

@@ -223,11 +223,11 @@ class Hub:
         A release may be late, so it only counts for the STOP that its sender has seen.
         """
         if stop_number != self.stop_number:
-            sentence = "STOP was pressed again after this release; look, then release that one"
+            sentence = "STOP was pressed again after this release; look, then release it again"
             raise ProtocolError(ErrorCode.NEWER_STOP, sentence)
         holder = self.stop_held_by
         if holder is not None and client.role is not holder:
-            raise ProtocolError(ErrorCode.STOP_HELD, f"only the {holder.value} releases this")
+            raise ProtocolError(ErrorCode.STOP_HELD, f"only the {holder.value} can release it")
         if not client.role.holds_stop:
             self._require_wheel(client)
         self.stop_held_by = None
@@ -259,7 +259,7 @@ class Hub:
 
     def _require_known_frame(self, frame: int | None, seq: int) -> None:
         if (frame or 0) > (self.robot.loop.state.frame_id or 0):
-            sentence = f"frame {frame} has not been taken yet"
+            sentence = f"frame {frame} does not exist yet"
             raise ProtocolError(ErrorCode.UNKNOWN_FRAME, sentence, seq)
 
     def _handle_drive(self, client: Client, message: protocol.DriveMessage, now_s: float) -> None:

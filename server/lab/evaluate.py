@@ -25,29 +25,29 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--learners",
         metavar="NAMES",
-        help=f"names with commas between (default: {','.join([*OURS, *BASELINES])}, the last "
-        "six only where scikit-learn is installed)",
+        help=f"names, separated by commas (default: {','.join([*OURS, *BASELINES])}; the last "
+        "six only if scikit-learn is installed)",
     )
     parser.add_argument(
         "--light",
         type=number(above=0.0, most=1.0),
         default=1.0,
         metavar="SHARE",
-        help="share of the light that is left in the test pictures (default: 1.0)",
+        help="brightness of the test pictures, as a share of their own (default: 1.0)",
     )
     parser.add_argument(
         "--examples",
         type=several(whole(1)),
         metavar="N",
-        help="learn only N frames of a drive, spread evenly over it; several numbers, with commas "
-        "between, are judged one after another (default: all)",
+        help="learn only N frames of a drive, spread evenly over it; several numbers, separated by "
+        "commas, are evaluated one after another (default: all)",
     )
     parser.add_argument(
         "--first",
         type=several(whole(1)),
         metavar="N",
-        help="learn only the first N frames of a drive, in a row, as a pilot teaches; may be given "
-        "beside --examples",
+        help="learn only the first N consecutive frames of a drive, as a pilot teaches; may be "
+        "combined with --examples",
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the results here")
 

@@ -31,8 +31,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="EXPERIMENT",
         help=f"{', '.join(EXPERIMENTS)}, all",
     )
-    add("--seeds", type=whole(1), default=10, help=f"runs of each{shown}")
-    add("--quick", action="store_true", help="one run of each: a first look")
+    add("--seeds", type=whole(1), default=10, help=f"runs of each kind{shown}")
+    add("--quick", action="store_true", help="only one run of each kind")
     add("--json", type=Path, metavar="FILE", help="also write every result here")
     add("--report", type=Path, metavar="FILE", help="the report (default: FOLDER/report.html)")
     add(
@@ -54,15 +54,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="Sidewalk, CarRacing, ViZDoom ... for ground; may be given several times",
     )
     add("--recordings", metavar="FOLDER", help="real footage for figure3")
-    add("--robot", default="sim", help=f"whose speed figure5 measures{shown}")
+    add("--robot", default="sim", help=f"robot whose speed figure5 measures{shown}")
     add(
         "--folder",
         type=Path,
         default=Path("experiments"),
         help="where finished runs are kept (default: ./%(default)s)",
     )
-    add("--jobs", type=whole(1), metavar="N", help="runs at a time (default: one a processor)")
-    add("--backend", choices=("processes", "dask"), default="processes", help="where runs run")
+    add("--jobs", type=whole(1), metavar="N", help="runs at a time (default: one per processor)")
+    add("--backend", choices=("processes", "dask"), default="processes", help="what does the runs")
     add("--scheduler", metavar="ADDRESS", help="address of an existing Dask cluster's scheduler")
 
 

@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     is_same = driven is not None and _compare(policy, driven, episodes, args.goes_on)
     if args.check and not is_same:
         if args.out:
-            print(f"nothing was saved as {args.out}")
+            print(f"{args.out} was not saved")
         return 1
     if args.out:
         _save(args.out, storage, policy, taught)
@@ -101,7 +101,7 @@ def _say(report: Report, policy: Policy, episodes: list[EditedEpisode], seconds:
     if report.missing_frames:
         print(f"{report.missing_frames} examples were left out: their pictures were not recorded")
     if report.left_out_edits:
-        print(f"{report.left_out_edits} edits of learned images were left out: other images now")
+        print(f"{report.left_out_edits} edits of learned images were left out: no such images now")
 
 
 def _driven(policy: Policy, last: EditedEpisode, *, must_be: bool) -> Model | None:
@@ -111,7 +111,7 @@ def _driven(policy: Policy, last: EditedEpisode, *, must_be: bool) -> Model | No
     if after is not None and after.summary.learner == policy.name and not notes.edits:
         return after
     if must_be:
-        why = "it was edited" if notes.edits else f"driving it made no model of {policy.name}"
+        why = "it was edited" if notes.edits else f"it has no model of {policy.name}"
         raise ConfigurationError(f"{episode.id} has nothing to --check against: {why}")
     return None
 
@@ -119,7 +119,7 @@ def _driven(policy: Policy, last: EditedEpisode, *, must_be: bool) -> Model | No
 def _compare(policy: Policy, driven: Model, episodes: list[EditedEpisode], goes_on: bool) -> bool:
     """Print whether the drive made the same nodes."""
     is_same = same_nodes(policy.get_state(), driven.state)
-    print("the same nodes as driving made" if is_same else "not the nodes that driving made")
+    print(f"the nodes {'are the same as' if is_same else 'differ from'} those learned by driving")
     first = episodes[0][0]
     before = first.model_before()
     knew_something = before is not None and before.summary.n_nodes > 0

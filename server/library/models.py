@@ -102,7 +102,7 @@ class ModelLibrary:
             RecordingError: If a model is damaged.
         """
         if len(names) > MOST_EARLIER:
-            raise ConfigurationError(f"a model can begin like {MOST_EARLIER} models, not more")
+            raise ConfigurationError(f"a model can begin like at most {MOST_EARLIER} models")
         # An uploaded model can contain anything, which `to_policy` checks.
         states = [self._store.load(name).to_policy().get_state() for name in names]
         if policy.begin_like(states) < len(names):

@@ -107,8 +107,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         of_one=False,
         changes=False,
     )
-    budget.add_argument("--gigabytes", type=number(least=0), help="space for episodes")
-    text = f"delete for good what was deleted; after {TRASH_DAYS} days it goes by itself"
+    budget.add_argument("--gigabytes", type=number(least=0), help="set the space for episodes")
+    text = f"empty the trash; it forgets a deleted episode after {TRASH_DAYS} days by itself"
     add("empty-trash", empty_trash, text, of_one=False)
 
 
@@ -318,7 +318,7 @@ def show_budget(args: argparse.Namespace, store: EpisodeStore, storage: Storage)
         print(f"{name:12} {size / 1e6:10.1f} MB")
     print(f"{'budget':12} {store.budget_bytes / 1e6:10.1f} MB for episodes")
     for summary in store.offered():
-        print(f"could go: {summary.id}  {summary.bytes / 1e6:.1f} MB  {summary.title}".rstrip())
+        print(f"deletable: {summary.id}  {summary.bytes / 1e6:.1f} MB  {summary.title}".rstrip())
 
 
 def empty_trash(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:

@@ -108,8 +108,8 @@ class StudyFolder:
         """Return the path of a session's event log; ConfigurationError if the code is invalid."""
         if not CODE.fullmatch(code):
             raise ConfigurationError(
-                f"{code[:40]!r} is no code: one to three capital letters and one to four digits, "
-                "such as P07, and never a name"
+                f"{code[:40]!r} is not a participant's code; use one to three capital letters and "
+                "one to four digits, such as P07, and never a name"
             )
         return self.root / name / f"{code}.csv"
 

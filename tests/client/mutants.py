@@ -96,7 +96,7 @@ MUTANTS = (
         "    temporary = path",
     ),
     _one(
-        "a change that the disk refused is answered as kept",
+        "a change that could not be written is answered as saved",
         "server/services.py",
         "return made, await self.persistence.journal.written(number)",
         "await self.persistence.journal.written(number)\n        return made, True",

@@ -57,7 +57,10 @@ def test_another_place_is_chosen_on_the_page(chromium: Any, tmp_path: Path) -> N
         assert httpx.get(url).json()["worlds"] == sorted([*world_names(), "yard"])
         for strange in ("nowhere", str(own), "../box", ""):
             answer = httpx.put(url, json={"name": strange})
-            assert (answer.status_code, "there are: box" in answer.json()["detail"]) == (409, True)
+            assert (answer.status_code, "choose one of: box" in answer.json()["detail"]) == (
+                409,
+                True,
+            )
         world.rig.loop.set_mode(Mode.TRAIN, proven_s=world.rig.clock.now_s()).result(60)
         if world.mode is not Mode.STOPPED:
             answer = httpx.put(url, json={"name": "box"})

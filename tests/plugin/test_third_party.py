@@ -177,7 +177,7 @@ def test_a_strangers_robot_is_taught_recorded_exported_and_learned(
     again = environment.run(f"drivelesson learn last --out again {kept}", tmp_path)
     for move, count in lessons.items():
         assert f"{count} {move}" in again
-    assert "the same nodes as driving made" in again
+    assert "the nodes are the same as those learned by driving" in again
     environment.run(f"drivelesson episodes import {exported} --name back {kept}", tmp_path)
     back = environment.run(
         f"drivelesson learn back --max-nodes 32 --learner default {kept}", tmp_path

@@ -168,8 +168,8 @@ ACTIONS: dict[str, Callable[[], Any]] = {
     ),
 }
 UNDRIVABLE: dict[str, tuple[Callable[[], Any], str]] = {
-    "one move": (lambda: spaces.Discrete(1), "two moves or more"),
-    "a thousand": (lambda: spaces.Discrete(1000), "1000 moves, more than the 32"),
+    "one move": (lambda: spaces.Discrete(1), "at least two moves"),
+    "a thousand": (lambda: spaces.Discrete(1000), "1000 moves, but a model has at most 32"),
     "a million": (lambda: spaces.Discrete(10**6), "1000000 moves"),
     "words": (lambda: spaces.Text(5), "only send numbers, not a Text"),
     "a picture": (lambda: spaces.Box(0, 255, (64, 64, 3), np.uint8), "12288 numbers"),

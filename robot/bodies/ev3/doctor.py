@@ -99,7 +99,8 @@ def _line(facts: BrickFacts) -> Iterator[Finding]:
     )
     yield _judge(
         "wi-fi",
-        f"round trip {1000 * usual:.0f} ms, worst {1000 * worst:.0f} of {len(facts.round_trips_s)}",
+        f"round trip {1000 * usual:.0f} ms; the longest of {len(facts.round_trips_s)} took "
+        f"{1000 * worst:.0f} ms",
         wrong=usual > 0.1 and nearer,
         note=(usual > 0.04 or worst > 0.3) and nearer,
     )

@@ -43,7 +43,7 @@ class BrickConnection:
         hello = self._next_message()
         if hello["hello"] != PROTOCOL:
             raise ValueError(
-                f"it speaks protocol version {hello['hello']}, this program {PROTOCOL}"
+                f"it has protocol version {hello['hello']}, but this program has {PROTOCOL}"
             )
         theirs, ours = str(hello["nonce"]), secrets.token_hex(16)
         proof = prove(secret, "controller", theirs, ours)
@@ -56,8 +56,8 @@ class BrickConnection:
             raise DriveError(f"the brick at {host} refuses: {verdict['refused']}; {advice}")
         if not is_proof(verdict["proof"], secret, "agent", theirs, ours):
             raise DriveError(
-                f"what answers at {host} does not know the secret: it is not your brick; "
-                "check the address, and who else is in this network"
+                f"{host} could not prove that it knows the shared secret, so it is not your brick; "
+                "check the address, and whether another device uses it"
             )
         self._unpacker.expect_seal(Seal(secret, "agent", theirs, ours), FROM_AGENT)
         self._seal = Seal(secret, "controller", theirs, ours)
@@ -108,8 +108,8 @@ def join(
     except (OSError, ValueError, KeyError, TypeError) as error:
         line.close()
         raise DriveError(
-            f"what answers at {host} port {port} is no agent of this version "
-            f"({error}); renew it with: {_renew(host)}"
+            f"the program at {host} port {port} is not an agent of this version "
+            f"({error}); install this version with: {_renew(host)}"
         ) from error
 
 

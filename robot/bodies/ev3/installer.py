@@ -55,8 +55,8 @@ def start_with_the_brick(target: str) -> None:
     )
     if done.returncode != 0:
         raise DriveError(
-            f"the brick at {target} does not start the agent by itself; on the brick: "
-            "sudo sh drivelesson/autostart"
+            f"the brick at {target} will not start the agent at boot, because setting that up "
+            "failed; try on the brick: sudo sh drivelesson/autostart"
         )
 
 

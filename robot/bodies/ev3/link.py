@@ -92,7 +92,7 @@ class BrickLink:
         return self._lost
 
     def _say_lost(self, why: object) -> str:
-        return f"the line to the brick at {self.address} is lost ({why}); trying again"
+        return f"the connection to the brick at {self.address} was lost ({why}); trying again"
 
     def hold(self, key: str, do: str, **rest: Any) -> None:
         """Send a command that holds until `release`; every new connection repeats it.
@@ -196,7 +196,7 @@ class BrickLink:
                         self._take_picture(body)
             except TimeoutError:
                 if self.clock.now_s() - self._received_s > GONE_S:
-                    raise OSError(f"nothing came for {GONE_S:.0f} s") from None
+                    raise OSError(f"it sent nothing for {GONE_S:.0f} s") from None
 
     def _take_message(self, message: dict[str, Any]) -> None:
         if "t" in message:

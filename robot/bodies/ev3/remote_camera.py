@@ -29,7 +29,8 @@ class Ev3RemoteCamera(WatchedCamera):
         link = getattr(driver, "link", None)
         if not isinstance(link, BrickLink):
             raise ConfigurationError(
-                f"the camera 'ev3-remote' sees through the robot 'ev3-remote', not {driver.name!r}"
+                "the camera 'ev3-remote' only works with the robot 'ev3-remote', not with "
+                f"{driver.name!r}"
             )
         return cls(options, clock, link)
 

@@ -61,7 +61,7 @@ def build_userland(folder: Path, release: str = DEFAULT_RELEASE, mirror: str = "
     """
     if release not in PYTHON_VERSIONS:
         raise ConfigurationError(
-            f"--release {release} was never tried; known: {', '.join(PYTHON_VERSIONS)}"
+            f"--release {release} is not supported; choose one of: {', '.join(PYTHON_VERSIONS)}"
         )
     if shutil.which("mmdebstrap") is None:
         raise ConfigurationError(

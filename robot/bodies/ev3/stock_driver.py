@@ -148,7 +148,7 @@ class StockBody:
 
 def _known(name: str, ports: dict[str, int]) -> int:
     if name not in ports:
-        raise ConfigurationError(f"there is no port {name!r}; there are {', '.join(ports)}")
+        raise ConfigurationError(f"unknown port {name!r}; choose one of: {', '.join(ports)}")
     return ports[name]
 
 
@@ -156,7 +156,7 @@ def _known(name: str, ports: dict[str, int]) -> int:
 class Ev3StockOptions(ChassisOptions):
     """The robot's dimensions, and its brick's connection."""
 
-    line: str = option("usb", "way to the brick", choices=("usb", "bluetooth", "wifi"))
+    line: str = option("usb", "connection to the brick", choices=("usb", "bluetooth", "wifi"))
     brick: str = option(
         "",
         "its ID, such as 00:16:53:3f:0c:1e; needed for Bluetooth, or if there are several bricks",

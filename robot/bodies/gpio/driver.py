@@ -74,7 +74,7 @@ class GpioOptions(Options):
         text = getattr(self, name)
         parts = [part.strip() for part in text.split(",")]
         if len(parts) != count or not all(p.isdecimal() and int(p) <= MAX_PIN for p in parts):
-            wanted = "one GPIO number" if count == 1 else f"{count} GPIO numbers, as 17,18,"
+            wanted = "one GPIO number" if count == 1 else f"{count} GPIO numbers (such as 17,18)"
             raise ConfigurationError(
                 f"{_flag(name)} must be {wanted} from 0 to {MAX_PIN}, not {text!r}"
             )
@@ -87,7 +87,8 @@ class GpioOptions(Options):
             left = right = 0.0
         if left == right or not (-1.0 <= left <= 1.0 and -1.0 <= right <= 1.0):
             raise ConfigurationError(
-                f"--servo-ends must be two numbers from -1 to 1, as -0.8,1, not {self.servo_ends!r}"
+                "--servo-ends must be two different numbers from -1 to 1, such as -0.8,1, not "
+                f"{self.servo_ends!r}"
             )
         return left, right
 

@@ -129,11 +129,11 @@ def moves_of(name: str, env: Any, table: str = "") -> dict[Move, Any]:
         chosen = list(_named(env, form))
         if len(chosen) > _MOST_MOVES:
             raise ConfigurationError(
-                f"{name} has {form.n_choices or len(chosen)} moves, more than the {_MOST_MOVES} of "
-                f"a model; {_help(form)}"
+                f"{name} has {form.n_choices or len(chosen)} moves, but a model has at most "
+                f"{_MOST_MOVES}; {_help(form)}"
             )
     if len(chosen) < 2:
-        raise ConfigurationError(f"{name} needs two moves or more; {_help(form)}")
+        raise ConfigurationError(f"{name} needs at least two moves; {_help(form)}")
     return {move: form.action(values) for move, values in _distinct(chosen)}
 
 
@@ -247,12 +247,13 @@ def _read(table: str, form: ActionForm) -> _Chosen:
             values = [float(number) for number in text.split(",")]
             move = Action(name.strip())
         except ValueError as error:
-            raise ConfigurationError(f"{bad} is unclear: {error}; {_help(form)}") from error
+            raise ConfigurationError(f"{bad} cannot be read: {error}; {_help(form)}") from error
         if move is Action.STOP or move in {other for other, _ in chosen}:
-            why = "stopping is not a move" if move is Action.STOP else "it is named twice"
+            why = "every robot can stop" if move is Action.STOP else "the name is used twice"
             raise ConfigurationError(f"{bad} cannot be a move: {why}")
         if len(values) != len(form.numbers):
-            raise ConfigurationError(f"{bad} has {len(values)}; {_help(form)}")
+            count = f"{len(values)} number{'s' * (len(values) != 1)}"
+            raise ConfigurationError(f"{bad} has {count}; {_help(form)}")
         for value, number in zip(values, form.numbers, strict=True):
             if not number.accepts(value):
                 raise ConfigurationError(f"{bad} is not an action: {value:g} is not {number}")
@@ -323,4 +324,4 @@ def _help(form: ActionForm) -> str:
         f"{side}={','.join(f'{number:g}' for number in [value, *rest[1:]])}"
         for side, value in zip(("left", "right"), [*values, rest[0], rest[0]], strict=False)
     ]
-    return f"an action has {form}. Name the moves with --env-moves, as '{'; '.join(moves)}'"
+    return f"an action has {form}. Name the moves, as in --env-moves '{'; '.join(moves)}'"

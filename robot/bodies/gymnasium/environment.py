@@ -81,7 +81,7 @@ def make(name: str, options: Mapping[str, Any]) -> Any:
     render_without_a_screen()
     module, _, attribute = name.rpartition(":")
     wrong = f"the environment {name!r} cannot be made"
-    do = "--env is a name such as CarRacing-v3, or MODULE:NAME for one that another package brings"
+    do = "give --env a name such as CarRacing-v3, or MODULE:NAME for that of another package"
     with told_as(ConfigurationError, wrong, Exception, do=do):  # foreign code may raise anything
         made = getattr(importlib.import_module(module), attribute, None) if module else None
         maker = made or partial(gymnasium.make, name, disable_env_checker=True)
@@ -89,7 +89,7 @@ def make(name: str, options: Mapping[str, Any]) -> Any:
     if not hasattr(getattr(env, "action_space", None), "sample"):
         several = hasattr(env, "possible_agents") or hasattr(env, "agents")
         why = "it is for several players" if several else "it has no action space"
-        raise ConfigurationError(f"{wrong} into a robot: {why}, and a robot is one player")
+        raise ConfigurationError(f"{wrong} into a robot, which is one player: {why}")
     return env
 
 

@@ -128,8 +128,8 @@ class MjpegCamera(WatchedCamera):
         is_slow = self._gap_s > LONGEST_PERIOD_S and since_s < 1.5 * self._gap_s
         if is_slow and self._reason is None:
             return (
-                f"gives a picture only every {self._gap_s:.1f} s, too slow to drive by; choose a "
-                "higher rate or smaller pictures in its settings"
+                f"gives a picture only every {self._gap_s:.1f} s, which is too slow to drive; "
+                "choose a higher rate or smaller pictures in its settings"
             )
         if self._reason is None:
             return f"{wrong}; restart it" if wrong.startswith("repeats") else wrong

@@ -56,7 +56,7 @@ class TransportOptions(Options):
             return
         for flag, value in (("--interface", self.interface), ("--peers", self.peers)):
             if value:
-                raise ConfigurationError(f"{flag} is for --transport dds; add that or leave it out")
+                raise ConfigurationError(f"{flag} needs --transport dds; add that, or omit {flag}")
 
 
 def open_topics(

@@ -57,7 +57,7 @@ class CameraReader:
 
     def _lose(self, what: str, now_s: float) -> None:
         path = self.video.path if self.video else self.same.device
-        self.fault = "The camera {} {}; check its cable, and it is used again.".format(path, what)
+        self.fault = "The camera {} {}; check its cable. Trying again.".format(path, what)
         self.close()
         self.same.lost()
         self._next_try_s = now_s + REOPEN_S

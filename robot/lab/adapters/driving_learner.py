@@ -41,7 +41,7 @@ class DrivingLearner:
         declared = [move for move in moves if isinstance(move, Move)]
         names = tuple(Action(move.name if isinstance(move, Move) else move) for move in moves)
         if len(set(names)) < 2:
-            raise ValueError(f"a learner chooses among two moves or more, not {list(moves)}")
+            raise ValueError(f"a learner needs at least two moves, not {list(moves)}")
         policy = learner if isinstance(learner, Policy) else make_policy(learner, names)
         self.history = TrainingHistory(policy, declared=declared)
         self._frame_id = 0
@@ -73,12 +73,12 @@ class DrivingLearner:
         """
         self._seen = None
         if not math.isfinite(at_s):
-            raise ValueError(f"a picture is taken at a number of seconds, not at {at_s}")
+            raise ValueError(f"at_s must be a finite number of seconds, not {at_s}")
         pixels = np.asarray(picture)
         if pixels.ndim != 3 or pixels.shape[2] != 3 or pixels.dtype != np.uint8:
             raise ValueError(
-                f"a picture has shape (height, width, 3) and type uint8, not {pixels.shape} and "
-                f"{pixels.dtype}"
+                "a picture must have the shape (height, width, 3) and the type uint8, not "
+                f"{pixels.shape} and {pixels.dtype}"
             )
         self._frame_id += 1
         height, width = pixels.shape[:2]

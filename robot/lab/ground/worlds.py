@@ -319,6 +319,7 @@ def make_world(name: str) -> ForeignWorld:
     """
     if name not in WORLDS:
         raise ConfigurationError(
-            f"unknown world {name!r}{did_you_mean(name, WORLDS)}; there are {', '.join(WORLDS)}"
+            f"unknown world {name!r}{did_you_mean(name, WORLDS)}; choose one of: "
+            f"{', '.join(WORLDS)}"
         )
     return WORLDS[name]()

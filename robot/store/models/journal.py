@@ -251,7 +251,7 @@ class Journal:
         if self.fault is None:
             sentence = getattr(error, "strerror", None) or str(error) or type(error).__name__
             self.fault = str(sentence)
-            log.warning("the journal is not written: %s", error)
+            log.warning("cannot write the journal: %s", error)
             self._announce("model_not_saved", detail=self.fault)
 
 

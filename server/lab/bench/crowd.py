@@ -29,8 +29,10 @@ _ASKED_RATIO = 1.5
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--greedy", type=whole(1, 60), default=8, help="how many (%(default)s)")
-    parser.add_argument("--viewers", type=whole(1, 150), default=50, help="who watch (%(default)s)")
+    text = "number of greedy viewers (%(default)s)"
+    parser.add_argument("--greedy", type=whole(1, 60), default=8, help=text)
+    text = "number of viewers (%(default)s)"
+    parser.add_argument("--viewers", type=whole(1, 150), default=50, help=text)
     add_usual(parser, seconds=5.0)
 
 

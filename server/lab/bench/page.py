@@ -51,7 +51,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         default="1,4,6",
         help="how many times slower the phone is (%(default)s)",
     )
-    parser.add_argument("--visits", type=whole(0), default=3, help="first ones (%(default)s)")
+    text = "number of first visits (%(default)s)"
+    parser.add_argument("--visits", type=whole(0), default=3, help=text)
     add_usual(parser, seconds=10.0)
 
 

@@ -21,7 +21,8 @@ from server.lab.output import write_json
 def add_usual(parser: argparse.ArgumentParser, seconds: float) -> None:
     """Declare the options for the time of each measurement and for the rate."""
     positive = number(above=0)
-    parser.add_argument("--seconds", type=positive, default=seconds, help="for each (%(default)s)")
+    text = "seconds of each measurement (%(default)s)"
+    parser.add_argument("--seconds", type=positive, default=seconds, help=text)
     parser.add_argument(
         "--rate", type=positive, default=30.0, help="pictures a second (%(default)s)"
     )

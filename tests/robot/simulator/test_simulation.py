@@ -106,7 +106,7 @@ def test_a_robot_that_is_carried_about_starts_and_sees_where_it_is_each_time() -
         assert (simulation.render() == there.render()).all()
         there.close()
     simulation.close()
-    with pytest.raises(ConfigurationError, match="there are: box, clutter"):
+    with pytest.raises(ConfigurationError, match="choose one of: box, clutter"):
         driver.enter("nowhere")
 
 

@@ -34,7 +34,7 @@ def test_two_learners_for_one_are_refused_before_anything_runs(
     two = ["--learner", "default-16", "--learner", "published-16"]
     words = ["experiment", "figure7", name, "--quick", "--folder", str(tmp_path / "runs")]
     assert main([*words, *two]) == 2
-    assert "name one --learner, not default-16, published-16" in capsys.readouterr().err
+    assert "take only one --learner, not default-16, published-16" in capsys.readouterr().err
     assert not (tmp_path / "runs").exists()
 
 

@@ -20,7 +20,7 @@ def test_it_gives_the_nodes_of_driving_and_saves_them(
     episode_id: str, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     told = say("learn last --check --out again", capsys)
-    assert "the same nodes as driving made" in told
+    assert "the nodes are the same as those learned by driving" in told
     model = ModelStore(Storage(data)).load("again")
     assert (model.summary.learner, model.summary.n_examples) == ("default-8", 60)
     say(f"learn {episode_id} --learner published --max-nodes 64 --out {tmp_path}/m.npz", capsys)
@@ -123,7 +123,7 @@ def test_check_names_continue_and_saves_nothing_when_it_fails(
     second = robot.finish()[-1].stem
     assert main(["learn", second, "--check", "--out", "x"]) == 1
     told = capsys.readouterr().out
-    assert "--continue" in told and "nothing was saved" in told
+    assert "--continue" in told and "x was not saved" in told
     assert not list(storage.models.iterdir())
     say(f"learn {second} --check --continue --out x", capsys)
     assert [path.name for path in storage.models.iterdir()] == ["x"]
@@ -134,4 +134,4 @@ def test_a_recording_that_is_named_twice_is_learned_once(
 ) -> None:
     file = EpisodeStore(Storage(data)).path(episode_id)
     told = say(f"learn last {episode_id} {file} --check", capsys)
-    assert "60 examples" in told and "the same nodes as driving made" in told
+    assert "60 examples" in told and "the nodes are the same as those learned by driving" in told

@@ -175,11 +175,11 @@ def test_an_export_under_a_wrong_name_is_refused_before_anything_is_read(
 def test_the_budget_offers_and_deletes_nothing(
     episode_id: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert f"could go: {episode_id}" in say("episodes budget --gigabytes 0", capsys)
+    assert f"deletable: {episode_id}" in say("episodes budget --gigabytes 0", capsys)
     assert f"{episode_id} is never offered" in say("episodes protect last", capsys)
-    assert "could go" not in say("episodes budget --gigabytes 0", capsys)
+    assert "deletable" not in say("episodes budget --gigabytes 0", capsys)
     assert f"{episode_id} is again offered" in say("episodes unprotect last", capsys)
-    assert f"could go: {episode_id}" in say("episodes budget --gigabytes 0", capsys)
+    assert f"deletable: {episode_id}" in say("episodes budget --gigabytes 0", capsys)
     assert episode_id in say("episodes list", capsys)
 
 

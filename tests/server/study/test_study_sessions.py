@@ -92,7 +92,7 @@ def test_nothing_comes_out_of_its_turn_and_every_refusal_says_why(tmp_path: Path
         assert "[[phase]] number 2" in refused(server, "/api/studies", name="w", plan=broken)
         for name in ("Mary", "P1 ", "../P01", "p01", "", "P12345"):
             said = refused(server, "/api/session", study="walk", participant=name)
-            assert "is no code" in said and "never a name" in said
+            assert "is not a participant's code" in said and "never a name" in said
         assert (
             ask(
                 server, "POST", "/api/session", json={"study": "x", "participant": "P01"}

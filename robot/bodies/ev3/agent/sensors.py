@@ -83,10 +83,8 @@ class SensorGroup:
             at_it = [port for port in ours if port.is_at(address)]
             if not at_it:
                 raise DriveError(
-                    "no {} sensor at port {}; plug it in there, or say where with --{}-port: its "
-                    "port, auto or none ({})".format(
-                        self._name, address, self._name, describe_ports(there)
-                    )
+                    "no {} sensor at port {}; plug it in there, or give --{}-port its port, auto "
+                    "or none ({})".format(self._name, address, self._name, describe_ports(there))
                 )
             chosen.append(at_it[0])
         return chosen[: self._most]

@@ -57,7 +57,7 @@ class BrickLine(ABC):
         except (OSError, ValueError, struct.error) as error:
             self.close()
             raise DriveError(
-                f"the brick does not answer ({self._name}: {error}); {self._remedy}"
+                f"no valid answer from the brick ({self._name}: {error}); {self._remedy}"
             ) from error
 
     def close(self) -> None:

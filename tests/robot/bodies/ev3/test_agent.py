@@ -247,7 +247,7 @@ def test_the_camera_of_another_robot_cannot_see_through_the_brick(brick: FakeBri
     from robot.bodies.ev3.driver import Ev3Driver, Ev3Options
 
     driver = Ev3Driver(Ev3Options(brick_root=str(brick.root)))
-    with pytest.raises(ConfigurationError, match="not 'ev3'"):
+    with pytest.raises(ConfigurationError, match="not with 'ev3'"):
         Ev3RemoteCamera.for_driver(driver, UsbCameraOptions(), brick.clock)
     lonely = Ev3RemoteCamera(UsbCameraOptions(), brick.clock, BrickLink("", clock=brick.clock))
     with pytest.raises(CameraError, match="which brick"):

@@ -244,7 +244,7 @@ class Impostor:
 def test_an_impostor_is_found_out() -> None:
     clock = VirtualClock(100.0)
     link = BrickLink(ADDRESS, SECRET, clock, Impostor(clock).dial)
-    with pytest.raises(DriveError, match="does not know the secret"):
+    with pytest.raises(DriveError, match="could not prove that it knows the shared secret"):
         Ev3RemoteDriver(Ev3RemoteOptions(), link).connect()
 
 

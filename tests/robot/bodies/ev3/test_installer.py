@@ -243,5 +243,7 @@ def test_a_file_that_pack_did_not_make_is_one_clear_line(
 
 
 def test_an_unknown_release_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(ConfigurationError, match="--release sid was never tried; known: bookworm"):
+    with pytest.raises(
+        ConfigurationError, match="--release sid is not supported; choose one of: bookworm"
+    ):
         build_userland(Path("nowhere"), "sid")

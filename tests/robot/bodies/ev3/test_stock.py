@@ -162,7 +162,7 @@ def test_a_brick_on_its_real_line_that_was_lost_is_found_again() -> None:
         ) as driver,
     ):
         brick.frozen.set()
-        with pytest.raises(DriveError, match="does not answer"):
+        with pytest.raises(DriveError, match="no valid answer from the brick"):
             driver.send_action(Action.FORWARD)
         with pytest.raises(DriveError):
             driver.send_action(Action.FORWARD)

@@ -137,7 +137,10 @@ def test_a_table_names_the_moves_of_a_box() -> None:
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        ({"env_options": "form=box", "env_moves": "left=-1; right=1"}, "has 1; .* 2 numbers"),
+        (
+            {"env_options": "form=box", "env_moves": "left=-1; right=1"},
+            "has 1 number; .* 2 numbers",
+        ),
         ({"env_options": "form=box", "env_moves": "left=-1,0; right=7,0"}, "right=7,0"),
         ({"env_moves": "left=1; right=3"}, "right=3"),
         ({"env_moves": "left=1; right=0.5"}, "right=0.5"),

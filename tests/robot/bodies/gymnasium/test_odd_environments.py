@@ -82,7 +82,7 @@ def test_any_action_can_be_given_by_itself_and_in_a_table(form: str) -> None:
     assert all(space.contains(action) for action in moves.values())
     with pytest.raises(ConfigurationError) as refused:
         moves_of("any", env, "left=9999,9999,9999,9999,9999,9999,9999,9999,9999; right=0")
-    example = re.search(r"as '(.*)'", str(refused.value))
+    example = re.search(r"--env-moves '(.*)'", str(refused.value))
     assert example is not None, str(refused.value)
     from_example = moves_of("any", env, example[1])
     assert [move.name for move in from_example] == ["left", "right"]

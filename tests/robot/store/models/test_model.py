@@ -145,6 +145,6 @@ def test_a_description_of_another_form_is_refused(meta: bytes, word: str) -> Non
 def test_a_model_of_an_unknown_learner_is_refused() -> None:
     model = some_model()
     object.__setattr__(model.summary, "learner", "multi-place-7")  # of 0.2
-    said = r"learner .multi-place-7. cannot be opened: unknown learner .multi-place-7.; there are "
+    said = r"learner .multi-place-7. cannot be opened: unknown learner .multi-place-7.; choose "
     with pytest.raises(RecordingError, match=said):
         decode_model(encode_model(model)).to_policy()
