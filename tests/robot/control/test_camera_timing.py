@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot.control.camera_timing import USUAL_PERIOD_S, CameraTiming, CameraTimingConfig
-from robot.types import Action, Encoding, Mode, PilotCommand, StopReason
+from robot.types import Action, Mode, PilotCommand, StopReason
 from tests.kit.sizes import crossed, examples, size
 from tests.robot.bench_robot import BenchRobot
 
@@ -295,9 +295,3 @@ def test_the_camera_is_told_in_the_state() -> None:
     camera = robot.loop.state.camera
     assert camera.period_s == pytest.approx(0.1)
     assert camera.delivery_age_s == pytest.approx(0.145)
-
-
-def test_bench_camera_gives_what_it_is_asked_for() -> None:
-    robot = BenchRobot()
-    frame = robot.camera.show(1, captured_s=42.0)
-    assert (frame.captured_s, frame.encoding) == (42.0, Encoding.RGB)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from robot.control.link_governor import LinkGovernor, LinkGovernorConfig, LinkLevel, age_of_link_s
-from robot.types import Action, Mode, PilotCommand, StopReason
+from robot.types import Action, Mode, StopReason
 from tests.robot.bench_robot import BenchRobot
 
 
@@ -135,32 +135,3 @@ def test_a_slow_link_halves_the_speed_then_ends_learning_then_stops() -> None:
     assert robot.loop.state.link.level is LinkLevel.NOT_LEARNING, (
         "and trusts the link only step by step"
     )
-
-
-def test_a_new_pilot_has_a_new_link() -> None:
-    robot = BenchRobot()
-    robot.start(Mode.TRAIN)
-    _drive_with_age(robot, 0.6)
-    robot.loop.empty_command()
-    robot.tick()
-    assert robot.loop.state.link.level is LinkLevel.GOOD
-
-
-def test_words_of_the_past_are_not_obeyed_after_the_computer_was_held_up() -> None:
-    robot = BenchRobot()
-    robot.start(Mode.TRAIN)
-    robot.step(1, Action.FORWARD)
-    robot.clock.advance(0.8)
-    frame = robot.camera.show(2)
-    robot.loop.command(
-        PilotCommand(
-            held=Action.FORWARD,
-            frame_id=frame.frame_id,
-            seq=99,
-            received_s=robot.clock.now_s(),
-        )
-    )
-    tick = robot.tick()
-    assert tick.sent is Action.STOP
-    assert tick.decision.stop_reason is StopReason.LOOP_FAULT
-    assert "held up" in (robot.loop.state.fault or "")

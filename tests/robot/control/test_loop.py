@@ -57,19 +57,6 @@ def test_a_turn_that_fails_still_answers_who_asked() -> None:
     assert answer.result(0) == "answer"
 
 
-def test_each_command_labels_the_named_frame_not_the_newest() -> None:
-    robot = BenchRobot()
-    robot.start(Mode.TRAIN, scene=1)
-    seen = robot.camera.latest()
-    assert seen is not None
-    robot.clock.advance(0.05)
-    robot.camera.show(2)
-    robot.tick()
-    robot.hold(R, frame_id=seen.frame_id)
-    tick = robot.tick()
-    assert [event.example.frame_id for event in tick.history_events] == [seen.frame_id]
-
-
 def test_it_drives_alone_what_it_was_taught_and_a_touch_is_a_lesson() -> None:
     robot = BenchRobot()
     robot.start(Mode.TRAIN)
@@ -172,15 +159,6 @@ def test_agreement_counts_predictions_made_before_the_lesson() -> None:
     for _ in range(9):
         robot.step(1, F)
     assert robot.loop.state.agreement == pytest.approx(0.9)
-
-
-def test_a_request_that_fails_tells_its_asker_and_not_the_loop() -> None:
-    robot = BenchRobot()
-    robot.start(Mode.TRAIN)
-    failing = robot.loop.submit(lambda: 1 // 0)
-    robot.step(1, F)
-    assert isinstance(failing.exception(0), ZeroDivisionError)
-    assert robot.driver.sent[-1][0] is F
 
 
 def test_listeners_hear_every_turn_until_they_leave() -> None:

@@ -28,6 +28,7 @@ def trip(robot: BenchRobot) -> None:
 
 
 def leave(robot: BenchRobot) -> None:
+    robot.hold(F)  # what waits is not carried out either
     robot.loop.empty_command()
 
 
@@ -125,6 +126,7 @@ def test_an_emergency_goes_before_all_that_was_asked_until_then() -> None:
     refused = robot.loop.set_mode(Mode.TRAIN)
     robot.loop.latch_emergency()
     robot.tick()
+    assert robot.driver.stops == 1
     assert modes == [Mode.STOPPED]
     assert refused.result(0) is False
     assert robot.loop.state.emergency

@@ -54,37 +54,6 @@ def test_a_stopped_robot_does_not_learn() -> None:
     assert robot.driver.sent[-1][0] is Action.STOP
 
 
-@pytest.mark.parametrize("mode", [Mode.TRAIN, Mode.AUTONOMOUS])
-def test_silence_stops_it_and_only_a_start_moves_it_again(mode: Mode) -> None:
-    robot = BenchRobot()
-    robot.start(mode)
-    robot.step(1, F)
-    for _ in range(8):
-        robot.clock.advance(0.05)
-        robot.camera.show(1)
-        robot.tick()
-    assert robot.driver.sent[-1][0] is Action.STOP
-    assert robot.loop.state.decision.stop_reason is StopReason.PILOT_SILENT
-    assert robot.loop.state.stops == {StopReason.PILOT_SILENT: 1}
-    robot.step(1, F)
-    assert robot.driver.sent[-1][0] is Action.STOP
-    robot.start(mode, scene=1)
-    robot.step(1, F)
-    assert robot.driver.sent[-1][0] is F
-
-
-def test_a_silent_camera_stops_it_although_the_pilot_speaks() -> None:
-    robot = BenchRobot()
-    robot.start(Mode.TRAIN)
-    robot.step(1, F)
-    for _ in range(5):
-        robot.clock.advance(0.05)
-        robot.hold(F)
-        robot.tick()
-    assert robot.driver.sent[-1][0] is Action.STOP
-    assert robot.loop.state.decision.stop_reason is StopReason.FRAME_STALE
-
-
 @pytest.mark.parametrize("ahead_s", [0.05, 1e9, math.inf, math.nan])
 def test_a_silent_camera_whose_clock_is_ahead_stops_it_as_soon(ahead_s: float) -> None:
     robot = BenchRobot()
@@ -244,32 +213,6 @@ def test_a_stop_that_the_body_cannot_show_is_told_to_all() -> None:
         tick = robot.tick()
     assert tick.decision.mode is told[-1].decision.mode is Mode.STOPPED
     assert "failed in show" in str(told[-1].fault) and "boom" in str(told[-1].fault)
-
-
-def test_an_emergency_latches() -> None:
-    robot = BenchRobot()
-    robot.start(Mode.TRAIN)
-    robot.loop.latch_emergency()
-    robot.step(1, F)
-    assert robot.driver.stops == 1
-    refused = robot.loop.set_mode(Mode.TRAIN)
-    robot.tick()
-    assert refused.result(0) is False
-    robot.loop.release_emergency()
-    robot.tick()
-    assert robot.loop.state.decision.mode is Mode.STOPPED
-    robot.start(Mode.TRAIN, scene=1)
-
-
-def test_an_empty_command_stops_and_nothing_is_replayed() -> None:
-    robot = BenchRobot()
-    robot.start(Mode.TRAIN)
-    robot.step(1, F)
-    robot.hold(F)
-    robot.loop.empty_command()
-    robot.tick()
-    assert robot.driver.sent[-1][0] is Action.STOP
-    assert robot.loop.state.decision.stop_reason is StopReason.PILOT_GONE
 
 
 def test_the_thread_turns_the_loop_and_stops_the_robot_at_its_end() -> None:
