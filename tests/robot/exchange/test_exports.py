@@ -6,13 +6,11 @@ import csv
 import json
 import math
 from pathlib import Path
-from typing import Any
 
 import av
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.reader import make_reader
 
 from robot.devkit.pictures import Picture
@@ -34,6 +32,7 @@ from robot.recordings.episode import Episode, open_episode, taught_frames
 from robot.recordings.teaching import learn_again
 from robot.simulator.camera import SimCamera
 from robot.types import Action, Encoding, Frame, Mode
+from tests.kit.protobuf import read_protobuf
 from tests.robot.recordings.drives import RecordedBench
 
 from .sim_drive import drive_in_simulator
@@ -255,18 +254,10 @@ def test_poses_are_drawn_by_foxglove_and_rerun(episode: Episode) -> None:
     assert len(found) == len(episode.frames) and schema is not None
     assert schema.name == "foxglove.PoseInFrame"
     assert (schema.encoding, channel.message_encoding) == ("protobuf", "protobuf")
-    drawn = read_message(schema.name, schema.data, message.data)
+    drawn = read_protobuf(schema.name, schema.data, message.data)
     turn = drawn.pose.orientation
     assert turn.z**2 + turn.w**2 == pytest.approx(1.0)
     assert (drawn.frame_id, drawn.timestamp.ToNanoseconds()) == ("floor", message.log_time)
-
-
-def read_message(name: str, schema: bytes, data: bytes) -> Any:
-    """Read a message by the schema in its file, like a viewer."""
-    pool = descriptor_pool.DescriptorPool()
-    for file in descriptor_pb2.FileDescriptorSet.FromString(schema).file:
-        pool.Add(file)
-    return message_factory.GetMessageClass(pool.FindMessageTypeByName(name)).FromString(data)
 
 
 def test_what_was_measured_stays_with_every_copy_and_export(tmp_path: Path) -> None:

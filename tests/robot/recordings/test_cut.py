@@ -5,18 +5,22 @@ from __future__ import annotations
 import random
 import tracemalloc
 from collections import Counter
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
 
-from robot.errors import RecordingError
+from robot.errors import RecordingError, RobotError
+from robot.policy.registry import make_policy
+from robot.recordings.edits import Notes
 from robot.recordings.ending import end_cut_recordings, end_recording
 from robot.recordings.episode import open_episode, taught_frames
 from robot.recordings.messages import RUN, SUMMARY
 from robot.recordings.reader import Message, read_metadata, scan
 from robot.recordings.summary import read_summary
+from robot.recordings.teaching import learn_again
 from robot.testing import VirtualClock
 from tests.kit.sizes import seeds
 
@@ -36,6 +40,15 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return path.read_bytes()
 
 
+@pytest.fixture(scope="module")
+def pictures(tmp_path_factory: pytest.TempPathFactory, whole: bytes) -> list[tuple[int, bytes]]:
+    """The ids and bytes of the drive's pictures."""
+    path = tmp_path_factory.mktemp("whole") / "whole.mcap"
+    path.write_bytes(whole)
+    episode = open_episode(path)
+    return [(i, episode.frame(i).data) for i in episode.frames]
+
+
 def opened_as(path: Path) -> tuple[int, dict[str, int], str | None]:
     """Return the number of pictures, the examples and the fault, from the whole file."""
     episode = open_episode(path)
@@ -44,14 +57,15 @@ def opened_as(path: Path) -> tuple[int, dict[str, int], str | None]:
 
 
 @pytest.mark.parametrize("seed", seeds(6, 60))
-def test_a_cut_recording_is_counted_as_it_is_opened(
-    tmp_path: Path, whole: bytes, seed: int
+def test_a_cut_recording_is_counted_opened_and_learned_up_to_the_cut(
+    tmp_path: Path, whole: bytes, pictures: list[tuple[int, bytes]], seed: int
 ) -> None:
     rng = random.Random(seed)
     path = tmp_path / "cut.mcap"
     path.write_bytes(whole[: rng.randrange(1, len(whole))])
     counted = read_summary(path)
     if not counted.is_readable:
+        assert path.stat().st_size < 400
         with pytest.raises(RecordingError):
             open_episode(path)
         return
@@ -60,6 +74,8 @@ def test_a_cut_recording_is_counted_as_it_is_opened(
     assert counted.duration_s == pytest.approx(episode.duration_s, abs=1e-6)
     assert counted.started_at_s == pytest.approx(episode.started_at_s, abs=1e-3)
     assert counted.damage
+    assert [(i, episode.frame(i).data) for i in episode.frames] == pictures[: counted.frames]
+    learn_again(make_policy("published-8"), [(episode, Notes())])
 
 
 def by_library(path: Path) -> list[tuple[str, int, bytes]]:
@@ -135,8 +151,10 @@ def test_while_it_is_ended_the_robot_has_the_processor(tmp_path: Path) -> None:
     assert clock.now_s() == pytest.approx(0.003 * held / 32, rel=0.1), "a rest after 32 records"
 
 
-@pytest.mark.parametrize("seed", seeds(6, 60))
-def test_whatever_else_is_wrong_it_is_described(tmp_path: Path, whole: bytes, seed: int) -> None:
+@pytest.mark.parametrize("seed", seeds(12, 150))
+def test_whatever_else_is_wrong_it_is_described_and_no_foreign_error_is_raised(
+    tmp_path: Path, whole: bytes, seed: int
+) -> None:
     rng = random.Random(seed)
     data = bytearray(whole[: rng.choice([len(whole), len(whole) - 2000])])
     for _ in range(rng.randrange(1, 8)):
@@ -145,6 +163,10 @@ def test_whatever_else_is_wrong_it_is_described(tmp_path: Path, whole: bytes, se
     path.write_bytes(data)
     summary = read_summary(path)
     assert summary.bytes == len(data) and summary.frames <= 132
+    with suppress(RobotError):
+        episode = open_episode(path)
+        for frame_id in list(episode.frames)[::20]:
+            episode.frame(frame_id)
 
 
 def test_counting_keeps_nothing_of_the_pictures(tmp_path: Path) -> None:

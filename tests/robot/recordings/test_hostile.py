@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import resource
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
@@ -107,16 +107,33 @@ def test_what_is_no_recording_is_refused_with_a_reason(tmp_path: Path, data: byt
     assert not summary.is_readable and summary.damage
 
 
-def test_a_recording_of_another_program_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "other.mcap"
+def crafted(
+    path: Path,
+    metadata: dict[str, dict[str, str]],
+    channel: tuple[str, str, str] = ("/x", "json", "x"),
+    messages: Iterable[bytes] = (),
+) -> Path:
+    """Write a file by the library itself; a channel is a topic, an encoding and a schema."""
+    topic, encoding, schema = channel
     with path.open("wb") as file:
-        writer = Writer(file)
+        writer = Writer(file, compression=CompressionType.NONE)
         writer.start()
-        schema = writer.register_schema("x", "jsonschema", b"{}")
-        writer.add_message(writer.register_channel("/x", "json", schema), 1, b"{}", 1)
+        for name, values in metadata.items():
+            writer.add_metadata(name, values)
+        schema_id = writer.register_schema(schema, encoding.replace("json", "jsonschema"), b"{}")
+        channel_id = writer.register_channel(topic, encoding, schema_id)
+        for i, data in enumerate(messages):
+            writer.add_message(channel_id, 1, data, 1, i)
         writer.finish()
+    return path
+
+
+OURS = {RUN: {"format": "1", "origin_ns": "0"}}
+
+
+def test_a_recording_of_another_program_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="not a recording of this program"):
-        open_episode(path)
+        open_episode(crafted(tmp_path / "other.mcap", {}, messages=[b"{}"]))
 
 
 @pytest.mark.parametrize(
@@ -134,29 +151,14 @@ def test_a_recording_of_another_program_is_refused(tmp_path: Path) -> None:
     ],
 )
 def test_words_of_another_form_end_the_reading(tmp_path: Path, words: bytes) -> None:
-    path = tmp_path / "x.mcap"
-    with path.open("wb") as file:
-        writer = Writer(file, compression=CompressionType.NONE)
-        writer.start()
-        writer.add_metadata(RUN, {"format": "1", "origin_ns": "0"})
-        schema = writer.register_schema("x", "jsonschema", b"{}")
-        writer.add_message(writer.register_channel("/lesson", "json", schema), 1, words, 1)
-        writer.finish()
+    path = crafted(tmp_path / "x.mcap", OURS, ("/lesson", "json", "x"), [words])
     assert open_episode(path).damage
 
 
 def test_a_picture_that_is_no_picture_says_so(tmp_path: Path) -> None:
-    path = tmp_path / "x.mcap"
-    with path.open("wb") as file:
-        writer = Writer(file)
-        writer.start()
-        writer.add_metadata(RUN, {"format": "1", "origin_ns": "0"})
-        schema = writer.register_schema("foxglove.RawImage", "protobuf", b"")
-        channel = writer.register_channel("/camera", "protobuf", schema)
-        for i, data in enumerate((b"\xff" * 40, b"\x32\xff\xff\xff\xff\x0f", b"", b"\x0a\x05")):
-            writer.add_message(channel, 1, data, 1, i)
-        writer.finish()
-    episode = open_episode(path)
+    pictures = (b"\xff" * 40, b"\x32\xff\xff\xff\xff\x0f", b"", b"\x0a\x05")
+    channel = ("/camera", "protobuf", "foxglove.RawImage")
+    episode = open_episode(crafted(tmp_path / "x.mcap", OURS, channel, pictures))
     for frame_id in range(4):
         with pytest.raises(RecordingError, match="damaged"):
             episode.frame(frame_id)
@@ -164,14 +166,10 @@ def test_a_picture_that_is_no_picture_says_so(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("began", ["1e300", "-1e300", "nan", "inf", "yesterday"])
 def test_a_time_that_no_list_can_show_is_refused(tmp_path: Path, began: str) -> None:
-    path = tmp_path / "x.mcap"
-    with path.open("wb") as file:
-        writer = Writer(file)
-        writer.start()
-        writer.add_metadata(RUN, {"format": "1", "origin_ns": "0", "started_at_s": began})
-        writer.add_metadata(SUMMARY, {"duration_s": "1", "frames": "1", "taught": "{}"})
-        writer.finish()
-    summary = read_summary(path)
-    assert (summary.is_readable, summary.started_at_s) == (False, 0.0)
+    summary = {"duration_s": "1", "frames": "1", "taught": "{}"}
+    metadata = {RUN: OURS[RUN] | {"started_at_s": began}, SUMMARY: summary}
+    path = crafted(tmp_path / "x.mcap", metadata)
+    found = read_summary(path)
+    assert (found.is_readable, found.started_at_s) == (False, 0.0)
     with pytest.raises(RecordingError, match=r"x\.mcap"):
         open_episode(path)

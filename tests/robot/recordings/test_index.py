@@ -27,9 +27,10 @@ from robot.types import DEFAULT_MOVES, Encoding, Frame
 from tests.kit.frames import jpeg_frame
 from tests.kit.sizes import seeds
 
+from .long_recording import ENDS
+
 mcap = pytest.importorskip("mcap.writer", reason="the extra 'episodes' is not installed")
 HEAD = struct.Struct("<II")
-ENDS = {"dropped_frames": "0", "lost_words": "0"}
 VECTOR = {"dtype": "<f4", "shape": [2], "data": "AACAPwAAAEA="}
 
 

@@ -78,15 +78,3 @@ def test_only_what_changed_is_read_again(storage: Storage, read: list[str]) -> N
     assert sorted(read) == ["episode-00003", "episode-00005"]
     assert listed["episode-00003"].title == "the hall"
     assert "episode-00004" not in listed and not listed["episode-00005"].is_readable
-
-
-@pytest.mark.parametrize(
-    "name", ["\ud83d", "x" * 10_000, "a\0b", "..", "", ".index", "a/b", "a\\b", "\udcff"]
-)
-def test_no_name_is_more_than_not_found(storage: Storage, name: str) -> None:
-    from robot.errors import NotFoundError
-
-    store = EpisodeStore(storage)
-    for attempt in (store.summary, store.open, store.notes, store.delete, store.compact):
-        with pytest.raises(NotFoundError):
-            attempt(name)

@@ -13,41 +13,19 @@ from robot.recordings.edits import Edit, Notes
 from robot.recordings.episode import open_episode, taught_frames
 from robot.recordings.messages import Topic
 from robot.recordings.reader import Message, scan
-from robot.recordings.writer import EpisodeWriter, describe_run
 from robot.types import DEFAULT_MOVES
-from tests.kit.frames import jpeg_frame
+
+from .long_recording import ENDS, begin, teach
 
 pytest.importorskip("mcap.writer", reason="the extra 'episodes' is not installed")
-ENDS = {"dropped_frames": "0", "lost_words": "0"}
-
-
-def begin(path: Path) -> EpisodeWriter:
-    run = describe_run(
-        episode_id=path.stem, run_id="long", origin_ns=10**18, moves=DEFAULT_MOVES, learner="knn-3"
-    )
-    return EpisodeWriter(path.open("xb"), run)
-
-
-def teach(writer: EpisodeWriter, first: int, count: int) -> None:
-    """Write the recording of each picture that a robot is taught."""
-    for number in range(first, first + count):
-        now_s, label = number / 30, DEFAULT_MOVES[number // 40 % 3]
-        said = {"frame": number, "action": label, "confidence": 0.9}
-        drove = {"action": label, "sent": label, "driven_by": "pilot", "asks_pilot": False}
-        taught = {"event": "taught", "frame": number, "label": label, "intervention": False}
-        writer.write_frame(jpeg_frame(number, now_s, b"\xff\xd8" + bytes(300)))
-        writer.write_message(Topic.SENSORS, now_s, {"distance_m": number / 1000, "pose": None})
-        writer.write_message(Topic.PREDICTION, now_s, said)
-        writer.write_message(Topic.DECISION, now_s, drove)
-        writer.write_message(Topic.LESSON, now_s, taught | {"at_s": now_s, "x": None})
 
 
 @pytest.fixture(scope="module")
 def long(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A drive of 6,000 pictures in some six chunks, with the last fifty lessons undone."""
     path = tmp_path_factory.mktemp("long") / "long.mcap"
-    writer = begin(path)
-    teach(writer, 1, 6000)
+    writer = begin(path.open("xb"))
+    teach(writer, 6000)
     undone = {"event": "undone", "frames": list(range(5951, 6001))}
     writer.write_message(Topic.LESSON, 201.0, undone)
     writer.close(ENDS)

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import pytest
-from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, unknown_fields
 from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
@@ -23,6 +22,7 @@ from robot.recordings.queue import RecorderConfig
 from robot.store.disk import FLUSH_EVERY_S
 from robot.testing import VirtualClock
 from robot.types import Action, Mode
+from tests.kit.protobuf import read_protobuf
 from tests.kit.sizes import seeds
 
 from .drives import RecordedBench, record_drive
@@ -99,7 +99,7 @@ def test_every_message_is_valid_against_its_schema(tmp_path: Path) -> None:
                 Draft202012Validator.check_schema(described)
                 Draft202012Validator(described).validate(json.loads(message.data))
             else:
-                image = parse_protobuf(schema.name, schema.data, message.data)
+                image = read_protobuf(schema.name, schema.data, message.data)
                 assert schema.name == "foxglove.RawImage"
                 assert (image.width, image.height, image.encoding) == (160, 120, "rgb8")
                 assert len(image.data) == image.step * image.height
@@ -113,17 +113,6 @@ def test_every_message_is_valid_against_its_schema(tmp_path: Path) -> None:
         "/mode",
         "/lesson",
     }
-
-
-def parse_protobuf(name: str, schema: bytes, data: bytes) -> Any:
-    described = descriptor_pb2.FileDescriptorSet.FromString(schema)
-    pool = descriptor_pool.DescriptorPool()
-    for file in described.file:
-        pool.Add(file)
-    message = message_factory.GetMessageClass(pool.FindMessageTypeByName(name))()
-    message.ParseFromString(data)
-    assert len(unknown_fields.UnknownFieldSet(message)) == 0
-    return message
 
 
 def test_standing_for_a_while_ends_a_recording_and_the_next_drive_begins_another(

@@ -19,7 +19,6 @@ from robot.exchange.timeline import make_timeline
 from robot.exchange.tub import write_tub
 from robot.recordings.edits import Notes
 from robot.recordings.episode import open_episode, taught_frames
-from robot.recordings.store import EpisodeStore
 from robot.recordings.summary import read_summary
 from robot.store.folder import Storage
 from robot.types import Action, Encoding, Mode
@@ -178,9 +177,3 @@ def test_runs_in_which_nothing_was_taught_or_driven_are_not_kept(tmp_path: Path,
         robot.drive(range(5, 10), Mode.AUTONOMOUS)
     robot.stop()
     assert len(robot.finish()) == (does != "nothing")
-    assert len(EpisodeStore(Storage(tmp_path)).ids()) == 0
-
-
-def test_what_is_kept_of_a_run_can_be_learned_again(tmp_path: Path) -> None:
-    episode = record_drive(tmp_path, frames=12)
-    assert sum(read_summary(episode.path).taught.values()) == 12

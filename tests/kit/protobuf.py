@@ -1,0 +1,18 @@
+"""Messages of protobuf, read by the schema in their own file, like a viewer."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, unknown_fields
+
+
+def read_protobuf(name: str, schema: bytes, data: bytes) -> Any:
+    """Return a message; a field that its schema does not have is an error."""
+    pool = descriptor_pool.DescriptorPool()
+    for file in descriptor_pb2.FileDescriptorSet.FromString(schema).file:
+        pool.Add(file)
+    kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(name))
+    message = kind.FromString(data)
+    assert len(unknown_fields.UnknownFieldSet(message)) == 0
+    return message
