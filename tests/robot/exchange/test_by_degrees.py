@@ -6,7 +6,6 @@ import json
 import random
 import struct
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,6 @@ import pytest
 
 from robot.driver import Move
 from robot.errors import RecordingError
-from robot.exchange.drive import Drive, FrameEvent, write_episode
 from robot.exchange.film import to_jpeg
 from robot.exchange.folder import write_folder
 from robot.exchange.lerobot import write_lerobot
@@ -24,7 +22,7 @@ from robot.exchange.tub import write_tub
 from robot.recordings.edits import Notes
 from robot.recordings.episode import Episode, open_episode, taught_frames
 from robot.types import DEFAULT_MOVES, Action, Point
-from tests.robot.exchange.labels import drive_at
+from tests.robot.exchange.imported import import_from, import_pictures
 
 DRIFT = Move(Action("drift"), "Drift", steering=-0.7, throttle=0.9)
 PUSH = Move(Action("push"), "Push")
@@ -33,28 +31,20 @@ Examples = list[tuple[Action, Point | None]]
 
 def driven(path: Path, seed: int, own_move: Move | None = None) -> Episode:
     """Return an episode in which a pilot steers by degrees, sometimes by a move, or not at all."""
-    chance = random.Random(seed)
-    grey = np.random.default_rng(seed).integers(0, 256, (30, 120, 160, 3), np.uint8)
-    shots = []
-    for index, pixels in enumerate(grey):
+    chance, pilot = random.Random(seed), list[tuple[Action | None, Point | None]]()
+    for index in range(30):
         point = Point(*(np.float32(chance.uniform(low, 1)).item() for low in (-1, 0.01)))
-        label, _ = read_meant(point)
-        if index % 5 == 3:
-            label, point = own_move.name if own_move else Action.LEFT, None
-        elif index % 5 == 4:
-            label = point = None
-        shots.append(
-            FrameEvent(t_s=index / 10, picture=partial(to_jpeg, pixels), label=label, point=point)
-        )
-    drive = Drive(
-        name="drive",
-        source="test",
-        shots=shots,
+        by_move = own_move.name if own_move else Action.LEFT
+        others = {3: (by_move, None), 4: (None, None)}
+        pilot.append(others.get(index % 5, (read_meant(point)[0], point)))
+    return import_pictures(
+        path,
+        np.random.default_rng(seed).integers(0, 256, (30, 120, 160, 3), np.uint8),
+        [label for label, _ in pilot],
+        points=[point for _, point in pilot],
         moves=(*DEFAULT_MOVES, own_move.name) if own_move else DEFAULT_MOVES,
         declared_moves=(own_move,) if own_move else (),
     )
-    write_episode(drive, path)
-    return open_episode(path)
 
 
 def examples(episode: Episode) -> Examples:
@@ -62,8 +52,7 @@ def examples(episode: Episode) -> Examples:
 
 
 def back_from(path: Path, folder: Path) -> Examples:
-    write_episode(drive_at(path), folder / "back.mcap")
-    return examples(open_episode(folder / "back.mcap"))
+    return examples(import_from(path, folder / "back.mcap"))
 
 
 def as_lerobot(episode: Episode, notes: Notes, folder: Path) -> None:
@@ -100,10 +89,9 @@ def test_out_and_in_again_a_pilot_means_the_same(
 
 @pytest.mark.parametrize("form", FORMS)
 def test_a_drive_by_moves_has_nothing_more(form: str, tmp_path: Path) -> None:
-    picture = partial(to_jpeg, np.zeros((120, 160, 3), np.uint8))
-    shots = [FrameEvent(t_s=i / 10, picture=picture, label=Action.LEFT) for i in range(4)]
-    write_episode(Drive(name="d", source="t", shots=shots), tmp_path / "d.mcap")
-    FORMS[form](open_episode(tmp_path / "d.mcap"), Notes(), tmp_path / form)
+    black = np.zeros((4, 120, 160, 3), np.uint8)
+    episode = import_pictures(tmp_path / "d.mcap", black, [Action.LEFT] * 4)
+    FORMS[form](episode, Notes(), tmp_path / form)
     written = (tmp_path / form).rglob("*.catalog")
     assert not any("degrees" in path.read_text() for path in written)
     assert back_from(tmp_path / form, tmp_path) == [(Action.LEFT, None)] * 4

@@ -21,7 +21,7 @@ from robot.exchange.sources import unpacked
 from robot.recordings.episode import open_episode
 from robot.types import Action
 from tests.kit.sizes import size
-from tests.robot.exchange.labels import drive_at, taught_labels
+from tests.robot.exchange.imported import drive_at, taught_labels
 
 TUBS = size("TUBS", 12, 500)
 LABELS = {-0.7: Action.LEFT, 0.0: Action.FORWARD, 0.6: Action.RIGHT}

@@ -18,7 +18,7 @@ from robot.recordings.episode import open_episode
 from robot.recordings.messages import Topic
 from robot.types import Action
 
-from .labels import drive_at, taught_labels
+from .imported import drive_at, taught_labels
 from .made import MAKERS, Made, number_of, put
 from .sim_drive import drive_in_simulator
 

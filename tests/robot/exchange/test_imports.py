@@ -26,7 +26,7 @@ from robot.recordings.edits import Notes
 from robot.recordings.episode import open_episode
 from robot.recordings.teaching import count_steps
 from robot.types import Action, Encoding
-from tests.robot.exchange.labels import drive_at, taught_labels
+from tests.robot.exchange.imported import drive_at, taught_labels
 
 RECORDINGS = Path(
     os.environ.get(

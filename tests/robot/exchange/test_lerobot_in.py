@@ -31,7 +31,7 @@ from robot.recordings.episode import Episode, open_episode
 from robot.types import Action
 from tests.kit.sizes import size
 
-from .labels import taught_labels
+from .imported import taught_labels
 from .sim_drive import drive_in_simulator
 
 DATASETS = size("TUBS", 12, 500)

@@ -4,24 +4,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from robot.devkit.pictures import Picture
 from robot.driver import Move, describe, names, point_of
 from robot.errors import RecordingError
-from robot.exchange.drive import Drive, FrameEvent, write_episode
 from robot.exchange.folder import write_folder
 from robot.exchange.lerobot import write_lerobot
 from robot.exchange.tub import write_tub
 from robot.recordings.edits import Notes
 from robot.recordings.episode import Episode, open_episode
-from robot.types import Action, Encoding
-from tests.robot.exchange.labels import drive_at, taught_labels
+from robot.types import Action
+from tests.robot.exchange.imported import drive_at, import_from, import_pictures, taught_labels
 
 STEERED = tuple(
     Move(Action(f"steer_{place}"), steering=(place - 2) / 2, throttle=0.3) for place in range(5)
@@ -41,29 +38,9 @@ def write_dataset(episode: Episode, notes: Notes, folder: Path) -> int:
 
 
 def drive(folder: Path, declared: tuple[Move, ...], labels: list[Action | None]) -> Episode:
-    noise = np.random.default_rng(7)
-    shots = [
-        FrameEvent(
-            t_s=index / 10,
-            picture=partial(
-                Picture,
-                data=noise.integers(0, 255, 24 * 32 * 3, np.uint8).tobytes(),
-                width=32,
-                height=24,
-                encoding=Encoding.RGB,
-            ),
-            label=label,
-        )
-        for index, label in enumerate(labels)
-    ]
+    pictures = np.random.default_rng(7).integers(0, 255, (len(labels), 24, 32, 3), np.uint8)
     path = folder / "own.mcap"
-    write_episode(
-        Drive(
-            name="own", source="test", shots=shots, moves=names(declared), declared_moves=declared
-        ),
-        path,
-    )
-    return open_episode(path)
+    return import_pictures(path, pictures, labels, moves=names(declared), declared_moves=declared)
 
 
 def all_labels(declared: tuple[Move, ...]) -> list[Action | None]:
@@ -75,8 +52,7 @@ def all_labels(declared: tuple[Move, ...]) -> list[Action | None]:
 def test_labels_come_back_by_name(tmp_path: Path, declared: tuple[Move, ...], write) -> None:  # type: ignore[no-untyped-def]
     episode = drive(tmp_path, declared, all_labels(declared))
     write(episode, Notes(), tmp_path / "out")
-    write_episode(drive_at(tmp_path / "out"), tmp_path / "back.mcap")
-    back = open_episode(tmp_path / "back.mcap")
+    back = import_from(tmp_path / "out", tmp_path / "back.mcap")
     assert list(taught_labels(back).values()) == list(taught_labels(episode).values())
     assert set(back.moves) == set(names(declared))
 
@@ -89,8 +65,7 @@ def test_a_tub_carries_the_numbers_there_and_back(tmp_path: Path) -> None:
         label = record["drivelesson/label"]
         point = point_of(Action(label or "stop"), STEERED)
         assert (record["user/angle"], record["user/throttle"]) == point
-    write_episode(drive_at(tmp_path / "tub"), tmp_path / "back.mcap")
-    back = open_episode(tmp_path / "back.mcap").declared_moves
+    back = import_from(tmp_path / "tub", tmp_path / "back.mcap").declared_moves
     assert {move.name: move.point for move in back} == {m.name: m.point for m in STEERED}
 
 
@@ -98,8 +73,7 @@ def test_a_tub_carries_the_numbers_there_and_back(tmp_path: Path) -> None:
 def test_what_moves_do_on_that_body_comes_back(tmp_path: Path, write: Callable[..., int]) -> None:
     labels = all_labels(CURVED)
     write(drive(tmp_path, CURVED, labels), Notes(), tmp_path / "out")
-    write_episode(drive_at(tmp_path / "out"), tmp_path / "back.mcap")
-    back = open_episode(tmp_path / "back.mcap")
+    back = import_from(tmp_path / "out", tmp_path / "back.mcap")
     assert list(taught_labels(back).values()) == [label for label in labels if label]
     for move in CURVED:
         assert point_of(move.name, back.declared_moves) == move.point

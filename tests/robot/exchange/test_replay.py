@@ -10,9 +10,11 @@ import pytest
 from robot.errors import ConfigurationError, RecordingError
 from robot.exchange.npz import load_recording
 from robot.exchange.replay_camera import ReplayCamera, ReplayCameraOptions
+from robot.recordings.edits import Edit, Notes, write_notes
 from robot.testing import VirtualClock
 from robot.types import Frame
 from tests.robot.footage import write_footage
+from tests.robot.recordings.drives import record_drive
 
 
 def play(camera: ReplayCamera, count: int) -> list[Frame]:
@@ -48,6 +50,19 @@ def test_it_keeps_the_pace_of_the_recording(tmp_path: Path) -> None:
     assert frames[-1].captured_s - frames[0].captured_s == pytest.approx(0.40)
 
 
+def test_an_episode_plays_its_pictures_in_order_without_the_deleted_ones(tmp_path: Path) -> None:
+    episode = record_drive(tmp_path, frames=20)
+    ids = list(episode.frames)
+
+    def played(count: int) -> list[bytes]:
+        options = ReplayCameraOptions(episode=str(episode.path))
+        return [frame.data for frame in play(ReplayCamera(options, VirtualClock()), count)]
+
+    assert played(6) == [episode.frame(i).data for i in ids[:6]]
+    write_notes(episode.path, Notes(edits=(Edit(verb="delete", ranges=((ids[0], ids[3]),)),)))
+    assert played(3) == [episode.frame(i).data for i in ids[4:7]]
+
+
 def test_it_plays_a_folder_in_order_and_says_when_it_is_over(tmp_path: Path) -> None:
     first = write_footage(tmp_path / "a.npz", n_frames=2, seed=1, period_s=0.01)
     second = write_footage(tmp_path / "b.npz", n_frames=2, seed=2, period_s=0.01)
@@ -61,13 +76,20 @@ def test_it_plays_a_folder_in_order_and_says_when_it_is_over(tmp_path: Path) -> 
     assert "is over" in camera.fault
 
 
-@pytest.mark.parametrize("what", ["nothing", "missing", "empty folder", "broken"])
-def test_what_cannot_be_played_is_one_clear_error(tmp_path: Path, what: str) -> None:
+@pytest.mark.parametrize(
+    ("option", "name"),
+    [
+        *(("recording", name) for name in ("", "x.npz", "empty", "broken.npz")),
+        *(("episode", name) for name in ("missing.mcap", "broken.mcap")),
+    ],
+)
+def test_what_cannot_be_played_is_one_clear_error(tmp_path: Path, option: str, name: str) -> None:
     (tmp_path / "empty").mkdir()
-    (tmp_path / "broken.npz").write_bytes(b"no recording")
-    name = {"nothing": "", "missing": "x.npz", "empty folder": "empty", "broken": "broken.npz"}
-    recording = str(tmp_path / name[what]) if name[what] else ""
+    for broken in ("broken.npz", "broken.mcap"):
+        (tmp_path / broken).write_bytes(b"no recording")
+    path = str(tmp_path / name) if name else ""
     with pytest.raises((ConfigurationError, RecordingError)) as caught:
-        ReplayCamera(ReplayCameraOptions(recording=recording), VirtualClock()).start()
-    assert (recording or "--recording") in str(caught.value)
-    assert "\n" not in str(caught.value)
+        ReplayCamera(ReplayCameraOptions(**{option: path}), VirtualClock()).start()
+    said = str(caught.value)
+    assert name in said and "\n" not in said
+    assert path or ("--recording" in said and "--episode" in said)

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot.exchange.drive import write_episode
 from robot.exchange.folder import write_folder
 from robot.exchange.tub import write_tub
 from robot.learner.base import State
@@ -17,7 +16,7 @@ from robot.recordings.episode import Episode, open_episode
 from robot.recordings.teaching import learn_again
 from robot.store.models.model import same_nodes
 
-from .labels import drive_at
+from .imported import import_from
 from .sim_drive import Driven, drive_in_simulator
 
 
@@ -32,34 +31,21 @@ def learned(episode: Episode, learner: str) -> State:
     return policy.get_state()
 
 
-def test_the_recording_teaches_what_driving_taught(driven: Driven) -> None:
-    episode = open_episode(driven.path)
-    assert driven.lessons > 80
-    assert same_nodes(learned(episode, episode.run["learner"]), driven.state)
-
-
 def test_through_a_tub_and_back_the_nodes_are_the_same(driven: Driven, tmp_path: Path) -> None:
     episode = open_episode(driven.path)
+    assert driven.lessons > 80
     assert write_tub(episode, Notes(), tmp_path / "tub") == driven.lessons
-    write_episode(drive_at(tmp_path / "tub"), tmp_path / "back.mcap")
-    back = open_episode(tmp_path / "back.mcap")
+    back = import_from(tmp_path / "tub", tmp_path / "back.mcap")
     assert back.run["source"] == "donkeycar tub v2"
     assert same_nodes(learned(back, episode.run["learner"]), driven.state)
 
 
-def test_through_a_folder_and_back_the_nodes_are_the_same(driven: Driven, tmp_path: Path) -> None:
+def test_through_a_folder_and_back_nodes_and_times_are_the_same(
+    driven: Driven, tmp_path: Path
+) -> None:
     episode = open_episode(driven.path)
     write_folder(episode, Notes(), tmp_path / "folder")
-    write_episode(drive_at(tmp_path / "folder"), tmp_path / "back.mcap")
-    back = open_episode(tmp_path / "back.mcap")
-    assert len(back.frames) == len(episode.frames)
-    assert same_nodes(learned(back, episode.run["learner"]), driven.state)
-
-
-def test_times_survive_a_folder(driven: Driven, tmp_path: Path) -> None:
-    episode = open_episode(driven.path)
-    write_folder(episode, Notes(), tmp_path / "folder")
-    write_episode(drive_at(tmp_path / "folder"), tmp_path / "back.mcap")
-    back = open_episode(tmp_path / "back.mcap")
+    back = import_from(tmp_path / "folder", tmp_path / "back.mcap")
     gaps = [np.diff([f.captured_s for f in e.frames.values()]) for e in (episode, back)]
     assert np.allclose(*gaps, atol=2e-6)
+    assert same_nodes(learned(back, episode.run["learner"]), driven.state)

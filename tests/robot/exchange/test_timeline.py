@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-from functools import partial
 from pathlib import Path
 
 import av
@@ -13,15 +12,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.devkit.pictures import Picture
-from robot.exchange.drive import Drive, FrameEvent, write_episode
 from robot.exchange.film import write_look
 from robot.exchange.lerobot import CAMERA, write_lerobot
 from robot.exchange.stamps import seconds_of
 from robot.exchange.timeline import make_timeline
 from robot.recordings.edits import Notes
-from robot.recordings.episode import Episode, open_episode
-from robot.types import Action, Encoding
+from robot.recordings.episode import Episode
+from robot.types import Action
+
+from .imported import import_pictures
 
 EVEN = [index / 20 for index in range(60)]
 STAMPS = st.none() | st.floats() | st.integers() | st.booleans() | st.text(max_size=2)
@@ -68,24 +67,9 @@ def test_what_is_in_order_is_left_as_it_is() -> None:
 
 
 def recorded(times_s: list[float], folder: Path) -> Episode:
-    shots = [
-        FrameEvent(
-            t_s=at_s,
-            picture=partial(
-                Picture,
-                data=np.full((12, 16, 3), 4 * index, np.uint8).tobytes(),
-                width=16,
-                height=12,
-                encoding=Encoding.RGB,
-            ),
-            label=Action.FORWARD,
-        )
-        for index, at_s in enumerate(times_s)
-    ]
-    write_episode(
-        Drive(name="x", source="test", shots=shots, started_at_s=1.6e9), folder / "x.mcap"
-    )
-    return open_episode(folder / "x.mcap")
+    pictures = [np.full((12, 16, 3), 4 * index, np.uint8) for index in range(len(times_s))]
+    labels = [Action.FORWARD] * len(times_s)
+    return import_pictures(folder / "x.mcap", pictures, labels, times_s, started_at_s=1.6e9)
 
 
 def frames_of(path: Path) -> list[int]:

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from robot.devkit.pictures import Picture
-from robot.exchange.drive import Drive, FrameEvent, write_episode
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.recordings.comparison import FEWEST_FRAMES, compare
 from robot.recordings.edits import Edit, Notes
-from robot.recordings.episode import Episode, open_episode
+from robot.recordings.episode import Episode
 from robot.recordings.teaching import count_steps
-from robot.types import Action, Encoding
+from robot.types import Action
 from tests.kit.sizes import few
+from tests.robot.exchange.imported import import_pictures
 
 MOVES = (Action.FORWARD, Action.LEFT)
 
@@ -26,17 +24,11 @@ MOVES = (Action.FORWARD, Action.LEFT)
 def record(path: Path, labels: Sequence[Action], shown: Sequence[Action] | None = None) -> Episode:
     """Record pictures that are bright on the left where left is the right move."""
     noise = np.random.default_rng(len(labels))
-    shots = []
-    for i, (label, truth) in enumerate(zip(labels, shown or labels, strict=True)):
-        pixels = noise.integers(0, 60, (120, 160, 3), dtype=np.uint8)
+    pictures = noise.integers(0, 60, (len(labels), 120, 160, 3), dtype=np.uint8)
+    for pixels, truth in zip(pictures, shown or labels, strict=True):
         half = slice(0, 80) if truth is Action.LEFT else slice(80, 160)
         pixels[:, half] += 150
-        picture = partial(
-            Picture, data=pixels.tobytes(), encoding=Encoding.RGB, width=160, height=120
-        )
-        shots.append(FrameEvent(t_s=i / 10, picture=picture, label=label))
-    write_episode(Drive(name="r", source="test", shots=shots, moves=MOVES), path)
-    return open_episode(path)
+    return import_pictures(path, pictures, labels, moves=MOVES)
 
 
 def new_policy() -> Policy:

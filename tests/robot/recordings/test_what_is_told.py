@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +10,7 @@ import pytest
 from mcap.reader import make_reader
 
 from robot.coaching.gallery import images
-from robot.devkit.pictures import Picture
 from robot.errors import ConfigurationError
-from robot.exchange.drive import Drive, FrameEvent, write_episode
 from robot.exchange.film import check_suffix, write_look
 from robot.exchange.timeline import make_timeline
 from robot.exchange.tub import write_tub
@@ -21,25 +18,17 @@ from robot.recordings.edits import Notes
 from robot.recordings.episode import open_episode, taught_frames
 from robot.recordings.summary import read_summary
 from robot.store.folder import Storage
-from robot.types import Action, Encoding, Mode
+from robot.types import Action, Mode
 from server.__main__ import main
 from tests.kit.sizes import seeds
+from tests.robot.exchange.imported import import_pictures
 
 from .drives import RecordedBench, record_drive
 
 
-def imported(folder: Path, name: str, started_at_s: float) -> Path:
-    picture = partial(
-        Picture,
-        data=np.zeros((120, 160, 3), np.uint8).tobytes(),
-        encoding=Encoding.RGB,
-        width=160,
-        height=120,
-    )
-    shots = [FrameEvent(t_s=i / 10, picture=picture, label=Action.LEFT) for i in range(3)]
-    path = folder / f"{name}.mcap"
-    write_episode(Drive(name=name, source="folder", shots=shots, started_at_s=started_at_s), path)
-    return path
+def imported(folder: Path, name: str, started_at_s: float) -> None:
+    black, labels = np.zeros((3, 120, 160, 3), np.uint8), [Action.LEFT] * 3
+    import_pictures(folder / f"{name}.mcap", black, labels, started_at_s=started_at_s)
 
 
 @pytest.mark.parametrize("theirs_first", [True, False])
