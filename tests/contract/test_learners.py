@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -12,13 +9,15 @@ from robot.coaching.gallery import images
 from robot.errors import MissingExtraError
 from robot.lab.baselines import RIVALS
 from robot.lab.variants import VARIANTS
-from robot.learner import Learner, State
+from robot.learner import Learner
 from robot.policy.example_selection import Repeats
 from robot.policy.history import TrainingHistory
 from robot.policy.policy import Policy
 from robot.policy.registry import learner_kinds, make_policy
-from robot.types import Action, Encoding, Example, Frame
+from robot.types import Action, Example, Frame
+from tests.kit.frames import frame_of, noisy_blocks
 from tests.kit.sizes import few, seeds
+from tests.kit.states import same_state
 
 MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
 SIZE = 6
@@ -38,15 +37,8 @@ def make(kind: str) -> Policy:
     return make_policy(f"{kind}-{SIZE}")
 
 
-@functools.cache
 def view(scene: int, noise: int = 0) -> Frame:
-    blocks = np.random.default_rng(scene).integers(0, 200, (12, 16))
-    rgb = np.kron(blocks, np.ones((10, 10)))[:, :, None].repeat(3, axis=2)
-    rgb = rgb + np.random.default_rng(1000 + noise).integers(0, 20, rgb.shape)
-    data = rgb.astype(np.uint8).tobytes()
-    return Frame(
-        frame_id=1, captured_s=0.0, width=160, height=120, encoding=Encoding.RGB, data=data
-    )
+    return frame_of(noisy_blocks(scene, noise))
 
 
 def teach(policy: Policy, examples: int, first: int = 0) -> None:
@@ -58,17 +50,6 @@ def teach(policy: Policy, examples: int, first: int = 0) -> None:
 def each_is_learned(monkeypatch: pytest.MonkeyPatch) -> None:
     """Learn repeated views too; `Repeats` has tests of its own."""
     monkeypatch.setattr(Repeats, "on_example", lambda self, lesson: None)
-
-
-def same(a: Any, b: Any) -> bool:
-    if isinstance(a, State):
-        fields = ("kind", "params", "arrays", "labels")
-        return all(same(getattr(a, field), getattr(b, field)) for field in fields)
-    if isinstance(a, dict):
-        return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
-    if isinstance(a, np.ndarray):
-        return np.array_equal(a, b)
-    return bool(a == b)
 
 
 def test_it_is_a_learner(kind: str) -> None:
@@ -195,10 +176,10 @@ def test_undo_leaves_no_trace_of_the_examples(kind: str, seed: int) -> None:
     gone = history.undo(seconds)
     run(untouched, count - len(gone))
     assert gone
-    assert same(history.policy.get_state(), untouched.policy.get_state())
+    assert same_state(history.policy.get_state(), untouched.policy.get_state())
     for other in (history, untouched):
         teach(other.policy, 15)
-    assert same(history.policy.get_state(), untouched.policy.get_state())
+    assert same_state(history.policy.get_state(), untouched.policy.get_state())
 
 
 def test_undoing_an_edit_brings_the_image_back(kind: str) -> None:
@@ -210,6 +191,6 @@ def test_undoing_an_edit_brings_the_image_back(kind: str) -> None:
     if not history.policy.learner.abilities.images:
         pytest.skip("it says that it keeps no images")
     history.edit("delete", images(history.policy)[0].node_id)
-    assert not same(history.policy.get_state(), before)
+    assert not same_state(history.policy.get_state(), before)
     assert history.undo_edit()
-    assert same(history.policy.get_state(), before)
+    assert same_state(history.policy.get_state(), before)

@@ -29,15 +29,10 @@ from robot.policy.registry import make_policy
 from robot.simulator.body import WHEELS, move
 from robot.testing import FakeCamera, FakeDriver, VirtualClock
 from robot.types import Action, Encoding, Frame, Point, Pose
+from tests.kit.frames import make_frame
 from tests.kit.sizes import crossed
 
 WAYS = [CameraCorrection(turn_deg=t, is_mirrored=m) for t, m in product(TURNS_DEG, (False, True))]
-
-
-def picture(data: bytes, width: int, height: int, encoding: Encoding) -> Frame:
-    return Frame(
-        frame_id=1, captured_s=0.0, width=width, height=height, encoding=encoding, data=data
-    )
 
 
 RNG = np.random.default_rng(1)
@@ -54,9 +49,9 @@ def test_pictures_of_each_way_to_mount_a_camera_are_upright(mounting: CameraCorr
     scene = RNG.integers(60, 200, (3, 4, 3), np.uint8).repeat(16, axis=0).repeat(16, axis=1)
     seen = hung(scene, mounting)
     height, width = seen.shape[:2]
-    upright = mounting.upright(picture(seen.tobytes(), width, height, Encoding.RGB))
+    upright = mounting.upright(make_frame(seen.tobytes(), Encoding.RGB, width, height))
     assert (upright.width, upright.height, upright.data) == (64, 48, scene.tobytes())
-    jpeg = mounting.upright(picture(jpeg_encoder(95)(seen), width, height, Encoding.JPEG))
+    jpeg = mounting.upright(make_frame(jpeg_encoder(95)(seen), Encoding.JPEG, width, height))
     pixels = decode(jpeg.data)
     assert pixels is not None and (jpeg.width, jpeg.height) == (64, 48)
     assert np.abs(pixels[:, :, ::-1].astype(int) - scene).mean() < 8
@@ -69,7 +64,7 @@ def test_raw_pictures_of_a_usb_camera_keep_their_brightness(mounting: CameraCorr
     seen, tinted = hung(luma, mounting), hung(colours, mounting)
     height, width = seen.shape
     packed = np.stack([seen, tinted[:, ::2].reshape(height, width)], axis=2)
-    upright = mounting.upright(picture(packed.tobytes(), width, height, Encoding.YUYV))
+    upright = mounting.upright(make_frame(packed.tobytes(), Encoding.YUYV, width, height))
     assert (upright.width, upright.height, upright.encoding) == (64, 48, Encoding.YUYV)
     got = np.frombuffer(upright.data, np.uint8).reshape(48, 64, 2)
     assert (got[:, :, 0] == luma).all()
@@ -83,13 +78,13 @@ def test_what_cannot_be_turned_stays_as_it_is(
     """Its reader reports the damage, and the camera's thread does not end."""
     width, height = sides
     for data in (b"", b"no picture", b"\xff\xd8\xff" + bytes(40)):
-        taken = picture(data, width, height, encoding)
+        taken = make_frame(data, encoding, width, height)
         turned = mounting.upright(taken)
         assert turned == taken or (data == b"" and width * height == 0)
 
 
 def test_odd_raw_pictures_lose_a_line_at_most() -> None:
-    taken = picture(bytes(2 * 6 * 5), 6, 5, Encoding.YUYV)
+    taken = make_frame(bytes(2 * 6 * 5), Encoding.YUYV, 6, 5)
     turned = CameraCorrection(turn_deg=90).upright(taken)
     assert (turned.width, turned.height, len(turned.data)) == (4, 6, 2 * 4 * 6)
 

@@ -12,6 +12,7 @@ from robot.learner.classifier import GROUP_COST, BSOCClassifier
 from robot.learner.published import PublishedBSOC
 from robot.learner.ridge import ContextRidge, RecursiveRidge
 from tests.kit.sizes import examples
+from tests.kit.states import same_state
 
 LABELS = ("forward", "left", "right")
 KINDS = [
@@ -40,12 +41,6 @@ def make(kind, max_nodes):
     return BSOCClassifier(max_nodes, linear=linear, integer=kind == "integer")
 
 
-def same(one, two):
-    return one.params == two.params and all(
-        np.array_equal(one.arrays[name], two.arrays[name]) for name in one.arrays
-    )
-
-
 @pytest.mark.parametrize("kind", KINDS)
 @settings(max_examples=examples(40), deadline=None)
 @given(max_nodes=sizes, lessons=lessons)
@@ -70,12 +65,12 @@ def test_saving_and_loading_changes_nothing(kind, max_nodes, lessons, more):
     for x, y in lessons:
         learner.learn_one(x, y)
     loaded.set_state(learner.get_state())
-    assert same(learner.get_state(), loaded.get_state())
+    assert same_state(learner.get_state(), loaded.get_state())
     for x, y in more:
         assert learner.explain_one(x) == loaded.explain_one(x)
         learner.learn_one(x, y)
         loaded.learn_one(x, y)
-    assert same(learner.get_state(), loaded.get_state())
+    assert same_state(learner.get_state(), loaded.get_state())
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -103,7 +98,7 @@ def test_bad_lessons_are_refused_and_change_nothing(kind, x, y):
         if not fresh or not isinstance(y, str) or not y or x.ndim != 1 or x.size == 0:
             with pytest.raises(ValueError, match=r"vector|label|whole"):
                 learner.learn_one(x, y)
-            assert same(before, learner.get_state())
+            assert same_state(before, learner.get_state())
 
 
 @settings(max_examples=examples(60), deadline=None)

@@ -9,7 +9,9 @@ from robot.learner.votes import rarity
 from robot.policy.features import GradientFeatures
 from robot.policy.history import TrainingHistory
 from robot.policy.registry import make_policy
-from robot.types import Action, Encoding, Example, Frame, Point
+from robot.types import Action, Example, Point
+from tests.kit.frames import frame_of
+from tests.kit.states import same_state
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
 
@@ -23,36 +25,24 @@ def picture(wall: str, seed: int) -> np.ndarray:
     return np.clip(np.where(dark, 60, 170) + noise, 0, 255).astype(np.uint8)
 
 
-def frame(grey: np.ndarray, number: int = 1) -> Frame:
-    rgb = np.repeat(grey[:, :, None], 3, axis=2)
-    return Frame(
-        frame_id=number,
-        captured_s=number / 10,
-        width=160,
-        height=120,
-        encoding=Encoding.RGB,
-        data=np.ascontiguousarray(rgb).tobytes(),
-    )
-
-
 def one_sided(policy, n: int = 30):
     """All walls were on the left, so the robot was steered to the right."""
     xs = []
     for i in range(n):
         wall, label = ("none", F) if i % 2 else ("left", R)
-        xs.append((policy.extract(frame(picture(wall, i))), label))
+        xs.append((policy.extract(frame_of(picture(wall, i))), label))
     return xs
 
 
 def says(policy, wall: str) -> Action:
     policy.reset()
-    return policy.propose(1, policy.extract(frame(picture(wall, 999)))).action
+    return policy.propose(1, policy.extract(frame_of(picture(wall, 999)))).action
 
 
 def test_turning_the_vector_is_turning_the_picture():
     grey = picture("left", 0)
     features = GradientFeatures()
-    x, mirrored = (features.extract(frame(g)) for g in (grey, grey[:, ::-1]))
+    x, mirrored = (features.extract(frame_of(g)) for g in (grey, grey[:, ::-1]))
     n = features.n_gradients
     turned = x[features.mirror()].astype(float)
     # Samples are at every second pixel, so the result differs in the last bits.
@@ -76,7 +66,7 @@ def test_one_word_teaches_the_other_side_whenever_it_is_said(first):
 
 def scores(policy, context=None):
     return [
-        policy.learner.linear.scores(policy.extract(frame(picture(wall, 77))), context)
+        policy.learner.linear.scores(policy.extract(frame_of(picture(wall, 77))), context)
         for wall in ("left", "right", "none")
     ]
 
@@ -94,7 +84,7 @@ def test_said_before_or_after_it_is_the_same():
     for context in (None, 0, 1):
         for one, two in zip(scores(before, context), scores(after, context), strict=True):
             np.testing.assert_allclose(one, two[order], atol=1e-3)
-    x = before.extract(frame(picture("right", 5)))
+    x = before.extract(frame_of(picture("right", 5)))
     np.testing.assert_allclose(
         before.learner.linear.angle(x), after.learner.linear.angle(x), atol=1e-3
     )
@@ -128,26 +118,20 @@ def test_undo_and_replay_are_exact():
     one.edit("alike", value=True)
     assert one.policy.alike
     assert one.undo_edit() and not one.policy.alike
-    assert same(before, one.policy.get_state())
+    assert same_state(before, one.policy.get_state())
     for it in (one, two):
         it.edit("alike", value=True)
         teach(it, drive[10:20], 10)
     teach(one, drive[20:], 20)
     gone = one.undo(0.95)
     assert gone and len(gone) == 10
-    assert one.policy.alike and same(one.policy.get_state(), two.policy.get_state())
+    assert one.policy.alike and same_state(one.policy.get_state(), two.policy.get_state())
     again = make_policy("default-8", (F, L, R))
     again.set_state(one.policy.get_state())
     for policy in (again, one.policy):
         policy.learn(*drive[25])
-    assert same(again.get_state(), one.policy.get_state())
+    assert same_state(again.get_state(), one.policy.get_state())
     again.check()
-
-
-def same(one, two) -> bool:
-    if one.params != two.params or one.labels != two.labels:
-        return False
-    return all(np.array_equal(one.arrays[k], two.arrays[k]) for k in one.arrays | two.arrays)
 
 
 def test_an_image_that_is_deleted_is_forgotten_in_the_mirror_too():
@@ -179,14 +163,14 @@ def test_a_start_from_earlier_models_knows_their_views_and_gives_way():
     for number, policy in enumerate(earlier):
         for i in range(45):
             wall, label = [("none", F), ("left", R), ("right", L)][(i + number) % 3]
-            policy.learn(policy.extract(frame(picture(wall, 100 * number + i))), label, i / 10)
+            policy.learn(policy.extract(frame_of(picture(wall, 100 * number + i))), label, i / 10)
     states = [policy.get_state() for policy in earlier]
     fresh, begun = make_policy("default-32"), make_policy("default-32")
     assert begun.begin_like([*states, make_policy("published-8").get_state()]) == 2
-    assert begun.propose(1, begun.extract(frame(picture("left", 5)))).action is None
+    assert begun.propose(1, begun.extract(frame_of(picture("left", 5)))).action is None
     for policy in (fresh, begun):
         for i in range(8):
-            policy.learn(policy.extract(frame(picture("none", i))), F, i / 10)
+            policy.learn(policy.extract(frame_of(picture("none", i))), F, i / 10)
     assert [says(fresh, wall) for wall in ("left", "right")] == [F, F]
     assert [says(begun, wall) for wall in ("none", "left", "right")] == [F, R, L]
     assert begun.n_nodes == fresh.n_nodes
@@ -196,7 +180,7 @@ def test_a_start_from_earlier_models_knows_their_views_and_gives_way():
     for policy in (begun, again):
         for i in range(8, 40):
             wall, label = ("left", L) if i % 2 else ("none", F)
-            policy.learn(policy.extract(frame(picture(wall, i))), label, i / 10)
+            policy.learn(policy.extract(frame_of(picture(wall, i))), label, i / 10)
     assert says(begun, "left") is L
     arrays, others = begun.get_state().arrays, again.get_state().arrays
     assert all(np.array_equal(arrays[name], others[name]) for name in arrays)

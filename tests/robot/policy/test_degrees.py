@@ -21,11 +21,12 @@ from robot.policy.policy import Policy
 from robot.policy.recognition import BAND
 from robot.policy.registry import make_policy
 from robot.store.models.events import describe_event, read_event
-from robot.types import Action, Encoding, Example, Frame, Mode, Point
+from robot.store.models.model import same_nodes
+from robot.types import Action, Example, Frame, Mode, Point
+from tests.kit.frames import frame_of
 from tests.kit.sizes import crossed
 from tests.learners import installed
 from tests.robot.bench_robot import BenchRobot
-from tests.robot.policy.test_history import same
 
 LEARNERS = installed("default-8", "published-8", "integer-8")
 OF_POINTS = {"degrees_sums", "node_angles", "angles"}
@@ -38,10 +39,7 @@ def view(bend: float, noise: int) -> Frame:
     columns = np.abs(np.arange(160) - 80 - 60 * bend) < 12
     dice = np.random.default_rng((noise, 1 + round(bend * 1e6) % 2**31))
     pixels = 40 + 150 * columns[None, :, None] + dice.integers(0, 12, (120, 160, 3))
-    data = pixels.astype(np.uint8).tobytes()
-    return Frame(
-        frame_id=1, captured_s=0.0, width=160, height=120, encoding=Encoding.RGB, data=data
-    )
+    return frame_of(pixels)
 
 
 def way(seed: int, frames: int) -> list[float]:
@@ -107,7 +105,7 @@ def test_the_moves_are_learned_bit_for_bit_as_without_degrees(learner: str, seed
     teach(beside, seed, 90, has_point=lambda i: i % 7 > 1)
     assert not OF_POINTS & alone.policy.get_state().arrays.keys()
     assert OF_POINTS & beside.policy.get_state().arrays.keys()
-    assert same(alone.policy.get_state(), without_points(beside.policy.get_state()))
+    assert same_nodes(alone.policy.get_state(), without_points(beside.policy.get_state()))
     for i, bend in enumerate(way(seed + 10, 40)):
         one, two = (h.policy.propose(i, h.policy.extract(view(bend, i))) for h in histories)
         assert one.point is None and one.spread is None and two.point is not None
@@ -147,7 +145,7 @@ def test_points_are_undone_as_if_they_had_never_been(learner: str, seed: int) ->
     teach(history, seed + 1, 60, first=n_alone)
     assert history.policy.usual_point(Action.LEFT) is not None
     assert len(history.undo(5.95)) == 60
-    assert same(history.policy.get_state(), alone)
+    assert same_nodes(history.policy.get_state(), alone)
     assert history.policy.get_state().params == alone.params
     assert history.policy.propose(1, history.policy.extract(view(0.0, 0))).point is None
 
@@ -171,7 +169,7 @@ def test_a_policy_that_is_restored_goes_on_as_the_first(learner: str, seed: int)
             for policy in policies:
                 policy.learner.delete_node(gone)
                 policy.check()
-    assert same(first.get_state(), second.get_state())
+    assert same_nodes(first.get_state(), second.get_state())
     assert first.get_state().params == second.get_state().params
     assert answers(first, seed + 50) == answers(second, seed + 50)
 

@@ -9,8 +9,8 @@ from robot.coaching.gallery import explain
 from robot.policy.features import CELL_COLUMNS, CELL_ROWS
 from robot.policy.registry import make_policy
 from robot.types import Action
+from tests.kit.frames import frame_of
 from tests.kit.sizes import crossed
-from tests.robot.policy.pictures import frame_of
 
 NAMES = ("default-16", "published-16")
 """Learners on gradients, and on grey pixels only."""

@@ -5,7 +5,7 @@ import pytest
 
 from robot.learner.ridge import RecursiveRidge
 from robot.policy.features import GradientFeatures, GreyFeatures
-from tests.robot.policy.pictures import frame_of
+from tests.kit.frames import frame_of
 
 
 @pytest.fixture

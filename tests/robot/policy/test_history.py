@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from robot.coaching.gallery import LearnedImage, images
-from robot.learner.base import State
 from robot.policy.history import (
     Edited,
     HistoryEvent,
@@ -24,6 +23,7 @@ from robot.policy.history import (
 from robot.policy.part import PolicyPart, TaughtExample
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
+from robot.store.models.model import same_nodes
 from robot.types import Action, Example, Point
 from tests.kit.sizes import crossed
 from tests.robot.bench_robot import BenchRobot
@@ -44,15 +44,6 @@ def teach(history: TrainingHistory, xs: list[np.ndarray], first: int = 0) -> Non
         history.teach(example, x, captured_s=i * STEP_S)
 
 
-def same(a: State, b: State) -> bool:
-    return (
-        a.kind == b.kind
-        and a.labels == b.labels
-        and a.arrays.keys() == b.arrays.keys()
-        and all(np.array_equal(a.arrays[key], b.arrays[key]) for key in a.arrays)
-    )
-
-
 def test_undo_can_be_repeated_back_to_the_beginning() -> None:
     history = TrainingHistory(make_policy("published-8"))
     fresh = history.policy.get_state()
@@ -60,7 +51,7 @@ def test_undo_can_be_repeated_back_to_the_beginning() -> None:
     assert len(history.undo(5.0)) == 50
     assert len(history.undo(5.0)) == 50
     assert len(history.undo(30.0)) == 20
-    assert same(history.policy.get_state(), fresh)
+    assert same_nodes(history.policy.get_state(), fresh)
     assert history.n_examples == 0
     assert history.undo(5.0) == []
 
@@ -89,9 +80,9 @@ def test_an_edit_is_undone_alone_and_lessons_stay() -> None:
     node = images(history.policy)[0]
     wrong = min(MOVES, key=lambda move: node.votes.get(move, 0))
     history.edit("relabel", node.node_id, wrong)
-    assert not same(history.policy.get_state(), before)
+    assert not same_nodes(history.policy.get_state(), before)
     assert history.undo_edit()
-    assert same(history.policy.get_state(), before)
+    assert same_nodes(history.policy.get_state(), before)
     assert not history.undo_edit()
 
 
@@ -134,7 +125,7 @@ def test_undoing_lessons_keeps_the_edits_made_meanwhile() -> None:
     with_edit = history.policy.get_state()
     teach(history, xs[8:12], first=8)
     assert len(history.undo(0.35)) == 4
-    assert same(history.policy.get_state(), with_edit)
+    assert same_nodes(history.policy.get_state(), with_edit)
 
 
 def test_a_bad_edit_is_refused_and_changes_nothing() -> None:
@@ -145,7 +136,7 @@ def test_a_bad_edit_is_refused_and_changes_nothing() -> None:
         history.edit("delete", 10_000)
     with pytest.raises(ValueError, match="paint"):
         history.edit("paint", images(history.policy)[0].node_id)
-    assert same(history.policy.get_state(), before)
+    assert same_nodes(history.policy.get_state(), before)
 
 
 N_PARTS = len(make_policy("default-8")._learning)
@@ -184,7 +175,7 @@ def test_an_example_that_a_plugin_refuses_leaves_no_trace_and_undo_is_exact(done
         gone = [example.frame_id for example in history.undo(seconds)]
         assert gone == [example.frame_id for example in untouched.undo(seconds)]
         here, there = history.policy.get_state(), untouched.policy.get_state()
-        assert same(here, there)
+        assert same_nodes(here, there)
         assert here.params == there.params
         assert (history.taught, history.teaching_s) == (untouched.taught, untouched.teaching_s)
 
@@ -199,7 +190,7 @@ def test_where_a_plugin_refuses_to_learn_again_nothing_is_undone(error: Exceptio
     for undo in (lambda: history.undo(0.45), history.undo_edit):
         with pytest.raises(type(error)):
             undo()
-        assert same(policy.get_state(), before)
+        assert same_nodes(policy.get_state(), before)
         assert policy.get_state().params == before.params
         assert history.n_examples == 26
     plugin.refuses = False
@@ -276,7 +267,7 @@ def test_an_undo_is_as_exact_after_the_log_was_shortened() -> None:
     assert len(history.last_examples(1e9)) < len(times_s)
     assert len(history.undo(2.0)) == 4
     teach_at(untouched, *times_s[:-4])
-    assert same(history.policy.get_state(), untouched.policy.get_state())
+    assert same_nodes(history.policy.get_state(), untouched.policy.get_state())
 
 
 def test_teaching_time_begins_at_zero_and_undo_turns_it_back() -> None:
@@ -314,7 +305,7 @@ def test_another_policy_goes_on_with_what_it_was_taught_and_none_of_that_is_undo
     teach(history, vectors(loaded, 2), first=3)
     assert history.n_examples == 7
     assert len(history.undo(30.0)) == 2
-    assert same(loaded.get_state(), before)
+    assert same_nodes(loaded.get_state(), before)
     assert history.taught == {Action.FORWARD: 5}
     history.replace_policy(make_policy("published-4"))
     assert history.n_examples == 0
@@ -362,10 +353,10 @@ def test_a_learner_begins_each_drive_again_after_an_undo() -> None:
         if first == 0:
             history.begin_drive()
             by_hand.reset()
-    assert same(history.policy.get_state(), by_hand.get_state())
+    assert same_nodes(history.policy.get_state(), by_hand.get_state())
     teach(history, xs[:5], first=60)
     assert len(history.undo(5 * STEP_S)) == 5
-    assert same(history.policy.get_state(), by_hand.get_state())
+    assert same_nodes(history.policy.get_state(), by_hand.get_state())
 
 
 @crossed(learner=LEARNERS, seconds=[0.5, 5.0, 30.0])
@@ -380,12 +371,12 @@ def test_undo_leaves_the_learner_as_if_the_lessons_had_never_been(
 
     untouched = TrainingHistory(make_policy(learner))
     teach(untouched, xs[: len(xs) - len(gone)])
-    assert same(history.policy.get_state(), untouched.policy.get_state())
+    assert same_nodes(history.policy.get_state(), untouched.policy.get_state())
     assert history.taught == untouched.taught
 
     teach(history, xs[:20], first=500)
     teach(untouched, xs[:20], first=500)
-    assert same(history.policy.get_state(), untouched.policy.get_state())
+    assert same_nodes(history.policy.get_state(), untouched.policy.get_state())
 
 
 @pytest.mark.parametrize("learner", LEARNERS)
@@ -399,7 +390,7 @@ def test_an_undone_lesson_is_no_images_last_one_either(learner: str) -> None:
     for history, at_s in zip(histories, (10.26, 10.01), strict=True):
         teach_forward(history, xs[83:], [at_s])  # too soon to be learned
     undone, untouched = (history.policy.get_state() for history in histories)
-    assert same(undone, untouched)
+    assert same_nodes(undone, untouched)
     assert undone.params["last_taught"] == untouched.params["last_taught"]
 
 

@@ -6,14 +6,13 @@ import pytest
 
 from robot.errors import CameraError
 from robot.policy import image
-from robot.types import Encoding, Frame
+from robot.types import Encoding
+from tests.kit.frames import make_frame
 from tests.kit.sizes import crossed
 
 
-def frame(data, encoding, width=16, height=12):
-    return Frame(
-        frame_id=1, captured_s=0.0, width=width, height=height, encoding=encoding, data=data
-    )
+def frame(data, encoding):
+    return make_frame(data, encoding, width=16, height=12)
 
 
 @pytest.fixture

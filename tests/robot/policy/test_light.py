@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from robot.policy.light import ANOTHER_LIGHT, LightAdaptation
 from robot.policy.registry import make_policy
-from robot.types import Action, Encoding, Frame
+from robot.types import Action, Frame
+from tests.kit.frames import frame_of
 from tests.kit.sizes import crossed
 from tests.learners import installed
 from tests.robot.policy.passing import see, teach
@@ -63,19 +64,10 @@ def test_before_the_first_example_nothing_changes():
 def picture(kind: int, light: float, seed: int) -> Frame:
     rng = np.random.default_rng(seed)
     pixels = np.full((120, 160, 3), 150.0)
-    pixels[:, 80 * kind : 80 * kind + 80] = (
-        90.0  # two plain halves, which hardly differ except in grey
-    )
+    # Two plain halves, which hardly differ except in grey.
+    pixels[:, 80 * kind : 80 * kind + 80] = 90.0
     pixels += rng.normal(0.0, 6.0, pixels.shape)
-    data = (pixels * light).clip(0, 255).astype(np.uint8).tobytes()
-    return Frame(
-        frame_id=seed,
-        captured_s=0.1 * seed,
-        width=160,
-        height=120,
-        encoding=Encoding.RGB,
-        data=data,
-    )
+    return frame_of((pixels * light).clip(0, 255), seed, 0.1 * seed)
 
 
 @crossed(light=[0.35, 0.5], without=installed("without-adaptation-8"))

@@ -9,7 +9,8 @@ from robot.coaching.gallery import images
 from robot.driver import Move
 from robot.errors import ConfigurationError
 from robot.policy.registry import make_policy
-from robot.types import Action, Encoding, Frame, Point
+from robot.types import Action, Point
+from tests.kit.frames import frame_of, noisy_blocks
 from tests.kit.sizes import crossed
 from tests.learners import installed
 
@@ -17,13 +18,7 @@ F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
 
 
 def view(seed, level=0):
-    rng = np.random.default_rng(seed)
-    rgb = np.kron(rng.integers(0, 200, (12, 16)), np.ones((10, 10)))[:, :, None].repeat(3, axis=2)
-    noise = np.random.default_rng(1000 + level).integers(0, 20, rgb.shape)
-    data = (rgb + noise).astype(np.uint8).tobytes()
-    return Frame(
-        frame_id=1, captured_s=0.0, width=160, height=120, encoding=Encoding.RGB, data=data
-    )
+    return frame_of(noisy_blocks(seed, level))
 
 
 def taught(name, n=40):

@@ -11,7 +11,8 @@ from robot.errors import ConfigurationError, NotFoundError
 from robot.store.folder import Storage
 from robot.store.models.store import ModelStore
 from server.library.models import ModelLibrary
-from tests.robot.store.models.test_model import same, some_model
+from tests.kit.states import same_state
+from tests.robot.store.models.test_model import some_model
 from tests.robot.store.models.test_store import everything
 
 
@@ -36,7 +37,7 @@ def test_what_is_saved_is_listed_and_loaded(store: ModelStore, library: ModelLib
     assert (kitchen.name, kitchen.is_current) == ("kitchen", True)
     assert kitchen.summary is not None and kitchen.summary.n_examples == 40
     assert kitchen.summary.place == "the kitchen"
-    assert same(store.load("kitchen").state, model.state)
+    assert same_state(store.load("kitchen").state, model.state)
 
 
 def test_rename_copy_delete_and_restore(store: ModelStore, library: ModelLibrary) -> None:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from robot.bodies.ev3.integer_features import IntegerGradientFeatures
-from robot.types import Encoding, Frame
+from robot.types import Encoding
+from tests.kit.frames import make_frame
 
 FEATURES = IntegerGradientFeatures()
 N = FEATURES.n_gradients
@@ -18,14 +19,7 @@ def frame(grey, encoding=Encoding.YUYV):
     if encoding is Encoding.YUYV:
         pixels = pixels[:, :, :2].copy()
         pixels[:, :, 1] = 128
-    return Frame(
-        frame_id=1,
-        captured_s=0.0,
-        width=width,
-        height=height,
-        encoding=encoding,
-        data=pixels.tobytes(),
-    )
+    return make_frame(pixels.tobytes(), encoding, width, height)
 
 
 def room(seed=3):
@@ -87,19 +81,6 @@ def test_gradients_stay_when_the_light_changes():
         for pixels in (room(), room() * 0.6, room()[:, ::-1])
     )
     assert np.linalg.norm(bright - dim) < 0.3 * np.linalg.norm(bright - other)
-
-
-def test_a_plain_frame_has_no_gradients():
-    assert not FEATURES.extract(frame(np.full((120, 160), 77.0)))[:N].any()
-
-
-@pytest.mark.parametrize("turn", range(8))
-def test_each_direction_has_its_bin(turn):
-    rows, columns = np.mgrid[0:120, 0:160]
-    angle = turn * np.pi / 4
-    ramp = 128 + 0.9 * ((columns - 80) * np.cos(angle) + (rows - 60) * np.sin(angle))
-    x = FEATURES.extract(frame(ramp.round()))[:N]
-    assert x.reshape(20, 8).astype(int).sum(axis=0).argmax() == turn
 
 
 def test_black_beside_white_in_every_direction_is_in_the_table():

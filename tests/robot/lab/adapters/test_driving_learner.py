@@ -10,32 +10,26 @@ from robot.driver import CLASSIC, Move
 from robot.lab.adapters.driving_learner import DrivingLearner
 from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
-from robot.types import Action, Encoding, Frame, PilotCommand, Point
+from robot.types import Action, PilotCommand, Point
+from tests.kit.frames import frame_of, noisy_blocks
 
 MOVES = ("left", "right", "gas")
 
 
-def picture(scene: int, seed: int = 0) -> np.ndarray:
-    blocks = np.random.default_rng(scene).integers(0, 200, (12, 16))
-    pixels = np.kron(blocks, np.ones((10, 10)))[:, :, None].repeat(3, axis=2)
-    noise = np.random.default_rng(1000 + seed).integers(0, 20, pixels.shape)
-    return (pixels + noise).astype(np.uint8)
-
-
 def test_it_proposes_nothing_before_the_first_example() -> None:
-    assert DrivingLearner(MOVES).see(picture(1), 0.0).action is None
+    assert DrivingLearner(MOVES).see(noisy_blocks(1), 0.0).action is None
 
 
 def test_it_does_what_it_was_shown() -> None:
     learner = DrivingLearner(MOVES)
     for i in range(60):
-        learner.see(picture(i // 5 % 3, i), 0.1 * i)
+        learner.see(noisy_blocks(i // 5 % 3, i), 0.1 * i)
         learner.teach(MOVES[i // 5 % 3])
     learner.reset()
     for scene, move in enumerate(MOVES):
         learner.reset()
         for i in range(5):
-            proposed = learner.see(picture(scene, 500 + i), 10.0 + scene + 0.1 * i).action
+            proposed = learner.see(noisy_blocks(scene, 500 + i), 10.0 + scene + 0.1 * i).action
         assert proposed == move
 
 
@@ -50,7 +44,7 @@ def test_a_move_is_what_it_does_whatever_it_is_called() -> None:
     rng = np.random.default_rng(3)
     for i in range(120):
         taught = classic[i // 6 % 4] if i < 40 or rng.random() < 0.3 else None
-        first, second = (learner.see(picture(i // 6 % 5, i), 0.1 * i) for learner in learners)
+        first, second = (learner.see(noisy_blocks(i // 6 % 5, i), 0.1 * i) for learner in learners)
         assert [own[move] for move in first.probabilities] == list(second.probabilities)
         assert list(first.probabilities.values()) == list(second.probabilities.values())
         assert first.action is None or own[first.action] == second.action
@@ -67,17 +61,9 @@ def test_it_is_the_learner_of_the_control_loop() -> None:
     )
     under_way = None
     for i in range(80):
-        pixels, at_s = picture(i // 7 % 4, i), 0.1 * i
+        pixels, at_s = noisy_blocks(i // 7 % 4, i), 0.1 * i
         taught = MOVES[i // 7 % 3] if i < 30 or rng.random() < 0.3 else None
-        frame = Frame(
-            frame_id=i + 1,
-            captured_s=at_s,
-            width=160,
-            height=120,
-            encoding=Encoding.RGB,
-            data=pixels.tobytes(),
-        )
-        loop.look(frame, under_way)
+        loop.look(frame_of(pixels, i + 1, at_s), under_way)
         assert own.see(pixels, at_s) == loop.prediction
         under_way = None
         if taught is not None:
@@ -93,11 +79,11 @@ def test_it_is_the_learner_of_the_control_loop() -> None:
 def test_what_was_taught_can_be_taken_back() -> None:
     learner = DrivingLearner(MOVES)
     for i in range(30):
-        learner.see(picture(1, i), 0.1 * i)
+        learner.see(noisy_blocks(1, i), 0.1 * i)
         learner.teach("gas" if i < 20 else "left")
     assert learner.undo(0.95) == 10
     assert learner.n_examples == 20
-    assert learner.see(picture(1, 99), 3.1).action == "gas"
+    assert learner.see(noisy_blocks(1, 99), 3.1).action == "gas"
 
 
 def test_bad_input_is_named() -> None:
@@ -108,7 +94,7 @@ def test_bad_input_is_named() -> None:
         learner.teach("gas")
     with pytest.raises(ValueError, match="shape"):
         learner.see(np.zeros((120, 160), np.uint8), 0.0)
-    learner.see(picture(1), 0.0)
+    learner.see(noisy_blocks(1), 0.0)
     with pytest.raises(ValueError, match="fly"):
         learner.teach("fly")
 
@@ -117,10 +103,10 @@ def test_bad_input_is_named() -> None:
 def test_a_time_that_is_none_is_refused_and_undo_goes_on(at_s: float) -> None:
     learner = DrivingLearner(MOVES)
     for i in range(20):
-        learner.see(picture(1, i), 0.1 * i)
+        learner.see(noisy_blocks(1, i), 0.1 * i)
         learner.teach("gas")
         with pytest.raises(ValueError, match="seconds"):
-            learner.see(picture(1, i), at_s)
+            learner.see(noisy_blocks(1, i), at_s)
         with pytest.raises(ValueError, match="see"):  # and an earlier picture is not taught twice
             learner.teach("gas")
     assert learner.undo(0.95) == 10
@@ -129,8 +115,8 @@ def test_a_time_that_is_none_is_refused_and_undo_goes_on(at_s: float) -> None:
 @pytest.mark.parametrize("steering", [float("nan"), 1.5, -1e30])
 def test_steering_that_is_none_is_refused(steering: float) -> None:
     learner = DrivingLearner(MOVES)
-    learner.see(picture(1), 0.0)
+    learner.see(noisy_blocks(1), 0.0)
     with pytest.raises(ValueError, match="-1 to 1"):
         learner.teach("left", point=Point(steering, 0.5))
     learner.teach("left", point=Point(-0.5, 0.5))
-    assert learner.see(picture(1), 0.1).point == Point(-0.5, 0.5)
+    assert learner.see(noisy_blocks(1), 0.1).point == Point(-0.5, 0.5)

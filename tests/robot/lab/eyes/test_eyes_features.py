@@ -9,7 +9,7 @@ from robot.lab.eyes.features import EyesFeatures
 from robot.policy.features import GreyFeatures
 from robot.policy.registry import make_policy
 from robot.types import Action, Encoding, Frame
-from tests.robot.policy.pictures import frame_of
+from tests.kit.frames import frame_of, make_frame
 
 Pixels = NDArray[np.uint8]
 
@@ -66,11 +66,8 @@ def test_a_view_is_the_same_to_a_camera_of_any_size(features: EyesFeatures, time
 
 
 def test_a_broken_frame_is_a_camera_error(features: EyesFeatures) -> None:
-    broken = Frame(
-        frame_id=1, captured_s=0.0, width=160, height=120, encoding=Encoding.RGB, data=b"no"
-    )
     with pytest.raises(CameraError):
-        features.extract(broken)
+        features.extract(make_frame(b"no", Encoding.RGB))
 
 
 def test_it_drives_by_few_examples_in_another_light(features: EyesFeatures) -> None:

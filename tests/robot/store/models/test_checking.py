@@ -22,22 +22,14 @@ from robot.store.folder import Storage
 from robot.store.models.model import _checksum, decode_model, encode_model, take_model
 from robot.store.models.store import ModelStore
 from robot.store.models.trial import try_model
-from robot.types import Action, Encoding, Frame
-from tests.kit.sizes import IS_FULL, crossed
+from robot.types import Action, Encoding
+from tests.kit.frames import make_frame
+from tests.kit.sizes import crossed
 from tests.learners import installed
 
-EVERY = 1 if IS_FULL else 10
-"""One in this number of malformed models is tried; all in CI."""
 LEARNERS = installed("default-4", "published-4", "whole-numbers-4", "integer-4", "knn-3")
 Arrays = dict[str, NDArray[Any]]
-FRAME = Frame(
-    frame_id=1,
-    captured_s=0.0,
-    width=160,
-    height=120,
-    encoding=Encoding.YUYV,
-    data=bytes(2 * 160 * 120),
-)
+FRAME = make_frame(bytes(2 * 160 * 120), Encoding.YUYV)
 
 
 @lru_cache
