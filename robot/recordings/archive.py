@@ -5,11 +5,13 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import BinaryIO, cast
 
 from robot.recordings.copying import copy_recording
+from robot.recordings.editing import write_edited
+from robot.recordings.edits import Notes
 from robot.recordings.episode import open_episode
 from robot.recordings.parts import files_of, part_paths
 
@@ -24,10 +26,6 @@ class _Sink(io.RawIOBase):
 
     def tell(self) -> int:
         return self._fetched + len(self._waiting)
-
-    @property
-    def waiting_bytes(self) -> int:
-        return len(self._waiting)
 
     def close(self) -> None:
         """Stay readable: the file's writer closes it."""
@@ -46,14 +44,37 @@ class _Sink(io.RawIOBase):
         return data
 
 
-def join_recording(path: Path) -> Iterator[bytes]:
-    """Yield all files of a recording as one MCAP file, block by block."""
-    sink = _Sink()
-    episode = open_episode(path)
-    for _ in copy_recording(episode, cast(BinaryIO, sink), episode.run):
-        if sink.waiting_bytes >= _BLOCK_BYTES:
-            yield sink.fetch()
-    yield sink.fetch()
+class BlockWriter(_Sink):
+    """A file for writing that passes its bytes to `tell` in blocks of 1 MB; `end` passes the
+    rest."""
+
+    def __init__(self, tell: Callable[[bytes], None]) -> None:
+        super().__init__()
+        self._tell = tell
+
+    def write(self, data: bytes) -> int:  # type: ignore[override]
+        super().write(data)
+        if len(self._waiting) >= _BLOCK_BYTES:
+            self._tell(self.fetch())
+        return len(data)
+
+    def end(self) -> None:
+        self._tell(self.fetch())
+
+
+def join_recording(tell: Callable[[bytes], None], path: Path) -> None:
+    """Pass all files of a recording as one MCAP file to `tell`, block by block."""
+    file, episode = BlockWriter(tell), open_episode(path)
+    for _ in copy_recording(episode, cast(BinaryIO, file), episode.run):
+        pass
+    file.end()
+
+
+def copy_edited(tell: Callable[[bytes], None], path: Path, notes: Notes, is_part: bool) -> None:
+    """Pass what `write_edited` writes to `tell`, block by block."""
+    file = BlockWriter(tell)
+    write_edited(open_episode(path), notes, cast(BinaryIO, file), is_part=is_part)
+    file.end()
 
 
 def zip_recordings(paths: Sequence[Path]) -> Iterator[bytes]:

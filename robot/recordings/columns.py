@@ -204,7 +204,7 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
                 and {type(is_one) for is_one in interventions} <= {bool}
                 and all(0 <= frame < 2**32 for frame in frames)
             )
-            numbers = {label: self._number(label) for label in set(labels)}
+            numbers = {label: self._number(label) for label in dict.fromkeys(labels)}
         except UNREADABLE:
             return False
         if not is_plain or _NOT_PLAIN in numbers.values():

@@ -7,7 +7,7 @@ from bisect import bisect_left
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, groupby, islice
-from typing import BinaryIO
+from typing import BinaryIO, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,8 +110,13 @@ def sample(
     chosen = [int(ranks[i]) for i in even(len(ranks), count)]
     found: list[EpisodeFrame] = []
     for offset, same in groupby(chosen, key=lambda rank: table.table["chunk"][rank]):
-        blocks = islice(episode.blocks(int(offset)), 2)
-        found += _told(episode, notes, labels, blocks, list(same))
+        own, blocks = list(same), episode.blocks_after(int(offset))
+        read = list(islice(blocks, 1))
+        here = list(_told(episode, notes, labels, read, own))
+        if any(None in (one.predicted, one.driven_by, one.distance_m) for one in here):
+            read += islice(blocks, 1)  # the messages may follow in the next chunk
+            here = list(_told(episode, notes, labels, read, own))
+        found += here
     return found
 
 
@@ -277,6 +282,14 @@ def edit_of(verb: str, between: Range, episode: Episode, label: str | None = Non
             raise ConfigurationError(f"unknown label {label!r}; known: {', '.join(known)}")
         move = Action(label)
     return Edit(verb=verb, ranges=(between,), label=move)
+
+
+class EditedWriter(Protocol):
+    """A way to run `write_edited`."""
+
+    def __call__(
+        self, episode: Episode, notes: Notes, file: BinaryIO, *, is_part: bool = False
+    ) -> None: ...
 
 
 def write_edited(episode: Episode, notes: Notes, file: BinaryIO, *, is_part: bool = False) -> None:

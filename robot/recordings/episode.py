@@ -156,11 +156,15 @@ class Episode:
                 self._chunks_bytes -= len(self._chunks.pop(next(iter(self._chunks))))
         return data
 
-    def blocks(self, offset: int = 0) -> Iterator[Block]:
-        """Yield the recording chunk by chunk, from the beginning or from the chunk at an offset."""
-        for block in blocks_after(self.path, offset, self.channels):
+    def blocks(self) -> Iterator[Block]:
+        """Yield the recording chunk by chunk; the pictures of the last chunks stay in memory."""
+        for block in self.blocks_after(0):
             self._keep(block.offset, block.data)
             yield block
+
+    def blocks_after(self, offset: int) -> Iterator[Block]:
+        """Yield the recording's chunks from the one at an offset on."""
+        return blocks_after(self.path, offset, self.channels)
 
     def messages(self, topic: Topic) -> Iterator[tuple[float, Fields]]:
         """Yield the messages of a topic with their times, in the order of the file."""

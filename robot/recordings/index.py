@@ -40,7 +40,8 @@ _MOST_RESULTS = 1000
 _MOST_BYTES = 2**26
 _HEAD = struct.Struct("<II")
 """The checksum of a section, and the length of its description."""
-READ = set(Topic) - {Topic.POSE}  # not /pose: the sensors also contain the pose
+SPANNED = tuple(t for t in Topic if t not in (Topic.CAMERA, Topic.POSE))
+"""The topics whose times count for the duration. The sensors also contain the pose."""
 
 
 class Columns:
@@ -60,7 +61,7 @@ class Columns:
         self.pictures += len(block.of(Topic.CAMERA))
         rows = block.of(Topic.LESSON)
         times_s = ((rows["log_ns"].astype("<i8") - self.frames.origin_ns) / 1e9).tolist()
-        self.span.add(block, READ - {Topic.CAMERA})
+        self.span.add(block, SPANNED)
         self.lessons.add(times_s, block.texts(rows))
         rows = block.of(Topic.RESULT)
         told = read_fields(block.texts(rows))

@@ -113,12 +113,13 @@ def blocks_after(
 ) -> Iterator[Block]:
     """Yield a recording's chunks from `offset` on; `channels` are the channels of each file."""
     first = offset >> _BITS
+    if offset:
+        begin, own = base_of(first), channels.get(first, {})
+        for block in blocks_from(part_path(path, first), offset - begin, own):
+            yield block._replace(offset=block.offset + begin)
     for number, file in part_paths(path).items():
-        if number > first or (number == first and offset == 0):
+        if number > first or offset == 0:
             yield from (part for part in walk_part(number, file) if isinstance(part, Block))
-        elif number == first:
-            for block in blocks_from(file, offset - base_of(number), channels.get(number, {})):
-                yield block._replace(offset=block.offset + base_of(number))
 
 
 def read_chunk_at(path: Path, offset: int) -> bytes:

@@ -418,7 +418,7 @@ class _Content:
         if places is None:
             places, trouble = self._walked(data)
         rows = _rows(data, places)
-        for number in np.unique(rows["channel"]).tolist():
+        for number in set(rows["channel"].tolist()):
             if number not in self.channels:
                 raise RecordingError("a message of an unknown channel")
         yield Block(offset, self.channels, data, rows)

@@ -11,7 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from robot.errors import ConfigurationError, NotFoundError, RecordingError, told_as
-from robot.recordings.editing import write_edited
+from robot.recordings.editing import EditedWriter, write_edited
 from robot.recordings.edits import Edit, Notes, notes_path, read_notes, trim, write_notes
 from robot.recordings.episode import Episode, open_episode
 from robot.recordings.folder import NAME
@@ -47,8 +47,9 @@ class EpisodeStore:
         self,
         storage: Storage,
         recording: Callable[[], str | None] | None = None,
+        write: EditedWriter = write_edited,
     ) -> None:
-        self._storage = storage
+        self._storage, self._write = storage, write
         self._recording = recording or (lambda: None)
         self._is_recorder = recording is not None  # False: another program may be recording
         self.budget_bytes = DEFAULT_BUDGET_BYTES
@@ -173,7 +174,7 @@ class EpisodeStore:
             path = self._idle_path(episode_id)
             notes, episode = read_notes(path), self.open(episode_id)
             with whole_file(path) as file:
-                write_edited(episode, notes, file)
+                self._write(episode, notes, file)
                 if self.open(episode_id) is not episode or read_notes(path) != notes:
                     raise ConfigurationError("this episode was changed meanwhile; try again")
                 key = self._storage.discard(*files_of(path))
@@ -196,7 +197,7 @@ class EpisodeStore:
             second = notes.with_edit(trim(episode.frames, after[0], after[-1]))
             with self.new_file(f"{episode_id[:60]}-2") as new:
                 with whole_file(new) as file:
-                    write_edited(episode, second, file, is_part=True)
+                    self._write(episode, second, file, is_part=True)
                 if notes.title:
                     write_notes(new, Notes(title=f"{notes.title} 2"))
                 self.edit(episode_id, trim(episode.frames, before[0], before[-1]))

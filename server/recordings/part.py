@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, BinaryIO
 
 from robot.devices.rig import Rig
 from robot.driver import describe
+from robot.recordings.archive import copy_edited
+from robot.recordings.editing import write_edited
+from robot.recordings.edits import Notes
+from robot.recordings.episode import Episode
 from robot.recordings.folder import NAME
 from robot.recordings.queue import RecorderConfig
 from robot.recordings.recorder import Recorder
 from robot.recordings.rejoining import rejoin
 from robot.recordings.store import EpisodeStore
 from server.persistence import Persistence, PersistencePart
+from server.recordings.separate_process import run_separately
+
+_SHORT = 5000
+"""Number of pictures up to which a copy takes no longer than the start of a process."""
 
 
 class Recordings(PersistencePart):
@@ -30,7 +38,7 @@ class Recordings(PersistencePart):
             disk=kept.disk,
         )
         self._storage = kept.storage
-        self.episodes = EpisodeStore(kept.storage, recording=lambda: self.run)
+        self.episodes = EpisodeStore(kept.storage, lambda: self.run, _write_edited)
 
     @property
     def run(self) -> str | None:  # type: ignore[override]
@@ -58,3 +66,12 @@ class Recordings(PersistencePart):
 
     def write_result(self, of: str, fields: Mapping[str, Any]) -> None:
         self.recorder.write_result(of, dict(fields))
+
+
+def _write_edited(episode: Episode, notes: Notes, file: BinaryIO, *, is_part: bool = False) -> None:
+    """Write like `write_edited`; a long recording in a separate process."""
+    if len(episode.frames) <= _SHORT:
+        write_edited(episode, notes, file, is_part=is_part)
+        return
+    for block in run_separately(copy_edited, episode.path, notes, is_part):
+        file.write(block)

@@ -4,24 +4,37 @@ from __future__ import annotations
 
 import threading
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
-from robot.clock import Clock
+from robot.clock import Clock, RealClock
 from robot.errors import ConfigurationError
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.recordings.comparison import Comparison, compare
 from robot.recordings.edits import Notes
+from robot.recordings.episode import open_episode
 from robot.recordings.reading import reading
 from robot.recordings.store import EpisodeStore
-from robot.recordings.teaching import EditedEpisode, Report, count_steps, learn_again, plan
+from robot.recordings.teaching import Report, count_steps, learn_again, plan
 from robot.store.models.model import Model, take_model
 from robot.types import DEFAULT_MOVES
+from server.recordings.separate_process import run_separately
 
-_BREATH_S = 0.0005
-"""Pause after each step, in seconds, so that the control loop's thread can run."""
+EditedPath = tuple[Path, Notes]
+"""A recording's first file, and the recording's edits."""
+_TOLD_EVERY_S = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Retrained:
+    """The result of a training run."""
+
+    report: Report
+    comparison: Comparison | None
+    model: Model
 
 
 class Retraining:
@@ -44,7 +57,8 @@ class Retraining:
             raise ConfigurationError(
                 "these recordings have no examples, or all of them were deleted"
             )
-        run = _Run(episodes, learner, self._clock)
+        edited = [(episode.path, notes) for episode, notes in episodes]
+        run = _Run(edited, learner, self._clock)
         with self._lock:
             if self._run is not None and self._run.is_running:
                 raise ConfigurationError("another training run is in progress; drop it first")
@@ -70,53 +84,77 @@ class Retraining:
 
 
 class _Run:
-    def __init__(self, episodes: list[EditedEpisode], learner: str, clock: Clock) -> None:
+    def __init__(self, episodes: list[EditedPath], learner: str, clock: Clock) -> None:
         self._episodes, self._learner, self._clock = episodes, learner, clock
-        unedited = [(episode, Notes()) for episode, _ in episodes]
-        # The largest possible number of steps.
-        self._total = count_steps(unedited) + 2 * count_steps(episodes)
-        self._done = 0
-        self._report = Report(taught=Counter())
-        self._comparison: Comparison | None = None
+        self._share = 0.0
+        self._result: Retrained | None = None
         self._error: str | None = None
         self.is_running = True
         self.is_dropped = False
-        self.model: Model | None = None
+
+    @property
+    def model(self) -> Model | None:
+        return self._result.model if self._result else None
 
     def work(self) -> None:
-        """Compare, then train on everything; on a separate thread."""
+        """Compare, then train on everything; on a separate thread, which mostly waits."""
         try:
-            with reading([episode.path for episode, _ in self._episodes]):
-                self._comparison = compare(self._episodes, self._new_policy, self._step)
-                policy = self._new_policy()
-                self._report = learn_again(policy, self._episodes, on_step=self._step)
-            taught = Counter(self._report.taught)
-            self.model = take_model(policy, taught, saved_at_s=self._clock.wall_s())
+            with reading([path for path, _ in self._episodes]):
+                for told in run_separately(
+                    retrain, self._episodes, self._learner, self._clock.wall_s()
+                ):
+                    if self.is_dropped:
+                        return
+                    if isinstance(told, Retrained):
+                        self._result = told
+                    else:
+                        self._share = told
         except Exception as error:  # a plug-in's learner may raise anything
             self._error = str(error) or type(error).__name__
         finally:
             self.is_running = False
 
-    def _new_policy(self) -> Policy:
-        moves = tuple(dict.fromkeys(move for e, _ in self._episodes for move in e.moves))
-        return make_policy(self._learner, moves or DEFAULT_MOVES)
-
-    def _step(self) -> None:
-        self._done += 1
-        self._clock.sleep(_BREATH_S)
-        if self.is_dropped:
-            raise RuntimeError("dropped")  # this ends the thread; nobody reads the error
-
     def describe(self) -> dict[str, Any]:
-        state = "running" if self.is_running else "failed" if self._error else "done"
+        result = self._result
+        report = result.report if result else Report(taught=Counter())
         return {
-            "state": state,
+            "state": "running" if self.is_running else "failed" if self._error else "done",
             "learner": self._learner,
-            "episodes": [episode.id for episode, _ in self._episodes],
-            "share": min(1.0, self._done / max(self._total, 1)) if self.is_running else 1.0,
+            "episodes": [path.stem for path, _ in self._episodes],
+            "share": self._share if self.is_running else 1.0,
             "error": self._error,
-            "taught": self._report.taught,
-            "missing_frames": self._report.missing_frames,
-            "left_out_edits": self._report.left_out_edits,
-            "comparison": asdict(self._comparison) if self._comparison else None,
+            "taught": report.taught,
+            "missing_frames": report.missing_frames,
+            "left_out_edits": report.left_out_edits,
+            "comparison": asdict(result.comparison) if result and result.comparison else None,
         }
+
+
+def retrain(
+    tell: Callable[[float | Retrained], None],
+    edited: Sequence[EditedPath],
+    learner: str,
+    wall_s: float,
+) -> None:
+    """Train an empty learner; tell the share of the work that is done, and at last the result."""
+    episodes = [(open_episode(path), notes) for path, notes in edited]
+    unedited = [(episode, Notes()) for episode, _ in episodes]
+    # The largest possible number of steps.
+    total = max(count_steps(unedited) + 2 * count_steps(episodes), 1)
+    moves = tuple(dict.fromkeys(move for episode, _ in episodes for move in episode.moves))
+    clock, done, told_s = RealClock(), 0, -_TOLD_EVERY_S
+
+    def count() -> None:
+        nonlocal done, told_s
+        done += 1
+        if (now_s := clock.now_s()) >= told_s + _TOLD_EVERY_S:
+            told_s = now_s
+            tell(min(1.0, done / total))
+
+    def new_policy() -> Policy:
+        return make_policy(learner, moves or DEFAULT_MOVES)
+
+    comparison, policy = compare(episodes, new_policy, count), new_policy()
+    report = learn_again(policy, episodes, on_step=count)
+    model = take_model(policy, Counter(report.taught), saved_at_s=wall_s)
+    tell(Retrained(report=report, comparison=comparison, model=model))

@@ -29,6 +29,7 @@ from robot.store.folder import TRASH_DAYS
 from robot.types import Encoding
 from server.recordings.extension import episodes_of
 from server.recordings.part import Recordings
+from server.recordings.separate_process import run_separately
 from server.routes.answers import Route, answer, media
 from server.routes.bodies import Key
 from server.services import persistence_of
@@ -307,7 +308,7 @@ def download_episode(episode_id: str, store: EpisodeStore = STORE) -> Response:
     if len(part_paths(path)) == 1:
         return FileResponse(path, media_type=kind, filename=path.name)
     headers = {"content-disposition": f"attachment; filename*=utf-8''{quote(path.name)}"}
-    joined = _sent([path], join_recording(path))
+    joined = _sent([path], run_separately(join_recording, path))
     return StreamingResponse(joined, media_type=kind, headers=headers)
 
 

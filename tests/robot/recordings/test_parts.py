@@ -235,7 +235,8 @@ def test_edits_compacting_and_splitting_cover_all_files(store: EpisodeStore) -> 
 def test_joined_it_is_the_same_in_one_file(store: EpisodeStore, tmp_path: Path) -> None:
     path = store.path(store.ids()[0])
     joined = tmp_path / path.name
-    joined.write_bytes(b"".join(join_recording(path)))
+    with joined.open("wb") as file:
+        join_recording(file.write, path)
     assert told(open_episode(joined)) == told(open_episode(path))
     assert read_summary(joined).taught == read_summary(path).taught
 

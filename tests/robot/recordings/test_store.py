@@ -174,20 +174,19 @@ def test_what_was_cut_short_is_nobodys_any_more(store: EpisodeStore) -> None:
 
 
 def test_what_is_changed_while_it_is_made_compact_is_not_lost(
-    storage: Storage, store: EpisodeStore, monkeypatch: pytest.MonkeyPatch
+    storage: Storage, store: EpisodeStore
 ) -> None:
     [episode_id] = store.ids()
     other, path = EpisodeStore(storage), store.path(episode_id)
     ids = list(store.open(episode_id).frames)
 
     def refuse_after(change: Callable[[], object]) -> None:
-        def write_slowly(*what: Any) -> None:
-            write_edited(*what)
+        def write_slowly(*what: Any, **how: Any) -> None:
+            write_edited(*what, **how)
             change()
 
-        monkeypatch.setattr("robot.recordings.store.write_edited", write_slowly)
         with pytest.raises((ConfigurationError, NotFoundError)):
-            store.compact(episode_id)
+            EpisodeStore(storage, write=write_slowly).compact(episode_id)
 
     refuse_after(lambda: other.edit(episode_id, trim(ids, ids[5], ids[-5])))
     refuse_after(lambda: path.write_bytes(path.read_bytes() + b" "))

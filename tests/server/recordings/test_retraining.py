@@ -2,31 +2,36 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
-import pytest
-
-from robot.policy.policy import Policy
+from robot.policy.registry import make_policy
+from robot.recordings.edits import Notes
 from robot.recordings.store import EpisodeStore
+from robot.recordings.teaching import learn_again
 from robot.store.folder import Storage
+from robot.store.models.model import same_nodes, take_model
 from robot.testing import VirtualClock
 from server.recordings.retraining import Retraining
 from tests.robot.recordings.drives import record_drive
 
 
-def test_a_learner_that_fails_in_its_own_way_is_a_failure(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_its_model_is_that_of_the_command_and_a_failure_is_told(tmp_path: Path) -> None:
     store = EpisodeStore(Storage(tmp_path))
-    episode = record_drive(tmp_path / "episodes", frames=20)
-
-    def extract(self: Policy, frame: object) -> object:
-        raise AttributeError("no such picture")
-
-    monkeypatch.setattr(Policy, "extract", extract)
+    episode = record_drive(tmp_path / "episodes", frames=60)
     clock = VirtualClock()
     run = Retraining(clock)
     run.begin(store, [episode.id], "published-8")
     clock.sleep(60.0)
+    found, expected = run.describe(), make_policy("published-8", episode.moves)
+    report = learn_again(expected, [(episode, Notes())])
+    assert (found["state"], found["taught"]) == ("done", report.taught)
+    assert found["comparison"]["frames"] > 0
+    expected_model = take_model(expected, Counter(), saved_at_s=0.0)
+    assert same_nodes(run.take().state, expected_model.state)
+    run.drop()
+    run.begin(store, [episode.id], "nobody-8")
+    clock.sleep(60.0)
     found = run.describe()
-    assert (found["state"], found["error"]) == ("failed", "no such picture")
+    assert found["state"] == "failed"
+    assert found["error"].startswith("unknown learner 'nobody-8'")

@@ -1,0 +1,101 @@
+"""Runs long work on recordings in a separate process with low priority.
+
+A thread that parses a long recording holds the interpreter's lock for milliseconds at a time, and
+an order waits for that lock at each step between the pilot and the motors. With the work in a
+separate process, orders take effect as fast as when nobody reads.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Generator
+from functools import partial
+from typing import Any, Concatenate, ParamSpec, TypeVar
+
+from robot.errors import RecordingError
+
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
+_NICENESS = 19
+_TOLD, _RAISED, _ENDED = range(3)
+"""The kinds of messages from the process."""
+_BEGIN = "import sys; sys.path[:] = {path!r}; from {module} import main; main()"
+"""With `-m`, a folder named `robot` in the working directory would hide the package."""
+
+
+def run_separately(
+    work: Callable[Concatenate[Callable[[_T], None], _P], None],
+    *args: _P.args,
+    **kwargs: _P.kwargs,
+) -> Generator[_T, None, None]:
+    """Run `work(tell, *args, **kwargs)` in a separate process; yield each value that it passes to
+    `tell`, and raise what it raises.
+
+    `work` is a function at the top of a module. Closing the iterator kills the process; the process
+    also ends soon after this one. Raises RecordingError if the process is killed.
+    """
+    process = subprocess.Popen(
+        [sys.executable, "-c", _BEGIN.format(path=sys.path, module=__name__)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        creationflags=getattr(subprocess, "IDLE_PRIORITY_CLASS", 0),
+    )
+    assert process.stdin is not None and process.stdout is not None
+    try:
+        with process.stdin:
+            pickle.dump((work, args, kwargs), process.stdin)
+        while True:
+            try:
+                kind, value = pickle.load(process.stdout)
+            except (EOFError, pickle.UnpicklingError):
+                raise RecordingError(
+                    "the process that read the recording was ended; is there enough memory?"
+                ) from None
+            if kind == _ENDED:
+                return
+            if kind == _RAISED:
+                raise value
+            yield value
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
+def main() -> None:
+    """Do the work that is described on the standard input, and write its results to the standard
+    output."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the server, and then this process
+    if hasattr(os, "nice"):
+        os.nice(_NICENESS)
+    results = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # a learner may print
+
+    def send(kind: int, value: Any = None) -> None:
+        results.write(pickle.dumps((kind, value)))
+        results.flush()
+
+    try:
+        work, args, kwargs = pickle.load(sys.stdin.buffer)
+        try:
+            work(partial(send, _TOLD), *args, **kwargs)
+            send(_ENDED)
+        except BrokenPipeError:
+            raise
+        except Exception as error:
+            send(_RAISED, _portable(error))
+    except BrokenPipeError:
+        os._exit(1)  # nobody reads any more
+
+
+def _portable(error: Exception) -> Exception:
+    """Return the error, or an error with its text if it cannot be sent."""
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return RuntimeError(str(error) or type(error).__name__)
+    return error

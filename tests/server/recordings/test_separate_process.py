@@ -1,0 +1,81 @@
+"""Work on recordings in a separate process: its results, its errors, and its end."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from robot.errors import NotFoundError, RecordingError
+from robot.recordings.archive import join_recording
+from robot.recordings.editing import write_edited
+from robot.recordings.edits import Notes, trim
+from server.recordings import part
+from server.recordings.separate_process import run_separately
+from tests.robot.recordings.drives import record_drive
+
+
+class _LocalError(Exception):
+    def __init__(self, one: str, other: str) -> None:
+        super().__init__(f"{one} {other}")  # this error cannot be unpickled
+
+
+def _work(tell: Callable[[object], None], ending: str) -> None:
+    print("a learner may print")
+    tell(b"x" * 3_000_000)
+    tell(os.nice(0) if hasattr(os, "nice") else 19)
+    if ending == "own error":
+        raise NotFoundError("no such picture")
+    if ending == "foreign error":
+        raise _LocalError("by a", "learner")
+    if ending == "crash":
+        os._exit(3)
+
+
+@pytest.mark.parametrize(
+    ("ending", "error", "text"),
+    [
+        ("own error", NotFoundError, "no such picture"),
+        ("foreign error", RuntimeError, "by a learner"),
+        ("crash", RecordingError, "enough memory"),
+    ],
+)
+def test_results_come_before_an_error(ending: str, error: type[Exception], text: str) -> None:
+    told = run_separately(_work, ending)
+    assert next(told) == b"x" * 3_000_000
+    assert next(told) == 19
+    with pytest.raises(error, match=text):
+        next(told)
+
+
+def _work_on(tell: Callable[[int], None]) -> None:
+    while True:
+        tell(os.getpid())
+
+
+def test_it_ends_with_its_reader() -> None:
+    told = run_separately(_work_on)
+    pid = next(told)
+    told.close()
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
+
+
+def test_a_long_recording_is_copied_there_byte_for_byte(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    episode = record_drive(tmp_path, frames=30)
+    notes = Notes().with_edit(trim(episode.frames, *list(episode.frames)[5:21:15]))
+    here, there = io.BytesIO(), io.BytesIO()
+    here.close, there.close = lambda: None, lambda: None  # type: ignore[method-assign]
+    write_edited(episode, notes, here)
+    monkeypatch.setattr(part, "_SHORT", 20)
+    part._write_edited(episode, notes, there)
+    assert there.getvalue() == here.getvalue() != b""
+    joined = b"".join(run_separately(join_recording, episode.path))
+    expected = bytearray()
+    join_recording(expected.extend, episode.path)
+    assert joined == expected != b""
