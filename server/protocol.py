@@ -69,7 +69,7 @@ class DriveMessage:
 
     `seq` grows. `nonce` is the newest that the page has received. `frame_age_ms` is the page's
     estimate of the frame's age, and `phone_ms` the part of this age spent on the phone; None if
-    unknown to the page. `steering` and `throttle` are the move by degrees.
+    unknown to the page. `steering` and `throttle` are set if the pilot steers by degrees.
     """
 
     held: Action | None

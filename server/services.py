@@ -84,7 +84,7 @@ class Services:
 
 
 class Extension(StartStop):
-    """One extension's part in a robot's server. Override what the extension has.
+    """One extension's part in a robot's server. Override the methods that the extension needs.
 
     Attributes:
         public_paths: Paths that need no session.

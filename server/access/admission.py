@@ -7,10 +7,10 @@ If the pending slots are full too, the new connection evicts an idle one, else o
 nothing, else one with an old request.
 
 When no slot is free, the person with the most connections loses one: an idle connection, or the
-least recently used. A flood therefore evicts itself. The owner, the pilot and the teacher give way
-only to each other. A request never cuts short the answer to another: if all connections are busy,
-the request is answered on a pending connection. Nothing here reads a clock: the time is an
-argument.
+least recently used. A flood therefore evicts itself. Connections of the owner, the pilot and the
+teacher are evicted only for each other's. An answer is never cut short for another request: if all
+connections are busy, that request is answered on a pending connection. Nothing here reads a clock:
+the time is an argument.
 """
 
 from __future__ import annotations
@@ -78,7 +78,8 @@ class ConnectionLimiter:
 
     Args:
         in_all: The total number of slots.
-        each: The number of slots that one person may have; a crowd may have all.
+        each: The number of slots that one person may have; a crowd (`Session.is_crowd`) may have
+            all.
         keeps: Returns True for persons who give way only to each other.
     """
 
@@ -235,7 +236,8 @@ class AdmissionControl:
         return False
 
     def asked(self, peer: Peer, session: Session | None, now_s: float, *, lasts: bool) -> bool:
-        """Record a complete request; a session admits its connection. `lasts` means a websocket.
+        """Record a complete request, which admits its connection if it has a session. `lasts` means
+        a websocket.
 
         False if all connections of the session are busy: this request is then answered with 429. A
         websocket instead evicts the least recently used connection.
@@ -261,7 +263,7 @@ class AdmissionControl:
             else:  # no connection can be evicted: answer it as pending
                 place.is_known, is_refused = True, is_at_limit
                 if is_refused:
-                    place.idle_s = now_s  # evicted before connections with open requests
+                    place.idle_s = now_s  # so that it is evicted before busy ones
         place.came_s = self._read_until_s + _ANSWER_S * place.is_known
         if lasts:
             place.used_s = math.inf

@@ -27,7 +27,8 @@ _MOST_NAMES = 50
 
 
 class Announcement:
-    """Announces the robot's name on the network, again whenever addresses or name change.
+    """Announces the robot's name on the network, and again whenever its addresses or its name
+    change.
 
     Robots that share a host name would also share their addresses, so each robot publishes its
     address in a property. The board of a class reads this property.
@@ -152,7 +153,7 @@ class Announcement:
 
 @contextlib.contextmanager
 def announced(config: NetworkConfig, robot: str) -> Iterator[None]:
-    """Announce the robot's name on the network inside the block."""
+    """While the `with` block runs, announce the robot's name on the network."""
     announcement = Announcement(config, robot)
     announcement.announce(lan_addresses(config))
     try:

@@ -32,10 +32,10 @@ _Authority = tuple[x509.Certificate, ec.EllipticCurvePrivateKey]
 _Extensions = list[tuple[x509.ExtensionType, bool]]
 """Certificate extensions, each with a flag that says whether it is critical."""
 _EVER = dt.datetime(2000, 1, 1, tzinfo=dt.UTC), dt.datetime(2049, 12, 31, tzinfo=dt.UTC)
-"""Validity of the authority; wide, because the robot's clock may be years off at that time."""
+"""Period of validity of the authority; long, because the robot's clock may be years off."""
 _RENEWED_BEFORE = dt.timedelta(days=30)
 """A certificate is renewed when its remaining validity is less than this."""
-_A_DAY, _MOST = dt.timedelta(days=1), dt.timedelta(days=397)  # phones accept no longer validity
+_A_DAY, _MOST = dt.timedelta(days=1), dt.timedelta(days=397)  # phones refuse a longer validity
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,7 +171,7 @@ def _key_usage(*, signs_certificates: bool) -> x509.KeyUsage:
 
 
 def _vouched_for(names: Sequence[str], authority: x509.Certificate) -> list[x509.GeneralName]:
-    """Return those of the names that the authority's constraints permit."""
+    """Return only the names that the authority's constraints permit."""
     found = [_general_name(name) for name in names if name.isascii()]
     try:
         limits = authority.extensions.get_extension_for_class(x509.NameConstraints).value

@@ -71,7 +71,7 @@ class NetworkLimits(Limits):
     """Average number of requests per second of one person, or of one address."""
     requests_burst: float = 300.0
     uploads: int = 2
-    """Maximum number of simultaneous uploads; one per person."""
+    """Maximum number of simultaneous uploads; of one person it is one."""
     pending: int = 384
     """Maximum number of connections, of all addresses, that the guard has not admitted yet."""
     pending_per_address: int = 384

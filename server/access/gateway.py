@@ -67,7 +67,8 @@ _COOKIES = re.compile(rb"\r\ncookie:([^\r]*)\r\n", re.I)
 
 
 class NetworkGateway(Gateway):
-    """Admits only paired browsers if the network can reach the server, and limits everybody's use.
+    """Admits only paired browsers if the network can reach the server, and limits every client's
+    use.
 
     Args:
         pairing: The sessions of browsers; None: `open` creates it when needed.

@@ -79,7 +79,7 @@ class AdmissionListener(socket.socket):
         return connection, connection.peer
 
     def _gather(self) -> None:
-        """Accept waiting connections from the kernel, but at most each person's share."""
+        """Accept waiting connections from the kernel, but of each person at most a fair share."""
         for _ in range(_AT_ONCE):
             now_s = self.clock.now_s()
             if len(self._waiting) >= _HANDED_ON or not self.admission.has_room(now_s):
@@ -113,8 +113,8 @@ class AdmissionListener(socket.socket):
             self._spare = None
 
     def _reject_one(self) -> None:
-        """Accept the next connection with the spare descriptor, and close it: in the queue, the
-        connection would wake the event loop again and again."""
+        """Accept the next connection with the spare descriptor, and close it. If it stayed in the
+        queue, it would wake the event loop again and again."""
         if self._spare is not None:
             os.close(self._spare)
             self._spare = None
@@ -131,7 +131,8 @@ class _Connection(socket.socket):
     peer: Peer = ("", 0)
 
     def peek(self) -> bytes | None:
-        """Return the waiting bytes, which stay; empty if the client has left, None if none wait."""
+        """Return the waiting bytes without removing them; b"" if the client has left, None if none
+        wait."""
         try:
             return self.recv(_HEAD, socket.MSG_PEEK)
         except BlockingIOError:
@@ -140,7 +141,7 @@ class _Connection(socket.socket):
             return b""
 
     def recv(self, size: int, flags: int = 0) -> bytes:
-        """Read little at a time, so that one sender does not delay the others."""
+        """Read only a little at a time, so that one sender does not delay the others."""
         return super().recv(min(size, _HEAD), flags)
 
     def recv_into(self, buffer: Any, size: int = 0, flags: int = 0) -> int:

@@ -32,7 +32,7 @@ def lan_addresses(config: NetworkConfig) -> list[str]:
 
 
 def is_for_others(address: str) -> bool:
-    """True if another machine can open the page by typing this address."""
+    """True if the page can be opened at this address from another machine."""
     own = as_address(address)
     return own is not None and not own.is_loopback and not (own.version == 6 and own.is_link_local)
 
@@ -96,7 +96,7 @@ def names_in_network(
         f"{first[0]}.local",
         *(f"{name}.{end}" for end in _domains(resolver) for name in first),
     ]
-    if first[0] == "penguin":  # the Chromebook's browser calls its Linux by this name
+    if first[0] == "penguin":  # a Chromebook's browser reaches its Linux by this name
         found.append("penguin.linux.test")
     for address in addresses:
         with contextlib.suppress(OSError):

@@ -36,7 +36,7 @@ ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"
 """The characters of a token; letters and digits that look alike are left out."""
 TOKEN_LETTERS, _GROUP = 16, 4  # 16 letters of 30: 78 bits
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
-"""Codes of a terminal, which some terminals and pagers copy."""
+"""Colour codes of a terminal, which some terminals and pagers copy with the text."""
 _TOKEN = re.compile(
     rf"(?<![^\W_])(?:[{ALPHABET}]{{{_GROUP}}}[\W_]{{0,3}}){{{TOKEN_LETTERS // _GROUP}}}(?![^\W_])"
 )
@@ -50,7 +50,7 @@ _SESSIONS = 192
 """Maximum number of sessions of one kind (one role, paired by the terminal or by invitation). It
 exceeds the number of websockets, so nobody can keep all sessions in use."""
 INVITATION_S = 300.0
-"""How long a token on a class's board is valid for any number of phones, in seconds."""
+"""How long a token on a class's board is valid, in seconds; any number of phones can use it."""
 _INVITATIONS = 16
 
 
@@ -61,7 +61,8 @@ def browser_roles() -> tuple[Role, ...]:
 
 
 class Paired(NamedTuple):
-    """A paired browser: its role, its cookie's secret, and whether it stays paired at a restart."""
+    """A paired browser: its role, its cookie's secret, and whether it stays paired after a
+    restart."""
 
     role: Role
     secret: str
@@ -197,7 +198,8 @@ class Pairing:
         return name in self._sessions and self._sessions[name].owner
 
     def forget(self, secret: str) -> bool:
-        """End a session; False if it may return after a restart because the disk refused."""
+        """End a session; False if it could not be deleted from the disk, so that a restart brings
+        it back."""
         known = self._sessions.pop(hash_of(secret), None)
         return self._save() if known is not None else self._is_saved or self._save()
 
@@ -271,9 +273,9 @@ def hash_of(secret: str) -> str:
 def token_in(text: str) -> str:
     """Return the letters of the token in a text that a person pastes or types.
 
-    The text may be the token with or without hyphens, in any case or width, or the whole address,
-    also with an encoded `#` or in another address, or the terminal's lines, with colours or not. Of
-    several addresses the first counts.
+    The text may be the token (with or without hyphens, in any case or width), the whole address
+    (also with an encoded `#`, or inside another address), or the terminal's lines (also with colour
+    codes). If there are several addresses, the first counts.
 
     Example:
         >>> token_in("or open http://robot.local:8000/pair%23abcd-efgh-jkmn-pqrs")

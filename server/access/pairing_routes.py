@@ -77,7 +77,7 @@ async def authority(request: Request) -> Response:
 
 
 def _end_sockets(request: Request) -> None:
-    """Close the websockets of a session that has ended, because it may be a pilot's."""
+    """Close the websockets of a session that has ended: it may have been a pilot's."""
     sockets = gateway_of(request).admission.sockets
     for place in sockets:
         if place.person == person_of(request):

@@ -75,7 +75,8 @@ class Proxies:
         return own is not None and any(own in network for network in self._trusted)
 
     def _walk(self, peer: str, hops: list[_Hop]) -> _Hop:
-        """Go back from proxy to proxy up to the first untrusted address: it may forge claims."""
+        """Go back from proxy to proxy up to the first untrusted address, which may forge
+        headers."""
         told = _Hop(client=peer)
         for hop in reversed(hops):
             if not self.is_proxy(told.client):

@@ -171,7 +171,8 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
 
     @app.post("/api/models")
     async def order(body: OrderBody) -> dict[str, Any]:
-        """Have all robots save their models, start empty ones, or change hands."""
+        """Have all robots save their models, start empty ones, or be handed over to the next
+        pupils."""
         return await models.give(ClassOrder(body.order))
 
     @app.post("/api/models/left-turns")

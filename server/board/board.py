@@ -121,7 +121,8 @@ class Board:
     def release(self, stops: Mapping[int, str]) -> None:
         """Release robots: each number with the `stop_id` that the teacher has seen.
 
-        A robot that was stopped again since stays stopped. NotFoundError for an unknown number.
+        A robot that was stopped again since then stays stopped. NotFoundError for an unknown
+        number.
         """
         for robot, stop in [(self.robot(number), stop) for number, stop in stops.items()]:
             robot.stop.release(stop)

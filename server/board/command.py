@@ -65,7 +65,7 @@ def serve_board(
 
     `listener` is the open socket of the board: a port in use is found before any robot starts.
 
-    The printed address of the lessons opens `lesson`; without one, the list of them.
+    The printed address of the lessons opens `lesson`; if it is empty, the list of lessons.
     """
     from server.board.app import create_board_app
     from server.board.board import Board

@@ -47,7 +47,7 @@ def read_list(text: str) -> list[RobotAddress]:
 def browsing(
     found: Callable[[RobotAddress], None], interfaces: Sequence[str] | None = None
 ) -> Iterator[None]:
-    """Call `found` for each announcement of a robot inside the block, on another thread.
+    """While the `with` block runs, call `found` on another thread for each robot's announcement.
 
     Queries are sent from all of this computer's addresses, or only from `interfaces`.
     MissingExtraError if zeroconf is not installed.
@@ -120,7 +120,7 @@ def _ask(network: socket.socket, addresses: Sequence[str]) -> None:
 
 
 def read_announcement(data: bytes, source: str) -> list[RobotAddress]:
-    """Return the robots in a packet that came from `source`; robots elsewhere are ignored.
+    """Return the robots in a packet that came from `source`; robots at other addresses are ignored.
 
     A robot with several addresses names the best one; its packets from other addresses are ignored.
     """

@@ -77,7 +77,7 @@ async def join(request: Request, body: ClassJoin) -> dict[str, str]:
 
 @router.get("", dependencies=[ONLY_TEACHER])
 async def describe_class(request: Request) -> dict[str, Any]:
-    """Return name, colour, locks, the model in use, and the pilots' display choices."""
+    """Return name, colour, locks, the model in use, and what the pilots chose to show."""
     services = services_of(request)
     identity, persistence = services.identity.now, services.persistence
     return {

@@ -13,12 +13,13 @@ from server.board.transport import HttpAnswer, UnreachableError
 
 
 async def copy_model(source: RobotLink, targets: Sequence[RobotLink]) -> list[str]:
-    """Copy the model in use of one robot to others, all at the same time, and have them load it.
+    """Copy the model that one robot uses to other robots, all at the same time, and have them load
+    it.
 
-    The other robots must be stopped, and save their current model first.
+    The other robots must be stopped; they save their current models first.
 
     Returns:
-        One sentence for each robot that failed; it also says what has not changed.
+        One sentence for each robot that failed; it also says what was left unchanged.
     """
     try:
         name = name_in(await source.ask("POST", "/api/models/save", {}))

@@ -1,4 +1,4 @@
-"""The ready lesson of left turns only: a model that was never taught a right turn.
+"""The ready-made lesson "left turns only": a model that was never taught a right turn.
 
 The model is made when it is needed, by driving rounds in the simulator. So it fits this version's
 learner, and no model file is shipped.
@@ -12,7 +12,7 @@ from functools import cache
 from robot.clock import RealClock
 
 NAME = "left turns only"
-"""Name of the model on a robot, where no language is known."""
+"""Name of the model on a robot if no language is known."""
 _NAMES = {"es": "solo izquierda", "spanish": "solo izquierda"}
 _NAMES |= {"zh": "只会左转", "chinese": "只会左转"}
 _STEP_S = 0.1

@@ -37,7 +37,7 @@ START_S = 30.0
 """How long a robot that has never answered counts as starting, in seconds."""
 _RETRY_S, _LONGEST_RETRY_S, _STOP_RETRY_S = 0.5, 5.0, 0.25
 _STARTING_RETRY_S = 1.0
-"""Longest time between two tries while a robot may be starting, in seconds: a class is waiting."""
+"""Longest time between two tries while a robot may be starting, in seconds; short for the class."""
 _INVITE_EVERY_S = 100.0
 _FIELDS = (
     *("mode", "driven_by", "action", "stop_reason", "emergency", "asks_pilot", "fault", "link"),

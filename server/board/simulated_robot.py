@@ -156,7 +156,7 @@ def simulated_robots(
     key: Path,
     make_model: Callable[[], tuple[str, bytes]] | None = None,
 ) -> Iterator[list[int]]:
-    """Run `count` robots inside the block, each with its own room; yield their ports.
+    """While the `with` block runs, run `count` robots, each in its own room; yield their ports.
 
     They serve on the ports after `port`, which is the board's, and save their models in
     `data/class`. `make_model` returns the name and the file of the model that they

@@ -1,6 +1,6 @@
 """STOP for one robot: sent at once on the open connection, and repeated until confirmed.
 
-A stop is the teacher's until the teacher releases it: see docs/howto/class.md.
+Only the teacher can release it: see docs/howto/class.md.
 """
 
 from __future__ import annotations
@@ -54,9 +54,10 @@ class RobotStop:
         self._number_before: int | None = None
         """The newest STOP that the robot had reported before this stop was pressed."""
         self._is_shown = False
-        """True if the connection has reported this stop; earlier states precede the stop."""
+        """True if a state has shown this stop; states before that one are older than the stop."""
         self._confirmed: int | None = None
-        """The stop's number, if a request confirmed it; states with this number follow the stop."""
+        """The stop's number if a request confirmed it; states with this number are newer than the
+        stop."""
         self._session, self._clock = session, clock
         self._on_change = on_change
         self._pressing: asyncio.Task[None] | None = None
@@ -125,12 +126,12 @@ class RobotStop:
     async def send_again(self, channel: Any) -> None:
         """On a new connection, send a stop that was not released, before anything else."""
         self._is_shown = False
-        self.number = self._confirmed = None  # it may have been started anew
+        self.number = self._confirmed = None  # the robot may have restarted
         if self.stage is not None:
             await self.send(channel)
 
     async def send(self, channel: Any, words: str = _STOP) -> None:
-        """Send the stop on an open connection; the missing confirmation shows a failure."""
+        """Send the stop on an open connection; if this fails, no confirmation comes."""
         with contextlib.suppress(UnreachableError):
             async with within(1.0):
                 await channel.send(words)

@@ -1,8 +1,8 @@
 """Robots that were announced and have not proved that they are of the class.
 
 Each robot is asked for its proof. Robots that fail are shown separately, and forgotten when they
-are no longer announced. Computers take turns, so that a computer that announces a thousand robots
-does not delay the others.
+are no longer announced. The computers that announce robots take turns, so that one with a thousand
+robots does not delay the others.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from server.board.transport import RobotAddress, UnreachableError, within
 AT_ONCE = 32
 """Maximum number of robots asked at the same time; the transport has threads for more."""
 FORGOTTEN_S = 180.0
-"""A robot that was not announced for this time is forgotten. The network is queried each minute."""
+"""Time without an announcement after which a robot is forgotten, in seconds. The network is queried
+each minute."""
 _MOST, _SHOWN = 4096, 30
 _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 2.0, 300.0
 

@@ -1,4 +1,4 @@
-"""Put the server, or only the agent, on a Lego Mindstorms EV3, over ssh; examine one."""
+"""Put the server or the agent on a Lego Mindstorms EV3 over ssh, or examine an EV3."""
 
 from __future__ import annotations
 

@@ -98,7 +98,7 @@ def make_parser(
     name: str, words: Sequence[str] = (), *, is_extended: bool = True
 ) -> argparse.ArgumentParser:
     """Return the parser of one command. `words` are the command line's words, which decide the
-    options that depend on others; without extension, these options are left out."""
+    options that depend on others; if `is_extended` is False, these options are left out."""
     module = load_command(name)
     parser = Parser(prog=f"drivelesson {name}", description=module.__doc__)
     module.configure(parser)

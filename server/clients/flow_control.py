@@ -87,7 +87,7 @@ class VideoWindow:
         return is_quiet
 
     def acknowledged(self, frame_id: int, now_s: float) -> None:
-        """Record that a frame and all earlier ones are drawn; ProtocolError if not in flight."""
+        """Record that a frame and all earlier ones are drawn; ProtocolError if it is unknown."""
         if frame_id not in self._flight:
             raise ProtocolError(ErrorCode.UNKNOWN_FRAME, f"frame {frame_id} is not in flight")
         while True:
@@ -131,7 +131,7 @@ class VideoWindow:
 
 
 class PictureSize:
-    """Decides whether a viewer draws the camera's larger pictures in time and so gets them.
+    """Gives a viewer the camera's larger pictures only while the viewer draws them in time.
 
     After each failure it backs off by a factor of four.
     """

@@ -12,7 +12,7 @@ from server.protocol import ErrorCode, ProtocolError
 NEVER_S = -math.inf
 """The time of a message without a known nonce."""
 _KEPT_S = 2.0
-"""How long a nonce is remembered, in seconds; a command with it is obeyed far more briefly."""
+"""How long a nonce is remembered, in seconds; a command that carries it expires much sooner."""
 
 
 class NonceLedger:

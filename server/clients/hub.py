@@ -39,11 +39,11 @@ from server.protocol import BareMessage, ErrorCode, ProtocolError, encode_messag
 
 log = logging.getLogger(__name__)
 _RECENT_S = 2.0
-"""How long a start must prove that it was sent after the newest STOP, in seconds. Pages repeat an
-unproven start for one second, so a later one cannot have been asked for before that STOP."""
+"""For this time after a STOP, in seconds, a start must prove that it was sent after the STOP. Pages
+repeat an unproven start for one second, so a start that comes later was sent after the STOP."""
 _FIRST_STOP = 2**31
-"""The number of a server's first STOP is drawn below this, so no message to an earlier server names
-it."""
+"""A server's first STOP has a random number below this, so that no old message names it by
+chance."""
 _UNWATCHED_S = 0.5
 """Interval of the timer in seconds while no client is connected."""
 LASTING = ("set_aside", "nothing_kept", "check_battery")

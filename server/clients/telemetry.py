@@ -14,8 +14,8 @@ from robot.types import Prediction
 
 STATE_EVERY_S = 0.1
 SOON_S = 0.05
-"""Interval of states in seconds while a robot with a slow camera moves. The pictures of a slow
-camera alone would carry too few nonces, so a short Wi-Fi pause would look like an absent pilot."""
+"""Interval of states in seconds while a robot with a slow camera moves. A slow camera's pictures
+carry too few nonces, so a short Wi-Fi pause would look like an absent pilot."""
 
 
 def describe_state(state: Tick, now_ms: float, *, is_resting: bool = False) -> dict[str, Any]:

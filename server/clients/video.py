@@ -22,8 +22,8 @@ _FREQUENT_S = 0.06
 nothing is noticed soon."""
 
 _SELDOM_S, _EARLY_SHARE = 0.25, 0.95
-"""Interval in seconds above which a viewer lets a standing robot rest; and the share of a viewer's
-interval after which a frame is due, because a camera does not keep its rate exactly."""
+"""First, the interval in seconds above which a viewer lets a standing robot rest. Second, the share
+of a viewer's interval after which a frame is due: a camera's rate is not exact."""
 
 
 class Encoder:

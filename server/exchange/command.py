@@ -40,7 +40,7 @@ EXPORTS: dict[str, tuple[Callable[..., int], str, tuple[str, ...]]] = {
     "npz": (write_npz, "examples", ()),
     "film": (write_look, "pictures", ("fps",)),
 }
-"""The export formats by name: the function that writes the file, its unit, its options."""
+"""For each export format: the function that writes the file, what it counts, and its options."""
 FLAGS = {"fps": "--fps", "taught_only": "--all", "task": "--task", "plain": "--plain"}
 TIMED: dict[str, Callable[[EpisodeFrame], bool]] = {
     "film": lambda _: True,
@@ -151,7 +151,7 @@ def _tell(path: Path, count: int, name: str, form: str, report: ImportReport) ->
 
 
 def _tidy(name: str) -> str:
-    """Return a folder's name as an episode's name, or another name if it is not valid."""
+    """Return a folder's name as an episode's name; if that is not valid, a valid name."""
     try:
         return check_name(re.sub(r"[^\w .()+,-]", "-", name).strip("-_ .")[:64])
     except ConfigurationError:

@@ -69,7 +69,7 @@ class Gateway:
         show(self.addresses()[0])
 
     def serving(self, more: Callable[[], list[str]]) -> contextlib.AbstractContextManager[object]:
-        """Track the server's environment inside the block; `more` are lines for `greet`."""
+        """While the `with` block runs, track the environment; `more` are lines for `greet`."""
         return contextlib.nullcontext()
 
     def use_tls(self, context: ssl.SSLContext) -> None:
@@ -91,7 +91,7 @@ class Gateway:
         return [f"{scheme}://{f'[{host}]' if ':' in host else host}:{self.config.port}"]
 
     def address_for(self, role: Role) -> str:
-        """Return the address by which a browser gets this role, once if it must prove who it is."""
+        """Return the address that gives a browser this role; with pairing, it works only once."""
         return self.addresses()[0] + (role.start or "")
 
     def draw(self, address: str) -> list[str]:
@@ -174,7 +174,7 @@ class Gateway:
     def note_asked(self, scope: Scope, session: Session | None, *, lasts: bool) -> Refusal | None:
         """Note a complete request; `lasts` marks a websocket or stream.
 
-        Return a refusal if over the limit.
+        Return a refusal if the client is over a limit.
         """
         return None
 

@@ -47,7 +47,7 @@ def person_of(connection: HTTPConnection) -> str:
 
 
 def note_use(scope: Scope, now_s: float) -> None:
-    """Note that a websocket is in use: of one person's websockets an idle one is evicted first."""
+    """Note that a websocket is in use, because a person's idle websockets are evicted first."""
     if (slot := scope.get(SLOT)) is not None:
         slot.used_s = now_s
 
@@ -77,7 +77,7 @@ class Guard:
             ):
                 path, why = str(scope["path"])[:80], verdict.sentence
                 log.warning("refused reason=%s path=%r why=%r", verdict.reason, path, why)
-            if verdict.status == 429:  # a waiting client sends no further requests
+            if verdict.status == 429:  # until it is answered, a client sends no more
                 await self.clock.pause(_TOO_MANY_S)
             await _refuse(scope, receive, send, verdict, self.gateway)
             return

@@ -62,9 +62,9 @@ def open_socket(host: str, port: int) -> socket.socket:
 
 
 def open_sockets(host: str, port: int) -> list[socket.socket]:
-    """Listen on an address; `::` means all addresses, IPv6 and IPv4, on the same port: by two
-    sockets, so that IPv4 addresses keep their usual form, or one if the machine supports only one
-    of the protocols."""
+    """Listen on an address. `::` means all addresses, by one socket for IPv4 and one for IPv6 on
+    the same port, so that IPv4 addresses keep their usual form; a machine may support only one of
+    them."""
     if host != "::":
         return [open_socket(host, port)]
     found: list[socket.socket] = []
@@ -136,7 +136,7 @@ def serve(app: Any, listeners: Sequence[socket.socket]) -> None:
 
 def end_by_signals() -> None:
     """Let SIGTERM and a closed terminal end the program as Ctrl-C does: uvicorn raises a signal
-    again at their end, and the default handler would neither stop motors nor save the model."""
+    again at its own end, and the default handler would neither stop motors nor save the model."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     for name in ("SIGHUP", "SIGBREAK"):
         number = getattr(signal, name, None)

@@ -35,12 +35,12 @@ def make_protocol() -> type[Any] | None:
         on_bytes: Callable[[bytes], None] | None = None
         """Called with each binary message instead of ASGI's `receive`."""
         on_text: Callable[[str], None] | None = None
-        """Called with each text as soon as it is read, also after the server's close.
+        """Called with each text as soon as it is read, even after the server began to close.
 
         Texts bypass all queues, so a burst does not delay later messages.
         """
         _read_s = -math.inf
-        """Time by which all frames read so far may arrive at one per `FRAME_S`, in seconds."""
+        """Time at which the frames read so far would have come at the limit's rate, in seconds."""
         _is_held = False
         _written: ClassVar[tuple[bytes, bytes]] = b"", b""
         """The last message written to any viewer, and its encoded frame: viewers share both."""

@@ -23,8 +23,8 @@ from server.services import services_of
 
 router = APIRouter(route_class=Route)
 _VLC_WAITS_FOR, _VLC_ADDS = 15 * 1024, 5 * 1024
-"""Number of bytes that VLC 3 waits for before it looks for a picture's end, and by how many it
-increases this number while it has not found the end. It ignores the length."""
+"""Number of bytes that VLC 3 waits for before it looks for a picture's end, and the number of bytes
+that it adds each time it does not find the end. VLC ignores the header's length."""
 _VLC_END = 12
 """Number of bytes from the picture's end to the last byte that VLC waits for: it must have the next
 boundary, but nothing that comes with the next picture."""

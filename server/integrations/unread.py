@@ -18,8 +18,8 @@ _WINDOW_AT = 228
 _LEAST_ROOM = 2048
 """Number of unread bytes that are ignored, because windows are reported in steps of kilobytes."""
 _PATIENCE = 2048
-"""Number of calls after which a viewer that seems not to read gets a frame; later again after twice
-as many each time. A power of two."""
+"""Number of calls after which a viewer that seems not to read gets a frame anyway. It doubles after
+each such frame. A power of two."""
 _REPORTED = 256
 """Number of calls after which the client's system has reported its window, once a second."""
 
@@ -35,12 +35,13 @@ class Room:
         self._widest = self._waited = self._tried = 0
 
     def is_there(self, n_bytes: int) -> bool:
-        """Return True if most of a frame of `n_bytes` is read, or it is unknown.
+        """Return True if most of a frame of `n_bytes` is read, or if that is unknown.
 
-        A client holds at most two frames: a system may take a first one without a smaller window.
-        Called every 10 ms while it is not. A system may offer a smaller window for good though
-        nothing is unread, so a frame is sent anyway now and then. If the client reads it, its
-        window is as large as before, and counts as its largest.
+        A client holds at most two unread frames, because its system may receive the first without a
+        smaller window. Called every 10 ms while it returns False. Some systems reduce their window
+        permanently although nothing is unread. So a frame is sometimes sent anyway: if the window
+        is afterwards at least as large as before, the client has read the frame, and this window
+        counts as its largest.
         """
         measured = self._measure()
         if measured is None:
@@ -63,7 +64,7 @@ class Room:
 def measure_connection(peer: tuple[str, int]) -> Measure:
     """Return the measurement of this server's connection with a client.
 
-    The connection belongs to the server's library, which does not hand it out. It is found among
+    The connection belongs to the server's library, which gives no access to it. It is found among
     the open files of this process by the client's address, and checked before each use.
     """
     known: list[int] = []

@@ -1,4 +1,4 @@
-"""Compare learners on recorded footage: trained on one drive of a place, tested on another."""
+"""Compare learners on recorded footage: train on one drive of a place, test on another drive."""
 
 from __future__ import annotations
 

@@ -104,7 +104,8 @@ def load_model(request: Request, name: str) -> dict[str, str | bool]:
 
 @router.patch("/{name}")
 def change_model(request: Request, name: str, body: ModelChange) -> dict[str, str]:
-    """Rename a model, or set the place where it was taught; both, or none."""
+    """Rename a model, set the place where it was taught, or both; an error leaves both
+    unchanged."""
     library = library_of(request)
     persistence_of(request).models.require(name)
     renamed = name if body.name is None or body.name == name else library.rename(name, body.name)

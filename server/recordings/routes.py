@@ -326,7 +326,7 @@ def change_episode(
 
 @router.post("/episodes/{episode_id}/edits", status_code=201)
 def edit_episode(episode_id: str, body: EpisodeEdit, store: EpisodeStore = STORE) -> Edits:
-    """Delete or relabel frames, or all other frames."""
+    """Delete or relabel the frames from `first` to `last`, or delete all others (`trim`)."""
     between = (body.first, body.last)
     edit = edit_of(body.verb, between, store.open(episode_id), body.label)
     return _edits(store.edit(episode_id, edit))

@@ -21,7 +21,8 @@ class EpisodeVerb(NamedTuple):
     """A verb that an extension adds to `drivelesson episodes`.
 
     Attributes:
-        changes: True if it writes into the data folder; others also work if it is read-only.
+        changes: True if the verb writes into the data folder; other verbs also work on a read-only
+            folder.
     """
 
     help: str

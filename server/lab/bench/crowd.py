@@ -103,7 +103,7 @@ async def _measure_watched(count: int, seconds: float, rate_hz: float) -> dict[s
 
 @contextlib.asynccontextmanager
 async def _held_forward(subject: ServerUnderTest, cookie: str = "") -> AsyncIterator[None]:
-    """Drive forward inside the block, like a finger on the pad."""
+    """While the `with` block runs, drive forward, like a finger on the pad."""
     async with link.driving(subject, cookie) as send:
 
         async def hold() -> None:

@@ -127,7 +127,7 @@ async def _measure_commands(count: int, rate_hz: float) -> dict[str, Any]:
 def _pair_up(
     sent: Sequence[tuple[float, str]], changes: Sequence[tuple[float, str]]
 ) -> list[float]:
-    """Return the time from each command to its change, without commands that were overtaken."""
+    """Return the time from each command to its effect; commands without an effect are left out."""
     took_s = []
     until_s = [at_s for at_s, _ in sent[1:]] + [sent[-1][0] + 1.0]
     for (at_s, held), next_s in zip(sent, until_s, strict=True):
@@ -142,7 +142,7 @@ Send = Callable[..., Awaitable[None]]
 
 @contextlib.asynccontextmanager
 async def driving(subject: ServerUnderTest, cookie: str = "") -> AsyncIterator[Send]:
-    """Have the wheel inside the block, of a robot that may move."""
+    """While the `with` block runs, be the pilot of a robot that may move; yield how to send."""
     from websockets.asyncio.client import connect
 
     url, headers = f"ws://127.0.0.1:{subject.port}/ws/drive", {"Cookie": cookie}
@@ -195,7 +195,8 @@ async def _watch(port: int, watched: Watched) -> None:
 
 @contextlib.asynccontextmanager
 async def watching(subject: ServerUnderTest, count: int) -> AsyncIterator[list[Watched]]:
-    """Have `count` viewers watch inside the block; yield the frames that each viewer got."""
+    """While the `with` block runs, let `count` viewers watch; yield the frames that each viewer
+    got."""
     viewers: list[Watched] = [[] for _ in range(count)]
     tasks = [asyncio.create_task(_watch(subject.port, viewer)) for viewer in viewers]
     try:

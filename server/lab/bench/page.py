@@ -1,4 +1,4 @@
-"""Measures how soon a phone can use the page, and the load: main thread, pictures, examples.
+"""Measures how soon a phone can use the page, the load of its main thread, and the frame rates.
 
 A Chromium shows the page of a server in a separate process and holds Forward with one finger. For a
 slow phone, Chromium slows down its main thread. A first visit has a new profile and a slow link.
@@ -107,7 +107,7 @@ def _visit(subject: ServerUnderTest, link: str) -> tuple[float, float]:
 
 @contextlib.contextmanager
 def _phone() -> Iterator[Any]:
-    """Run a Chromium inside the block; yield its page."""
+    """While the `with` block runs, run a Chromium; yield its page."""
     playwright = need("playwright.sync_api", "the benchmark of the page", "dev")
     path = os.environ.get("CHROMIUM") or next(filter(None, map(shutil.which, _BROWSERS)), None)
     if path is None:
