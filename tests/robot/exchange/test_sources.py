@@ -18,22 +18,11 @@ from robot.exchange.npz import load_recording
 from robot.exchange.reading import Reading
 from robot.exchange.sources import find_drives, unpacked
 from tests.kit.sizes import crossed
+from tests.robot.footage import write_footage
 
 from .test_imports import jpeg, tub_1, tub_2
 
 PLACES = ("", "a", "a/b", "a/b/c/d/e", "two words")
-
-
-def recording(path: Path, pictures: int) -> None:
-    files = [jpeg(number) for number in range(pictures)]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    np.savez(
-        path,
-        jpeg=np.frombuffer(b"".join(files), np.uint8),
-        offsets=np.cumsum([0, *map(len, files)], dtype=np.int64),
-        labels=np.zeros(pictures, np.uint8),
-        t=np.arange(pictures, dtype=np.float32) / 10,
-    )
 
 
 def pack(folder: Path, form: str) -> Path:
@@ -55,9 +44,9 @@ def test_recordings_are_found_in_folders_and_archives(tmp_path: Path, seed: int,
     for number, place in enumerate(chance.choices(PLACES, k=chance.randrange(1, 5))):
         name = f"{chance.choice(('place', '7', 'ä b'))}-{number}.npz"
         wanted[name] = chance.randrange(1, 4)
-        recording(folder / place / name, wanted[name])
+        write_footage(folder / place / name, wanted[name])
     for hidden in ("._copy.npz", "_kept.npz", ".git/x.npz", "_old/x.npz"):
-        recording(folder / hidden, 1)
+        write_footage(folder / hidden, 1)
     tub_1(folder / "tub", [0.0, 0.5])
     report = ImportReport()
     with unpacked(pack(folder, form), tmp_path, report) as path:
@@ -68,8 +57,8 @@ def test_recordings_are_found_in_folders_and_archives(tmp_path: Path, seed: int,
 
 
 def test_what_lies_too_deep_or_is_a_folder_is_none(tmp_path: Path) -> None:
-    recording(tmp_path / "x.npz", 1)
-    recording(tmp_path / "1/2/3/4/5/6/deep.npz", 1)
+    write_footage(tmp_path / "x.npz", 1)
+    write_footage(tmp_path / "1/2/3/4/5/6/deep.npz", 1)
     (tmp_path / "folder.npz").mkdir()
     assert [source.name for source in find_drives(tmp_path)] == ["x.npz"]
 
@@ -89,7 +78,7 @@ def test_what_macos_lays_beside_files_and_names_in_capitals_keep_nothing_away(
         (folder / "FRAMES.CSV").write_bytes(b"\xef\xbb\xbffile,label\r\nA.JPG,left\r\n")
         (folder / "._FRAMES.CSV").write_bytes(b"\0\5\26\7")
     else:
-        recording(folder / "x.npz", 1)
+        write_footage(folder / "x.npz", 1)
         (folder / "x.npz").rename(folder / "X.NPZ")
         (folder / "._X.NPZ").write_bytes(b"\0\5\26\7")
     report = ImportReport()
@@ -165,7 +154,7 @@ def test_a_catalog_of_a_name_that_no_file_can_have_is_skipped(tmp_path: Path, na
 def test_an_array_of_another_form_is_refused_with_a_sentence(
     tmp_path: Path, name: str, value: Any
 ) -> None:
-    recording(tmp_path / "x.npz", 3)
+    write_footage(tmp_path / "x.npz", 3)
     with np.load(tmp_path / "x.npz") as arrays:
         np.savez(tmp_path / "y.npz", **{**arrays, name: value})
     with pytest.raises(RecordingError, match="not of the expected form"):

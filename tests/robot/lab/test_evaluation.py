@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 from unittest import mock
 
-import cv2
 import numpy as np
 import pytest
 
@@ -20,6 +19,7 @@ from robot.policy.registry import Design, make_policy
 from robot.types import DEFAULT_MOVES, Action
 from server.__main__ import main
 from tests.kit.sizes import in_ci
+from tests.robot.footage import write_footage
 
 FOUND = os.environ.get(
     "DRIVELESSON_RECORDINGS", str(Path(__file__).parents[3].parent / "shared/recordings")
@@ -27,33 +27,6 @@ FOUND = os.environ.get(
 needs_recordings = pytest.mark.skipif(
     not Path(FOUND).is_dir(), reason=f"no footage in {FOUND}; set DRIVELESSON_RECORDINGS"
 )
-
-
-def write_recording(path, n=12, seed=0, **changes):
-    rng = np.random.default_rng(seed)
-    labels = np.arange(n, dtype=np.uint8) % 3
-    pictures = [
-        np.kron(np.full((12, 16), 60 * int(k)) + rng.integers(0, 30, (12, 16)), np.ones((10, 10)))
-        for k in labels
-    ]
-    jpegs = [cv2.imencode(".jpg", p.astype(np.uint8))[1].ravel() for p in pictures]
-    arrays = {
-        "jpeg": np.concatenate(jpegs),
-        "offsets": np.cumsum([0] + [j.size for j in jpegs]),
-        "labels": labels,
-        "t": np.arange(n, dtype=np.float32) / 10,
-        "meta": np.array(json.dumps({"source": "test"})),
-    } | changes
-    np.savez(path, **{k: v for k, v in arrays.items() if v is not None})
-
-
-def test_reads_what_was_written(tmp_path):
-    write_recording(tmp_path / "hall_A.npz")
-    recording = load_recording(tmp_path / "hall_A.npz")
-    assert (recording.name, len(recording.shots)) == ("hall_A", 12)
-    labels = [shot.label for shot in recording.shots[:3]]
-    assert labels == [Action.FORWARD, Action.LEFT, Action.RIGHT]
-    assert recording.shots[3].frame(4, 0.3).data[:2] == b"\xff\xd8"
 
 
 @pytest.mark.parametrize(
@@ -68,33 +41,24 @@ def test_reads_what_was_written(tmp_path):
     ids=["missing", "labels", "offsets", "times", "pickle"],
 )
 def test_a_broken_recording_is_one_clear_line(tmp_path, changes, capsys):
-    write_recording(tmp_path / "hall_A.npz", **changes)
-    write_recording(tmp_path / "hall_B.npz")
+    write_footage(tmp_path / "hall_A.npz", **changes)
+    write_footage(tmp_path / "hall_B.npz")
     with pytest.raises(RecordingError, match=r"hall_A\.npz"):
         load_recording(tmp_path / "hall_A.npz")
     assert main(["evaluate", str(tmp_path), "--learners", "knn-3"]) == 2
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
 
 
-@pytest.mark.parametrize("content", [None, b"", b"PK\x03\x04 torn"])
-def test_files_that_are_no_recording(tmp_path, content):
-    path = tmp_path / "hall_A.npz"
-    if content is not None:
-        path.write_bytes(content)
-    with pytest.raises(RecordingError, match="hall_A"):
-        load_recording(path)
-
-
 def test_a_frame_that_is_no_jpeg_names_its_recording(tmp_path, capsys):
-    write_recording(tmp_path / "hall_A.npz", jpeg=np.zeros(12, np.uint8), offsets=np.arange(13))
-    write_recording(tmp_path / "hall_B.npz")
+    write_footage(tmp_path / "hall_A.npz", jpeg=np.zeros(12, np.uint8), offsets=np.arange(13))
+    write_footage(tmp_path / "hall_B.npz")
     assert main(["evaluate", str(tmp_path), "--learners", "published-4"]) == 2
     assert "hall_A" in capsys.readouterr().err
 
 
 def test_the_command_writes_both_directions(tmp_path, capsys):
-    write_recording(tmp_path / "hall_A.npz")
-    write_recording(tmp_path / "hall_B.npz", seed=1)
+    write_footage(tmp_path / "hall_A.npz")
+    write_footage(tmp_path / "hall_B.npz", seed=1)
     out = tmp_path / "out.json"
     assert (
         main(
@@ -124,7 +88,7 @@ def test_what_could_not_be_written_is_said_before_anything_is_learned(
     tmp_path, monkeypatch, capsys, out
 ):
     for name in "AB":
-        write_recording(tmp_path / f"hall_{name}.npz")
+        write_footage(tmp_path / f"hall_{name}.npz")
     monkeypatch.setattr(evaluation, "judge", lambda *_: pytest.fail("it learned"))
     words = ["evaluate", str(tmp_path), "--learners", "published-4"]
     assert main([*words, "--json", str(tmp_path / out)]) == 2
@@ -133,14 +97,14 @@ def test_what_could_not_be_written_is_said_before_anything_is_learned(
 
 def test_a_learner_that_is_named_twice_is_one(tmp_path, capsys):
     for name in "AB":
-        write_recording(tmp_path / f"hall_{name}.npz")
+        write_footage(tmp_path / f"hall_{name}.npz")
     assert main(["evaluate", str(tmp_path), "--learners", "published-4, published-4"]) == 0
     assert capsys.readouterr().out.count("published-4") == 3  # two directions and their mean
 
 
 def test_the_first_frames_and_spread_ones_are_judged_side_by_side(tmp_path, capsys):
     for name in "AB":
-        write_recording(tmp_path / f"hall_{name}.npz", seed=ord(name))
+        write_footage(tmp_path / f"hall_{name}.npz", seed=ord(name))
     words = ["evaluate", str(tmp_path), "--learners", "published-4"]
     out = tmp_path / "out.json"
     words += ["--json", str(out)]
@@ -153,7 +117,7 @@ def test_the_first_frames_and_spread_ones_are_judged_side_by_side(tmp_path, caps
 
 def test_files_that_a_mac_lays_beside_recordings_are_none(tmp_path):
     for name in "AB":
-        write_recording(tmp_path / f"hall_{name}.npz")
+        write_footage(tmp_path / f"hall_{name}.npz")
         (tmp_path / f"._hall_{name}.npz").write_bytes(b"\0\5\x16\7")
     assert [pair.train.name for pair in evaluation.load_pairs(tmp_path)] == ["hall_A", "hall_B"]
 
@@ -174,7 +138,7 @@ class Divided(GradientFeatures):
 
 
 def test_each_learner_sees_with_its_own_features(tmp_path):
-    write_recording(tmp_path / "hall_A.npz")
+    write_footage(tmp_path / "hall_A.npz")
     drive, known = load_recording(tmp_path / "hall_A.npz"), {}
     frame = drive.shots[0].frame(0, 0.0)
     kinds = [GradientFeatures, Darkened, partial(Divided, 3), partial(Divided, 4)]
@@ -222,7 +186,7 @@ def test_reproduces_the_figures_of_the_recordings(place):
 @pytest.mark.parametrize("light", [0.3, 0.5])
 def test_the_test_can_be_made_darker_and_the_lesson_stays(tmp_path, light):
     for name in ("hall_A", "hall_B"):
-        write_recording(tmp_path / f"{name}.npz", seed=ord(name[-1]))
+        write_footage(tmp_path / f"{name}.npz", seed=ord(name[-1]))
     pair = evaluation.load_pairs(tmp_path)[0]
     frame = pair.test.shots[0].frame(0, 0.0)
     darker = evaluation.darkened(frame, light)
@@ -234,7 +198,7 @@ def test_the_test_can_be_made_darker_and_the_lesson_stays(tmp_path, light):
 @pytest.mark.parametrize("examples", [1, 5, 10**6])
 def test_few_examples_are_spread_over_the_drive_or_its_first(tmp_path, examples, in_a_row):
     for name in ("hall_A", "hall_B"):
-        write_recording(tmp_path / f"{name}.npz", seed=ord(name[-1]))
+        write_footage(tmp_path / f"{name}.npz", seed=ord(name[-1]))
     pair = evaluation.load_pairs(tmp_path)[1]
     policy = make_policy("published-8")
     drive = evaluation.seen_by(policy, pair.train, {})
@@ -261,7 +225,7 @@ def test_no_light_and_too_much_are_refused(tmp_path, capsys, light):
 def test_the_mean_of_a_tapped_angle_is_what_was_meant(tmp_path):
     tapped, mean = np.tile([0.0, 1.0], 6).astype("f4"), np.full(12, 0.5, "f4")
     changes = {"angle": tapped, "angle_mean": mean, "throttle": mean}
-    write_recording(tmp_path / "hall_A.npz", **changes)
+    write_footage(tmp_path / "hall_A.npz", **changes)
     shots = load_recording(tmp_path / "hall_A.npz").shots
     assert {shot.point.steering for shot in shots} == {0.5}
 
@@ -270,10 +234,10 @@ def test_angles_are_judged_where_the_drives_have_them(tmp_path):
     steered = np.linspace(-1.0, 1.0, 3)[np.array([1, 0, 2])]  # forward, left, right
     for name, seed in (("A", 1), ("B", 2)):
         angle = (steered[np.arange(60) % 3]).astype(np.float32)
-        write_recording(
+        write_footage(
             tmp_path / f"hall_{name}.npz", 60, seed, angle=angle, throttle=np.full(60, 0.5, "f4")
         )
-        write_recording(tmp_path / f"yard_{name}.npz", 60, seed)
+        write_footage(tmp_path / f"yard_{name}.npz", 60, seed)
     results = list(evaluation.evaluate(evaluation.load_pairs(tmp_path), ["default-8", "knn-3"]))
     for result in results:
         if result["place"] == "yard":
@@ -291,7 +255,7 @@ def test_rivals_by_degrees_are_beside_the_default(tmp_path):
         near = np.random.default_rng(seed).uniform(0.3, 1.0, 60)
         angle = np.array([0.0, -1.0, 1.0])[np.arange(60) % 3] * near
         changes = {"angle": angle.astype("f4"), "throttle": np.full(60, 0.5, "f4")}
-        write_recording(tmp_path / f"hall_{name}.npz", 60, seed, **changes)
+        write_footage(tmp_path / f"hall_{name}.npz", 60, seed, **changes)
     learners = ["without-angle-8", "angle-knn-3", "angle-ridge-3", "angle-cnn-8"]
     results = list(evaluation.evaluate(evaluation.load_pairs(tmp_path), learners))
     assert [result["learner"] for result in results[:4]] == learners

@@ -13,6 +13,7 @@ from robot.lab.ideas import make_learner, make_teacher
 from robot.lab.lessons import run_lesson
 from robot.lab.simulated_pilots.teachers import SonarController
 from robot.types import DEFAULT_MOVES
+from tests.robot.footage import write_footage
 
 DOCS = Path(__file__).parents[3] / "docs" / "howto" / "try-an-idea.md"
 
@@ -53,11 +54,9 @@ def test_the_ideas_of_the_how_to_enter_an_experiment(tmp_path: Path) -> None:
 
 def test_an_idea_is_tried_on_recorded_footage_too(tmp_path: Path) -> None:
     pytest.importorskip("cv2", reason="NOT TESTED: OpenCV is not installed")
-    from tests.robot.lab.test_evaluation import write_recording
-
     (tmp_path / "idea.py").write_text(blocks("python")[0])
     for seed, name in enumerate(("hall_A.npz", "hall_B.npz")):
-        write_recording(tmp_path / name, seed=seed)
+        write_footage(tmp_path / name, seed=seed)
     idea = f"{tmp_path}/idea.py:LastFrames"
     settings = ExperimentSettings(quick=True, learners=(idea,), recordings=str(tmp_path))
     tasks = [task for task in FIGURE3.plan(settings) if task.kind == "recorded_footage"]

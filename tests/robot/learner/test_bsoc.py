@@ -74,19 +74,6 @@ def test_groups_are_merged_only_at_the_last_resort():
     assert sorted(learner.nodes_.ravel().tolist()) == [0.0, 5.0]
 
 
-def test_a_pinned_node_keeps_its_image():
-    learner = BSOC(3)
-    for value in (0.0, 10.0, 20.0):
-        learner.train(np.array([value]))
-    learner.pin(0)
-    for value in (0.1, 0.2, 30.0, 40.0):
-        learner.train(np.array([value]))
-    assert learner.nodes_[0, 0] == 0.0
-    assert len(learner) == 3
-    with pytest.raises(ValueError, match="unpin"):
-        learner.delete(0)
-
-
 def test_at_least_one_node_stays_free_of_pins():
     learner = BSOC(2)
     learner.train(np.array([0.0]))
@@ -94,33 +81,6 @@ def test_at_least_one_node_stays_free_of_pins():
     learner.pin(0)
     with pytest.raises(ValueError, match="at most 1 of 2"):
         learner.pin(1)
-
-
-@pytest.mark.parametrize(
-    "bad", [np.array([np.nan, 0.0]), np.zeros(3), np.zeros((2, 1)), np.array([np.inf, 1.0])]
-)
-def test_refuses_bad_vectors_and_stays_as_it_was(bad):
-    learner = BSOC(2)
-    for value in (0.0, 1.0, 5.0):
-        learner.train(np.array([value, value]))
-    before = learner.save()[1]
-    with pytest.raises(ValueError, match="vector"):
-        learner.train(bad)
-    after = learner.save()[1]
-    assert all(np.array_equal(before[name], after[name]) for name in before)
-
-
-def test_state_goes_on_exactly():
-    rng = np.random.default_rng(0)
-    xs = rng.normal(size=(60, 5))
-    first = BSOC(4, group_cost=10.0)
-    for i, x in enumerate(xs[:30]):
-        first.train(x, i % 2)
-    second = BSOC(4)
-    second.load(*first.save())
-    for i, x in enumerate(xs[30:]):
-        assert first.train(x, i % 2) == second.train(x, i % 2)
-    assert np.array_equal(first.nodes_, second.nodes_)
 
 
 @pytest.mark.parametrize("max_nodes", [1, 3, 8, 30])

@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot.learner.base import Learner, NotFittedError
+from robot.learner.base import NotFittedError
 from robot.learner.change_of_mind import ENOUGH, LATER
 from robot.learner.classifier import BSOCClassifier
-from robot.learner.ridge import ContextRidge, RecursiveRidge
+from robot.learner.ridge import RecursiveRidge
 from tests.kit.sizes import crossed
 from tests.robot.learner import paper
 
@@ -22,10 +22,6 @@ def test_published_histograms_equal_the_pseudocode(max_nodes, seed):
         for slot, row in enumerate(ours.histograms_):
             counted = {label: n for label, n in zip(ours.labels_, row.tolist(), strict=True) if n}
             assert counted == theirs.nodes[slot].histogram
-
-
-def test_is_a_learner():
-    assert isinstance(BSOCClassifier(2), Learner)
 
 
 def test_raises_before_the_first_lesson():
@@ -58,39 +54,6 @@ def test_a_rare_label_weighs_more(power):
 
 
 SIZE = 8
-
-
-@pytest.mark.parametrize("linear", [None, RecursiveRidge, ContextRidge])
-@pytest.mark.parametrize(
-    ("x", "label", "angle"),
-    [
-        (np.zeros(SIZE), "", 0.0),
-        (np.zeros(SIZE), None, 0.0),
-        (np.zeros(SIZE), "left", np.nan),
-        (np.zeros(SIZE), "left", 1.5),
-        (np.zeros(SIZE), "left", -np.inf),
-        (np.array(["1"] * SIZE), "left", 0.0),
-        (np.zeros(SIZE, complex), "left", 0.0),
-        (np.full(SIZE, np.nan), "left", 0.0),
-        (np.full(SIZE, 1e15), "left", 0.0),
-        (np.zeros(1), "left", 0.0),
-        (np.zeros(SIZE - 3), "left", 0.0),
-        (np.zeros((2, SIZE)), "left", 0.0),
-    ],
-)
-def test_what_it_refuses_changes_nothing(x, label, angle, linear):
-    learner = BSOCClassifier(4, linear=None if linear is None else linear(SIZE))
-    for first in (True, False):
-        before = learner.get_state()
-        if not (first and linear is None and x.ndim == 1 and x.size < SIZE):  # as long as any
-            with pytest.raises(ValueError, match=r"label|angle|vector"):
-                learner.learn_in(x, label, (0,), angle)
-        after = learner.get_state()
-        assert (before.params, before.labels) == (after.params, after.labels)
-        assert before.arrays.keys() == after.arrays.keys()
-        assert all(np.array_equal(before.arrays[n], after.arrays[n]) for n in after.arrays)
-        learner.learn_one(np.arange(SIZE), "forward")
-        learner.begin_angles({"forward": 0.0})
 
 
 @pytest.mark.parametrize("integer", [False, True])

@@ -46,18 +46,6 @@ def test_its_scale_follows_the_last_examples_alone():
     assert novelty.score(9.0) == 0.0
 
 
-def test_state_gives_the_same_scores_and_goes_on_the_same():
-    rng = np.random.default_rng(2)
-    one = filled(rng.gamma(3.0, 1.0, 333))
-    other = Novelty()
-    other.load(*one.save())
-    for length in rng.gamma(3.0, 1.0, 50):
-        assert one.score(length**2) == other.score(length**2)
-        one.learn(length**2)
-        other.learn(length**2)
-    assert one.save()[1]["novelty"].tolist() == other.save()[1]["novelty"].tolist()
-
-
 @pytest.mark.parametrize("repeats", [1, 3])
 def test_neighbouring_frames_do_not_count_as_familiar(repeats):
     """A slow pan: each frame is near the previous one, and far from all earlier frames."""

@@ -11,7 +11,7 @@ from robot.learner.bsoc import BSOC
 from robot.learner.classifier import GROUP_COST, BSOCClassifier
 from robot.learner.published import PublishedBSOC
 from robot.learner.ridge import ContextRidge, RecursiveRidge
-from tests.kit.sizes import examples
+from tests.kit.sizes import crossed, examples
 from tests.kit.states import same_state
 
 LABELS = ("forward", "left", "right")
@@ -73,32 +73,37 @@ def test_saving_and_loading_changes_nothing(kind, max_nodes, lessons, more):
     assert same_state(learner.get_state(), loaded.get_state())
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize(
-    ("x", "y"),
-    [
-        (np.array([np.nan] * 6), "left"),
-        (np.array([1.0, 2.0, np.inf, 4.0, 5.0, 6.0]), "left"),
-        (np.zeros(5, np.uint8), "left"),
-        (np.zeros((2, 3), np.uint8), "left"),
-        (np.zeros(0, np.uint8), "left"),
-        (np.zeros(6, np.uint8), ""),
-        (np.zeros(6, np.uint8), None),
-        (np.zeros(6, np.uint8), 3),
+@crossed(
+    kind=KINDS,
+    bad=[
+        (np.array([1.0, 2.0, np.inf, 4.0, 5.0, 6.0]), "left", 0.0),
+        (np.full(6, np.nan), "left", 0.0),
+        (np.full(6, 1e15), "left", 0.0),
+        (np.zeros(5, np.uint8), "left", 0.0),
+        (np.zeros(1, np.uint8), "left", 0.0),
+        (np.zeros(0, np.uint8), "left", 0.0),
+        (np.zeros((2, 3), np.uint8), "left", 0.0),
+        (np.array(["1"] * 6), "left", 0.0),
+        (np.zeros(6, complex), "left", 0.0),
+        (np.zeros(6, np.uint8), "", 0.0),
+        (np.zeros(6, np.uint8), None, 0.0),
+        (np.zeros(6, np.uint8), 3, 0.0),
+        (np.zeros(6, np.uint8), "left", np.nan),
+        (np.zeros(6, np.uint8), "left", 1.5),
+        (np.zeros(6, np.uint8), "left", -np.inf),
     ],
-    ids=["nan", "inf", "short", "two dimensions", "empty", "no label", "none", "number"],
 )
-def test_bad_lessons_are_refused_and_change_nothing(kind, x, y):
-    learner = make(kind, 3)
-    for fresh in (True, False):
-        if not fresh:
-            for i in range(8):
-                learner.learn_one(np.full(6, 20 * i, np.uint8), LABELS[i % 3])
+def test_bad_lessons_are_refused_and_change_nothing(kind, bad):
+    learner, (x, label, angle) = make(kind, 3), bad
+    for is_fresh in (True, False):
         before = learner.get_state()
-        if not fresh or not isinstance(y, str) or not y or x.ndim != 1 or x.size == 0:
-            with pytest.raises(ValueError, match=r"vector|label|whole"):
-                learner.learn_one(x, y)
-            assert same_state(before, learner.get_state())
+        if not (is_fresh and x.ndim == 1 and 0 < x.size < 6):  # the first one sets the length
+            with pytest.raises(ValueError, match=r"vector|label|whole|angle"):
+                learner.learn_in(x, label, (0,), angle)
+        assert same_state(before, learner.get_state())
+        for i in range(8):
+            learner.learn_one(np.full(6, 20 * i, np.uint8), LABELS[i % 3])
+        learner.begin_angles(dict.fromkeys(LABELS, 0.0))
 
 
 @settings(max_examples=examples(60), deadline=None)

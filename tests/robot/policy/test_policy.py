@@ -7,7 +7,6 @@ import pytest
 
 from robot.coaching.gallery import images
 from robot.driver import Move
-from robot.errors import ConfigurationError
 from robot.policy.registry import make_policy
 from robot.types import Action, Point
 from tests.kit.frames import frame_of, noisy_blocks
@@ -55,7 +54,7 @@ def test_proposes_nothing_before_the_first_lesson():
     assert (prediction.frame_id, prediction.action, dict(prediction.probabilities)) == (7, None, {})
 
 
-@pytest.mark.parametrize("name", installed("default-4", "published-4", "knn-3", "mlp-4"))
+@pytest.mark.parametrize("name", installed("knn-3", "mlp-4"))
 def test_state_gives_the_same_predictions_and_the_same_future(name):
     first, second = taught(name), make_policy(name)
     second.set_state(first.get_state())
@@ -66,33 +65,6 @@ def test_state_gives_the_same_predictions_and_the_same_future(name):
         first.learn(x, F)
         second.learn(x, F)
     assert [g.votes for g in images(first)] == [g.votes for g in images(second)]
-
-
-def test_gallery_shows_every_node_and_its_edits():
-    policy = taught("default-6")
-    gallery = images(policy)
-    assert len(gallery) == policy.n_nodes == 6
-    assert policy.n_seen == 40
-    assert sum(image.frames for image in gallery) == policy.learner.n_seen_
-    assert all(image.thumbnail.shape == (30, 40) for image in gallery)
-    first, second = gallery[0].node_id, gallery[1].node_id
-    policy.relabel_node(first, R)
-    policy.learner.pin_node(first)
-    policy.learner.delete_node(second)
-    shown = {image.node_id: image for image in images(policy)}
-    assert second not in shown
-    assert shown[first].is_pinned
-    assert shown[first].votes[R] == shown[first].frames
-    with pytest.raises(ValueError, match="pinned"):
-        policy.learner.delete_node(first)
-    with pytest.raises(LookupError, match="no node"):
-        policy.relabel_node(second, L)
-
-
-@pytest.mark.parametrize("name", ["nobody-3", "default", "default-0", "default--1", ""])
-def test_unknown_names_say_what_there_is(name):
-    with pytest.raises(ConfigurationError, match="default"):
-        make_policy(name)
 
 
 def test_refuses_a_label_that_is_no_move():
@@ -141,7 +113,7 @@ def test_confidence_falls_with_novelty_towards_a_guess(kind):
 def test_a_point_that_is_none_teaches_nothing(name, point):
     policy = taught(name, 6)
     before = policy.get_state()
-    with pytest.raises(ValueError, match="from -1 to 1"):
+    with pytest.raises(ValueError, match="must lie in"):
         policy.learn(policy.extract(view(2)), L, 9.0, Point(*point))
     after = policy.get_state()
     assert before.params == after.params and before.arrays.keys() == after.arrays.keys()

@@ -9,6 +9,7 @@ import random
 import re
 import zipfile
 
+import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -69,11 +70,14 @@ def test_a_log_that_is_damaged_anywhere_is_read_or_refused() -> None:
     plan, dice = small_plan(), random.Random(4)
     whole = logs_of(plan, 1)["P01"].split(b"\n")
     odd = [b"nan", b"inf", b"1e999", b"-1", b"9" * 5000, b"", b"x", b"\0", b"Left!", b"\xff", b"0"]
+    odd += [b" -5", b"-6e10", b"-2.5e11", b"2.5e11", b"5e-324", b"1e-310", b"1_0"]
     refused = 0
-    for _ in range(300):
+    lines = whole[:200] + whole[-40:]
+    numbers = [n for n, line in enumerate(lines) if b",measure," in line or b",answer," in line]
+    for turn in range(300):
         lines = whole[:200] + whole[-40:]
         for _ in range(dice.randint(1, 3)):
-            row = dice.randrange(len(lines) - 1)
+            row = dice.choice(numbers) if turn % 3 == 0 else dice.randrange(len(lines) - 1)
             fields = lines[row].split(b",")
             fields[dice.randrange(len(fields))] = dice.choice(odd)
             lines[row] = b",".join(fields)
@@ -86,6 +90,10 @@ def test_a_log_that_is_damaged_anywhere_is_read_or_refused() -> None:
         except RecordingError:
             refused += 1
     assert 100 < refused < 300
+    head, *rest = whole[:-1]
+    early = b"\n".join([head, *(b"-6e10," + line.split(b",", 1)[1] for line in rest), b""])
+    with pytest.raises(RecordingError, match="before 1970"):
+        rebuild(SMALL_PLAN, {"P01": early})
 
 
 def test_recordings_are_found_in_a_damaged_log_and_in_no_answer() -> None:

@@ -100,15 +100,6 @@ def test_the_phases_follow_each_other_and_end_each() -> None:
     assert (drive.session.step, drive.ended) == (SessionStep.QUESTIONS, 3)
 
 
-def test_the_clock_stands_while_the_robot_is_in_another_mode() -> None:
-    drive = Drive(2, 180)
-    drive.forward(10, *TEACHING, Action.FORWARD, 1.0)
-    left_s = drive.session.left_s
-    drive.forward(30, Mode.STOPPED, DrivenBy.NOBODY, Action.STOP, 1.0)
-    drive.forward(30, *ITSELF, Action.FORWARD, 1.0)
-    assert drive.session.left_s == left_s
-
-
 def test_a_robot_that_drives_alike_differs_by_nothing() -> None:
     result = teach_and_let_drive(robot_turns_at_m=0.2).outcome()
     assert (result["ssd"], result["interventions"], result["examples"]) == (0.0, 1, 7)

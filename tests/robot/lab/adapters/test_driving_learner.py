@@ -16,10 +16,6 @@ from tests.kit.frames import frame_of, noisy_blocks
 MOVES = ("left", "right", "gas")
 
 
-def test_it_proposes_nothing_before_the_first_example() -> None:
-    assert DrivingLearner(MOVES).see(noisy_blocks(1), 0.0).action is None
-
-
 def test_it_does_what_it_was_shown() -> None:
     learner = DrivingLearner(MOVES)
     for i in range(60):
