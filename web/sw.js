@@ -64,12 +64,12 @@ async function fromRobot(event) {
   const fresh = fetch(request).then(async (answer) => {
     if (!answer.ok) return answer;
     const isNew = kept && kept.headers.get('etag') !== answer.headers.get('etag');
-    // A new page is kept with all its parts or not at all: alone it could not open without the robot.
+    // A new page is stored only together with all its parts; without them it could not open while the robot is away.
     if (isNew && request.mode === 'navigate') event.waitUntil(keepAll().catch(() => {}));
     else await keep(request, answer.clone());
     return answer;
   });
-  event.waitUntil(fresh.catch(() => {})); // what comes too late for this visit is kept for the next
+  event.waitUntil(fresh.catch(() => {})); // an answer that is too late for this visit is stored for the next
   if (!kept) return fresh;
   const late = new Promise((done) => setTimeout(() => done(kept), PATIENCE_MS));
   return Promise.race([fresh.catch(() => kept), late]);

@@ -18,10 +18,10 @@ say(find('title'), t('board.codes'));
 say(find('how'), t('board.codes_how'));
 say(find('wifi-name'), t('board.wifi'));
 const wifi = /** @type {HTMLInputElement} */ (find('wifi'));
-try { wifi.value ||= localStorage.getItem(WIFI) ?? ''; } catch { /* it is typed again, then */ }
+try { wifi.value ||= localStorage.getItem(WIFI) ?? ''; } catch { /* without storage it must be typed again */ }
 say(find('print'), t('board.print'));
 wifi.addEventListener('change', () => {
-  try { localStorage.setItem(WIFI, wifi.value); } catch { /* it stands on the cards all the same */ }
+  try { localStorage.setItem(WIFI, wifi.value); } catch { /* the cards show it anyway */ }
 });
 find('print').addEventListener('click', () => window.print());
 

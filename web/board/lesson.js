@@ -32,7 +32,7 @@ const spoken = (words) => words.map(({ kind, text: said }) => (kind === 'text' ?
 function draw(piece) {
   if (piece.kind === 'ul') return h('ul', {}, ...piece.items.map((item) => h('li', {}, ...spoken(item))));
   if (piece.kind !== 'table') return h(piece.kind === 'h2' ? 'h1' : 'p', {}, ...spoken(piece.words));
-  /** A step with nothing to look for has the room of both. @param {Word[][]} cells */
+  /** Empty cells are left out, and the last cell of the row spans their columns. @param {Word[][]} cells */
   const row = (cells) => {
     const said = cells.filter((cell, i) => i === 0 || cell.length);
     return h('tr', {}, ...said.map((cell, i) => h('td', { colspan: i === said.length - 1 ? cells.length - i : 1 }, ...spoken(cell))));

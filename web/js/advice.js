@@ -4,10 +4,10 @@
 /** @typedef {{key: string, values?: Record<string, string | number>, step?: string, level: 'info' | 'ask' | 'stop'}} Advice */
 
 const FEW_EXAMPLES = 60;
-const USED_SHARE = 0.03; // a smaller share of a move was a slip of the thumb
+const USED_SHARE = 0.03; // a move with a smaller share counts as a slip of the thumb
 
 /**
- * The moves that this pilot uses: those that were really taught. The box needs two moves.
+ * The moves that this pilot uses: all that were taught, without slips of the thumb.
  * @param {Record<string, number>} taught
  * @returns {string[]}
  */

@@ -18,8 +18,8 @@ export const language = pickLanguage(globalThis.navigator?.languages ?? [], memo
 /** @typedef {(code: string) => Promise<{default: Record<string, string>}>} Load  a message file */
 
 /**
- * Load the language. A sentence, or an extension, that lacks it is in English; in a joined page each language's
- * file is whole, so that English need not be fetched too.
+ * Load the language. A sentence or an extension that lacks the language is shown in English. In a joined page each
+ * language's file is complete, so that English is not loaded too.
  * @param {Load[]} [more]  of extensions @param {Load} [load]
  */
 export async function loadLanguage(more = [], load = (code) => import(`./messages/${code}.js`)) {

@@ -64,7 +64,7 @@ async function start() {
   for (const part of parts) part.start?.(page);
   first?.up();
   connection.begin(/** @type {any} */ (document.querySelector('video-view')).ready);
-  // A robot that does not know its pose has no map; its first state with a picture shows which it is.
+  // A robot that does not know its pose has no map; its first state with a picture shows whether it knows.
   store.watch(['robot'], ({ robot }) => {
     if (robot) document.body.classList.toggle('mapless', robot.frame !== null && !robot.pose);
   });
@@ -81,7 +81,7 @@ async function listen(page) {
   const { listenToKeyboard } = await import('./inputs/keyboard.js');
   const { listenToGamepads } = await import('./inputs/gamepad.js');
   const { padDesk } = await import('./inputs/pad-desk.js');
-  await fetchScreenWords(); // a pad's sentences are among them
+  await fetchScreenWords(); // these contain the sentences about pads
   const reach = { stop: () => page.stop(), isDriving: () => page.isDriving() };
   listenToKeyboard(page.helm, reach);
   listenToGamepads(page.helm, { ...reach, desk: padDesk(page) });
@@ -94,7 +94,7 @@ async function addTheRest(page) {
   /** @type {any} */ (document.querySelector('drive-map')).start(page);
   for (const part of parts) part.startLater?.(page);
   try {
-    // Without a service worker, only the page's shell without a robot is missing.
+    // Without a service worker everything works, but the page cannot open while the robot is away.
     if (isSecureContext) await navigator.serviceWorker?.register('sw.js');
   } catch {}
 }

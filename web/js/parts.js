@@ -7,7 +7,7 @@
  * @property {(state: import('./store.js').PageState) => boolean} isOffered  whether the menu shows it
  * @property {{title: string, hint: string}} [settings]  keys of the texts of its link in the settings
  *
- * @typedef {() => Promise<(screen: any) => Promise<HTMLElement | null>>} Section  loads what makes a part of a screen
+ * @typedef {() => Promise<(screen: any) => Promise<HTMLElement | null>>} Section  loads the function that makes a part of a screen
  *
  * @typedef {object} Part
  * @property {Record<string, PartScreen>} [screens]  by name, which follows # in the address

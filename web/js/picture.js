@@ -15,7 +15,7 @@ export async function decode(picture) {
   return bits instanceof Blob ? load(bits) : paint(bits);
 }
 
-// Safari has createImageBitmap since version 15.
+// The fallback for Safari before version 15, which has no createImageBitmap.
 
 /** @param {Blob} jpeg */
 async function load(jpeg) {

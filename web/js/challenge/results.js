@@ -13,7 +13,7 @@ import { language, t } from '../i18n.js';
 export async function armTry(page) {
   await ask('POST', 'api/challenge/try');
   const { robot } = page.store.state;
-  if (robot?.you_are_pilot && robot.mode === 'stopped') page.choose('stopped'); // else why it stopped hides what to do
+  if (robot?.you_are_pilot && robot.mode === 'stopped') page.choose('stopped'); // otherwise the reason for the stop would hide what to do
   location.hash = 'drive';
 }
 

@@ -87,9 +87,9 @@ class Silence {
     this.pauseMs = 0;
     /** @type {string[]} the keys that were counted as released */
     this.missed = [];
-    /** Which of the two silences was counted last. */
+    /** The last silence that counted as a release: of a chord (true), or of a repeating key. */
     this.isChord = false;
-    /** Which of the two is no sign of a release on this keyboard, because its keys came up after all. */
+    /** The kinds of silence that do not count any more, because a key came up after it had counted as released. */
     this.isWrong = { chord: false, repeat: false };
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.timer = undefined;

@@ -150,7 +150,7 @@ export default {
   set_aside: 'Damaged files were set aside: {detail}',
   check_battery: 'The robot has switched off {detail} times just when it started to drive. Check its battery: it may be too weak for the motors.',
   put_back: 'These versions are readable again and were put back: {detail}',
-  done_not_kept: 'Done, but not saved, because the robot’s disk refused it. If the robot restarts now, this change is lost.',
+  done_not_kept: 'Done, but not saved, because the robot could not write to its disk. If the robot restarts now, this change is lost.',
   nothing_kept: 'Nothing can be saved or recorded: {detail}',
   kept_again: 'The data folder is back: everything is being saved again.',
   recording_off: '{detail}',

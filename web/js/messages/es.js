@@ -149,7 +149,7 @@ export default {
   set_aside: 'Se han apartado archivos dañados: {detail}',
   check_battery: 'El robot se ha apagado {detail} veces justo al arrancar. Revisa la batería: puede ser demasiado débil para los motores.',
   put_back: 'Estas versiones vuelven a poder leerse y se han recuperado: {detail}',
-  done_not_kept: 'Hecho, pero sin guardar: el disco del robot no lo acepta. Si el robot se reinicia ahora, el cambio se pierde.',
+  done_not_kept: 'Hecho, pero sin guardar: el robot no pudo escribir en su disco. Si el robot se reinicia ahora, el cambio se pierde.',
   nothing_kept: 'No se puede guardar ni grabar nada: {detail}',
   kept_again: 'La carpeta de datos ha vuelto: todo se guarda otra vez.',
   recording_off: 'Ya no se graba: {detail}',

@@ -52,7 +52,7 @@ export default {
   'again.too_little': 'Too little was taught to compare before and after.',
   'again.before': 'before',
   'again.after': 'after',
-  'again.how': 'agreement on {n} pictures that neither has learned',
+  'again.how': 'agreement on {n} pictures that were left out of the teaching',
   'again.mended': 'Correct now, wrong before',
   'again.broken': 'Correct before, wrong now',
   'again.keep': 'Keep and use it',

@@ -52,7 +52,7 @@ export default {
   'again.too_little': 'Se ha enseñado muy poco para comparar antes y después.',
   'again.before': 'antes',
   'again.after': 'después',
-  'again.how': 'acuerdo en {n} imágenes que ninguno ha aprendido',
+  'again.how': 'acuerdo en {n} imágenes que se dejaron fuera de la enseñanza',
   'again.mended': 'Ahora acierta, antes fallaba',
   'again.broken': 'Antes acertaba, ahora falla',
   'again.keep': 'Guardar y usar',

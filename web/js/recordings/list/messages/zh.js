@@ -52,7 +52,7 @@ export default {
   'again.too_little': '教得太少，无法比较前后。',
   'again.before': '之前',
   'again.after': '之后',
-  'again.how': '在双方都没学过的 {n} 个画面上的一致率',
+  'again.how': '在未用于教学的 {n} 个画面上的一致率',
   'again.mended': '以前错，现在对',
   'again.broken': '以前对，现在错',
   'again.keep': '保留并使用',
