@@ -1,4 +1,4 @@
-"""Frames for tests of what learns from them, stores and sends them."""
+"""Frames for tests."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def frame_of(pixels: NDArray[Any], frame_id: int = 1, captured_s: float = 0.0) -
 
 @functools.cache
 def noisy_blocks(scene: int, noise: int = 0) -> NDArray[np.uint8]:
-    """Return one of endlessly many grey scenes, with some noise: shape (120, 160, 3)."""
+    """Return one of any number of grey scenes, with some noise: shape (120, 160, 3)."""
     blocks = np.random.default_rng(scene).integers(0, 200, (12, 16))
     pixels = np.kron(blocks, np.ones((10, 10)))[:, :, None].repeat(3, axis=2)
     seen = np.random.default_rng(1000 + noise).integers(0, 20, pixels.shape)

@@ -20,7 +20,7 @@ from robot.testing.virtual_clock import VirtualClock, _Lock, _Waiting
 
 
 class GreenClock(VirtualClock):
-    """A virtual clock for one thread of the system; what it starts are greenlets."""
+    """A virtual clock on one thread of the system; the threads that it starts are greenlets."""
 
     def __init__(self, start_s: float = 0.0) -> None:
         super().__init__(start_s)
@@ -37,7 +37,7 @@ class GreenClock(VirtualClock):
 
 
 class _GreenWaiting(_Waiting):
-    """A waiting greenlet; `turn` is itself, with the two calls of a lock."""
+    """A waiting greenlet. It is its own `turn`, because it has the two methods of a lock."""
 
     __slots__ = ("_clock", "_is_free", "who")
 
@@ -62,7 +62,7 @@ class _GreenWaiting(_Waiting):
 
 
 class _GreenThread:
-    """Stands for a thread: it waits for its first turn, and the next one goes on when it ends."""
+    """Replaces a thread: it waits for its first turn; when it ends, the next greenlet continues."""
 
     def __init__(self, clock: GreenClock, target: Callable[[], None], name: str) -> None:
         self.name = name

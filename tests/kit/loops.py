@@ -1,4 +1,4 @@
-"""Servers of asyncio on a thread of their own, which end without losing a connection."""
+"""Servers of asyncio on a separate thread, which end without losing a connection."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ T = TypeVar("T")
 
 
 async def stop_accepting(server: Any) -> None:
-    """Wait until every accepted connection belongs to the server: then it may be closed.
+    """Wait until every accepted connection belongs to the server, so that it can be closed.
 
     asyncio of Python 3.11 loses a connection if `Server.close()` comes between its acceptance and
     the loop's next turn. The garbage collector closes it then, and warns, in another test.
@@ -22,7 +22,7 @@ async def stop_accepting(server: Any) -> None:
 
 
 class LoopThread:
-    """An event loop on a thread, with servers of asyncio or websockets, which end with it."""
+    """An event loop on a separate thread; its servers (asyncio or websockets) end with it."""
 
     def __init__(self) -> None:
         self.event_loop = asyncio.new_event_loop()
@@ -35,11 +35,11 @@ class LoopThread:
             runner.get_loop().run_forever()
 
     def do(self, work: Coroutine[Any, Any, T]) -> T:
-        """Run a coroutine there, and return what it returns."""
+        """Run a coroutine on the thread's loop, and return its result."""
         return asyncio.run_coroutine_threadsafe(work, self.event_loop).result(60)
 
     def serve(self, begin: Callable[[], Any]) -> int:
-        """Start what `begin` returns there, and return the port."""
+        """Start the server that `begin` returns on the thread's loop, and return its port."""
 
         async def start() -> Any:
             return await begin()

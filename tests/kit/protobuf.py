@@ -8,7 +8,7 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, un
 
 
 def read_protobuf(name: str, schema: bytes, data: bytes) -> Any:
-    """Return a message; a field that its schema does not have is an error."""
+    """Return a message; an error if it has a field that is missing in its schema."""
     pool = descriptor_pool.DescriptorPool()
     for file in descriptor_pb2.FileDescriptorSet.FromString(schema).file:
         pool.Add(file)

@@ -37,8 +37,8 @@ def examples(full: int) -> int:
 
 
 def few(values: Iterable[Any], small: int) -> list[Any]:
-    """Return all values in CI, and otherwise `small` of them: the first, the last, and others at
-    even distances.
+    """Return all values in CI, and otherwise only `small` values at even distances, the first and
+    the last included.
 
     >>> few(range(10), 3) if not IS_FULL else [0, 4, 9]
     [0, 4, 9]

@@ -7,5 +7,5 @@ from robot.store.models.model import same_nodes
 
 
 def same_state(one: State, two: State) -> bool:
-    """True if all of two learners is equal, bit for bit, and not only their images."""
+    """True if two learners are equal bit for bit in everything, not only in their images."""
     return one.params == two.params and same_nodes(one, two)

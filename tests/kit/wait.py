@@ -15,14 +15,15 @@ def wait_until(
     """Wait until a condition holds; return the time that it took, in seconds.
 
     Args:
-        is_so: Asked again after 5 ms, and in real time less and less often, down to every 50 ms: to
-            ask a page or a server costs more than to wait.
-        what: What is waited for, said if it does not come.
-        within_s: A busy machine is no fault: a test in real time names a time only to end one day.
-        clock: By which is waited.
+        is_so: The condition. It is called again after 5 ms, and in real time less and less often,
+            down to every 50 ms, because asking a page or a server costs more than waiting.
+        what: The event that is waited for; the error names it.
+        within_s: The longest time. In real time it only ends a test that hangs, because a busy
+            machine is no reason to fail.
+        clock: The clock of the wait.
 
     Raises:
-        AssertionError: If it does not come in time.
+        AssertionError: If the condition does not hold in time.
     """
     started_s, pause_s = clock.now_s(), 0.005
     while not is_so():

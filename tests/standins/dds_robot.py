@@ -39,7 +39,7 @@ AS_ROS = Qos(Policy.Reliability.Reliable(100_000_000), Policy.History.KeepLast(1
 def own_domain() -> int:
     """Return a domain for this process and its children, because other tests run at the same time.
 
-    Above 101 the ports are those that Linux gives to other connections.
+    It is at most 101, because Linux gives the ports of higher domains to other connections.
     """
     return 1 + os.getpid() % 100
 
@@ -48,9 +48,10 @@ class DdsRobot:
     """After `frozen` it receives and sends nothing more.
 
     Args:
-        domain: In which it is; in the program's own process this is one participant more.
-        watchdog: Our node stands between the orders and the base.
-        hear: Called with each velocity that the base takes.
+        domain: The robot's domain; in the process of the program under test, the robot is one more
+            participant.
+        watchdog: Whether our watchdog node is between the orders and the base.
+        hear: Called with each velocity that the base receives.
     """
 
     def __init__(

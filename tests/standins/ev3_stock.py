@@ -35,7 +35,7 @@ class Motor:
 
 
 def _bind() -> tuple[socket.socket, socket.socket]:
-    """Return one port of four digits for both, because clients answer the beacon there, too."""
+    """Bind both to one port of four digits, because clients also answer the beacon on that port."""
     for port in range(5555, 10_000):
         with contextlib.suppress(OSError):
             server = socket.create_server(("127.0.0.1", port), reuse_port=False)
@@ -95,7 +95,7 @@ class StockBrick(StockFirmware):
     """Listens on loopback; after `frozen` it answers nothing.
 
     Args:
-        beacon_port: Where it announces itself; 0 for a port of this test alone.
+        beacon_port: The port of its announcements; 0 for a free port.
     """
 
     def __init__(self, beacon_port: int = 0) -> None:

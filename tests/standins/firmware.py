@@ -105,7 +105,7 @@ class FirmwareRobot:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             probe.connect(("127.0.0.1", self.port))
             probe.settimeout(0.1)
-            for _ in range(200):  # until it has started
+            for _ in range(200):  # wait until it has started
                 try:
                     probe.send(b"{}")
                     probe.recv(600)
@@ -132,8 +132,8 @@ class FirmwareRobot:
     def moves(self) -> list[tuple[float, float, float]]:
         """The wheels' orders so far: (seconds, left, right), by the robot's clock.
 
-        The robot sets its wheels before it reports an order, so the order is here when its report
-        has arrived.
+        The robot sets its wheels before it reports an order, so the list contains an order once its
+        report has arrived.
         """
         self._read()
         return self._moves

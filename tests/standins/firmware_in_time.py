@@ -61,10 +61,11 @@ class Box:
 
 
 class RunningProgram:
-    """A program on a board; `is_moving` is what its wheels do. `line` is a `MessageLine` to it.
+    """A program on a board. `is_moving` tells whether its wheels turn, and `line` is a
+    `MessageLine` to it.
 
     Args:
-        clock: On which all of it happens.
+        clock: The clock of the program, the wheels and the messages.
         seed: Decides how long each message takes.
     """
 

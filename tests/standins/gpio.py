@@ -92,7 +92,7 @@ class MockPins:
         return int(1000 * self._clock.now_s())
 
     class Line:
-        """A `MessageLine`; waiting in vain takes time."""
+        """A `MessageLine`; a wait without a message takes virtual time."""
 
         def __init__(self, pins: MockPins) -> None:
             self._pins = pins

@@ -35,10 +35,10 @@ def find_library() -> Any:
 
 
 class FakeDoubleMotor:
-    """`told` has (direction, percent, milliseconds); `cut` carries it out of reach.
+    """`told` lists the orders as (direction, percent, milliseconds); `cut` carries it out of range.
 
-    What one program has set (`end_state`, `acceleration`, `steering`) holds in the next one, as in
-    the motor. `others` are motors that are in range as well.
+    Settings (`end_state`, `acceleration`, `steering`) last from one program to the next, as in the
+    motor. `others` are further motors in range.
     """
 
     def __init__(self, address: str = "A4:34:F1:00:00:01") -> None:

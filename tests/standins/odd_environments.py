@@ -1,4 +1,4 @@
-"""Environments as other people write them: one for each seed, with its true content.
+"""Environments as other people write them, one for each seed, each with its true content.
 
 `--env tests.standins.odd_environments:Odd --env-options seed=7`. The true picture has three upright
 bands, red, green and blue, and a white bar at the top; grey variants have its luminance.
@@ -51,7 +51,7 @@ class _Image:
 
 
 _Form = Callable[[Any], tuple[Any, Any]]
-"""Converts a picture to another form, with the matching space; None: no space is declared."""
+"""Converts a picture to another form; also returns its space, or None if no space is declared."""
 FORMS: dict[str, _Form] = {
     "bytes": lambda p: (p, _box(0, 255, p)),
     "bytes, no space": lambda p: (p, None),
@@ -176,7 +176,7 @@ UNDRIVABLE: dict[str, tuple[Callable[[], Any], str]] = {
     "a hand": (lambda: spaces.Box(-1.0, 1.0, (24,)), "49 moves"),
     "none": (lambda: None, "no action space"),
 }
-"""Actions that a thumb cannot give, with words of the sentence that says so."""
+"""Actions that a thumb cannot give, each with words of the sentence that refuses it."""
 REWARDS: dict[str, tuple[Any, float]] = {
     "a number": (1.5, 1.5),
     "a whole number": (2, 2.0),
@@ -198,8 +198,8 @@ class Odd(gymnasium.Env[Any, Any]):
     """One of them.
 
     Attributes:
-        wanted: Words of the sentence that refuses it; empty for one that can be driven.
-        colours: Whether its picture has any.
+        wanted: Words of the sentence that refuses it; empty if it can be driven.
+        colours: Whether its picture has colours.
         size: Height and width of its picture.
     """
 

@@ -37,12 +37,12 @@ class Request:
 
 
 class Picamera2:
-    """One camera; a second one at the same time is refused, as by libcamera."""
+    """One camera; a second `Picamera2` at the same time is refused, as by libcamera."""
 
     n_cameras = 1
     is_frozen = threading.Event()
     clock: Clock = RealClock()
-    """The clock by which it takes its pictures."""
+    """The clock of its pictures."""
     _open = threading.Lock()
 
     @staticmethod

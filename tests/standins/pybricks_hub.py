@@ -40,9 +40,9 @@ LOST_AFTER_S = 1.0
 
 
 class FakeHub:
-    """`ends_s` says of each motor when its firmware ends what it was told last.
+    """`ends_s` has the time at which the firmware ends each motor's last order.
 
-    `others` are hubs that are in range as well.
+    `others` are further hubs in range.
     """
 
     def __init__(self, name: str = "Pybricks Hub", address: str = "00:16:53:00:00:01") -> None:

@@ -1,4 +1,4 @@
-"""docs/examples/ros/watchdog.py, run with a few lines instead of rclpy and its messages.
+"""Runs docs/examples/ros/watchdog.py with a few lines instead of rclpy and its messages.
 
 The names and signatures are those of rclpy's Node and of Jazzy's messages as far as known; no ROS
 checks them here.
@@ -55,12 +55,13 @@ _PACKAGES = {Twist: "geometry_msgs", TwistStamped: "geometry_msgs", Header: "std
 
 
 class WatchdogNode:
-    """The node, running; `take` gives it an order, and it says all else by `publish`.
+    """The running node: `take` gives it an order, and `publish` is called with all that it
+    publishes.
 
     Args:
-        clock: On which it runs.
-        publish: Called with topic, type and message of all that it says.
-        parameters: As `--ros-args -p NAME:=VALUE` sets them.
+        clock: The node's clock.
+        publish: Called with the topic, type and message of each publication.
+        parameters: The node's parameters, as set by `--ros-args -p NAME:=VALUE`.
     """
 
     def __init__(self, clock: Clock, publish: Publish, **parameters: Any) -> None:
@@ -85,7 +86,7 @@ class WatchdogNode:
         self.hear("/drivelesson/cmd_vel", message)
 
     def hear(self, topic: str, message: dict[str, Any]) -> None:
-        """Give it a message of a topic that it listens to."""
+        """Give it a message of a topic to which it subscribes."""
         kind, take = self.subscribed[topic]
         told = _twist(message)
         if kind is TwistStamped:
@@ -93,7 +94,7 @@ class WatchdogNode:
             told = TwistStamped(
                 Header(Time(**header["stamp"]), header["frame_id"]), _twist(message["twist"])
             )
-        with self._turn:  # one thing at a time, as rclpy's executor
+        with self._turn:  # one call at a time, as with rclpy's executor
             take(told)
 
     def _run(self) -> None:

@@ -25,14 +25,16 @@ from tests.standins.rclpy_node import WatchdogNode
 IMAGES = "/camera/image_raw/compressed"
 SETTLED = "/settled"
 BASE_TIMEOUT_S = 0.4
-"""Like ros2_control's diff_drive_controller (`cmd_vel_timeout`), slightly below its 0.5."""
+"""Time without a new velocity after which the base stops, in seconds; slightly below the 0.5 of
+ros2_control's diff_drive_controller (`cmd_vel_timeout`)."""
 
 
 class RosBridgeServer:
-    """`frozen` takes and says nothing more, not even pongs; `cmd_vel` has all that was told.
+    """While `frozen`, it receives and sends nothing, not even pongs. `cmd_vel` has all velocities
+    so far.
 
     Args:
-        has_timeout: The base ends a velocity that is not renewed. Many bases do not.
+        has_timeout: Whether the base ends a velocity that is not renewed; many bases do not.
     """
 
     def __init__(self, *, has_timeout: bool = True) -> None:

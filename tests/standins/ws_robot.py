@@ -15,9 +15,9 @@ from tests.kit.loops import LoopThread
 
 
 class WsRobot:
-    """Moves until its time is over; `silent` answers nobody any more.
+    """Moves until its time is over; while `silent`, it answers nobody.
 
-    `repeats` is how often the next answer comes once more, as if earlier ones had been late.
+    `repeats` is the number of times that the next answer is sent again, like late answers.
     """
 
     def __init__(self, secret: str = "") -> None:
@@ -46,7 +46,7 @@ class WsRobot:
         self._loop.close()
 
     def start_again(self) -> None:
-        """Be switched off and on: all connections end, and all state is lost."""
+        """Restart, as if switched off and on: all connections end, and all state is lost."""
 
         async def drop() -> None:
             self.nonce, self.seq, self.ends_s = "ddccbbaa", 0, 0.0
@@ -69,7 +69,7 @@ class WsRobot:
         is_deaf = False
         async for message in socket:
             is_deaf = is_deaf or self.silent.is_set()
-            if is_deaf:  # permanently: a client that wants an answer must connect again
+            if is_deaf:  # for good: a client that wants an answer must connect again
                 continue
             self._obey(message.encode())
             ms = int(time.monotonic() * 1000)

@@ -18,7 +18,7 @@ class Pin:
 
 
 class PWM:
-    """Four of them drive two wheels; each setting determines the wheels' motion."""
+    """Four of these pins drive two wheels; each setting determines the wheels' motion."""
 
     def __init__(self, pin, freq, duty_u16):
         self._place = len(_duties)
