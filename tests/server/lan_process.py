@@ -62,7 +62,7 @@ class Process:
 
 @contextlib.contextmanager
 def lan_process(log: Path) -> Iterator[Process]:
-    """Serve inside the block; the server's log goes to a file."""
+    """While the `with` block runs, serve; the server's log goes to a file."""
     words = [sys.executable, "-m", "tests.server.lan_process", str(WEB)]
     with log.open("w") as errors:
         process = subprocess.Popen(

@@ -71,7 +71,7 @@ def live_server(
     certificates: Certificates | None = None,
     data: Path | None = None,
 ) -> Iterator[LiveServer]:
-    """Serve a bench robot on loopback inside the block; with `data`, it saves there."""
+    """While the `with` block runs, serve a bench robot on loopback; with `data`, it saves there."""
     clock = camera.clock if camera else RealClock()
     config = config or Config(port=0, web=WEB)
     rig = Rig(FakeDriver(), camera or FakeCamera(clock), make_policy("published-8"), clock)

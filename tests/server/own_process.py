@@ -49,7 +49,7 @@ class OwnProcess:
 
 @contextlib.contextmanager
 def own_process(folder: Path, *more: str) -> Iterator[OwnProcess]:
-    """Serve the simulated robot on a free port, without limits, inside the block.
+    """While the `with` block runs, serve the simulated robot on a free port, without limits.
 
     Args:
         folder: Its data folder.

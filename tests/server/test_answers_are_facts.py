@@ -198,7 +198,9 @@ def failures(calls: int) -> list[tuple[int, bool]]:
 
 
 @pytest.mark.parametrize("write", ["pin", "undo", *few(list(WRITES)[3:], 4)])
-def test_nothing_answered_as_kept_is_gone(folder: Path, tmp_path: Path, write: str) -> None:
+def test_a_change_that_was_answered_as_saved_is_never_lost(
+    folder: Path, tmp_path: Path, write: str
+) -> None:
     def make(first: int, *, for_ever: bool) -> Any:
         scratch = tmp_path / f"{first} {for_ever}"
         scratch.mkdir()
@@ -214,7 +216,9 @@ def test_nothing_answered_as_kept_is_gone(folder: Path, tmp_path: Path, write: s
             assert holds(killed) == wanted, f"call {first} failed, all later ones: {always}"
 
 
-def test_every_message_is_obeyed_though_the_disk_refuses_all(folder: Path, tmp_path: Path) -> None:
+def test_every_message_is_obeyed_even_if_the_disk_cannot_be_written(
+    folder: Path, tmp_path: Path
+) -> None:
     root = tmp_path / "data"
     shutil.copytree(folder, root)
     with (

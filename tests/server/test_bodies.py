@@ -45,6 +45,6 @@ def test_a_body_that_says_it_is_told_what_is_wrong_in_it(server: VirtualServer) 
         assert (answer.status_code, wanted in answer.json()["detail"]) == (400, True), answer.text
 
 
-def test_what_is_described_is_this_version(server: VirtualServer) -> None:
+def test_the_openapi_description_names_this_version(server: VirtualServer) -> None:
     described = httpx.get(f"{server.address}/openapi.json").json()
     assert described["info"]["version"] == __version__

@@ -35,7 +35,7 @@ async def driving(world: ServedWorld) -> Pilot:
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.01, 0.03])
-def test_a_computer_in_time_is_not_called_busy(late_s: float) -> None:
+def test_a_computer_that_keeps_time_is_not_reported_as_busy(late_s: float) -> None:
     async def scenario(world: ServedWorld) -> None:
         await driving(world)
         said = await keep_busy(world, late_s, 3.0)
@@ -62,7 +62,7 @@ def test_a_late_computer_slows_down_before_it_stops_and_recovers() -> None:
     virtually(scenario)
 
 
-def test_what_stopped_the_robot_is_not_forgotten_while_it_stands() -> None:
+def test_the_reason_of_a_stop_is_shown_while_the_robot_stands() -> None:
     async def scenario(world: ServedWorld) -> None:
         pilot = await driving(world)
         await keep_busy(world, 0.6, 2.0)

@@ -163,7 +163,9 @@ def damage(root: Path, rng: random.Random) -> str:
 
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 @pytest.mark.parametrize("seed", range(SEEDS))
-def test_every_start_serves_drives_and_keeps(whole: Path, tmp_path: Path, seed: int) -> None:
+def test_after_every_start_the_robot_serves_drives_and_saves(
+    whole: Path, tmp_path: Path, seed: int
+) -> None:
     rng = random.Random(seed)
     root = tmp_path / "data"
     shutil.copytree(whole, root)
@@ -201,7 +203,7 @@ def test_the_data_folder_itself_may_be_something_else(tmp_path: Path, kind: str)
     assert os.path.lexists(moved) or os.path.lexists(tmp_path / started.moved[0][1])
 
 
-def test_where_nothing_can_be_kept_the_robot_drives_and_says_so(tmp_path: Path) -> None:
+def test_if_nothing_can_be_saved_the_robot_drives_and_reports_it(tmp_path: Path) -> None:
     started = running(Path("/proc/drivelesson"))
     with started as (rig, persistence):
         assert started.storage.fault and str(Path("/proc/drivelesson")) in started.storage.fault
@@ -216,7 +218,7 @@ def test_where_nothing_can_be_kept_the_robot_drives_and_says_so(tmp_path: Path) 
 
 
 @pytest.mark.parametrize("name", ["episodes", "journal", "models", "trash"])
-def test_a_data_folder_may_be_called_as_one_of_its_parts(
+def test_a_data_folder_may_have_the_name_of_one_of_its_parts(
     whole: Path, tmp_path: Path, name: str
 ) -> None:
     shutil.copytree(whole, tmp_path / name)
@@ -230,7 +232,7 @@ def test_a_data_folder_may_be_called_as_one_of_its_parts(
 
 
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EIO])
-def test_a_disk_that_takes_nothing_stops_no_start_and_no_drive(
+def test_a_disk_that_cannot_be_written_prevents_neither_start_nor_drive(
     whole: Path, tmp_path: Path, code: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     root = tmp_path / "data"
@@ -250,7 +252,7 @@ def test_a_disk_that_takes_nothing_stops_no_start_and_no_drive(
     assert refusing.refused > 0
 
 
-def test_a_model_that_fails_is_said_and_set_aside_at_the_next_start(tmp_path: Path) -> None:
+def test_a_failing_model_is_reported_and_set_aside_at_the_next_start(tmp_path: Path) -> None:
     with running(tmp_path) as (rig, persistence):
         before = teach(rig)
         persistence.autosave.save()
@@ -312,7 +314,7 @@ FOREIGN = (
 """Files that sync tools, file managers and people leave in any folder."""
 
 
-def test_what_other_programs_keep_is_neither_moved_listed_nor_deleted(
+def test_files_of_other_programs_are_neither_moved_listed_nor_deleted(
     tmp_path: Path, whole: Path
 ) -> None:
     root = tmp_path / "data"
@@ -359,7 +361,7 @@ def test_the_copy_of_a_synchroniser_is_never_the_newest(tmp_path: Path, ending: 
     assert find_id(store, "last") == episode.path.stem
 
 
-def test_what_an_older_program_set_aside_is_used_again_though_that_one_ran_since(
+def test_files_that_an_older_version_set_aside_are_used_again_even_if_it_ran_since(
     tmp_path: Path,
 ) -> None:
     root = tmp_path / "data"

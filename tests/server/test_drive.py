@@ -38,7 +38,7 @@ def test_a_pilot_drives_and_the_robot_stands_when_it_lets_go(
         assert pilot.errors() == []
 
 
-def test_a_viewer_sees_but_is_not_heard(server: VirtualServer) -> None:
+def test_a_viewer_sees_pictures_but_its_orders_are_refused(server: VirtualServer) -> None:
     with server.pilot() as pilot, server.pilot() as viewer:
         pilot.wait_for_state(you_are_pilot=True, viewers=1)
         viewer.wait_for_state(you_are_pilot=False, pilot=pilot.hello["client"])
@@ -65,7 +65,7 @@ def test_a_wheel_that_is_left_goes_to_the_only_other_pilot_and_the_robot_stands(
         assert {state["driven_by"] for state in states} == {"nobody"}, "it has never driven"
 
 
-def test_who_has_the_wheel_sees_as_long_as_somebody_waits_for_it(server: VirtualServer) -> None:
+def test_the_pilot_sees_a_request_for_the_wheel_while_somebody_waits(server: VirtualServer) -> None:
     """The earlier pilot was told once; neither the requester's departure nor the next pilot was
     announced."""
     with server.pilot() as first, server.pilot() as second:
@@ -139,8 +139,8 @@ def test_pages_and_health_are_served(server: VirtualServer) -> None:
     assert httpx.get(server.address + "/healthz").json()["status"] == "ok"
 
 
-def test_what_the_robot_does_is_told_and_shown_by_plain_requests(server: VirtualServer) -> None:
-    """For a page whose websockets are blocked by the network."""
+def test_plain_requests_return_the_robots_activity_and_pictures(server: VirtualServer) -> None:
+    """A page needs these requests if the network blocks its websockets."""
     with server.pilot() as pilot, httpx.Client(base_url=server.address) as client:
         assert client.get("/api/state").json()["mode"] == "stopped"
         pilot.mode("train")

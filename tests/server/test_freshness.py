@@ -269,7 +269,7 @@ def test_nothing_moves_without_a_fresh_message(chunk: int) -> None:
         assert faults == [], f"run {number}: {case}"
 
 
-def test_a_stop_passes_whatever_was_sent_before_it() -> None:
+def test_a_stop_overtakes_all_messages_sent_before_it() -> None:
     async def scenario(world: ServedWorld) -> None:
         pilot = await world.pilot(sees=True)
         pilot.mode("autonomous")
@@ -283,7 +283,7 @@ def test_a_stop_passes_whatever_was_sent_before_it() -> None:
     virtually(scenario)
 
 
-def test_a_stop_overtakes_what_is_queued_and_undoes_what_was_asked_before_it() -> None:
+def test_a_stop_overtakes_queued_messages_and_cancels_earlier_requests() -> None:
     robot = BenchRobot()
     robot.start(Mode.TRAIN)
     robot.loop.latch_emergency()
@@ -298,7 +298,7 @@ def test_a_stop_overtakes_what_is_queued_and_undoes_what_was_asked_before_it() -
 
 
 @crossed(kind=["drive", "mode"], lie=["no nonce", "another nonce", "no frame"], by=STEERED)
-def test_what_proves_nothing_moves_nothing(kind: str, lie: str, by: str) -> None:
+def test_a_message_without_a_proof_moves_nothing(kind: str, lie: str, by: str) -> None:
     async def scenario(world: ServedWorld) -> None:
         world.driver.takes_points = by == "degrees"
         pilot = await world.pilot(sees=True)
@@ -327,7 +327,7 @@ def test_what_proves_nothing_moves_nothing(kind: str, lie: str, by: str) -> None
 
 
 @crossed(mode=["train", "autonomous"], seed=range(size("STALLS", 2, 10)))
-def test_acknowledgements_that_stop_alone_stop_the_robot(mode: str, seed: int) -> None:
+def test_the_robot_stops_if_only_the_acknowledgements_stop(mode: str, seed: int) -> None:
     """Messages continue with fresh nonces, but a picture that was not acknowledged was not seen."""
 
     async def scenario(world: ServedWorld) -> None:

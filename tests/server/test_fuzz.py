@@ -122,7 +122,7 @@ def _turns(server: OwnProcess) -> float:
 @pytest.mark.slow
 @pytest.mark.timeout(700)
 @pytest.mark.filterwarnings("ignore")
-def test_no_nonsense_fills_the_memory_or_is_noticed_by_the_loop(
+def test_nonsense_messages_neither_fill_the_memory_nor_disturb_the_loop(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     record_drive(Storage(tmp_path).folder("episodes"), frames=20)

@@ -36,7 +36,7 @@ REFUSED = [
     for value in VALUES
     if "\\ud83d" in value or len(value) > 4_000 or value in ("NaN", "1e400", '"../../x"')
 ]
-"""Those that hardly any field takes."""
+"""The values that almost no field accepts."""
 NAMES = ("\ufffd", "x" * 3_000, "a\0b", "CON", "%", " ", "\U0001f600")
 BODIES = [
     ("POST", "/api/models", "name"), ("POST", "/api/models", "learner"),
@@ -126,7 +126,7 @@ def test_hostile_names_are_4xx(robot: Robot, method: str, path: str) -> None:
         )
 
 
-def test_half_an_emoji_does_not_stop_the_saving(robot: Robot) -> None:
+def test_half_of_a_surrogate_pair_does_not_prevent_saving(robot: Robot) -> None:
     answer = robot.ask("PATCH", "/api/models/bench", b'{"place": "Kitchen \\ud83d"}')
     assert answer.status_code == 400
     assert robot.client.post("/api/models/save").status_code == 200

@@ -13,7 +13,7 @@ from server.identity import COLOURS, NAMES, Identity, IdentityFile
 from .virtual_server import VirtualServer
 
 
-def test_a_robot_that_nobody_named_keeps_the_name_it_got(tmp_path: Path) -> None:
+def test_a_robot_without_a_given_name_keeps_the_name_it_chose(tmp_path: Path) -> None:
     first = IdentityFile(tmp_path).now
     assert first.name in NAMES
     assert {IdentityFile(tmp_path).now for _ in range(20)} == {first}
@@ -35,7 +35,7 @@ def test_it_starts_with_a_damaged_file(tmp_path: Path, kept: bytes) -> None:
 
 
 @pytest.mark.parametrize("name", ["", " ", "a/b", "..", "x" * 25, "\ud83d", "a\nb", 3, None])
-def test_what_is_no_name_is_refused_and_changes_nothing(tmp_path: Path, name: object) -> None:
+def test_an_invalid_name_is_refused_and_changes_nothing(tmp_path: Path, name: object) -> None:
     identity = IdentityFile(tmp_path)
     before = identity.now
     with pytest.raises(ConfigurationError):

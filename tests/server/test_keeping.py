@@ -57,7 +57,7 @@ def teach(address: str, lessons: int) -> int:
 
 
 @pytest.mark.slow
-def test_what_it_was_taught_is_there_again_however_it_ended(
+def test_taught_examples_survive_every_kind_of_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     a_second_server_leaves_the_folder_of_the_first_alone(tmp_path / "shared")

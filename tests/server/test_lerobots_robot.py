@@ -87,7 +87,7 @@ def line_to(server: LiveServer) -> Any:
 
 
 @pytest.mark.realtime
-def test_random_actions_are_driven_and_what_is_returned_was_done(server: LiveServer) -> None:
+def test_random_orders_are_driven_and_the_returned_actions_were_done(server: LiveServer) -> None:
     line, chance = line_to(server), random.Random(1)
     try:
         line.begin()
@@ -128,7 +128,7 @@ def test_a_message_that_is_read_late_was_sent_when_the_robot_says() -> None:
 
 
 @pytest.mark.realtime
-def test_an_order_needs_the_wheel_and_a_young_proof_and_hears_a_refusal(
+def test_an_order_needs_the_wheel_and_a_fresh_proof_or_is_refused(
     server: LiveServer, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     without_the_wheel_it_does_not_begin(server, monkeypatch)
@@ -185,7 +185,7 @@ def without_the_wheel_it_does_not_begin(
 
 
 def a_line_that_nobody_closes_lets_the_program_end(server: LiveServer) -> None:
-    """LeRobot leaves a teleoperator to `__del__` where its robot has refused to connect."""
+    """If the robot refuses to connect, LeRobot closes its teleoperator only by `__del__`."""
     program = (
         "import sys, types\n"
         f"bare = types.ModuleType({PACKAGE!r}); bare.__path__ = [{str(FOLDER)!r}]\n"

@@ -141,7 +141,7 @@ def _table(after: str) -> dict[str, str]:
     return {first.strip("`"): rest for first, rest in cells}
 
 
-def test_every_message_up_in_the_reference_is_understood_and_no_other() -> None:
+def test_the_robot_understands_exactly_the_messages_in_the_reference() -> None:
     table = _table("Each message is one JSON object with a `type`. Up:")
     with pytest.raises(ProtocolError) as raised:
         protocol.parse_message('{"type": "no such"}', DEFAULT_MOVES)
@@ -162,7 +162,7 @@ def test_every_message_up_in_the_reference_is_understood_and_no_other() -> None:
         assert {name for name, value in _fields(message).items() if value is not None} == told, kind
 
 
-def test_every_message_down_in_the_reference_is_what_the_wire_carries() -> None:
+def test_every_message_from_the_robot_matches_its_example_in_the_reference() -> None:
     table = _table("\nDown:\n")
 
     async def scenario(world: ServedWorld) -> dict[str, dict[str, Any]]:

@@ -84,7 +84,7 @@ def test_a_release_after_a_reconnection_names_the_stop_of_the_new_state() -> Non
     virtually(scenario)
 
 
-def test_no_message_to_an_earlier_server_names_a_stop_of_this_one() -> None:
+def test_a_message_to_an_earlier_server_never_names_a_stop_of_this_server() -> None:
     async def number(world: ServedWorld) -> int:
         return world.hub.stop_number
 
@@ -92,7 +92,7 @@ def test_no_message_to_an_earlier_server_names_a_stop_of_this_one() -> None:
 
 
 @pytest.mark.parametrize("fields", [{}, {"stop_number": None}, {"stop_number": True}])
-def test_a_release_that_names_no_stop_releases_none(fields: dict[str, object]) -> None:
+def test_a_release_without_a_stop_number_releases_nothing(fields: dict[str, object]) -> None:
     async def scenario(world: ServedWorld) -> None:
         pilot = await world.pilot()
         pilot.send(type="stop")
@@ -106,7 +106,7 @@ def test_a_release_that_names_no_stop_releases_none(fields: dict[str, object]) -
 
 
 @pytest.mark.parametrize("nonce", ["fresh", "unknown"])
-def test_a_start_that_was_asked_for_before_a_stop_does_not_start_what_was_released(
+def test_a_start_requested_before_a_stop_does_not_start_the_released_robot(
     nonce: str,
 ) -> None:
     """A pilot taps a mode; somebody else stops and releases the robot before that message
@@ -133,7 +133,9 @@ def test_a_start_that_was_asked_for_before_a_stop_does_not_start_what_was_releas
 
 
 @pytest.mark.parametrize("seed", range(size("RELEASES", 3, 60)))
-def test_no_stop_is_undone_unseen_whatever_is_pressed_on_links_of_any_delay(seed: int) -> None:
+def test_on_links_of_any_delay_no_order_undoes_a_stop_that_its_sender_had_not_seen(
+    seed: int,
+) -> None:
     async def scenario(world: ServedWorld) -> None:
         dice, seen = world.dice, {world.hub.stop_number}
         pages = [await world.pilot(sees=True) for _ in range(2)]

@@ -59,7 +59,7 @@ def look_once_a_second(server: VirtualServer) -> Socket:
     return server.run(begin())
 
 
-def test_unwatched_it_makes_no_picture_and_hardly_ticks(resting: VirtualServer) -> None:
+def test_an_unwatched_robot_takes_no_pictures_and_rarely_ticks(resting: VirtualServer) -> None:
     pictures, ticks = spent(resting, 10.0)
 
     assert pictures == 0
@@ -76,7 +76,9 @@ def test_a_viewer_gets_no_old_picture_and_soon_a_new_one(resting: VirtualServer)
     assert resting.clock.now_s() - came_s <= FRESH_S
 
 
-def test_who_looks_once_a_second_costs_one_picture_a_second(resting: VirtualServer) -> None:
+def test_a_viewer_with_one_picture_a_second_costs_one_picture_a_second(
+    resting: VirtualServer,
+) -> None:
     viewer = look_once_a_second(resting)
     resting.forward(1.5)
     pictures, ticks = spent(resting, 10.0)
@@ -86,7 +88,7 @@ def test_who_looks_once_a_second_costs_one_picture_a_second(resting: VirtualServ
     assert ticks <= 60
 
 
-def test_a_page_without_a_picture_leaves_it_at_rest(resting: VirtualServer) -> None:
+def test_a_page_without_a_picture_leaves_the_robot_at_rest(resting: VirtualServer) -> None:
     with resting.pilot() as pilot:
         pilot.send(type="idle")
         resting.forward(2.0)
@@ -95,7 +97,7 @@ def test_a_page_without_a_picture_leaves_it_at_rest(resting: VirtualServer) -> N
         assert spent(resting, 1.0)[0] >= 28
 
 
-def test_a_pilot_starts_at_once_and_the_pause_is_not_the_cameras_period(
+def test_a_pilot_starts_at_once_and_the_rest_does_not_count_as_the_cameras_period(
     resting: VirtualServer,
 ) -> None:
     resting.forward(5.0)
@@ -114,7 +116,7 @@ def test_a_pilot_starts_at_once_and_the_pause_is_not_the_cameras_period(
     assert resting.clock.now_s() - came_s < 5.0
 
 
-def test_the_rate_that_the_settings_show_is_that_of_before_the_rest(
+def test_the_settings_show_the_rate_from_before_the_rest(
     resting: VirtualServer,
 ) -> None:
     assert resting.rig.loop.state.cycle_hz == pytest.approx(30.0, rel=0.1)

@@ -42,7 +42,7 @@ def test_only_one_place_reads_the_applications_services() -> None:
     assert readers == {"app.py", "services.py"}
 
 
-def test_an_event_reaches_who_is_there_and_a_lasting_one_who_comes_later() -> None:
+def test_an_event_reaches_present_clients_and_a_lasting_event_also_later_ones() -> None:
     make().hub.announce("nobody_listens")  # before the start
     with VirtualServer() as server:
         with server.pilot() as first:

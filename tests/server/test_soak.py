@@ -33,7 +33,7 @@ MOST_OBJECTS_A_VISIT = 20  # one page with its socket and its queues is 350
 
 @pytest.mark.slow
 @pytest.mark.timeout(240)
-def test_nothing_stays_behind_of_those_who_have_gone() -> None:
+def test_vanished_browsers_leave_nothing_behind() -> None:
     with ServerUnderTest("drivelesson", 30.0) as subject:
         empty = _left_over(subject)
         asyncio.run(_visits(subject.port, VISITS // 2))

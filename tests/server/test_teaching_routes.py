@@ -69,7 +69,7 @@ def test_the_gallery_lists_every_image_with_its_picture(taught: VirtualServer) -
     assert ask(taught, "GET", "/api/gallery/999999.png").status_code == 404
 
 
-def test_an_image_that_went_before_it_was_listed_has_a_picture(taught: VirtualServer) -> None:
+def test_an_image_merged_before_it_was_listed_still_has_a_picture(taught: VirtualServer) -> None:
     """The state names an image that no longer exists when the page requests it."""
     loop = taught.rig.loop
 
@@ -105,13 +105,13 @@ def test_an_image_is_relabelled_pinned_deleted_and_all_is_undone(taught: Virtual
     assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": False, "kept": True}
 
 
-def test_the_word_of_a_changed_mind_is_taken_back_as_an_edit_is(taught: VirtualServer) -> None:
+def test_a_changed_mind_is_undone_like_an_edit(taught: VirtualServer) -> None:
     assert ask(taught, "POST", "/api/teaching/outdate").json() == {"outdated": 40, "kept": True}
     assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": True, "kept": True}
     assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": False, "kept": True}
 
 
-def test_the_word_on_symmetry_is_said_shown_and_taken_back(taught: VirtualServer) -> None:
+def test_the_setting_of_symmetry_is_set_shown_and_withdrawn(taught: VirtualServer) -> None:
     def word() -> dict[str, bool]:
         answer: dict[str, bool] = ask(taught, "GET", "/api/teaching/alike").json()
         return answer
@@ -155,7 +155,7 @@ def test_a_bad_change_is_refused_with_a_sentence(
     assert (answer.status_code, bool(answer.json()["detail"])) == (status, True)
 
 
-def test_undo_shows_what_goes_and_takes_it(taught: VirtualServer) -> None:
+def test_undo_shows_the_examples_and_removes_them(taught: VirtualServer) -> None:
     last = ask(taught, "GET", "/api/teaching/last", params={"seconds": 1}).json()
     assert last["lessons"] == 10
     assert sum(last["taught"].values()) == 10
@@ -172,7 +172,7 @@ def test_undo_of_a_nonsensical_time_is_refused(taught: VirtualServer, seconds: A
     assert taught.rig.loop.state.taught[Action.FORWARD] == 30
 
 
-def test_settings_say_what_may_be_chosen(taught: VirtualServer) -> None:
+def test_settings_list_the_possible_values(taught: VirtualServer) -> None:
     settings = ask(taught, "GET", "/api/settings").json()
     assert settings["learner"] == "default-8"
     rates = [size["rate_hz"] for size in settings["sizes"]]
@@ -216,7 +216,7 @@ def test_a_bad_setting_is_refused_and_no_other_changes_with_it(
         assert len(gallery(taught)) == 8
 
 
-def test_nothing_changes_where_the_robot_drives_and_cannot_begin_anew(
+def test_settings_that_start_a_new_model_are_refused_while_the_robot_drives(
     taught: VirtualServer,
 ) -> None:
     taught.set_mode(Mode.AUTONOMOUS)
@@ -236,7 +236,7 @@ def test_readiness_says_what_is_missing(taught: VirtualServer) -> None:
     assert 0 < short["have"] < short["need"]
 
 
-def test_readiness_shows_where_the_pilot_took_the_wheel(taught: VirtualServer) -> None:
+def test_readiness_shows_the_view_in_which_the_pilot_took_the_wheel(taught: VirtualServer) -> None:
     readiness, loop = (
         taught.services.extension(CoachingExtension).progress.readiness,
         taught.rig.loop,

@@ -41,7 +41,7 @@ def test_a_robot_with_a_slow_camera_is_driven_slowly_and_stands_when_it_freezes(
     clock.run(scenario())
 
 
-def test_who_comes_and_goes_for_ever_has_nobody_else_told_more_often() -> None:
+def test_a_client_that_keeps_reconnecting_does_not_increase_the_rate_of_states() -> None:
     """A pupil with eight pages caused five hundred states a second to all clients."""
 
     async def scenario(world: ServedWorld) -> None:
@@ -58,7 +58,7 @@ def test_who_comes_and_goes_for_ever_has_nobody_else_told_more_often() -> None:
     virtually(scenario)
 
 
-def test_who_asks_for_the_wheel_for_ever_does_not_flood_the_pilot_s_page() -> None:
+def test_repeated_requests_for_the_wheel_do_not_flood_the_pilots_page() -> None:
     async def scenario(world: ServedWorld) -> list[float]:
         pilot, *pupils = [await world.pilot() for _ in range(4)]
         pilot.mode("train")
@@ -75,7 +75,7 @@ def test_who_asks_for_the_wheel_for_ever_does_not_flood_the_pilot_s_page() -> No
     assert 5 <= len(told_s) <= 15 and told_s[0] < 0.1 and told_s[-1] > 8.0, "but it is told again"
 
 
-def test_a_slow_link_is_no_reason_to_show_a_pilot_out() -> None:
+def test_a_pilot_on_a_slow_link_is_not_disconnected() -> None:
     """A client that pressed start once a second on such a link was disconnected after five
     minutes."""
 
@@ -95,7 +95,7 @@ def test_a_slow_link_is_no_reason_to_show_a_pilot_out() -> None:
 
 
 @pytest.mark.parametrize("part", ["note_lateness", "pass_on_if_lapsed", "publish_state"])
-def test_a_fault_in_the_hub_s_timer_stops_the_robot_and_not_the_timer(
+def test_a_fault_in_the_hubs_timer_stops_the_robot_but_not_the_timer(
     part: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     async def scenario(world: ServedWorld) -> None:

@@ -136,7 +136,7 @@ class VirtualServer:
     # Time --------------------------------------------------------------------------------------
 
     def run(self, main: Coroutine[Any, Any, _T]) -> _T:
-        """Run a coroutine to its end, and whatever happens meanwhile."""
+        """Run a coroutine to its end, together with all that happens meanwhile."""
         return self._runner.get_loop().run_until_complete(main)
 
     def forward(self, seconds: float) -> None:

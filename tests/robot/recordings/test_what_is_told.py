@@ -32,7 +32,7 @@ def imported(folder: Path, name: str, started_at_s: float) -> None:
 
 
 @pytest.mark.parametrize("theirs_first", [True, False])
-def test_last_is_the_newest_by_time_and_never_by_name(
+def test_the_word_last_means_the_newest_by_time_not_by_name(
     tmp_path: Path,
     theirs_first: bool,
     monkeypatch: pytest.MonkeyPatch,

@@ -1,4 +1,4 @@
-"""Whatever connections people open: limits hold, and people with few connections keep them."""
+"""Whatever connections people open, limits hold, and people with few connections keep them."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ TestPeopleAtTheDoor.settings = settings(
 )
 
 
-def test_a_newcomer_has_a_moment_in_the_middle_of_a_flood() -> None:
+def test_a_newcomer_is_served_in_the_middle_of_a_flood() -> None:
     admission, gone = AdmissionControl(LIMITS, 100), list[int]()
     for port in range(1, 6000):
         admission.arrive(("10.0.0.1", port), 0.0, lambda port=port: gone.append(port))
@@ -126,7 +126,7 @@ def test_a_newcomer_has_a_moment_in_the_middle_of_a_flood() -> None:
 
 
 @pytest.mark.parametrize("held_up_s", [0.0, 3.0, 60.0])
-def test_who_says_nothing_is_closed_and_nobody_because_the_computer_was_held_up(
+def test_a_silent_connection_is_closed_but_not_because_the_computer_was_blocked(
     held_up_s: float,
 ) -> None:
     admission, gone = AdmissionControl(LIMITS, CAPACITY), list[int]()
@@ -143,7 +143,7 @@ def test_who_says_nothing_is_closed_and_nobody_because_the_computer_was_held_up(
 
 
 @pytest.mark.parametrize("address", ADDRESSES)
-def test_where_nobody_is_paired_an_answer_may_take_long(address: str) -> None:
+def test_without_pairing_an_answer_may_take_long(address: str) -> None:
     """A board copies a model from robot to robot, and reports the failures at the end."""
     admission, gone = AdmissionControl(LIMITS, CAPACITY), list[int]()
     person = Session(Role.PILOT, address_key(address), is_crowd=True)
@@ -155,7 +155,7 @@ def test_where_nobody_is_paired_an_answer_may_take_long(address: str) -> None:
     assert not gone and len(admission.connections) == 8
 
 
-def test_nobody_s_answer_is_cut_short_for_another_s_request() -> None:
+def test_no_answer_is_cut_short_for_the_request_of_somebody_else() -> None:
     """Pages that load together open more connections than there are places for admitted ones."""
     admission, gone = (
         AdmissionControl(NetworkLimits(pending=6, connections_each=6), 16),
@@ -219,7 +219,7 @@ def test_a_newcomer_waits_for_an_idle_place_before_it_takes_a_busy_one() -> None
     assert set(peers[11:]) < set(gone) and peers[10] not in gone, "a websocket stays"
 
 
-def test_websockets_in_all_places_keep_no_stop_out() -> None:
+def test_a_stop_is_obeyed_even_if_all_websocket_slots_are_taken() -> None:
     admission, now_s = AdmissionControl(NetworkLimits(pending=6), 16), 0.0
     for port in range(16):
         admission.arrive(("10.0.0.1", port), now_s, lambda: None)
@@ -244,7 +244,7 @@ def test_a_request_that_hangs_gives_way_in_the_end() -> None:
     assert gone == [0] and admission.admitted.has("other")
 
 
-def test_a_session_with_all_its_connections_busy_is_told_so_and_none_is_cut() -> None:
+def test_a_session_whose_connections_are_all_busy_gets_429_and_keeps_them() -> None:
     admission, gone = AdmissionControl(NetworkLimits(connections_each=4), 500), list[int]()
     session = Session(Role.PILOT, "a curl loop")
 
@@ -261,7 +261,7 @@ def test_a_session_with_all_its_connections_busy_is_told_so_and_none_is_cut() ->
     assert come(13, 1.0 + LIMITS.idle_s + 1.0) and gone == [2, 0, 1], "a request that hangs, too"
 
 
-def test_who_comes_often_enough_is_never_at_the_expense_of_who_has_less() -> None:
+def test_a_person_with_many_connections_never_evicts_a_person_with_fewer() -> None:
     places = ConnectionLimiter(8, 6, KEPT.__contains__)
     gone = list[str]()
 
@@ -289,5 +289,5 @@ def test_who_comes_often_enough_is_never_at_the_expense_of_who_has_less() -> Non
         ("", "", True),
     ],
 )
-def test_what_counts_as_one_address(one: str, other: str, same: bool) -> None:
+def test_addresses_of_one_host_count_as_one(one: str, other: str, same: bool) -> None:
     assert (address_key(one) == address_key(other)) == same

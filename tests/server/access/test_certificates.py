@@ -40,7 +40,7 @@ def _shake_hands(made: Certificates, name: str) -> None:
     assert ends[0].version(), "the client has agreed"
 
 
-def test_the_names_of_a_robot_on_the_network_are_vouched_for(tmp_path: Path) -> None:
+def test_the_certificate_contains_the_robots_names_on_the_network(tmp_path: Path) -> None:
     config = NetworkConfig(host="0.0.0.0", lan=True, tls=True, data=tmp_path)
     made = make_certificates(tmp_path, [*host_names(config), "192.168.1.7"], NOW)
     for name in ("drivelesson.local", "127.0.0.1", "192.168.1.7"):
@@ -60,7 +60,9 @@ def test_the_names_of_a_robot_on_the_network_are_vouched_for(tmp_path: Path) -> 
         "ü.local",
     ],
 )
-def test_a_name_that_cannot_be_vouched_for_spoils_no_other(tmp_path: Path, other: str) -> None:
+def test_a_name_that_cannot_be_certified_does_not_affect_the_others(
+    tmp_path: Path, other: str
+) -> None:
     made = make_certificates(tmp_path, [*NAMES, other], NOW)
     _shake_hands(made, "drivelesson.local")
     with pytest.raises((ssl.SSLError, ValueError)):
@@ -68,7 +70,7 @@ def test_a_name_that_cannot_be_vouched_for_spoils_no_other(tmp_path: Path, other
 
 
 @pytest.mark.parametrize("own", ["131.220.6.5", "100.64.0.1", "2600::7", "192.168.1.7", "fd00::7"])
-def test_the_address_that_a_phone_scans_is_vouched_for(tmp_path: Path, own: str) -> None:
+def test_the_certificate_contains_the_address_that_a_phone_scans(tmp_path: Path, own: str) -> None:
     config = NetworkConfig(host=own, lan=True, tls=True, data=tmp_path)
     made = make_certificates(tmp_path, [*host_names(config), *lan_addresses(config)], NOW)
     _shake_hands(made, urlsplit(page_addresses(config)[0]).hostname or "")
@@ -98,7 +100,7 @@ def test_an_authority_that_has_expired_is_made_anew(
     _shake_hands(make_certificates(tmp_path, NAMES, NOW), "drivelesson.local")
 
 
-def test_an_authority_of_ones_own_may_vouch_for_any_name(tmp_path: Path) -> None:
+def test_a_persons_own_authority_may_certify_any_name(tmp_path: Path) -> None:
     key = ec.generate_private_key(ec.SECP256R1())
     name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "A school")])
     builder = x509.CertificateBuilder(

@@ -40,7 +40,7 @@ async def _accept_all(listener: AdmissionListener) -> list[socket.socket]:
 
 
 @pytest.mark.parametrize("host", ["\u00fc" * 70, "a" * 64 + ".local", "", "-", "no host"])
-def test_an_address_to_serve_on_that_is_none_is_named(host: str) -> None:
+def test_an_invalid_address_to_serve_on_is_named_in_the_error(host: str) -> None:
     try:
         open_socket(host, 0).close()
     except ConfigurationError as error:
@@ -55,7 +55,7 @@ def test_a_listening_socket_counts_evicts_turns_away_and_lets_others_work(
 ) -> None:
     a_connection_is_counted_from_accept_to_close()
     an_evicted_connection_sees_the_end()
-    who_uses_a_port_again_is_counted()
+    a_reused_port_is_counted_again()
     for number in (errno.EMFILE, errno.ENFILE):
         without_descriptors_it_turns_away_and_does_not_spin(number, monkeypatch)
     what_has_come_is_read_before_it_is_pushed_out()
@@ -107,8 +107,8 @@ def an_evicted_connection_sees_the_end() -> None:
     asyncio.run(scenario())
 
 
-def who_uses_a_port_again_is_counted() -> None:
-    """The one before is closed late: it must not free the place of the one that is there."""
+def a_reused_port_is_counted_again() -> None:
+    """The previous connection is closed late; that must not free the current connection's slot."""
     admission = AdmissionControl(NetworkLimits(), 10)
 
     async def scenario() -> None:

@@ -75,7 +75,7 @@ def test_redeeming_again_renews_the_session_that_a_browser_has() -> None:
 
 
 @crossed(are_used=[False, True], times=[_SESSIONS + 2, 500])
-def test_nobody_who_was_there_is_pushed_out_by_who_redeems_again_and_again(
+def test_a_client_that_redeems_repeatedly_evicts_no_earlier_browser(
     times: int, are_used: bool
 ) -> None:
     pairing = Pairing(10)
@@ -89,7 +89,7 @@ def test_nobody_who_was_there_is_pushed_out_by_who_redeems_again_and_again(
     assert all(map(pairing.find, (owner, second, eye, pupil)))
 
 
-def test_who_is_connected_stays_and_the_owner_does_for_ever(tmp_path: Path) -> None:
+def test_a_connected_browser_stays_paired_and_the_owner_always_does(tmp_path: Path) -> None:
     file = tmp_path / "paired.json"
     pairing = Pairing(10, file)
     owner, pilot = (redeem(pairing, pairing.tokens[Role.PILOT]) for _ in range(2))
@@ -106,7 +106,7 @@ def test_who_is_connected_stays_and_the_owner_does_for_ever(tmp_path: Path) -> N
     assert isinstance(refused, Refusal) and refused.status == 503
 
 
-def test_who_comes_often_stays_after_a_restart(tmp_path: Path) -> None:
+def test_a_session_in_daily_use_survives_many_restarts(tmp_path: Path) -> None:
     file = tmp_path / "paired.json"
     first = Pairing(10, file)
     redeem(first, first.tokens[Role.PILOT])  # the owner

@@ -40,7 +40,7 @@ def watch(server: VirtualServer, key: str, headers: dict[str, str]) -> httpx.Res
         return answer
 
 
-def test_a_player_is_told_how_and_with_the_key_it_watches_and_does_nothing_else(
+def test_a_player_without_the_key_gets_advice_and_with_it_can_only_watch(
     server: VirtualServer, tmp_path: Path
 ) -> None:
     refused = watch(server, "", PLAYER)
@@ -59,7 +59,7 @@ def test_a_player_is_told_how_and_with_the_key_it_watches_and_does_nothing_else(
     assert watch(server, f"?key={key}", PLAYER).status_code == 401, "it was replaced"
 
 
-def test_a_page_of_another_site_shows_the_picture_with_the_key_only(
+def test_a_page_of_another_site_shows_the_picture_only_with_the_key(
     server: VirtualServer, tmp_path: Path
 ) -> None:
     refused = watch(server, "", OTHER_SITE)
@@ -85,7 +85,7 @@ def test_a_stream_ends_when_its_key_is_replaced(server: VirtualServer, tmp_path:
     server.wait_until(lambda: server.hub.video.viewers == 0)
 
 
-def test_the_key_is_for_its_owner_only(tmp_path: Path) -> None:
+def test_only_the_owner_can_read_the_key(tmp_path: Path) -> None:
     key = PlayerKey(tmp_path)
     assert not key.accepts("") and key.read() == ""
     assert key.accepts(key.replace()) and not key.accepts("ä")

@@ -68,7 +68,9 @@ def host_of(found: dict[str, Any]) -> str:
         ("127.0.0.1", "[2001:db8::5]:5000", "2001:db8::5"),
     ],
 )
-def test_the_client_is_the_first_that_is_no_proxy(peer: str, forwarded: str, counted: str) -> None:
+def test_the_client_is_the_first_address_that_is_not_a_proxy(
+    peer: str, forwarded: str, counted: str
+) -> None:
     assert seen(peer=peer, x_forwarded_for=forwarded)["client"][0] == counted
     elements = ", ".join(f'for="{one.strip()}";by=x' for one in forwarded.split(","))
     assert seen(peer=peer, forwarded=elements)["client"][0] == counted
@@ -140,7 +142,7 @@ def test_headers_that_disagree_are_refused_so_a_client_cannot_add_the_other_kind
         ).map(",".join),
     ),
 )
-def test_no_header_adds_an_address_and_none_of_a_stranger_counts(
+def test_no_header_adds_an_address_and_headers_of_untrusted_proxies_are_ignored(
     peer: str, headers: dict[str, str]
 ) -> None:
     asked = scope(peer=peer, **headers)
@@ -154,7 +156,7 @@ def test_no_header_adds_an_address_and_none_of_a_stranger_counts(
         assert found["client"][0] == "127.0.0.1" or found["client"][0] in str(headers)
 
 
-def test_a_robot_without_pairing_refuses_what_a_proxy_passes_on() -> None:
+def test_a_robot_without_pairing_refuses_requests_from_a_proxy() -> None:
     open_to_all = Proxies((), (), admits_all=True)
     paired = Proxies((), (), admits_all=False)
     for name in NAMES:
@@ -198,7 +200,7 @@ def test_addresses_are_read_as_browsers_send_them(
 @pytest.mark.parametrize(
     "text", ["home.example", "ftp://h", "https://", "http://h:x", "http://h/?q", "http://u:p@h", ""]
 )
-def test_what_is_no_address_is_refused_with_an_example(text: str) -> None:
+def test_an_invalid_address_is_refused_with_an_example(text: str) -> None:
     with pytest.raises(ConfigurationError, match=r"--behind-proxy .* such as https://"):
         PublicAddress.parse(text)
     with pytest.raises(ConfigurationError, match="--proxy-at"):

@@ -139,7 +139,7 @@ def test_large_bodies_are_refused(here: VirtualServer) -> None:
     assert httpx.post(here.address + "/api/pair", content=body).status_code == 413
 
 
-def test_a_large_upload_that_does_not_say_so_is_refused_alike(tmp_path: Path) -> None:
+def test_a_large_upload_without_a_length_is_refused_too(tmp_path: Path) -> None:
     config = Config(port=0, web=WEB, limits=Limits(upload_bytes=2000))
     with VirtualServer(config, data=tmp_path) as server:
         content = itertools.repeat(b"x" * 500, 9)
@@ -204,7 +204,9 @@ def test_no_page_has_script_or_style_inside_but_the_first_one() -> None:
         assert text.count("<script") == text.count('<script type="module" src=') + inside, page
 
 
-def test_who_comes_when_all_places_are_taken(tmp_path: Path) -> None:
+def test_when_all_slots_are_taken_a_newcomer_evicts_the_person_with_the_most(
+    tmp_path: Path,
+) -> None:
     limits = NetworkLimits(clients=4, clients_each=3)
     config = NetworkConfig(port=0, web=WEB, lan=True, limits=limits, data=tmp_path)
     with VirtualServer(config, pairing=Pairing(3)) as server:
@@ -229,7 +231,7 @@ def test_who_comes_when_all_places_are_taken(tmp_path: Path) -> None:
             assert many[3].close_code == 1013, "the owner comes in whoever wants a place"
 
 
-def test_uploads_that_never_end_take_the_memory_of_two(tmp_path: Path) -> None:
+def test_uploads_that_never_end_use_the_memory_of_only_two(tmp_path: Path) -> None:
     """One pupil could open as many uploads as connections, each of 64 MB, for any time."""
     config = NetworkConfig(port=0, web=WEB, lan=True, data=tmp_path)
     with VirtualServer(config, pairing=Pairing(3), data=tmp_path) as server:
@@ -266,7 +268,7 @@ def test_too_many_requests_are_refused(tmp_path: Path) -> None:
         assert statuses[-1] == 429
 
 
-def test_too_many_words_are_refused_and_then_shown_out() -> None:
+def test_a_client_with_too_many_messages_is_refused_and_then_disconnected() -> None:
     limits = Limits(messages_per_second=5, messages_burst=5, refused_before_closing=20)
     with VirtualServer(Config(port=0, web=WEB, limits=limits)) as server, server.pilot() as pilot:
         for _ in range(10):
@@ -321,7 +323,7 @@ def test_an_unpaired_client_gets_no_websocket(lan: VirtualServer, path: str) -> 
     assert _socket_status(lan, path, cookie=cookie) == 401
 
 
-def test_a_token_that_an_app_put_into_the_path_comes_behind_the_mark_again(
+def test_a_token_that_an_app_put_into_the_path_is_moved_behind_the_hash_sign(
     lan: VirtualServer,
 ) -> None:
     answer = httpx.get(lan.address + "/pair%23ABCD-EFGH")
@@ -358,7 +360,7 @@ def test_guessing_tokens_is_soon_refused(lan: VirtualServer) -> None:
 
 
 @pytest.mark.parametrize("body", [b"", b"[]", b'{"token": 1}', b"\xff", b"[" * 100_000])
-def test_nonsense_is_no_token(lan: VirtualServer, body: bytes) -> None:
+def test_nonsense_is_not_taken_for_a_token(lan: VirtualServer, body: bytes) -> None:
     assert httpx.post(lan.address + "/api/pair", content=body).status_code == 400
 
 
@@ -373,7 +375,7 @@ def test_a_viewer_watches_and_may_stop_but_not_drive(lan: VirtualServer) -> None
         assert state["mode"] == "stopped" and state["pilot"] is None
 
 
-def test_a_viewer_can_change_nothing_but_its_own_pairing(lan: VirtualServer) -> None:
+def test_a_viewer_can_change_only_its_own_pairing(lan: VirtualServer) -> None:
     viewer, described = _pair(lan, Role.VIEWER), lan.app.openapi()["paths"]
     allowed = set()
     for path in sorted(described, key="/api/unpair".__eq__):  # it ends the session
@@ -396,7 +398,7 @@ def test_a_browser_can_be_forgotten(lan: VirtualServer) -> None:
 
 
 @pytest.mark.parametrize("path", ["/api/unpair", "/api/pair"])
-def test_who_is_a_pilot_no_more_drives_in_no_other_tab(lan: VirtualServer, path: str) -> None:
+def test_after_unpairing_no_other_tab_can_drive(lan: VirtualServer, path: str) -> None:
     cookie = _pair(lan, Role.PILOT)
     body = {"token": _pairing(lan).tokens[Role.VIEWER]}
     with connect(lan.ws("/ws/drive"), additional_headers=cookie):
@@ -405,7 +407,7 @@ def test_who_is_a_pilot_no_more_drives_in_no_other_tab(lan: VirtualServer, path:
         lan.wait_until(lambda: not lan.hub.clients)
 
 
-def test_who_redeems_again_stays_connected(lan: VirtualServer) -> None:
+def test_a_browser_that_redeems_again_stays_connected(lan: VirtualServer) -> None:
     cookie = _pair(lan, Role.PILOT)
     body = {"token": _pairing(lan).tokens[Role.PILOT]}
     with connect(lan.ws("/ws/drive"), additional_headers=cookie):
@@ -424,7 +426,9 @@ def test_pairings_outlive_a_restart_as_hashes_only(lan: VirtualServer, tmp_path:
     assert session is not None and session.role is Role.PILOT
 
 
-def test_any_address_but_no_foreign_name_reaches_a_robot_on_the_network(lan: VirtualServer) -> None:
+def test_a_robot_on_the_network_answers_to_any_address_but_to_no_foreign_name(
+    lan: VirtualServer,
+) -> None:
     for host, status in (
         ("192.168.1.7:8000", 200),
         ("drivelesson.local", 200),
@@ -436,7 +440,7 @@ def test_any_address_but_no_foreign_name_reaches_a_robot_on_the_network(lan: Vir
 # TLS -------------------------------------------------------------------------------------------
 
 
-def test_the_authority_vouches_for_private_names_only(tmp_path: Path) -> None:
+def test_the_authority_certifies_only_private_names(tmp_path: Path) -> None:
     from cryptography import x509
 
     made = make_certificates(tmp_path, ["drivelesson.local"], dt.datetime.now(dt.UTC))

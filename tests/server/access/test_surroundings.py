@@ -134,7 +134,7 @@ def test_the_watch_looks_again_and_outlives_a_network_that_fails() -> None:
         ("", False),
     ],
 )
-def test_names_that_the_network_gives_are_answered_and_no_others(
+def test_the_robot_answers_only_to_names_that_the_network_gives_it(
     asked: str, is_known: bool
 ) -> None:
     network = Network("192.168.178.20")
@@ -148,13 +148,13 @@ def test_names_that_the_network_gives_are_answered_and_no_others(
         assert "http://192.168.178.20:8000" in refusal.sentence
 
 
-def test_without_lan_a_bare_name_is_none_of_ours() -> None:
+def test_without_lan_the_robot_does_not_answer_to_a_name_without_a_dot() -> None:
     around = Surroundings(NetworkConfig(also_at=("rover.test",)))
     assert "rover.test" in around and "localhost" in around
     assert "robot" not in around
 
 
-def test_the_resolver_says_how_others_call_this_machine(
+def test_the_resolver_gives_this_machines_names_in_the_network(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = tmp_path / "resolv.conf"
@@ -178,7 +178,7 @@ def test_the_resolver_says_how_others_call_this_machine(
 
 
 @pytest.mark.parametrize("accepted", ["en-GB,en;q=0.9", "es-ES", "zh-CN,zh", "fr"])
-def test_who_opens_an_unknown_name_is_led_to_the_address(accepted: str) -> None:
+def test_a_browser_at_an_unknown_name_is_led_to_the_address(accepted: str) -> None:
     page = explain_unknown_name("a<b>.example", ["http://10.0.0.2:8000"], accepted).decode()
     assert '<a href="http://10.0.0.2:8000/">' in page and "--also-at a&lt;b&gt;" in page
     assert f'lang="{accepted[:2] if accepted != "fr" else "en"}"' in page

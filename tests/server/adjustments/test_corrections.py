@@ -30,7 +30,7 @@ def put(server: VirtualServer, **words: Any) -> httpx.Response:
     return httpx.put(f"{server.address}/api/corrections", json=words, timeout=10, verify=False)
 
 
-def test_a_correction_is_told_kept_and_applied(kept: VirtualServer, tmp_path: Path) -> None:
+def test_a_correction_is_reported_saved_and_applied(kept: VirtualServer, tmp_path: Path) -> None:
     camera = kept.rig.camera
     kept.wait_until(lambda: camera.latest() is not None)
     frame = camera.latest()
@@ -64,7 +64,9 @@ def test_a_robot_that_drives_is_stopped_first(kept: VirtualServer) -> None:
         assert kept.rig.loop.state.decision.action is Action.LEFT, "it is left to everybody else"
 
 
-def test_what_does_not_apply_is_refused_and_changes_nothing(kept: VirtualServer) -> None:
+def test_a_correction_that_does_not_apply_is_refused_and_changes_nothing(
+    kept: VirtualServer,
+) -> None:
     for words, status in (
         ({"trim": 0.1}, 409),
         ({"reverse": "left"}, 409),
@@ -115,7 +117,7 @@ def test_a_damaged_file_counts_as_none(tmp_path: Path, damage: bytes) -> None:
     assert CorrectionsFile(tmp_path, rig, {})._wanted.body.trim == 0.1
 
 
-def test_options_go_before_what_was_kept_and_are_kept_themselves(
+def test_options_override_saved_corrections_and_are_saved(
     kept: VirtualServer, tmp_path: Path
 ) -> None:
     for given, is_swapped, turn in (
@@ -134,7 +136,7 @@ def test_options_go_before_what_was_kept_and_are_kept_themselves(
             CorrectionsFile(tmp_path, kept.rig, given)
 
 
-def test_an_option_that_does_not_apply_is_refused_and_one_that_was_kept_is_not(
+def test_an_option_that_does_not_apply_is_refused_unless_it_was_saved_earlier(
     kept: VirtualServer, tmp_path: Path
 ) -> None:
     saved = {"robots": {"fake": {"reverse": "left", "swap_sides": True}}}

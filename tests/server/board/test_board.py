@@ -36,7 +36,9 @@ def test_stop_all_reaches_ten_robots_within_300_ms() -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_whatever_fails_the_others_stop_in_time_and_the_rest_are_named(seed: int) -> None:
+def test_if_some_robots_fail_the_others_stop_in_time_and_the_failed_ones_are_named(
+    seed: int,
+) -> None:
     """Faults before and after the robots were connected, drawn anew for each seed."""
 
     async def scenario(world: ClassWorld) -> None:
@@ -74,7 +76,7 @@ def test_whatever_fails_the_others_stop_in_time_and_the_rest_are_named(seed: int
     "text",
     ["[]", "[" * 100_000, f'{{"type": "pong", "client_ms": 1{"0" * 400}}}', '{"agreement": NaN}'],
 )
-def test_whatever_a_robot_says_on_the_open_line_the_board_comes_back_to_it(text: str) -> None:
+def test_after_any_message_of_a_robot_the_board_connects_to_it_again(text: str) -> None:
     async def scenario(world: ClassWorld) -> None:
         pupils = list(world.pupils.values())
         await world.until_there(pupils)
@@ -138,7 +140,7 @@ def test_a_robot_that_stands_already_confirms_the_next_stop_on_the_open_line() -
     in_class(scenario)
 
 
-def test_a_pupil_s_own_stop_confirms_none_of_the_teacher() -> None:
+def test_a_pupils_own_stop_does_not_confirm_the_teachers() -> None:
     async def scenario(world: ClassWorld) -> None:
         one, *_ = world.pupils.values()
         await world.until_there([one])
@@ -152,7 +154,7 @@ def test_a_pupil_s_own_stop_confirms_none_of_the_teacher() -> None:
     in_class(scenario)
 
 
-def test_what_the_line_tells_late_neither_clears_nor_confirms_a_stop() -> None:
+def test_a_late_state_neither_clears_nor_confirms_a_stop() -> None:
     """A separate request confirms the stop while the websocket still delivers older states."""
 
     async def scenario(world: ClassWorld) -> None:
@@ -183,7 +185,7 @@ def test_what_the_line_tells_late_neither_clears_nor_confirms_a_stop() -> None:
     in_class(scenario)
 
 
-def test_a_stop_that_was_released_before_the_line_told_of_it_is_shown_as_released() -> None:
+def test_a_stop_released_before_a_state_reported_it_is_shown_as_released() -> None:
     async def scenario(world: ClassWorld) -> None:
         [one] = world.pupils.values()
         await world.until_there([one])
@@ -201,7 +203,7 @@ def test_a_stop_that_was_released_before_the_line_told_of_it_is_shown_as_release
     in_class(scenario, robots=1)
 
 
-def test_what_a_stop_has_asked_for_late_does_not_stop_what_was_released() -> None:
+def test_a_late_request_of_a_stop_does_not_stop_a_released_robot() -> None:
     async def scenario(world: ClassWorld) -> None:
         [one] = world.pupils.values()
         await world.until_there([one])
@@ -224,7 +226,7 @@ def test_what_a_stop_has_asked_for_late_does_not_stop_what_was_released() -> Non
     in_class(scenario, robots=1)
 
 
-def test_a_stop_that_is_sent_again_on_a_new_line_is_not_cleared_by_what_was_before() -> None:
+def test_a_stop_repeated_on_a_new_connection_is_not_cleared_by_earlier_states() -> None:
     async def scenario(world: ClassWorld) -> None:
         one, *_ = world.pupils.values()
         await world.until_there([one])
@@ -238,7 +240,7 @@ def test_a_stop_that_is_sent_again_on_a_new_line_is_not_cleared_by_what_was_befo
     in_class(scenario)
 
 
-def test_a_stop_for_nobody_silences_no_page() -> None:
+def test_a_stop_without_robots_does_not_hold_up_the_news() -> None:
     async def scenario(world: ClassWorld) -> None:
         board = Board(ClassKey("k" * 40), NetworkTransport(), world.clock)
         board.stop()
@@ -311,7 +313,7 @@ def test_only_the_board_releases_what_the_board_stopped(seed: int) -> None:
     in_class(scenario, robots=1, seed=seed)
 
 
-def test_a_robot_that_was_started_anew_is_joined_again() -> None:
+def test_a_restarted_robot_is_joined_again() -> None:
     async def scenario(world: ClassWorld) -> None:
         one, *_ = world.pupils.values()
         await world.until_there([one])
@@ -391,7 +393,7 @@ def test_the_board_takes_no_wheel() -> None:
     in_class(scenario)
 
 
-def test_someone_in_between_gets_no_session_and_is_believed_nothing() -> None:
+def test_an_impostor_in_between_gets_no_session_and_its_messages_do_not_count() -> None:
     """An impostor at another address relays everything to a real robot, and back."""
 
     async def scenario(world: ClassWorld) -> None:

@@ -59,7 +59,7 @@ class _Served:
         self._sockets: list[Any] = []
 
 
-def test_no_request_makes_it_fall_and_no_other_site_may_ask() -> None:
+def test_no_request_crashes_the_board_and_other_sites_are_refused() -> None:
     async def scenario(world: ClassWorld) -> Counter[int]:
         await world.until_there(list(world.pupils.values()))
         app = create_board_app(Config(port=8080, web=WEB), world.board, world.clock)
@@ -79,7 +79,7 @@ def test_no_request_makes_it_fall_and_no_other_site_may_ask() -> None:
     assert set(in_class(scenario, robots=2)) >= {200, 400, 404}
 
 
-def test_words_that_make_no_sense_end_the_line_of_a_page_and_nothing_else() -> None:
+def test_an_invalid_message_ends_only_the_connection_of_its_page() -> None:
     async def scenario(world: ClassWorld) -> None:
         [pupil] = world.pupils.values()
         app = create_board_app(Config(port=8080, web=WEB), world.board, world.clock)
@@ -96,7 +96,7 @@ def test_words_that_make_no_sense_end_the_line_of_a_page_and_nothing_else() -> N
     in_class(scenario, robots=1)
 
 
-def test_a_release_that_a_line_keeps_waiting_holds_no_stop_up() -> None:
+def test_a_release_that_waits_for_a_connection_does_not_delay_a_stop() -> None:
     """A connection that is being closed accepts messages for more than a second."""
 
     async def scenario(world: ClassWorld) -> float:

@@ -100,7 +100,7 @@ class _Class:
 @pytest.mark.parametrize(
     "order", [ClassOrder.KEEP, ClassOrder.RESET, ClassOrder.HAND_OVER, ClassOrder.LOAD]
 )
-def test_each_robot_is_named_with_what_it_did_and_it_can_be_undone(
+def test_an_orders_result_is_listed_for_each_robot_and_can_be_undone(
     order: ClassOrder, tmp_path: Path
 ) -> None:
     group = _Class(tmp_path)
@@ -127,7 +127,7 @@ def test_each_robot_is_named_with_what_it_did_and_it_can_be_undone(
             group.undo(models)
 
 
-def test_what_was_taught_since_survives_an_undo_and_who_was_away_can_be_asked_again(
+def test_later_teaching_survives_an_undo_which_can_be_repeated_for_absent_robots(
     tmp_path: Path,
 ) -> None:
     group = _Class(tmp_path)

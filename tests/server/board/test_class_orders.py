@@ -23,7 +23,7 @@ from .classroom_world import KEY
 
 
 @pytest.mark.realtime
-def test_an_order_is_given_to_the_board_and_refused_in_one_sentence() -> None:
+def test_the_command_gives_an_order_to_the_board_or_fails_with_one_sentence() -> None:
     config, clock = Config(port=0, web=WEB), RealClock()
     board = Board(KEY, NetworkTransport(), clock)
     with served(create_board_app(config, board, clock), config) as address:
@@ -39,7 +39,7 @@ def test_an_order_is_given_to_the_board_and_refused_in_one_sentence() -> None:
             give_order("keep", nobody.getsockname()[1])
 
 
-def test_a_port_in_use_is_said_before_anything_is_made(
+def test_a_port_in_use_is_reported_before_anything_is_made(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("server.hosting.logs.start_logging", lambda verbose: None)

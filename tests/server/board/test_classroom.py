@@ -30,7 +30,7 @@ def test_a_board_with_the_key_gets_a_session_and_knows_the_robot() -> None:
 
 
 @pytest.mark.parametrize("seed", seeds(8, 40))
-def test_nothing_but_a_fresh_proof_of_the_same_handshake_is_admitted(seed: int) -> None:
+def test_only_a_fresh_proof_of_the_same_handshake_is_admitted(seed: int) -> None:
     """Change one part of a valid handshake, chosen anew for each seed."""
     dice = random.Random(seed)
     room, mine, now_s = Classroom(KEY), new_nonce(), dice.uniform(0, 1e6)
@@ -61,13 +61,13 @@ def test_endpoints_are_written_in_one_way() -> None:
 
 
 @pytest.mark.parametrize("text", ["", "short", "ä" * 40])
-def test_what_is_no_key_is_refused(tmp_path: Path, text: str) -> None:
+def test_an_invalid_key_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "key").write_text(text)
     with pytest.raises(ConfigurationError, match="class key"):
         read_class_key(tmp_path / "key")
 
 
-def test_a_key_is_made_once_and_readable_by_its_owner_alone(tmp_path: Path) -> None:
+def test_a_key_is_made_once_and_readable_only_by_its_owner(tmp_path: Path) -> None:
     file = tmp_path / "deep" / "class.key"
     assert keep_class_key(file) == keep_class_key(file)
     assert file.stat().st_mode & 0o077 == 0
@@ -75,12 +75,12 @@ def test_a_key_is_made_once_and_readable_by_its_owner_alone(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("kept", [b"", b"{", b"[]", b"\xff", b'{"locks": 3}'])
-def test_where_the_locks_are_damaged_all_is_locked(tmp_path: Path, kept: bytes) -> None:
+def test_if_the_file_of_locks_is_damaged_everything_is_locked(tmp_path: Path, kept: bytes) -> None:
     (tmp_path / "class.json").write_bytes(kept)
     assert Classroom(KEY, tmp_path / "class.json").locks == set(LOCKS)
 
 
-def test_locks_are_kept_over_a_restart(tmp_path: Path) -> None:
+def test_locks_survive_a_restart(tmp_path: Path) -> None:
     file = tmp_path / "class.json"
     assert Classroom(KEY, file).locks == frozenset()
     Classroom(KEY, file).lock(["models", "gallery"])
@@ -89,7 +89,7 @@ def test_locks_are_kept_over_a_restart(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("names", [["doors"], ["models", ""], "models"])
-def test_what_is_no_lock_is_refused_and_changes_nothing(names: Sequence[str]) -> None:
+def test_an_unknown_lock_is_refused_and_changes_nothing(names: Sequence[str]) -> None:
     room = Classroom(KEY)
     room.lock(["settings"])
     with pytest.raises(ConfigurationError, match="settings"):
@@ -97,7 +97,7 @@ def test_what_is_no_lock_is_refused_and_changes_nothing(names: Sequence[str]) ->
     assert room.locks == {"settings"}
 
 
-def test_thirty_phones_pair_by_one_code_and_none_types() -> None:
+def test_thirty_phones_pair_by_one_code_without_typing() -> None:
     pairing = Pairing(10)
     token, valid_s = pairing.invite(0.0)
     paired = [pairing.redeem(token, valid_s * i / 30, "10.0.0.7") for i in range(30)]
@@ -106,7 +106,7 @@ def test_thirty_phones_pair_by_one_code_and_none_types() -> None:
     assert isinstance(pairing.redeem(token, INVITATION_S, ""), Refusal), "it does not last"
 
 
-def test_a_saved_session_can_make_nobody_a_teacher(tmp_path: Path) -> None:
+def test_a_saved_session_cannot_have_the_role_of_a_teacher(tmp_path: Path) -> None:
     file = tmp_path / "paired.json"
     file.write_text('{"sessions": [{"sha256": "00", "role": "teacher"}]}')
     assert Pairing(10, file)._sessions == {}

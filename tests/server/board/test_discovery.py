@@ -27,6 +27,6 @@ def test_a_list_of_robots_is_read_whatever_editor_wrote_it(
     assert read_list(str(file)) == read_list("kitchen.local:8000,10.0.0.7:8001")
 
 
-def test_a_list_that_is_not_there_is_one_clear_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_list_is_reported_in_one_clear_line(capsys: pytest.CaptureFixture[str]) -> None:
     told = say("board --robots /nowhere/robots.txt", capsys, status=2)
     assert "robots.txt: No such file" in told.splitlines()[-1]

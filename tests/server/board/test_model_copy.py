@@ -74,7 +74,7 @@ def _links(robots: Any, ports: list[int]) -> list[RobotLink]:
 
 
 @pytest.mark.parametrize(("step", "fault"), [*itertools.product(STEPS, FAULTS)])
-def test_what_fails_is_named_and_the_others_get_it(step: str, fault: str) -> None:
+def test_a_failed_copy_is_named_and_the_other_robots_get_the_model(step: str, fault: str) -> None:
     robots = _Robots(step, fault)
 
     async def scenario() -> list[str]:

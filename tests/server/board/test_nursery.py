@@ -19,7 +19,7 @@ pytestmark = [
 ]
 
 
-def test_each_robot_ends_for_itself_and_all_with_the_class(tmp_path: Path) -> None:
+def test_each_robot_can_end_separately_and_all_end_with_the_class(tmp_path: Path) -> None:
     nursery = Nursery(tmp_path, "box")
     assert nursery.picture_s is not None and 0 < nursery.picture_s < 1
 

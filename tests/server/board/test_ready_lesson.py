@@ -1,4 +1,4 @@
-"""The ready lesson: a robot that was never taught a right turn, and its behaviour."""
+"""The ready-made lesson: a robot that was never taught a right turn, and its behaviour."""
 
 from __future__ import annotations
 

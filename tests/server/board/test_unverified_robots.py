@@ -40,7 +40,9 @@ def announce(world: ClassWorld, foreign: int, host: str = "127.0.0.1") -> list[R
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "10.0.0.66"])
-def test_a_thousand_foreign_announcements_keep_no_robot_of_the_class_away(host: str) -> None:
+def test_a_thousand_foreign_announcements_do_not_keep_the_robots_of_the_class_away(
+    host: str,
+) -> None:
     async def scenario(world: ClassWorld) -> tuple[float, int]:
         announce(world, FOREIGN, host)
         pupils = list(world.pupils.values())
@@ -65,7 +67,7 @@ def test_a_thousand_foreign_announcements_keep_no_robot_of_the_class_away(host: 
         assert came_s < 10.0, "computers take turns"
 
 
-def test_who_is_announced_no_more_is_forgotten_and_one_that_proves_itself_later_is_taken() -> None:
+def test_a_silent_robot_is_forgotten_and_one_that_proves_the_key_later_joins() -> None:
     async def scenario(world: ClassWorld) -> None:
         one = next(iter(world.pupils.values()))
         one.fault = "gone"
@@ -83,7 +85,7 @@ def test_who_is_announced_no_more_is_forgotten_and_one_that_proves_itself_later_
     in_class(scenario, robots=1, is_told=False)
 
 
-def test_a_robot_is_asked_where_its_announcement_came_from_and_nowhere_else() -> None:
+def test_a_robot_is_queried_only_at_the_sender_of_its_announcement() -> None:
     zeroconf = pytest.importorskip("zeroconf")
 
     def packet(said: str, port: int = 8123, kind: str = "_http._tcp.local.") -> bytes:
@@ -114,7 +116,7 @@ def test_a_robot_is_asked_where_its_announcement_came_from_and_nowhere_else() ->
             assert found.host == "10.0.0.7"
 
 
-def test_one_whose_name_is_looked_up_for_ever_is_shown_with_a_reason(
+def test_a_robot_whose_name_is_never_resolved_is_shown_with_a_reason(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async def scenario(world: ClassWorld) -> dict[str, Any]:

@@ -172,7 +172,7 @@ def test_stop_counts_at_once_while_the_connection_of_the_phone_before_is_closing
             robot.wait_until(lambda: robot.rig.loop.state.emergency, 0.1, "it stands")
 
 
-def test_whoever_sends_rubbish_is_shown_out(robot: VirtualServer) -> None:
+def test_a_client_that_sends_nonsense_is_disconnected(robot: VirtualServer) -> None:
     address = robot.address
     with phone(address) as eye:
         with pytest.raises(ConnectionClosed) as closed:
@@ -208,7 +208,7 @@ def test_a_robot_with_another_camera_says_so() -> None:
         ("/video.mjpg", False),
     ],
 )
-def test_a_phone_paired_as_the_eye_reaches_that_page_alone(path: str, may: bool) -> None:
+def test_a_phone_paired_as_the_eye_reaches_only_that_page(path: str, may: bool) -> None:
     rules, session = AccessRules(names=frozenset({"robot"})), Session(EYE, "eye")
     for accept in ("text/html", "*/*"):
         headers = {"accept": accept}

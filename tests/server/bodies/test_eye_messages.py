@@ -35,7 +35,7 @@ def test_other_bytes_are_refused(message: bytes) -> None:
         parse_frame(HEADER.pack(3, 0, 0, 1, 1.0) + message)
 
 
-def test_a_moment_that_is_no_number_and_a_huge_picture_are_refused() -> None:
+def test_a_time_that_is_not_a_number_and_a_huge_picture_are_refused() -> None:
     with pytest.raises(ProtocolError):
         parse_frame(encode_frame(1, float("nan"), JPEG))
     at = JPEG.index(b"\xff\xc0") + 5
@@ -87,7 +87,7 @@ def test_before_the_first_answer_nothing_is_known_and_answers_from_the_future_do
     assert clock.to_ours(1.0) is None
 
 
-def test_what_the_eye_is_told_is_in_the_reference() -> None:
+def test_the_messages_to_the_eye_are_in_the_reference() -> None:
     page = (Path(__file__).parents[3] / "docs/howto/phone-eye.md").read_text("utf-8")
     text = page[page.index("## `/ws/eye`") :]
     assert [name for name in _STATE_FIELDS if f"`{name}`" not in text] == []

@@ -29,7 +29,7 @@ def said_with(*lean: str) -> list[str]:
     return [part.strip() for part in done.stdout.split("|")]
 
 
-def test_what_is_put_off_is_loaded_when_it_is_used() -> None:
+def test_a_postponed_module_is_loaded_when_it_is_used() -> None:
     lean, full = said_with("lean"), said_with()
     assert lean[:2] == ["", ""]
     assert lean[2] == full[2]

@@ -39,7 +39,7 @@ def simulated(folder: Path) -> VirtualServer:
     return VirtualServer(data=folder, rig=Rig(driver, camera, make_policy("default-8"), clock))
 
 
-def test_what_a_try_reached_is_in_its_recording_and_on_the_board_of_who_wants_that(
+def test_the_result_of_a_try_is_recorded_and_shown_on_the_board_on_request(
     tmp_path: Path,
 ) -> None:
     with simulated(tmp_path) as server, server.pilot() as pilot:

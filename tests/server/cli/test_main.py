@@ -50,7 +50,7 @@ INTERNAL = ("_published", "without-linear", "linear-alone", "Namespace", "Traceb
 
 
 @pytest.mark.parametrize(("words", "sentence"), WRONG, ids=lambda value: " ".join(value)[:30])
-def test_a_wrong_call_is_told_what_would_be_right(
+def test_the_error_for_a_wrong_call_shows_the_right_call(
     words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     try:
@@ -66,7 +66,7 @@ def test_a_wrong_call_is_told_what_would_be_right(
 def test_a_copy_that_is_not_installed_says_so(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Such as in another program's environment, with this folder in its path."""
+    """For example in another program's environment, if this folder is in its path."""
     monkeypatch.setattr("server.cli.main._points", dict)
     assert main([]) == 2
     assert f"not installed for {sys.executable}" in capsys.readouterr().err
@@ -82,7 +82,7 @@ FAULTS = [
 
 
 @pytest.mark.parametrize(("fault", "said"), FAULTS, ids=lambda value: str(value)[:30])
-def test_an_error_of_the_system_is_told_in_a_line_with_its_file(
+def test_a_system_error_is_reported_in_one_line_with_its_file(
     fault: OSError, said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def fail(args: object) -> int:
@@ -165,7 +165,7 @@ COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _shtab_drivelesson; echo "${COMPREPLY
         assert done.stdout.split() == [wanted]
 
 
-def test_a_robot_that_this_system_cannot_load_keeps_no_command_from_being_completed() -> None:
+def test_commands_are_completed_even_if_a_robot_cannot_be_loaded_here() -> None:
     """Windows lacks these modules, so drivers that need them cannot be imported there."""
     gone = ("fcntl", "termios", "resource", "pwd", "grp")
     program = f"""

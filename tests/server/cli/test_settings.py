@@ -46,7 +46,7 @@ def test_flags_go_before_environment_before_file(tmp_path: Path) -> None:
     assert _parse(file, {}).port == 8001
 
 
-def test_a_file_is_utf_8_whatever_the_system_writes(tmp_path: Path) -> None:
+def test_a_file_is_utf_8_on_every_system(tmp_path: Path) -> None:
     names = ("Müller", "李", "kitchen", "\ufeff")
     cases = list(product(("utf-8", "utf-8-sig"), ("\n", "\r\n"), names))
     for number, (encoding, end, name) in enumerate(cases):
@@ -102,7 +102,7 @@ def test_a_broken_file_is_refused(tmp_path: Path, text: str, said: str) -> None:
         ("hostname", "a.b", "at most 63 and none of them a dot, not 'a.b'"),
     ],
 )
-def test_a_value_that_cannot_be_is_refused_where_it_stands(
+def test_an_impossible_value_is_refused_with_its_location(
     tmp_path: Path, name: str, value: str, said: str
 ) -> None:
     file = tmp_path / "robot.toml"
@@ -115,7 +115,7 @@ def test_a_value_that_cannot_be_is_refused_where_it_stands(
 
 
 @pytest.mark.parametrize("name", ["rate", "name", "port", "no_page"])
-def test_a_plug_in_does_not_take_an_option_of_the_server(
+def test_a_plug_in_cannot_declare_an_option_of_the_server(
     monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     options = make_dataclass("PicturesOptions", [(name, str | None, None)])
@@ -145,7 +145,7 @@ def test_a_robot_brings_its_options_however_short_its_flag_is(words: str) -> Non
 
 
 @crossed(name=["robot", "camera"], value=["5", "true", "['sim']", "1979-05-27"])
-def test_a_robot_that_is_no_name_is_refused_in_a_line(
+def test_an_invalid_robot_name_is_refused_in_one_line(
     tmp_path: Path, name: str, value: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "robot.toml"

@@ -153,7 +153,7 @@ def easy_window() -> VideoWindow:
 
 
 @pytest.mark.parametrize(("delay_s", "is_easy"), [(0.024, True), (0.025, False)])
-def test_eight_quick_acknowledgements_in_a_row_show_an_easy_line(
+def test_eight_quick_acknowledgements_in_a_row_indicate_a_fast_link(
     delay_s: float, is_easy: bool
 ) -> None:
     window = VideoWindow()
@@ -283,7 +283,7 @@ def allows(window: VideoWindow, delay_s: float) -> bool:
         ([0.128, 0.256, 0.256], 0.184),
     ],
 )
-def test_what_is_slow_is_judged_by_the_delay_of_frames_alone(
+def test_a_link_is_judged_only_by_the_delay_of_single_frames(
     delays_s: list[float], lone_delay_s: float
 ) -> None:
     def window() -> VideoWindow:
@@ -299,7 +299,7 @@ def test_what_is_slow_is_judged_by_the_delay_of_frames_alone(
 
 
 @pytest.mark.parametrize(("n_sent", "lone_delay_s"), [(1, 0.136), (2, 0.128)])
-def test_in_a_larger_window_only_a_frame_that_is_alone_tells_of_the_line(
+def test_in_a_larger_window_only_a_single_frame_measures_the_link(
     n_sent: int, lone_delay_s: float
 ) -> None:
     limit_s = lone_delay_s * 1.3 + 0.008

@@ -73,7 +73,7 @@ def test_each_link_gets_the_picture_that_it_takes(seed: int) -> None:
     assert max(asked.count(number) for number in set(asked)) == 1
 
 
-def test_a_link_too_narrow_for_larger_pictures_tries_them_rarely() -> None:
+def test_on_a_link_too_slow_for_larger_pictures_they_are_rarely_tried() -> None:
     """At half a megabit a small picture takes 48 ms, and a large one 176."""
     size, now_s, late_s, tries = PictureSize(), 0.0, [], 0
     while now_s < 600.0:
@@ -88,7 +88,7 @@ def test_a_link_too_narrow_for_larger_pictures_tries_them_rarely() -> None:
     assert sum(late_s) < 5.0, "of ten minutes"
 
 
-def test_with_slow_links_alone_nobody_asks_for_larger_pictures() -> None:
+def test_if_all_links_are_slow_no_larger_pictures_are_requested() -> None:
     clock = VirtualClock()
 
     def for_the_eye(frame: Frame) -> Frame:

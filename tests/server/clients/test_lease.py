@@ -5,7 +5,7 @@ from __future__ import annotations
 from server.clients.lease import Lease
 
 
-def test_the_wheel_goes_to_the_first_and_then_to_who_asked() -> None:
+def test_the_wheel_goes_to_the_first_client_and_then_to_the_first_that_asked() -> None:
     lease = Lease()
     assert lease.join("a", 0.0)
     assert not lease.join("b", 0.1)
@@ -14,7 +14,7 @@ def test_the_wheel_goes_to_the_first_and_then_to_who_asked() -> None:
     assert lease.owner == "b"
 
 
-def test_a_lapsed_wheel_goes_to_who_waits_or_to_who_asks() -> None:
+def test_a_lapsed_wheel_goes_to_the_first_client_that_waits_or_asks() -> None:
     lease = Lease()
     lease.join("a", 0.0)
     assert not lease.pass_on_if_lapsed(9.0), "nobody waits"
@@ -26,7 +26,7 @@ def test_a_lapsed_wheel_goes_to_who_waits_or_to_who_asks() -> None:
     assert lease.take("c", 20.0), "b has been silent"
 
 
-def test_who_leaves_while_waiting_is_forgotten() -> None:
+def test_a_client_that_leaves_while_waiting_is_forgotten() -> None:
     lease = Lease()
     lease.join("a", 0.0)
     lease.take("b", 0.0)
@@ -44,7 +44,7 @@ def test_a_lease_lasts_to_its_very_end_and_a_second_and_a_half_by_default() -> N
     assert lease.owner == "c2"
 
 
-def test_who_asks_waits_in_turn_and_no_newcomer_goes_before() -> None:
+def test_clients_get_the_wheel_in_the_order_of_their_requests() -> None:
     lease = Lease()
     lease.join("a", 0.0)
     for client in "bcdb":

@@ -14,7 +14,7 @@ from tests.server.virtual import ServedWorld, virtually
 
 
 @pytest.mark.parametrize("distance_m", [math.inf, -math.inf, math.nan, 1e308, 0.25])
-def test_a_reading_that_is_no_number_silences_no_page(distance_m: float) -> None:
+def test_a_reading_that_is_not_a_number_still_reaches_the_page(distance_m: float) -> None:
     """Sensors report infinity if nothing is in range; JSON has no number for it."""
 
     async def scenario(world: ServedWorld) -> None:
@@ -35,7 +35,7 @@ def test_a_reading_that_is_no_number_silences_no_page(distance_m: float) -> None
     virtually(scenario, seed=3)
 
 
-def test_the_devices_of_a_search_are_told_and_a_plug_ins_own_attribute_is_not() -> None:
+def test_found_devices_are_reported_and_a_plug_ins_own_attribute_is_not() -> None:
     driver, camera = FakeDriver(), FakeCamera(VirtualClock())
     assert describe_devices(driver, camera) == {}
     driver.device = object()  # type: ignore[misc, assignment]

@@ -17,7 +17,7 @@ from tests.server.virtual_server import VirtualServer, connect
 BROWSER = {"accept": "image/avif,image/webp,image/*,*/*;q=0.8"}
 
 
-def test_a_player_is_told_the_length_of_each_picture(server: VirtualServer) -> None:
+def test_a_player_gets_the_length_of_each_picture(server: VirtualServer) -> None:
     """Otherwise players based on FFmpeg show pictures two to three periods late."""
     head = re.compile(rb"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: (\d+)\r\n\r\n")
     received = b""
@@ -65,11 +65,11 @@ def test_a_viewer_that_stalls_is_tried_ever_less_often_and_a_smaller_window_is_l
     assert window[0] == 10_000, "it was tried after 20, 41, 82, 164 and 328 seconds"
     window[0] = 100_000
     assert room.is_there(10_000)
-    window[0] = 60_000  # its system offers less for good: it reads all at once
+    window[0] = 60_000  # the system offers less, but the client reads all
     assert sum(room.is_there(10_000) for _ in range(10_000)) > 7000
 
 
-def test_all_that_vlc_waits_for_comes_with_the_picture(server: VirtualServer) -> None:
+def test_the_bytes_that_vlc_waits_for_come_with_the_picture(server: VirtualServer) -> None:
     """VLC 3 reads 15 KiB from a picture's beginning, then 5 KiB more until it finds the end."""
     vlc = {"user-agent": "VLC/3.0.24 LibVLC/3.0.24", "accept": "*/*"}
     head, waits_for, received, pictures = (
@@ -137,7 +137,7 @@ def test_frames_are_encoded_once_for_all(server: VirtualServer) -> None:
     assert video.frames_encoded <= video.frames_sent / 2 + 3
 
 
-def test_a_viewer_who_never_acknowledges_gets_one_frame_and_slows_nobody(
+def test_a_viewer_that_never_acknowledges_gets_one_frame_and_slows_no_other(
     server: VirtualServer,
 ) -> None:
     with (

@@ -10,7 +10,7 @@ from robot.types import Action, Example
 from tests.server.virtual_server import VirtualServer
 
 
-def test_why_shows_the_image_that_decides_now(server: VirtualServer) -> None:
+def test_the_explanation_shows_the_image_that_decides_now(server: VirtualServer) -> None:
     loop = server.rig.loop
     server.wait_until(lambda: loop.state.frame_id is not None)
     assert httpx.get(f"{server.address}/api/why").json() == {"why": None}

@@ -25,7 +25,7 @@ from tests.server.cli.typed import assert_refused_by_a_full_disk, say
 @pytest.mark.parametrize(
     "words", ["episodes export last --as folder", "episodes import OUT/mine --name again"]
 )
-def test_a_full_disk_is_told_in_a_sentence_and_nothing_is_lost(
+def test_a_full_disk_is_reported_in_a_sentence_and_nothing_is_lost(
     episode_id: str,
     data: Path,
     tmp_path: Path,
@@ -37,7 +37,7 @@ def test_a_full_disk_is_told_in_a_sentence_and_nothing_is_lost(
     assert_refused_by_a_full_disk(words.replace("OUT", str(tmp_path)), data, monkeypatch, capsys)
 
 
-def test_models_among_recordings_are_named_and_hold_up_nothing(
+def test_models_among_recordings_are_reported_and_do_not_stop_an_import(
     episode_id: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "drives"
@@ -56,7 +56,7 @@ def test_models_among_recordings_are_named_and_hold_up_nothing(
 
 
 @pytest.mark.parametrize("form", ["tub", "folder", "npz"])
-def test_out_and_in_again(
+def test_an_exported_episode_can_be_imported_again(
     episode_id: str, data: Path, form: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = data / f"exports/drive.{form}"
@@ -67,7 +67,7 @@ def test_out_and_in_again(
 
 
 @pytest.mark.parametrize("form", ["tub", "film", "npz"])
-def test_an_export_that_ends_in_an_error_is_not_there(
+def test_an_export_that_fails_leaves_no_file(
     episode_id: str, data: Path, form: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if form == "film":
@@ -132,7 +132,7 @@ def test_a_server_that_starts_and_a_trash_that_is_emptied_leave_an_import_alone(
     assert moved == [] and not any((data / "trash").iterdir())
 
 
-def test_an_import_without_times_is_not_the_last_recording(
+def test_an_import_without_times_does_not_count_as_the_last_recording(
     episode_id: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     say(f"episodes export last --as folder --out {tmp_path}/out", capsys)
@@ -191,7 +191,7 @@ def record_pause(data: Path) -> None:
     robot.finish()
 
 
-def test_what_is_said_of_times_is_about_the_pictures_that_were_written(
+def test_remarks_about_times_concern_only_the_pictures_that_were_written(
     data: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     record_pause(data)
@@ -199,7 +199,7 @@ def test_what_is_said_of_times_is_about_the_pictures_that_were_written(
     assert told.endswith("times repaired: 1 pauses of up to 65 s shortened to 2 s\n")
 
 
-def test_films_and_datasets_say_what_became_of_a_pause(
+def test_films_and_datasets_report_a_shortened_pause(
     data: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     record_pause(data)
@@ -234,7 +234,7 @@ def test_what_cannot_be_done_is_one_clear_line(
     assert complaint in say(words, capsys, status=2).splitlines()[-1]
 
 
-def test_a_tub_has_what_nobody_taught_when_all_is_wanted(
+def test_with_the_option_all_a_tub_also_has_untaught_pictures(
     data: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     robot = RecordedBench(Storage(data).folder("episodes"))

@@ -35,7 +35,5 @@ def test_a_file_that_is_no_recording_is_told(data: Path, tmp_path: Path) -> None
     )
 
 
-def test_a_name_that_nothing_has_is_told(
-    episode_id: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_unknown_name_is_reported(episode_id: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert "no episode of this name" in say("episodes play nobody", capsys, status=2)

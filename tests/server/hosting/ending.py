@@ -32,7 +32,8 @@ def check_a_hanging_upload_and_half_a_request_hold_up_no_end(tmp_path: Path) -> 
 
 
 def _check_hanging_tls_holds_up_no_end(folder: Path) -> None:
-    """Nothing sent, half a handshake, an idle connection, half a request, and a stalled upload."""
+    """No data, half a handshake, an idle connection, half a request or a stalled upload delays the
+    end."""
     unchecked = ssl.create_default_context()
     unchecked.check_hostname, unchecked.verify_mode = False, ssl.CERT_NONE
     words = ("--lan", "--tls", "--host", "127.0.0.1")

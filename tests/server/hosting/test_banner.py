@@ -48,7 +48,7 @@ def test_without_zeroconf_the_extra_is_named_and_the_robot_drives(
 
 
 @pytest.mark.parametrize("address", ["raspberrypi", ""])
-def test_what_has_no_address_of_four_numbers_starts_without_a_name(
+def test_a_machine_without_an_ipv4_address_starts_without_a_name(
     address: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     pytest.importorskip("zeroconf")
@@ -81,7 +81,7 @@ def test_two_robots_announce_themselves_and_the_board_finds_both() -> None:
     assert info.parsed_addresses() == here
 
 
-def test_nobody_but_the_logs_own_thread_waits_for_the_terminal(
+def test_only_the_logs_thread_waits_for_the_terminal(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A paused terminal would hold up the control loop, which logs each stop."""
@@ -117,7 +117,7 @@ def test_nobody_but_the_logs_own_thread_waits_for_the_terminal(
 HERE = PublicAddress.parse("http://10.0.0.2:8000")
 
 
-def test_a_terminal_that_is_held_holds_up_no_end(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_paused_terminal_does_not_delay_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal, released, at_exit = io.StringIO(), threading.Event(), []
     monkeypatch.setattr(terminal, "write", lambda text: released.wait() and len(text))
     monkeypatch.setattr(sys, "stderr", terminal)
@@ -135,7 +135,7 @@ def test_a_terminal_that_is_held_holds_up_no_end(monkeypatch: pytest.MonkeyPatch
         released.set()
 
 
-def test_a_terminal_that_is_held_holds_up_no_phone_that_pairs(
+def test_a_paused_terminal_does_not_delay_a_phone_that_pairs(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The event loop would wait for the terminal, and every STOP with it."""
@@ -154,6 +154,6 @@ def test_a_terminal_that_is_held_holds_up_no_phone_that_pairs(
     assert shown[-1].endswith(pairing.tokens[Role.PILOT])
 
 
-def test_what_a_client_sends_cannot_forge_a_line_of_the_log() -> None:
+def test_text_from_a_client_cannot_forge_a_line_of_the_log() -> None:
     record = logging.LogRecord("x", logging.INFO, "", 0, "path=%s", ("a\nb\rc",), None)
     assert OneLine("%(message)s").format(record) == "path=a\\nb\\rc"

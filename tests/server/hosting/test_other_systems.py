@@ -41,7 +41,7 @@ assert main(["completion", "bash"]) == 0
 """
 
 
-def test_every_robot_and_camera_has_a_name_where_linux_is_not() -> None:
+def test_every_robot_and_camera_is_listed_on_other_systems_than_linux() -> None:
     done = subprocess.run(
         [sys.executable, "-c", _WITHOUT_LINUX], capture_output=True, text=True, encoding="utf-8"
     )
@@ -69,7 +69,7 @@ def test_no_other_program_shares_the_port(monkeypatch: pytest.MonkeyPatch) -> No
     assert asked == [-5]
 
 
-def test_the_loop_asks_the_door_who_is_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_loop_accepts_through_the_limiting_listener(monkeypatch: pytest.MonkeyPatch) -> None:
     """Windows' own event loop accepts connections past the limits of the listener."""
 
     def refuse() -> None:
@@ -138,13 +138,13 @@ def test_a_terminal_with_few_letters_shows_what_it_can(
         ("darwin", {"SSH_CONNECTION": "192.0.2.1"}, False),
     ],
 )
-def test_the_page_opens_where_somebody_sees_it(
+def test_the_page_opens_only_on_a_computer_with_a_screen(
     system: str, environment: dict[str, str], is_shown: bool
 ) -> None:
     assert has_screen(system, environment) is is_shown
 
 
-def test_a_registry_that_calls_scripts_plain_text_keeps_no_page_from_running() -> None:
+def test_scripts_run_even_if_the_registry_calls_them_plain_text() -> None:
     mimetypes.add_type("text/plain", ".js")
     scope = {"type": "http", "method": "GET", "headers": []}
     answer = asyncio.run(CompressedFiles(WEB).get_response("board/main.js", scope))

@@ -22,7 +22,7 @@ async def accept_and_wait(scope: Any, receive: Any, send: Any) -> None:
 
 
 @pytest.mark.parametrize("leaves", [True, False])
-def test_a_server_ends_in_good_order_while_a_client_leaves(leaves: bool) -> None:
+def test_a_server_ends_cleanly_while_a_client_leaves(leaves: bool) -> None:
     asyncio.run(end_while_a_client_is_there(leaves))
 
 
@@ -90,7 +90,7 @@ FLOODS = {
 
 
 @pytest.mark.parametrize("flood", FLOODS)
-def test_who_floods_is_read_no_faster_than_anybody_needs(flood: str) -> None:
+def test_a_flooding_client_is_read_no_faster_than_a_page_needs(flood: str) -> None:
     """A pupil with eight sockets held up the robot's pilot and every STOP for a quarter of a
     minute."""
     asyncio.run(flood_for_a_minute(*FLOODS[flood]))

@@ -18,7 +18,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("words", "sentence"), WRONG)
-def test_a_wrong_call_is_told_what_would_be_right(
+def test_the_error_for_a_wrong_call_shows_the_right_call(
     words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as left:
@@ -42,7 +42,7 @@ def run_named(params: Params) -> Result:
     return {"seed": params["seed"]}
 
 
-def test_what_is_named_twice_is_run_and_counted_once(
+def test_an_experiment_that_is_named_twice_is_run_and_counted_once(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     experiment = Experiment(

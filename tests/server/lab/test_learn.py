@@ -27,7 +27,7 @@ def test_it_gives_the_nodes_of_driving_and_saves_them(
     assert (tmp_path / "m.npz").stat().st_size > 1000
 
 
-def test_a_full_disk_is_told_in_a_sentence_and_nothing_is_lost(
+def test_a_full_disk_is_reported_in_a_sentence_and_nothing_is_lost(
     episode_id: str,
     data: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -43,7 +43,7 @@ def test_a_full_disk_is_told_in_a_sentence_and_nothing_is_lost(
         ("learn nobody", "no episode of this name"),
     ],
 )
-def test_what_cannot_be_learned_is_one_clear_line(
+def test_recordings_that_cannot_be_learned_are_reported_in_one_clear_line(
     episode_id: str, words: str, complaint: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     told = say(words, capsys, status=2)
@@ -60,7 +60,7 @@ def test_what_cannot_be_learned_is_one_clear_line(
         ("--check --learner published", "nothing to --check against"),
     ],
 )
-def test_what_could_not_be_saved_is_said_before_anything_is_learned(
+def test_an_impossible_output_is_reported_before_anything_is_learned(
     episode_id: str,
     tmp_path: Path,
     words: str,
@@ -80,7 +80,7 @@ def test_what_could_not_be_saved_is_said_before_anything_is_learned(
     assert sorted(tmp_path.iterdir()) == there
 
 
-def test_a_file_that_is_there_is_said_before_anything_is_learned(
+def test_an_existing_file_is_reported_before_anything_is_learned(
     episode_id: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -102,7 +102,7 @@ def test_an_edited_recording_is_no_longer_what_was_driven(
 
 
 @pytest.mark.parametrize("name", ["0", "zz"])
-def test_last_is_the_newest_by_time_and_never_by_name(
+def test_the_word_last_means_the_newest_by_time_not_by_name(
     data: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     storage = Storage(data)

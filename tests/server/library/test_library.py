@@ -27,7 +27,9 @@ def library(tmp_path: Path, store: ModelStore) -> ModelLibrary:
     return ModelLibrary(Storage(tmp_path), store)
 
 
-def test_what_is_saved_is_listed_and_loaded(store: ModelStore, library: ModelLibrary) -> None:
+def test_a_saved_model_is_listed_and_can_be_loaded(
+    store: ModelStore, library: ModelLibrary
+) -> None:
     model = some_model()
     store.save("kitchen", model)
     store.save("hall", model)

@@ -203,7 +203,7 @@ def test_what_cannot_be_done_is_said(
     assert everything(tmp_path) == before
 
 
-def test_what_was_taught_is_saved_at_the_end_and_loaded_at_the_next_start(bench: Bench) -> None:
+def test_taught_examples_are_saved_at_the_end_and_loaded_at_the_next_start(bench: Bench) -> None:
     bench.teach(7)
     bench.persistence.stop()
     with VirtualServer(data=bench.persistence.storage.root) as following:

@@ -22,7 +22,7 @@ from tests.server.test_damaged_folder import DiskThatRefuses
 
 
 @pytest.mark.parametrize("words", ["episodes compact last", "episodes title last x"])
-def test_a_full_disk_is_told_in_a_sentence_and_nothing_is_lost(
+def test_a_full_disk_is_reported_in_a_sentence_and_nothing_is_lost(
     episode_id: str,
     data: Path,
     words: str,
@@ -73,7 +73,7 @@ def test_list_and_show(episode_id: str, capsys: pytest.CaptureFixture[str]) -> N
 
 
 @crossed(form=["NFC", "NFD"], typed=["Küche", "Kü", unicodedata.normalize("NFD", "Küche")])
-def test_a_name_is_found_however_its_accents_are_written(
+def test_a_name_is_found_in_every_encoding_of_its_accents(
     episode_id: str,
     data: Path,
     form: Literal["NFC", "NFD"],
@@ -86,7 +86,7 @@ def test_a_name_is_found_however_its_accents_are_written(
     assert [one.title for one in EpisodeStore(Storage(data)).summaries()] == ["Here"]
 
 
-def test_before_anything_is_recorded_that_is_said(
+def test_the_command_says_that_nothing_is_recorded_yet(
     data: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert "nothing is recorded yet" in say("episodes show last", capsys, status=2)
@@ -135,7 +135,7 @@ def test_the_one_deleted_last_is_restored_whatever_the_clock_says(
     assert "no longer in the trash" in say("episodes restore", capsys, status=2)
 
 
-def test_forty_are_home_in_one_zip_and_gone_by_one_command(
+def test_forty_episodes_are_zipped_and_deleted_by_one_command(
     episode_id: str, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path, home = EpisodeStore(Storage(data)).path(episode_id), tmp_path / "home.zip"
@@ -202,14 +202,16 @@ def test_what_cannot_be_done_is_one_clear_line(
     assert complaint in told.splitlines()[-1]
 
 
-def test_a_title_is_said_as_it_is_kept(episode_id: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_title_is_shown_as_it_is_saved(
+    episode_id: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert say("episodes title last " + "x" * 300, capsys) == f"its title is {'x' * 200!r}\n"
     assert "x" * 200 in say("episodes show last", capsys)
     assert main(["episodes", "title", "last", ""]) == 0
     assert capsys.readouterr().out == "it has no title\n"
 
 
-def test_what_stays_in_the_trash_is_not_said_to_be_free(
+def test_files_that_stay_in_the_trash_do_not_count_as_freed(
     episode_id: str, data: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (data / "trash/by-hand.bin").write_bytes(bytes(3_000_000))
@@ -218,7 +220,7 @@ def test_what_stays_in_the_trash_is_not_said_to_be_free(
     assert say("episodes empty-trash", capsys) != "0.0 MB are free again\n"
 
 
-def test_a_full_disk_can_be_made_room_on(
+def test_space_can_be_freed_on_a_full_disk(
     episode_id: str,
     data: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -238,7 +240,7 @@ def test_a_full_disk_can_be_made_room_on(
     assert not any((data / "trash").iterdir())
 
 
-def test_what_a_killed_import_left_is_listed_and_removed_by_the_next(
+def test_the_remains_of_a_killed_import_are_listed_and_removed_by_the_next_import(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     data = Storage(tmp_path / "data")

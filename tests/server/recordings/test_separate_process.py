@@ -56,7 +56,7 @@ def _work_on(tell: Callable[[int], None]) -> None:
         tell(os.getpid())
 
 
-def test_it_ends_with_its_reader() -> None:
+def test_a_separate_process_ends_with_its_reader() -> None:
     told = run_separately(_work_on)
     pid = next(told)
     told.close()

@@ -15,7 +15,7 @@ def path_of(server: VirtualServer, since: object = 0) -> httpx.Response:
     return httpx.get(f"{server.address}/api/path", params={"since": str(since)})
 
 
-def test_the_way_comes_in_parts_and_says_who_drove(server: VirtualServer) -> None:
+def test_the_path_is_sent_in_parts_with_its_driver(server: VirtualServer) -> None:
     known: list[Any] = []
     for step in range(1, 5):
         server.rig.driver.sensors = Sensors(pose=Pose(x_m=step, y_m=0.5, heading_rad=0.1))
@@ -32,7 +32,7 @@ def test_the_way_comes_in_parts_and_says_who_drove(server: VirtualServer) -> Non
         assert (whole["first"], whole["pose"]) == (0, known)
 
 
-def test_an_estimate_is_said_to_be_one(server: VirtualServer) -> None:
+def test_an_estimated_path_is_marked_as_an_estimate(server: VirtualServer) -> None:
     pose = Pose(x_m=1.0, y_m=0.5, heading_rad=0.1, is_estimate=True)
     server.rig.driver.sensors = Sensors(pose=pose)
     server.wait_until(lambda: path_of(server).json()["is_estimate"])
@@ -44,7 +44,7 @@ def test_an_estimate_is_said_to_be_one(server: VirtualServer) -> None:
         )
 
 
-def test_a_robot_that_does_not_know_where_it_is(server: VirtualServer) -> None:
+def test_a_robot_that_does_not_know_its_place_has_no_path(server: VirtualServer) -> None:
     server.wait_until(lambda: server.rig.loop.state.frame_id is not None)
     answer = path_of(server).json()
     assert (answer["first"], answer["pose"], answer["events"]) == (0, [], {})
@@ -52,7 +52,7 @@ def test_a_robot_that_does_not_know_where_it_is(server: VirtualServer) -> None:
 
 
 @pytest.mark.parametrize("since", ["x", "1e3", ""])
-def test_a_number_that_is_none_is_refused(server: VirtualServer, since: str) -> None:
+def test_a_number_that_is_not_one_is_refused(server: VirtualServer, since: str) -> None:
     assert path_of(server, since).status_code in (400, 422)
 
 

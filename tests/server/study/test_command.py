@@ -15,7 +15,7 @@ from tests.server.study.sessions import PLAN
 
 
 @pytest.mark.parametrize("name", ["trust", "participant", "ssd", "recordings"])
-def test_a_question_that_is_called_like_another_column_is_refused_in_a_new_plan(
+def test_a_question_with_the_name_of_another_column_is_refused_in_a_new_plan(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
     """The answers were written into that column, and replaced the score or the participant's

@@ -49,7 +49,7 @@ class Conducted:
         return [event.event for event in self.conductor.folder.events("walk", "P01")]
 
 
-def test_what_happens_later_than_it_is_waited_for_is_in_the_log_too(
+def test_an_event_that_happens_after_its_timeout_is_in_the_log_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """After a short suspension of the computer the session continued, but its log did not."""
@@ -70,7 +70,7 @@ def test_what_happens_later_than_it_is_waited_for_is_in_the_log_too(
         assert world.events == ["session_begun", "consent"]
 
 
-def test_a_session_is_not_left_while_the_disk_refuses_what_happened_in_it(
+def test_a_session_cannot_be_left_while_its_events_cannot_be_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A participant's answers were lost without a message."""
@@ -90,7 +90,7 @@ def test_a_session_is_not_left_while_the_disk_refuses_what_happened_in_it(
         assert world.events == ["session_begun", "consent", "left"]
 
 
-def test_what_is_asked_twice_at_once_is_done_once_and_every_page_is_told(
+def test_a_request_sent_twice_at_once_is_done_once_and_every_page_learns_of_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Answers from a phone and a tablet skipped a condition, and one start counted twice."""

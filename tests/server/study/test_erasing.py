@@ -13,7 +13,7 @@ from server.study.erasing import erase
 
 
 @pytest.mark.parametrize("form", ["NFC", "NFD"])
-def test_what_is_erased_is_found_however_its_accents_are_written(
+def test_data_is_erased_in_every_encoding_of_its_names_accents(
     tmp_path: Path, form: Literal["NFC", "NFD"]
 ) -> None:
     storage, name = Storage(tmp_path), unicodedata.normalize(form, "Zoé")

@@ -12,7 +12,7 @@ from robot.testing import VirtualClock
 from server.study.event_log import EventLog
 
 
-def test_a_half_line_is_cut_off_where_the_disk_takes_nothing_more(tmp_path: Path) -> None:
+def test_an_incomplete_line_is_cut_off_when_the_disk_is_full(tmp_path: Path) -> None:
     resource = pytest.importorskip("resource")
     path = tmp_path / "P01.csv"
     whole = write_events([StudyEvent(wall_s=1.0, event="left")] * 3, with_head=True)
@@ -37,7 +37,7 @@ def test_a_new_log_has_its_head_and_what_happens(tmp_path: Path) -> None:
     assert [event.event for event in read_events(path.read_bytes())] == ["left"]
 
 
-def test_what_a_disk_refused_and_could_not_take_back_is_written_once(
+def test_an_event_whose_write_failed_is_not_written_twice(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*_: object) -> None:

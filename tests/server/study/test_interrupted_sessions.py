@@ -146,7 +146,7 @@ def test_after_a_power_cut_the_robot_has_its_own_model_and_the_session_goes_on(
         '"learner_before": "x", "moves_before": ["left"]}',
     ],
 )
-def test_a_damaged_note_of_the_model_in_use_keeps_no_robot_from_starting(
+def test_a_damaged_note_of_the_model_in_use_does_not_prevent_a_start(
     tmp_path: Path, text: str
 ) -> None:
     (tmp_path / "studies").mkdir(parents=True)

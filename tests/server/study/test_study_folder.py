@@ -80,7 +80,7 @@ def test_a_session_that_is_still_recorded_is_not_withdrawn(tmp_path: Path) -> No
         assert (tmp_path / "studies/walk/P01.csv").exists()
 
 
-def test_a_damaged_log_is_named_and_stops_nobody_else(tmp_path: Path) -> None:
+def test_a_damaged_log_is_reported_and_affects_no_other_session(tmp_path: Path) -> None:
     with VirtualServer(data=tmp_path) as server:
         begin(server, "P01")
         ask(server, "DELETE", "/api/session")
@@ -92,7 +92,7 @@ def test_a_damaged_log_is_named_and_stops_nobody_else(tmp_path: Path) -> None:
         begin(server, "P01")
 
 
-def test_who_comes_back_under_the_code_of_one_who_withdrew_is_listed_as_who_he_is(
+def test_a_new_participant_with_a_withdrawn_code_is_listed_with_the_new_data(
     tmp_path: Path,
 ) -> None:
     """Both logs have the same length."""
@@ -115,7 +115,9 @@ def test_who_comes_back_under_the_code_of_one_who_withdrew_is_listed_as_who_he_i
 
 
 @pytest.mark.parametrize("there", ["Caf\u00e9", "Cafe\u0301", "CAFE\u0301", "caf\u00e9"])
-def test_a_name_that_a_file_system_mixes_up_is_taken(there: str, tmp_path: Path) -> None:
+def test_a_name_that_the_file_system_considers_equal_counts_as_taken(
+    there: str, tmp_path: Path
+) -> None:
     folder = StudyFolder(Storage(tmp_path))
     kept = tmp_path / "studies" / there / "plan.toml"
     kept.parent.mkdir(parents=True)

@@ -61,7 +61,7 @@ def test_a_world_that_is_only_a_file_is_known_by_its_file_and_by_its_name(tmp_pa
         check_body(here, driven_in(str(file)))
 
 
-def test_of_a_real_robot_the_place_is_not_known() -> None:
+def test_the_place_of_a_real_robot_is_unknown() -> None:
     check_body(FakeDriver(), condition(1))
 
 

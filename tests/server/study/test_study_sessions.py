@@ -131,7 +131,7 @@ def test_answers_are_checked_and_all_are_needed(tmp_path: Path) -> None:
         assert (session(server)["step"], session(server)["position"]) == ("ready", 2)
 
 
-def test_a_viewer_reads_where_a_session_stands_and_neither_code_nor_answers(tmp_path: Path) -> None:
+def test_a_viewer_reads_the_state_of_a_session_but_neither_code_nor_answers(tmp_path: Path) -> None:
     with VirtualServer(data=tmp_path) as server:
         begin(server)
         post(server, "/api/session/drive", confirmed=True)
@@ -147,7 +147,7 @@ def test_a_viewer_reads_where_a_session_stands_and_neither_code_nor_answers(tmp_
         assert seen == dict(zip(names, ("questions", 1, 2, None, None, 0.0), strict=True))
 
 
-def test_a_trial_ends_with_what_pilot_and_robot_did(tmp_path: Path) -> None:
+def test_a_trial_ends_with_the_results_of_pilot_and_robot(tmp_path: Path) -> None:
     with VirtualServer(data=tmp_path) as server:
         conductor = server.services.extension(StudyExtension).conductor
         assert conductor is not None

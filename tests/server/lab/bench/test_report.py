@@ -12,6 +12,6 @@ def test_the_ratio_is_that_of_a_turn_in_the_middle() -> None:
     assert (found["own"], found["peer"], found["turns"]) == (4.0, 10.0, 3)
 
 
-def test_turns_further_apart_than_the_ratio_is_large_say_nothing() -> None:
+def test_no_ratio_is_given_if_the_turns_differ_too_much() -> None:
     assert in_turns([1.0, 1.0, 2.1], [1.0, 1.0, 1.0])["ratio"] is None
     assert in_turns([1.0, 1.0, 1.9], [1.0, 1.0, 1.0])["ratio"] == 1.0

@@ -18,7 +18,7 @@ def serve_for_ever(line: Connection, kind: str, rate_hz: float) -> None:
     threading.Event().wait()
 
 
-def test_a_server_that_does_not_end_is_killed_and_that_is_said(
+def test_a_server_that_does_not_end_is_killed_and_this_is_reported(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(subject, "_serve", serve_for_ever)
