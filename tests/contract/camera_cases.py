@@ -38,6 +38,7 @@ from robot.simulator.driver import SimDriver, SimOptions
 from robot.testing import VirtualClock
 from robot.testing.cases import CameraCase
 from tests.contract.driver_cases import fake_brick, line_of_pixels
+from tests.kit.frames import grey_jpeg
 from tests.robot.bodies.ev3.fake_video import DEVICE
 from tests.robot.bodies.ev3.virtual_agent import MadeUpCamera, VirtualAgent
 from tests.robot.footage import write_footage
@@ -188,12 +189,6 @@ def mjpeg_camera() -> Iterator[CameraCase]:
 
     camera._line = Line()  # type: ignore[assignment]
     yield CameraCase(camera, frozen.set, frozen.clear)
-
-
-def grey_jpeg(index: int) -> bytes:
-    """Return a picture with another grey value for each index."""
-    grey = np.full((24, 32, 3), 7 * index % 256, np.uint8)
-    return cv2.imencode(".jpg", grey)[1].tobytes()
 
 
 @contextmanager

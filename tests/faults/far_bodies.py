@@ -6,17 +6,14 @@ The contract of drivers checks how soon: no move lasts longer than its time limi
 from __future__ import annotations
 
 import contextlib
-import os
-import re
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from tests.kit.sizes import IS_FULL
+from tests.robot.bodies.ev3.own_server import own_server
 from tests.server.live_robot import Pilot
 from tests.standins.ev3_stock import StockBrick
 from tests.standins.mjpeg import MjpegServer
@@ -65,22 +62,13 @@ def its_server_is_frozen_and_killed(
     body: Callable[[], contextlib.AbstractContextManager[Body]], data: Path
 ) -> None:
     with MjpegServer() as camera, body() as robot:
-        command = [sys.executable, "-m", "server", "serve", "--port", "0", "--data", str(data)]
-        command += ["--camera", "mjpeg", "--source", camera.address, "--robot", *robot.options]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-            try:
-                assert process.stdout is not None
-                address = next(
-                    found[1]
-                    for line in process.stdout
-                    if (found := re.search(r"open http(://\S+)", line))
-                )
-                with Pilot(f"ws{address}/ws/drive") as pilot:
-                    for how in (signal.SIGSTOP, signal.SIGKILL):
-                        pilot.drive_until(lambda: robot.ends_s() > time.monotonic())
-                        os.kill(process.pid, how)
-                        check_that_it_stands(robot)
-                        os.kill(process.pid, signal.SIGCONT)
-            finally:
-                os.kill(process.pid, signal.SIGCONT)
-                process.kill()
+        options = ["--data", str(data), "--camera", "mjpeg", "--source", camera.address]
+        with (
+            own_server(*options, "--robot", *robot.options) as (process, address),
+            Pilot(address + "/ws/drive") as pilot,
+        ):
+            for how in (signal.SIGSTOP, signal.SIGKILL):
+                pilot.drive_until(lambda: robot.ends_s() > time.monotonic())
+                process.send_signal(how)
+                check_that_it_stands(robot)
+                process.send_signal(signal.SIGCONT)

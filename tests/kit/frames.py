@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,6 +42,12 @@ def frame_of(pixels: NDArray[Any], frame_id: int = 1, captured_s: float = 0.0) -
         rgb = np.repeat(rgb[:, :, None], 3, axis=2)
     height, width = rgb.shape[:2]
     return make_frame(rgb.tobytes(), Encoding.RGB, width, height, frame_id, captured_s)
+
+
+def grey_jpeg(index: int) -> bytes:
+    """Return a JPEG of the size of the cameras, with another grey value for each index."""
+    grey = np.full((120, 160, 3), 7 * index % 256, np.uint8)
+    return cv2.imencode(".jpg", grey)[1].tobytes()
 
 
 @functools.cache

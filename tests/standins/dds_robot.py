@@ -28,8 +28,8 @@ from robot.bodies.ros.messages import TYPES, CompressedImage, dds_topic, from_dd
 from robot.bodies.ros.topics import COMPRESSED, HEADER, STAMPED, TWIST
 from robot.clock import RealClock
 from robot.types import Point
+from tests.kit.frames import grey_jpeg
 from tests.standins.rclpy_node import WatchdogNode
-from tests.standins.rosbridge import grey_jpeg
 
 IMAGES, BASE = "/camera/image_raw/compressed", "/cmd_vel"
 HERE = ("127.0.0.1",)

@@ -6,8 +6,7 @@ import threading
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from typing import Any, Self
 
-import cv2
-import numpy as np
+from tests.kit.frames import grey_jpeg
 
 
 class MjpegServer(HTTPServer):
@@ -58,8 +57,7 @@ class _Stream(BaseHTTPRequestHandler):
             if server.frozen.is_set():
                 continue
             index += 1
-            grey = np.full((120, 160, 3), 7 * index % 256, np.uint8)
-            jpeg = cv2.imencode(".jpg", grey)[1].tobytes()
+            jpeg = grey_jpeg(index)
             length = f"Content-Length: {len(jpeg)}\r\n" if server.with_length else ""
             head = f"--frame\r\nContent-Type: image/jpeg\r\n{length}\r\n"
             self.wfile.write(head.encode() + jpeg + b"\r\n")

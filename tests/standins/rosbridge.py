@@ -13,12 +13,11 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from typing import Any, Self
 
-import cv2
-import numpy as np
 import websockets
 
 from robot.clock import RealClock
 from robot.types import Point
+from tests.kit.frames import grey_jpeg
 from tests.kit.loops import LoopThread
 from tests.standins.rclpy_node import WatchdogNode
 
@@ -192,11 +191,6 @@ class RosBridgeServer:
             if self._listeners[IMAGES]:
                 await self._pass_on(IMAGES, self.images(index))
                 self.told[IMAGES].clear()
-
-
-def grey_jpeg(index: int) -> bytes:
-    grey = np.full((120, 160, 3), 7 * index % 256, np.uint8)
-    return cv2.imencode(".jpg", grey)[1].tobytes()
 
 
 def grey_image(index: int) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""A brick made of files, and an agent that runs on it."""
+"""A brick made of files, and an agent for it."""
 
 from __future__ import annotations
 
@@ -8,16 +8,25 @@ from pathlib import Path
 import pytest
 
 from robot.bodies.ev3.fake_brick import FakeBrick
-from tests.robot.bodies.ev3.running_agent import RunningAgent
+from robot.testing import VirtualClock
+from tests.robot.bodies.ev3.virtual_agent import VirtualAgent
 
 
 @pytest.fixture
 def brick(tmp_path: Path) -> Iterator[FakeBrick]:
+    """In virtual time, because brick and driver are one process here."""
+    with FakeBrick(tmp_path / "brick", clock=VirtualClock(100.0)) as fake:
+        yield fake
+
+
+@pytest.fixture
+def real_brick(tmp_path: Path) -> Iterator[FakeBrick]:
+    """For agents and servers in other processes."""
     with FakeBrick(tmp_path / "brick") as fake:
         yield fake
 
 
 @pytest.fixture
-def running_agent(brick: FakeBrick, tmp_path: Path) -> Iterator[RunningAgent]:
-    with RunningAgent(brick.root, tmp_path) as running:
+def agent(brick: FakeBrick) -> Iterator[VirtualAgent]:
+    with VirtualAgent(brick) as running:
         yield running

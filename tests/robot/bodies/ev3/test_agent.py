@@ -18,25 +18,12 @@ from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.bodies.v4l2.camera import UsbCameraOptions
 from robot.driver import BodyButton
 from robot.errors import CameraError, ConfigurationError, DriveError
-from robot.testing import VirtualClock
 from robot.types import Action, Mode
 from tests.kit.wait import wait_until
 from tests.robot.bodies.ev3.running_agent import SECRET
 from tests.robot.bodies.ev3.virtual_agent import MadeUpCamera, VirtualAgent
 
 STEP_S = 0.005
-
-
-@pytest.fixture
-def brick(tmp_path: Path) -> Iterator[FakeBrick]:
-    with FakeBrick(tmp_path / "brick", clock=VirtualClock(100.0)) as fake:
-        yield fake
-
-
-@pytest.fixture
-def agent(brick: FakeBrick) -> Iterator[VirtualAgent]:
-    with VirtualAgent(brick) as running:
-        yield running
 
 
 def make_driver(
@@ -120,11 +107,6 @@ def test_no_address_and_no_secret_are_one_clear_line(
     path.write_text(SECRET + "\n")
     with make_driver(agent, "") as driver:
         assert driver.is_connected
-
-
-def test_something_else_that_answers_is_one_clear_line() -> None:
-    with pytest.raises(ValueError, match="not a message"):
-        list(wire.Unpacker(wire.BEFORE_JOINING).take(b"HTTP/1.1 400 Bad Request\r\n\r\n"))
 
 
 def test_a_missing_motor_is_named_through_the_line(agent: VirtualAgent) -> None:

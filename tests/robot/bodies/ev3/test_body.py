@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,15 +13,7 @@ from robot.bodies.ev3.fake_brick import DEFAULTS, LEFTOVERS, POLL_S, FakeBrick
 from robot.devkit.wheels import CLASSIC_POINTS
 from robot.driver import BodyButton
 from robot.errors import ConfigurationError, DriveError, NotConnectedError
-from robot.testing import VirtualClock
 from robot.types import Action, Mode
-
-
-@pytest.fixture
-def brick(tmp_path: Path) -> Iterator[FakeBrick]:
-    """In virtual time, because brick and driver are one process here."""
-    with FakeBrick(tmp_path / "brick", clock=VirtualClock(100.0)) as fake:
-        yield fake
 
 
 def make_driver(brick: FakeBrick, **options: object) -> Ev3Driver:
@@ -78,12 +69,6 @@ def test_sensors_are_read_in_metres(brick: FakeBrick) -> None:
         assert sensors.battery_share == pytest.approx(0.5)
         brick.set_sensor("in1", 1)
         assert driver.sense().bumped is True
-
-
-def test_sensors_may_be_missing(brick: FakeBrick) -> None:
-    with make_driver(brick) as driver:
-        assert driver.sense().distance_m is None
-        assert driver.sense().bumped is None
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +13,6 @@ from robot.bodies.ev3.driver import Ev3Driver, Ev3Options
 from robot.bodies.ev3.fake_brick import FakeBrick
 from robot.devices.options import option
 from robot.errors import ConfigurationError
-from robot.testing import VirtualClock
 from robot.types import Action
 from server.__main__ import main
 from server.bodies import calibrate
@@ -100,11 +98,8 @@ def test_a_file_of_any_letters_keeps_them(tmp_path: Path, encoding: str) -> None
         keep(file, {"track_m": 0.12})
 
 
-@pytest.fixture
-def brick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeBrick]:
-    """A brick that the command drives in virtual time."""
-    clock = VirtualClock(100.0)
-
+@pytest.fixture(autouse=True)
+def _driven_in_virtual_time(brick: FakeBrick, monkeypatch: pytest.MonkeyPatch) -> None:
     @dataclass(frozen=True, slots=True, kw_only=True)
     class OptionsOfBoth(Ev3Options):
         brick: str = option("", "as ev3-remote has it")
@@ -113,11 +108,9 @@ def brick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeBrick
         options_type = OptionsOfBoth
 
         def __init__(self, options: Ev3Options) -> None:
-            super().__init__(options, clock)
+            super().__init__(options, brick.clock)
 
     monkeypatch.setattr(calibrate, "load_driver", lambda name: TimedDriver)
-    with FakeBrick(tmp_path / "brick", clock=clock) as fake:
-        yield fake
 
 
 @pytest.mark.parametrize("robot", ["ev3", "ev3-remote --brick ev3.local"])

@@ -25,7 +25,6 @@ from robot.bodies.ev3.fake_agent import SECRET, FakeCameraReader, fake_agent, in
 from robot.bodies.ev3.fake_brick import FakeBrick
 from robot.bodies.ev3.link import BrickLink, RemotePicture
 from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
-from robot.testing import VirtualClock
 from server.__main__ import main
 from server.bodies import brick as command
 from tests.robot.bodies.ev3.virtual_agent import VirtualAgent
@@ -180,12 +179,6 @@ def test_each_fault_is_named_with_what_to_do(
     assert text in bad[0].text
     assert advice in bad[0].advice
     assert (f"  {topic}: {bad[0].advice}" in write_report(findings)) == bool(advice)
-
-
-@pytest.fixture
-def brick(tmp_path: Path) -> Iterator[FakeBrick]:
-    with FakeBrick(tmp_path / "brick", clock=VirtualClock(100.0)) as fake:
-        yield fake
 
 
 @pytest.fixture

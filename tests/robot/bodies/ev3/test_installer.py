@@ -17,7 +17,6 @@ from robot.bodies.ev3.handshake import secret_path
 from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.bodies.ev3.rootfs import build_userland
 from robot.errors import ConfigurationError
-from robot.testing import VirtualClock
 from server.__main__ import main
 from server.bodies import brick as command
 from tests.kit.ports import free_port
@@ -67,11 +66,11 @@ def agent_pid(far_home: Path) -> Iterator[Path]:
 def test_the_agent_is_copied_and_started_twice_and_again_when_it_dies(
     far_home: Path,
     agent_pid: Path,
-    brick: FakeBrick,
+    real_brick: FakeBrick,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setenv("DRIVELESSON_ROOT", str(brick.root))
+    monkeypatch.setenv("DRIVELESSON_ROOT", str(real_brick.root))
     port = free_port()
     assert main(["brick", "agent", "127.0.0.1", "--port", str(port)]) == 0
     first = agent_pid.read_text()
@@ -86,7 +85,7 @@ def test_the_agent_is_copied_and_started_twice_and_again_when_it_dies(
     log = far_home / "drivelesson/agent.log"
     starts = log.read_text().count("listening")
     os.kill(child_of(int(agent_pid.read_text())), signal.SIGKILL)
-    brick.wait_until(lambda: log.read_text().count("listening") == starts + 1, 60)
+    real_brick.wait_until(lambda: log.read_text().count("listening") == starts + 1, 60)
     assert "ended with status 137; it is started again" in log.read_text()
     with Ev3RemoteDriver(options) as driver:
         assert driver.is_connected
@@ -99,12 +98,11 @@ def child_of(pid: int) -> int:
 
 
 def test_the_brick_starts_the_agent_by_itself(
-    far_home: Path, agent_pid: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    far_home: Path, agent_pid: Path, brick: FakeBrick, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     port = free_port()
-    with FakeBrick(tmp_path / "brick", clock=VirtualClock()) as brick:
-        monkeypatch.setenv("DRIVELESSON_ROOT", str(brick.root))
-        assert main(["brick", "agent", "127.0.0.1", "--port", str(port), "--autostart"]) == 0
+    monkeypatch.setenv("DRIVELESSON_ROOT", str(brick.root))
+    assert main(["brick", "agent", "127.0.0.1", "--port", str(port), "--autostart"]) == 0
     unit = (far_home / "etc/systemd/system/drivelesson-agent.service").read_text()
     assert f"ExecStart=/bin/sh {far_home}/drivelesson/keep-agent" in unit
     assert "Restart=always" in unit

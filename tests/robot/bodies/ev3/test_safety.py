@@ -146,10 +146,10 @@ def freeze_and_thaw(drive: Drive) -> None:
 
 @pytest.mark.realtime
 def test_a_server_on_and_beside_the_brick_is_frozen_cut_off_and_killed_or_ends_in_good_order(
-    brick: FakeBrick, tmp_path: Path
+    real_brick: FakeBrick, tmp_path: Path
 ) -> None:
-    a_server_on_the_brick_is_frozen_and_killed(brick, tmp_path)
-    one_beside_it_is_frozen_cut_off_and_killed_or_ends_in_good_order(brick, tmp_path)
+    a_server_on_the_brick_is_frozen_and_killed(real_brick, tmp_path)
+    one_beside_it_is_frozen_cut_off_and_killed_or_ends_in_good_order(real_brick, tmp_path)
 
 
 def a_server_on_the_brick_is_frozen_and_killed(brick: FakeBrick, tmp_path: Path) -> None:

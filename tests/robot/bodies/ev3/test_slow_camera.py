@@ -77,22 +77,22 @@ def teach(pilot: Pilot) -> Shares:
 
 @in_ci
 def test_it_drives_and_learns_with_the_camera_that_it_has(
-    brick: FakeBrick, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    real_brick: FakeBrick, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for number, name in enumerate(TRAITS):
         folder = tmp_path / str(number)
         folder.mkdir()
-        shares = drive_with(TRAITS[name], brick, folder)
+        shares = drive_with(TRAITS[name], real_brick, folder)
         with capsys.disabled():
             print(f"\n{name}: {shares} (asked on a quiet machine: 1, 0.99, 0.9, 0.98)")
     for age_ms, check in ((300, it_slows_down_and_shows_why), (600, it_does_not_move)):
         folder = tmp_path / str(age_ms)
         folder.mkdir()
-        brick.commands.clear()
+        real_brick.commands.clear()
         traits = replace(C270_ON_EV3, age_ms=age_ms, age_spread_ms=0)
-        with piloted(traits, brick, folder) as pilot:
+        with piloted(traits, real_brick, folder) as pilot:
             pilot.hold("forward")
-            check(brick, pilot)
+            check(real_brick, pilot)
 
 
 def start(pilot: Pilot) -> None:

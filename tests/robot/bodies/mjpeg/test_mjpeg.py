@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,6 +11,7 @@ from robot.bodies.mjpeg.camera import MjpegCamera, MjpegOptions
 from robot.clock import RealClock
 from robot.errors import CameraError, ConfigurationError
 from tests.contract.real_parts import check_camera_on_its_real_line
+from tests.kit.wait import wait_until
 from tests.standins.mjpeg import MjpegServer
 
 
@@ -64,26 +62,14 @@ def what_is_no_stream_is_said() -> None:
         camera(server.address).start()
 
 
-def wait_until(camera: MjpegCamera, is_so: Callable[[], object]) -> None:
-    told = threading.Event()
-    camera.listen(told.set)
-    for _ in range(400):
-        if is_so():
-            camera.listen(None)
-            return
-        told.wait(0.05)
-        told.clear()
-    pytest.fail(f"it never came to be so; {camera.fault}")
-
-
 def a_lost_stream_is_a_fault_and_comes_back(with_length: bool) -> None:
     with (
         MjpegServer(with_length=with_length) as server,
         camera(server.address.replace("//", "//me:p%20w@")) as running,
     ):
-        wait_until(running, lambda: running.latest())
+        wait_until(running.latest)
         assert server.asked[0] == "Basic bWU6cCB3"
         server.refuses = True
-        wait_until(running, lambda: "gives no pictures" in (running.fault or ""))
+        wait_until(lambda: "gives no pictures" in (running.fault or ""))
         server.refuses = False
-        wait_until(running, lambda: running.fault is None)
+        wait_until(lambda: running.fault is None)

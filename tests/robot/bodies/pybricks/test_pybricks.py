@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from types import SimpleNamespace
 from unittest import mock
 
@@ -18,6 +18,7 @@ from robot.driver import ACTION_TIMEOUT_S
 from robot.errors import DriveError, MissingExtraError
 from robot.types import Action, Sensors
 from tests.contract.real_parts import check_driver_on_its_real_line
+from tests.kit.wait import wait_until
 from tests.robot.bodies.sending import send_until
 from tests.standins.firmware import ROOT
 from tests.standins.pybricks_hub import PROGRAM, BleakError, FakeHub
@@ -33,14 +34,6 @@ def hub() -> Iterator[FakeHub]:
 
 def driver_for(hub: FakeHub, name: str = "") -> PybricksDriver:
     return hub.driver(PybricksOptions(hub=name))
-
-
-def until(happens: Callable[[], object]) -> None:
-    """Check again and again; the checked function waits by itself."""
-    for _ in range(300):
-        if happens():
-            return
-    pytest.fail("it never came")
 
 
 def moved(hub: FakeHub) -> list[tuple[str, float, int]]:
@@ -165,7 +158,7 @@ def a_hub_that_comes_back_into_reach_is_driven_again(hub: FakeHub) -> None:
         with pytest.raises(DriveError, match="not answered"):
             for _ in range(300):
                 driver.send_action(Action.FORWARD)
-        until(lambda: not hub.clients or time.sleep(0.02))
+        wait_until(lambda: not hub.clients)
         hub.is_in_reach = True
         send_until(driver)
 
@@ -177,7 +170,7 @@ def a_lost_hub_is_not_replaced_by_its_twin(hub: FakeHub) -> None:
         with driver_for(hub, hub.address) as driver:
             assert driver.device == "'Pybricks Hub' (00:16:53:00:00:01)"
             hub.cut()
-            until(lambda: not hub.clients or time.sleep(0.02))
+            wait_until(lambda: not hub.clients)
 
             def tells_of_both() -> bool:
                 try:
@@ -186,7 +179,7 @@ def a_lost_hub_is_not_replaced_by_its_twin(hub: FakeHub) -> None:
                     return ":01) was lost, and is not in range (another one is" in str(error)
                 return False
 
-            until(tells_of_both)
+            wait_until(tells_of_both)
             assert not twin.told and not twin.clients
             hub.is_in_reach = True
             send_until(driver)
