@@ -84,7 +84,7 @@ def tls_with_an_authority_of_our_own(tmp_path: Path) -> None:
     certificates = make_certificates(tmp_path / "tls", names, now)
     again = make_certificates(tmp_path / "tls", names, now)
     assert again.authority.read_bytes() == certificates.authority.read_bytes()
-    if os.name != "nt":  # there the mode is not expressed by bits
+    if os.name != "nt":  # Windows has no permission bits
         assert certificates.key.stat().st_mode & 0o077 == 0
     trust = ssl.create_default_context(cafile=str(certificates.authority))
     config = NetworkConfig(port=0, web=WEB, lan=True, tls=True, data=tmp_path)

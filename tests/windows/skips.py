@@ -12,11 +12,11 @@ import pytest
 
 from robot.errors import MissingExtraError
 
-KERNEL = "a kernel's interface that Linux alone has: "
-RIGHTS = "who may read a file is not said by bits there"
+KERNEL = "an interface of the kernel that only Linux has: "
+RIGHTS = "Windows has no permission bits"
 ITSELF = "server/test_damaged_folder.py::test_the_data_folder_itself_may_be_something_else"
-LINKS = "symbolic links, which few may make there"
-NO_EXTRA = "the extra `{}` is not installed there"
+LINKS = "symbolic links, which few accounts may make on Windows"
+NO_EXTRA = "the extra `{}` is not installed on Windows"
 EXTRA_LIBRARIES = ("sklearn", "scipy", "matplotlib", "river", "pyarrow", "av")
 """Modules that tests import directly; other tests learn from the product what is missing."""
 SKIPPED = {
@@ -25,7 +25,7 @@ SKIPPED = {
     "server/test_hostile_values.py::test_no_value": KERNEL + "the memory that a process takes",
     "robot/recordings/test_hostile.py": KERNEL + "limits of memory",
     "server/board/test_classroom.py::test_a_key_is_made_once": RIGHTS,
-    "server/test_security.py::test_pairings_outlive_a_restart": RIGHTS,
+    "server/access/test_security.py::test_pairings_outlive_a_restart": RIGHTS,
     **dict.fromkeys(
         [
             "robot/exchange/test_exports.py",
@@ -38,9 +38,9 @@ SKIPPED = {
     "server/exchange/test_in_and_out.py::test_films_and_datasets": NO_EXTRA.format("export"),
     "server/cli/test_main.py::test_bash_completes": "there is no bash",
     **dict.fromkeys([f"{ITSELF}[{kind}" for kind in ("dangling", "loop")], LINKS),
-    "server/test_strangers.py::test_a_flood": KERNEL + "a limit of descriptors",
+    "server/access/test_unpaired_flood.py::test_a_flood": KERNEL + "a limit of descriptors",
     "robot/lab/test_evaluation.py::test_the_command_writes": NO_EXTRA.format("evaluate"),
-    "robot/bodies/ev3/test_agent_syntax.py": "the brick's Python is asked, which is not there",
+    "robot/bodies/ev3/test_agent_syntax.py": "the brick's Python, which Windows does not have",
     "robot/bodies/ev3/test_installer.py": "a stand-in for ssh, a script that Linux runs",
     "robot/bodies/ev3/test_stock.py::test_the_cable_carries": KERNEL + "packets of a local socket",
 }

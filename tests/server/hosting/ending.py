@@ -32,8 +32,7 @@ def check_a_hanging_upload_and_half_a_request_hold_up_no_end(tmp_path: Path) -> 
 
 
 def _check_hanging_tls_holds_up_no_end(folder: Path) -> None:
-    """No data, half a handshake, an idle connection, half a request or a stalled upload delays the
-    end."""
+    """Silence, half a handshake, half a request and a stalled upload do not delay the end."""
     unchecked = ssl.create_default_context()
     unchecked.check_hostname, unchecked.verify_mode = False, ssl.CERT_NONE
     words = ("--lan", "--tls", "--host", "127.0.0.1")
