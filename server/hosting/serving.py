@@ -30,7 +30,7 @@ MAX_MESSAGE_BYTES = 65_536
 _DEAD_PEER_MS = 15_000
 _BACKLOG = 4096
 """Length of the accept queue; if it is full, a connection retries only a second later."""
-_END_S = 1.5
+_END_S = 1.0
 """How long connections may take to finish, and after that to close, in seconds."""
 
 

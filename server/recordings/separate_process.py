@@ -7,11 +7,13 @@ separate process, orders take effect as fast as when nobody reads.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pickle
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Generator
 from functools import partial
 from typing import Any, Concatenate, ParamSpec, TypeVar
@@ -36,7 +38,7 @@ def run_separately(
     `tell`, and raise what it raises.
 
     `work` is a function at the top of a module. Closing the iterator kills the process; the process
-    also ends soon after this one. Raises RecordingError if the process is killed.
+    also ends with this one. Raises RecordingError if the process is killed.
     """
     process = subprocess.Popen(
         [sys.executable, "-c", _BEGIN.format(path=sys.path, module=__name__)],
@@ -46,8 +48,9 @@ def run_separately(
     )
     assert process.stdin is not None and process.stdout is not None
     try:
-        with process.stdin:
-            pickle.dump((work, args, kwargs), process.stdin)
+        with contextlib.suppress(BrokenPipeError):  # then reading fails, too
+            process.stdin.write(pickle.dumps((work, args, kwargs)))
+            process.stdin.flush()
         while True:
             try:
                 kind, value = pickle.load(process.stdout)
@@ -63,6 +66,8 @@ def run_separately(
     finally:
         process.kill()
         process.wait()
+        with contextlib.suppress(BrokenPipeError):
+            process.stdin.close()
         process.stdout.close()
 
 
@@ -79,17 +84,22 @@ def main() -> None:
         results.write(pickle.dumps((kind, value)))
         results.flush()
 
+    work, args, kwargs = pickle.load(sys.stdin.buffer)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
-        work, args, kwargs = pickle.load(sys.stdin.buffer)
         try:
             work(partial(send, _TOLD), *args, **kwargs)
             send(_ENDED)
-        except BrokenPipeError:
-            raise
         except Exception as error:
             send(_RAISED, _portable(error))
     except BrokenPipeError:
         os._exit(1)  # nobody reads any more
+
+
+def _end_with_parent() -> None:
+    while os.read(0, 1024):  # until the other process closes the pipe or ends
+        pass
+    os._exit(1)
 
 
 def _portable(error: Exception) -> Exception:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import http.client
 import json
 import os
 import re
@@ -219,7 +220,7 @@ class Reader:
         if self.ending.is_set() and name != "open":
             return
         began_s = time.monotonic()
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError, http.client.HTTPException):  # the server ended
             act()
             self.times_s.setdefault(name, []).append(time.monotonic() - began_s)
 
