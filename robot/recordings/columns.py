@@ -43,7 +43,7 @@ class FrameTable(Mapping[int, FrameEntry]):
 
     def __init__(self, origin_ns: int = 0) -> None:
         self.origin_ns = origin_ns
-        self._parts: list[NDArray[np.void]] = []
+        self._rows = bytearray()
         self._channels: list[MessageChannel] = []
         self._table: NDArray[np.void] | None = None
         self._ids = np.zeros(0, np.uint32)
@@ -63,12 +63,12 @@ class FrameTable(Mapping[int, FrameEntry]):
             if channel not in self._channels:
                 self._channels.append(channel)
             table["channel"][rows["channel"] == number] = self._channels.index(channel)
-        self._parts.append(table)
-        self._table = None
+        self._table = None  # it is a view of the rows, which cannot grow while there is one
+        self._rows += table.tobytes()
 
     def dump(self) -> tuple[bytes, list[MessageChannel]]:
         """Return the rows in the order of the file, and the channels that the rows refer to."""
-        return b"".join(part.tobytes() for part in self._parts), self._channels
+        return bytes(self._rows), self._channels
 
     def load(self, data: bytes, channels: Sequence[MessageChannel], base: int = 0) -> None:
         """Add the rows of a `dump`. The file of these rows begins at the offset `base`. Raises one
@@ -83,19 +83,20 @@ class FrameTable(Mapping[int, FrameEntry]):
             if int(table["chunk"].min()) < 0:
                 raise RecordingError("a picture before the beginning of the file")
             table["chunk"] += base
-        self._parts.append(table)
         self._table = None
+        self._rows += table.tobytes()
 
     @property
     def table(self) -> NDArray[np.void]:
         if self._table is None:
-            found = np.concatenate([np.zeros(0, _FRAME), *self._parts])
+            found = np.frombuffer(self._rows, _FRAME)
             ids = found["id"]
             self.is_ordered = bool((ids[1:] > ids[:-1]).all())
             if not self.is_ordered:
                 _, last = np.unique(ids[::-1], return_index=True)
                 found = found[len(found) - 1 - last]
-            self._table, self._parts = found, [found]
+                self._rows = bytearray(found.tobytes())
+            self._table = found
         return self._table
 
     @property
@@ -173,6 +174,7 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
         self._label = array("B")
         self._is_intervention = array("B")
         self._at_s = array("d")
+        # These end with the last point; few robots are taught with points.
         self._steering, self._throttle = array("d"), array("d")
         self._labels: list[Action] = []
         self._others: dict[int, HistoryEvent] = {}
@@ -214,9 +216,6 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
         self._label.extend(map(numbers.__getitem__, labels))
         self._is_intervention.extend(interventions)
         self._at_s.extend(at_s)
-        none = [nan] * len(frames)
-        self._steering.extend(none)
-        self._throttle.extend(none)
         return True
 
     def _add(self, now_s: float, fields: Fields) -> None:
@@ -235,18 +234,26 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
             frame_id = event.example.frame_id if isinstance(event, Taught) else -1
             label, is_intervention, at_s, point = _NOT_PLAIN, False, 0.0, _NO_POINT
             self._others[len(self._frame)] = event
+        if point is not _NO_POINT:
+            self._fill_points()
+            self._steering.append(point.steering)
+            self._throttle.append(point.throttle)
         self._frame.append(frame_id)
         self._now_s.append(now_s)
         self._label.append(label)
         self._is_intervention.append(is_intervention)
         self._at_s.append(at_s)
-        self._steering.append(point.steering)
-        self._throttle.append(point.throttle)
+
+    def _fill_points(self) -> None:
+        """Let all examples so far have an entry in the columns of points; NaN means no point."""
+        for column in (self._steering, self._throttle):
+            column.extend([nan] * (len(self) - len(column)))
 
     def dump(self) -> tuple[bytes, Fields]:
         """Return the columns and their description."""
         others = {str(i): describe_event(event) for i, event in self._others.items()}
         about: Fields = {"count": len(self), "labels": self._labels, "others": others}
+        self._fill_points()
         return b"".join(column.tobytes() for column in self._columns), about
 
     def load(self, data: bytes, about: Fields) -> None:
@@ -274,7 +281,12 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
         ):
             raise RecordingError("the columns do not fit together")
         parts[2] = np.array(numbers, np.uint8)[labels].tobytes()
-        for column, part in zip(self._columns, parts, strict=True):
+        columns = self._columns
+        if np.isnan(steering).all() and np.isnan(throttle).all():
+            columns, parts = columns[:5], parts[:5]
+        else:
+            self._fill_points()
+        for column, part in zip(columns, parts, strict=True):
             column.frombytes(part)
         for row, fields in about["others"].items():
             self._others[before + int(row)] = read_event(fields)
@@ -320,7 +332,9 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
             event = self._others[index]
             assert isinstance(event, Taught)
             return event.example
-        point = Point(self._steering[index], self._throttle[index])
+        point = _NO_POINT
+        if index < len(self._steering):
+            point = Point(self._steering[index], self._throttle[index])
         return Example(
             frame_id=self._frame[index],
             label=self._labels[self._label[index]],
@@ -363,9 +377,11 @@ class Labels(Mapping[int, Example]):
             event = lessons.event(row)
             assert isinstance(event, Undone)
             alive[:row] &= ~np.isin(frames[:row], event.frame_ids)
-        rows = np.flatnonzero(alive)[::-1]
-        self._ids, first = np.unique(frames[rows], return_index=True)
-        self._rows = rows[first]
+        self._rows = np.flatnonzero(alive)
+        self._ids = frames[self._rows]
+        if (self._ids[1:] <= self._ids[:-1]).any():
+            self._ids, last = np.unique(self._ids[::-1], return_index=True)
+            self._rows = self._rows[::-1][last]
 
     def __len__(self) -> int:
         return len(self._ids)
