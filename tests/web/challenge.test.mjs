@@ -32,15 +32,17 @@ async function open(state, now) {
   return { store, asked, chosen, look, known: () => isKnown };
 }
 
-test('a robot that is ready offers the challenge, and one that is not does not', async (context) => {
+test('a robot that is ready says so, then offers the challenge, and one that is not does not', async (context) => {
   context.after(() => mock.timers.reset());
   const { store, known, look } = await open({ readiness: { stage: 'teach' } }, NOW);
   assert.equal(store.state.toast, null);
   assert.equal(known(), false);
   store.set({ readiness: { stage: 'ready' } });
   await look();
+  assert.equal(known(), true, 'it is in the menu');
+  assert.equal(store.state.toast, null, 'pupils first read that the robot is ready');
+  for (let i = 0; i < 3; i += 1) await look();
   assert.equal(store.state.toast.step.label, 'challenge.open');
-  assert.equal(known(), true);
   store.set({ screen: 'challenge' });
   assert.equal(store.state.toast, null, 'the screen says the same');
 });

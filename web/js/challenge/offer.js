@@ -6,12 +6,14 @@ import { t } from '../i18n.js';
 import { armTry, tellNow, tellTry } from './results.js';
 
 const LOOK_MS = 1500;
+const LOOKS_FIRST = 3; // until then the page says that the robot is ready, which the offer would cover
 
 /** @typedef {import('./results.js').Challenge} Challenge */
 
 /** @param {import('../page.js').Page} page @param {() => void} noteKnown  called when the pilot may know the challenge */
 export function offerChallenge(page, noteKnown) {
   let isOffered = false;
+  let readyFor = 0; // looks
   let hasLooked = false; // for tries before this page was opened
   /** @type {Challenge | null} */
   let before = null;
@@ -24,6 +26,7 @@ export function offerChallenge(page, noteKnown) {
     const { readiness, screen, lead, link } = page.store.state;
     if (link !== 'open' || screen !== 'drive' || lead || document.hidden) return;
     const isReady = readiness?.stage === 'ready';
+    readyFor = isReady ? readyFor + 1 : 0;
     if (!isReady && !before && hasLooked) return;
     if (!isReady && page.store.state.toast?.text === t('challenge.offer')) { // taught something else since
       page.store.set({ toast: null });
@@ -38,8 +41,8 @@ export function offerChallenge(page, noteKnown) {
     const next = count < now.tries_of ? step(t('challenge.next'), armNext) : step(t('screen.challenge'), open);
     if (now.is_on && page.store.state.toast?.text === said) page.store.set({ toast: null });
     if (count) page.toast((said = tellTry(now.tries[count - 1], count, now.tries_of)), next, Infinity);
-    else if (!isOffered && !now.is_armed && !now.is_on && !now.tries.length && isReady) page.toast((said = t('challenge.offer')), step(t('challenge.open'), open), Infinity);
-    isOffered ||= isReady;
+    else if (!isOffered && !now.is_armed && !now.is_on && !now.tries.length && readyFor > LOOKS_FIRST) page.toast((said = t('challenge.offer')), step(t('challenge.open'), open), Infinity);
+    isOffered ||= readyFor > LOOKS_FIRST;
     before = now;
   };
   page.store.watch(['screen'], ({ screen, toast }) => { // the screen says the same

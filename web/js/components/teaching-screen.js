@@ -57,7 +57,7 @@ export class TeachingScreen extends Screen {
     const panel = /** @type {HTMLElement} */ (this.alike);
     panel.hidden = !word.possible;
     const box = h('input', { type: 'checkbox', checked: word.alike, onchange: () => this.sayAlike(box.checked) });
-    fill(panel, h('label', {}, box, ` ${t('alike.say')}`),
+    fill(panel, h('label', { class: 'choice' }, box, h('span', {}, t('alike.say'))),
       h('p', { class: 'hint' }, t(word.one_sided && !word.alike ? 'alike.ask' : 'alike.lead')));
   }
 
