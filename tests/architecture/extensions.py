@@ -38,6 +38,7 @@ WEB = {
     "board": ("board", "js/board"),
     "bodies": ("eye",),
     "challenge": ("js/challenge",),
+    "coaching": ("js/coaching",),
     "library": ("js/library",),
     "recordings": ("js/recordings",),
     "simulator": ("js/simulator",),

@@ -238,6 +238,7 @@ PAGE_WORDS = {
     "board": r"teacher|classroom|pupil|\bboard\b|\b(a|the) class\b(?! [A-Z])|class's",
     "bodies": r"\beyes?\b",
     "challenge": r"challenge",
+    "coaching": r"api/teaching/|api/why|'(gallery|gap|ready|undo|why)\.",
     "library": r"api/models",
     "recordings": r"api/episode|recorder|retraining",
     "simulator": r"simulated|--robot sim",

@@ -1,7 +1,8 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 
-import { ageParts, modeToPress, setbackOf, teachingAdvice, urgentAdvice, usedMoves, whatToSay, whoDrives } from '../../web/js/advice.js';
+import { ageParts, modeToPress, teachingAdvice, urgentAdvice, usedMoves, whatToSay, whoDrives } from '../../web/js/advice.js';
+import { setbackOf } from '../../web/js/coaching/readiness.js';
 import { initialState } from '../../web/js/store.js';
 import { leadOf } from '../../web/js/study/session.js';
 

@@ -47,7 +47,7 @@ async function twice(ask, said) {
 }
 
 test('the gallery shows an edit, though an earlier look is answered after it', async () => {
-  const { GalleryScreen } = await load('gallery-screen');
+  const { GalleryScreen } = await load('gallery-screen', 'coaching');
   const gallery = Object.assign(new GalleryScreen(), { summary: {}, arrange() {}, renderDetail() {} });
   await twice(() => gallery.refresh(), (_, age) => ({ images: [age], moves: [], max_nodes: 9 }));
   assert.deepEqual(gallery.images, ['new']);
@@ -84,7 +84,7 @@ test('what was chosen last is what the robot is asked for last, though an earlie
 });
 
 test('what is forgotten is what was shown, though more was chosen and is not answered yet', async () => {
-  const { UndoScreen } = await load('undo-screen');
+  const { UndoScreen } = await load('undo-screen', 'coaching');
   const screen = Object.assign(new UndoScreen(), { summary: {}, strip: new FakeElement(), button: new FakeElement(), page: { toast() {} } });
   const show = (seconds) => Object.assign(screen, { seconds }).refresh();
   const last = (lessons) => ({ lessons, taught: {}, strip: [] });

@@ -72,17 +72,17 @@ def given(text: str) -> list[str]:
 
 def test_only_what_changes_gets_another_name(web: Path) -> None:
     before = set(files(joined(web)))
-    path = web / "js/components/gallery-screen.js"
+    path = web / "js/coaching/gallery-screen.js"
     path.write_text(path.read_text() + "const unused = 1;\n")
     changed = before ^ set(files(joined(web)))
-    assert {name_of(address) for address in changed} == {"screens.js", "drive.js"}
+    assert {name_of(address) for address in changed} == {"coaching.js", "drive.js"}
     assert len(changed) == 4
 
 
 def test_a_language_is_one_file_with_the_sentences_of_the_extensions(web: Path) -> None:
     few = "export default {\n  emergency_stop: 'HALT',\n};\n"
     (web / "js/messages/de.js").write_text(few)
-    (web / "js/components/screens/messages/de.js").write_text(
+    (web / "js/coaching/screens/messages/de.js").write_text(
         "export default {\n  'gallery.order': 'Folge',\n};\n"
     )
     page = joined(web)

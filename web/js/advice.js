@@ -1,6 +1,14 @@
 // Advice for the pilot: one sentence about the robot's state, and the next step. Pure.
 
 /** @typedef {import('./store.js').PageState} PageState */
+/**
+ * @typedef {{kind: string, move: string | null, instead: string | null, have: number, need: number,
+ *   distance_m: number | null, png?: string | null}} Gap
+ */
+/**
+ * @typedef {{stage: 'teach' | 'try' | 'ready', alone_s: number, alone_needed_s: number, unknown_share: number,
+ *   moves: string[], missing: Gap[]}} Readiness
+ */
 /** @typedef {{key: string, values?: Record<string, string | number>, step?: string, level: 'info' | 'ask' | 'stop'}} Advice */
 
 const FEW_EXAMPLES = 60;
@@ -156,24 +164,10 @@ export function modeToPress(page) {
   return mode === page.robot?.mode ? null : mode;
 }
 
-const SETBACKS = ['corrected', 'pushed', 'helpless', 'unknown_view'];
-const GONE_BACK_S = 5;
-
-/**
- * Why the robot must now drive by itself for longer than before; null if it need not.
- * @param {import('./readiness.js').Readiness | null} before
- * @param {import('./readiness.js').Readiness} now
- */
-export function setbackOf(before, now) {
-  const left = (/** @type {import('./readiness.js').Readiness} */ { alone_needed_s: needed, alone_s: alone }) => needed - alone;
-  if (!before || now.stage !== 'try' || left(now) - left(before) < GONE_BACK_S) return null;
-  return now.missing.find(({ kind }) => SETBACKS.includes(kind))?.kind ?? null;
-}
-
 /**
  * The most useful advice now. It follows the robot's readiness, not the agreement, which most pilots reach
  * long before their robot can drive alone. @param {import('./protocol.js').RobotState} robot @param
- * {import('./readiness.js').Readiness | null} readiness @returns {{key: string, move?: string, left?: number,
+ * {Readiness | null} readiness @returns {{key: string, move?: string, left?: number,
  * have?: number, need?: number}}
  */
 export function teachingAdvice(robot, readiness) {

@@ -1,4 +1,5 @@
 // The extensions' parts of the page, one line each, like entry points in Python.
+import './coaching/extension.js';
 import './board/extension.js';
 import './challenge/extension.js';
 import './library/extension.js';

@@ -10,7 +10,6 @@ import { loadLanguage } from './i18n.js';
 import { listenForStop } from './inputs/stop-keys.js';
 import { Page } from './page.js';
 import { parts } from './parts.js';
-import { followReadiness } from './readiness.js';
 import { Router, fetchScreenWords } from './router.js';
 import { Store } from './store.js';
 import { WayFinder } from './way.js';
@@ -46,7 +45,6 @@ async function start() {
   }
   addEventListener(NOT_KEPT, () => page.tellNotKept());
   new Router(page).start();
-  followReadiness(store);
   listenForStop({ stop: () => page.stop(), isDriving: () => page.isDriving(), mayMove: () => page.helm.mayBeMoving });
   // On a computer the page waits for the keyboard's code. Few phones have a keyboard, so there the code is
   // loaded after the first picture.

@@ -26,6 +26,9 @@ export const register = (part) => parts.push(part);
 /** @returns {Record<string, PartScreen>} */
 export const partScreens = () => Object.assign({}, ...parts.map(({ screens }) => screens));
 
+/** The address of an extension's screen; null without the extension. @param {string} name */
+export const addressOf = (name) => (name in partScreens() ? `#${name}` : null);
+
 /** Load the extensions' sections of a screen. @param {string} screen */
 export const loadSections = (screen) => Promise.all(parts.flatMap(({ sections }) => sections?.[screen]?.() ?? []));
 

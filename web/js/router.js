@@ -5,8 +5,8 @@ import { h } from './dom.js';
 import { fetchWords, t } from './i18n.js';
 import { loadSections, partScreens } from './parts.js';
 
-/** The core's screens besides the drive screen. */
-const SCREENS = ['gallery', 'why', 'teaching', 'undo', 'settings'];
+/** The core's screens besides the drive screen; the extensions register theirs. */
+const SCREENS = ['settings'];
 
 const AGAIN_MS = 3000;
 

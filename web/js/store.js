@@ -33,7 +33,7 @@
  * @property {boolean} wheelAsked  somebody else requests the wheel
  * @property {boolean} wheelWaiting  this page requested the wheel
  * @property {Lead | null} lead
- * @property {import('./readiness.js').Readiness | null} readiness  null before the first request
+ * @property {import('./advice.js').Readiness | null} readiness  null before the first request
  * @property {string | null} setback  why more driving alone is left than a moment ago
  * @property {import('./advice.js').Told | null} told  an extension's text instead of the advice
  * @property {boolean} isLocal  the page is on the robot's computer, so no link can be slow

@@ -8,7 +8,7 @@ import { makeStop } from '../stop.js';
 import { partScreens } from '../parts.js';
 import { sentence } from './teach-panel.js';
 
-const SCREENS = ['drive', 'gallery', 'teaching'];
+const SCREENS = ['drive'];
 const LOW_BATTERY = 0.2;
 /** @type {Record<string, string>} */
 const MOUTHS = { listening: 'M57 49h10', sure: 'M50 46q12 9 24 0', unsure: 'M49 50q6-8 12 0t13 0', proud: 'M46 43q16 21 32 0z' };

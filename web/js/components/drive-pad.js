@@ -8,6 +8,7 @@ import { append, fill, h, hasLetGo, icon } from '../dom.js';
 import { t } from '../i18n.js';
 import { isEnter } from '../inputs/key-name.js';
 import { inColumns, isOwn } from '../moves.js';
+import { addressOf } from '../parts.js';
 import { makeStop } from '../stop.js';
 
 const SLACK_PX = 24;
@@ -28,7 +29,7 @@ export class DrivePad extends HTMLElement {
     this.page = page;
     this.sizes = new ResizeObserver(() => this.measure());
     this.moves = h('div', { class: 'moves', role: 'group', 'aria-label': t('pad') });
-    this.undo = h('a', { class: 'button undo', href: '#undo' }, icon('undo'), t('undo'));
+    this.undo = h('a', { class: 'button undo', href: addressOf('undo') }, icon('undo'), t('undo'));
     const stop = makeStop(() => page.stop(), '', h('span', { class: 'square', 'aria-hidden': 'true' }), t('emergency_stop'));
     append(this, [this.moves, this.undo, ...stop]);
     page.store.watch(['moves', 'hasStick'], ({ moves, hasStick }) => this.build(moves, hasStick));

@@ -1,7 +1,7 @@
 // Base of all screens except the drive screen.
 
 import { inOrder } from '../api.js';
-import { h } from '../dom.js';
+import { h, svg } from '../dom.js';
 import { t } from '../i18n.js';
 
 const PATIENCE_MS = 2000;
@@ -99,4 +99,11 @@ export function segments(label, options, value, choose) {
 /** A group of settings. @param {string} title @param {string} hint @param {...(Node | null)} parts */
 export function group(title, hint, ...parts) {
   return h('fieldset', { class: 'panel' }, h('legend', {}, title), hint ? h('p', { class: 'hint' }, hint) : null, ...parts);
+}
+
+/** Words in a drawing. @param {number} x @param {number} y @param {string} anchor @param {string} words */
+export function text(x, y, anchor, words) {
+  const element = svg('text', { x, y, 'text-anchor': anchor });
+  element.textContent = words;
+  return element;
 }

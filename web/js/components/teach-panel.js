@@ -5,6 +5,7 @@ import { append, fill, h, say, settle, svg } from '../dom.js';
 import { urgentAdvice, whatToSay } from '../advice.js';
 import { celebrate } from '../celebration.js';
 import { count, percent, t } from '../i18n.js';
+import { addressOf } from '../parts.js';
 import { stepButton } from './toast-bar.js';
 
 const WIDTH = 200;
@@ -25,7 +26,7 @@ export class TeachPanel extends HTMLElement {
     this.curve = svg('polyline', { class: 'curve' });
     const all = svg('line', { class: 'goal', x1: 0, x2: WIDTH, y1: height(1), y2: height(1) });
     const chart = svg('svg', { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: 'none', 'aria-hidden': 'true' }, all, this.curve);
-    this.summary = h('a', { href: '#teaching', class: 'summary', title: t('screen.teaching') },
+    this.summary = h('a', { href: addressOf('teaching'), class: 'summary', title: t('screen.teaching') },
       h('span', { class: 'big' }, this.agreement, this.agreementWord), chart,
       h('span', { class: 'taught' }, this.lessons, h('small', {}, t('frames_taught'))));
     append(this, [this.summary, h('div', { class: 'says' }, this.advice, this.notice)]);

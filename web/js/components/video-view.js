@@ -5,6 +5,7 @@ import { Painter } from '../painter.js';
 import { ageParts, whoDrives } from '../advice.js';
 import { percent, t } from '../i18n.js';
 import { byPlace } from '../moves.js';
+import { addressOf } from '../parts.js';
 import { watchByRequests } from '../way.js';
 import { makeNeedle, turnNeedle } from '../needle.js';
 
@@ -27,7 +28,7 @@ export class VideoView extends HTMLElement {
     this.who = h('div', { class: 'who' });
     this.facts = h('div', { class: 'facts' });
     this.like = h('img', { width: 40, height: 30, alt: '' });
-    this.likeLink = h('a', { class: 'like missing', href: '#why', 'aria-label': t('like_long') }, this.like, h('span', {}, t('like')));
+    this.likeLink = h('a', { class: 'like missing', href: addressOf('why'), 'aria-label': t('like_long') }, this.like, h('span', {}, t('like')));
     const { like, likeLink } = this;
     like.addEventListener('error', () => likeLink.classList.add('missing'));
     like.addEventListener('load', () => likeLink.classList.remove('missing'));

@@ -2,7 +2,7 @@
 
 import { askLong } from '../api.js';
 import { drawFromAbove } from '../components/from-above.js';
-import { text } from '../components/teaching-screen.js';
+import { text } from '../components/screen.js';
 import { h, icon, svg } from '../dom.js';
 import { count, t } from '../i18n.js';
 

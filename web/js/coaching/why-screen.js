@@ -6,7 +6,7 @@ import { append, fill, h, icon, say, svg } from '../dom.js';
 import { count, t } from '../i18n.js';
 import { byPlace } from '../moves.js';
 import { mainMove } from './gallery-screen.js';
-import { Screen } from './screen.js';
+import { Screen } from '../components/screen.js';
 
 const REFRESH_MS = 500;
 const DARKEST = 0.55; // opacity of the dark areas, in which the two pictures differ

@@ -3,7 +3,7 @@
 import { ask } from '../api.js';
 import { append, fill, h, icon, say } from '../dom.js';
 import { count, t } from '../i18n.js';
-import { Screen, segments } from './screen.js';
+import { Screen, segments } from '../components/screen.js';
 
 const CHOICES = ['5', '10', '30'];
 

@@ -2,28 +2,32 @@
 // module requests the readiness while the page is visible, and puts it into sentences. Requests are cheap:
 // without pictures, and only while something changes.
 
-import { setbackOf } from './advice.js';
-import { ask } from './api.js';
-import { percent, t } from './i18n.js';
+import { ask } from '../api.js';
+import { percent, t } from '../i18n.js';
 
 const ASK_MS = 2000;
 const SETBACK_MS = 8000;
 
-/**
- * @typedef {{kind: string, move: string | null, instead: string | null, have: number, need: number,
- *   distance_m: number | null, png?: string | null}} Gap
- */
-/**
- * @typedef {{stage: 'teach' | 'try' | 'ready', alone_s: number, alone_needed_s: number, unknown_share: number,
- *   moves: string[], missing: Gap[]}} Readiness
- */
+const SETBACKS = ['corrected', 'pushed', 'helpless', 'unknown_view'];
+const GONE_BACK_S = 5;
 
-/** @param {boolean} pictures @returns {Promise<Readiness | null>} */
+/**
+ * Why the robot must now drive by itself for longer than before; null if it need not.
+ * @param {import('../advice.js').Readiness | null} before
+ * @param {import('../advice.js').Readiness} now
+ */
+export function setbackOf(before, now) {
+  const left = (/** @type {import('../advice.js').Readiness} */ { alone_needed_s: needed, alone_s: alone }) => needed - alone;
+  if (!before || now.stage !== 'try' || left(now) - left(before) < GONE_BACK_S) return null;
+  return now.missing.find(({ kind }) => SETBACKS.includes(kind))?.kind ?? null;
+}
+
+/** @param {boolean} pictures @returns {Promise<import('../advice.js').Readiness | null>} */
 export function askReadiness(pictures) {
   return ask('GET', `api/teaching/readiness?pictures=${pictures}`).catch(() => null);
 }
 
-/** Keep the store's `readiness` up to date while the drive screen is visible. @param {import('./store.js').Store} store */
+/** Keep the store's `readiness` up to date while the drive screen is visible. @param {import('../store.js').Store} store */
 export function followReadiness(store) {
   let told = '';
   /** @type {ReturnType<typeof setTimeout> | undefined} */
@@ -47,7 +51,7 @@ export function followReadiness(store) {
   goOn();
 }
 
-/** A gap as a sentence. @param {Gap} gap */
+/** A gap as a sentence. @param {import('../advice.js').Gap} gap */
 export function tellGap({ kind, move, instead, have, need, distance_m: far }) {
   const sentence = t(`gap.${kind}`, {
     move: move ? t(`move.${move}`) : '', moves: move ? t(`moves.${move}`) : '',
@@ -56,7 +60,7 @@ export function tellGap({ kind, move, instead, have, need, distance_m: far }) {
   return far === null ? sentence : `${sentence} ${t('gap.far', { cm: Math.round(far * 100) })}`;
 }
 
-/** The stage as a sentence. @param {Readiness} readiness */
+/** The stage as a sentence. @param {import('../advice.js').Readiness} readiness */
 export function tellStage({ stage, alone_s: alone, alone_needed_s: needed, unknown_share: unknown }) {
   return t(`ready.${stage}`, { alone: Math.floor(alone), needed, left: Math.max(1, Math.ceil(needed - alone)), unknown: percent(unknown) });
 }

@@ -3,9 +3,9 @@
 import { ask } from '../api.js';
 import { append, fill, h, icon, say, svg } from '../dom.js';
 import { count, percent, t } from '../i18n.js';
-import { Screen } from './screen.js';
+import { Screen, text } from '../components/screen.js';
 import { byPlace } from '../moves.js';
-import { askReadiness } from '../readiness.js';
+import { askReadiness } from './readiness.js';
 import { drawReadiness } from './readiness-view.js';
 
 const WIDTH = 400;
@@ -114,13 +114,6 @@ function drawAgreement(figure, { history, lessons, agreement }) {
     ...lines, svg('polyline', { class: 'curve', points }),
     text(44, HEIGHT - 6, 'start', '0'), text(WIDTH - 12, HEIGHT - 6, 'end', t('teaching.frames', { n: count(lessons) })));
   figure.replaceChildren(chart);
-}
-
-/** @param {number} x @param {number} y @param {string} anchor @param {string} words */
-export function text(x, y, anchor, words) {
-  const element = svg('text', { x, y, 'text-anchor': anchor });
-  element.textContent = words;
-  return element;
 }
 
 customElements.define('teaching-screen', TeachingScreen);

@@ -1,9 +1,9 @@
 // The gaps to close before the robot can drive alone, each with a picture of its place.
 
 import { fill, h } from '../dom.js';
-import { tellGap, tellStage } from '../readiness.js';
+import { tellGap, tellStage } from './readiness.js';
 
-/** Draw the readiness into `place`. @param {Element} place @param {import('../readiness.js').Readiness} readiness */
+/** Draw the readiness into `place`. @param {Element} place @param {import('../advice.js').Readiness} readiness */
 export function drawReadiness(place, readiness) {
   const { stage, alone_s: alone, alone_needed_s: needed, missing } = readiness;
   const done = h('i');
@@ -14,7 +14,7 @@ export function drawReadiness(place, readiness) {
     missing.length ? h('ul', { class: 'gaps' }, ...missing.map(makeGap)) : null);
 }
 
-/** @param {import('../readiness.js').Gap} gap */
+/** @param {import('../advice.js').Gap} gap */
 function makeGap(gap) {
   return h('li', {},
     gap.png ? h('img', { class: 'pixels', src: `data:image/png;base64,${gap.png}`, alt: '', width: 80, height: 60 }) : null,

@@ -3,7 +3,7 @@
 import { ask } from '../api.js';
 import { append, fill, h, icon, say } from '../dom.js';
 import { count, language, t } from '../i18n.js';
-import { Screen, segments } from './screen.js';
+import { Screen, segments } from '../components/screen.js';
 import { byPlace } from '../moves.js';
 import { makeNeedle, turnNeedle } from '../needle.js';
 

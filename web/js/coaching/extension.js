@@ -1,0 +1,26 @@
+// What the robot has learned, why it would do what it does, how the teaching goes, and its undo.
+
+import { fetchWords } from '../i18n.js';
+import { register } from '../parts.js';
+
+/** @param {() => Promise<unknown>} load @param {boolean} inMenu */
+const screen = (load, inMenu = false) => ({
+  load: () => Promise.all([load(), fetchWords((code) => import(`./screens/messages/${code}.js`))]),
+  isOffered: () => inMenu,
+});
+
+const AGAIN_MS = 3000;
+
+/** Without this file the page never says what is missing, so it is fetched again. @param {import('../store.js').Store} store */
+const follow = (store) => import('./readiness.js').then(({ followReadiness }) => followReadiness(store), () => { setTimeout(() => follow(store), AGAIN_MS); });
+
+register({
+  screens: {
+    gallery: screen(() => import('./gallery-screen.js'), true),
+    teaching: screen(() => import('./teaching-screen.js'), true),
+    why: screen(() => import('./why-screen.js')),
+    undo: screen(() => import('./undo-screen.js')),
+  },
+  words: (code) => import(`./messages/${code}.js`),
+  startLater: ({ store }) => void follow(store),
+});
