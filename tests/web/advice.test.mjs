@@ -151,6 +151,7 @@ test('the age of a picture is told by its parts, and what is slow by its name', 
   assert.equal(urgentAdvice(late({}, { camera: { ...camera, age_ms: 300, brick_ms: 100, speed_scale: 0.75 } }))?.key, 'lag.camera');
   assert.equal(ageParts(late({ drawnAgeMs: null })), null);
   assert.equal(urgentAdvice(late({}, { camera: { ...camera, age_ms: 300, speed_scale: 0.75 } }))?.key, 'lag.camera');
+  for (const drawingMs of [280, 320]) assert.deepEqual(urgentAdvice(late({ drawnAgeMs: 500, drawingMs }))?.values, { ms: 300 }, 'read out once');
   assert.equal(urgentAdvice(late({ drawnAgeMs: 500, drawingMs: 320 }))?.key, 'lag.phone');
   assert.equal(urgentAdvice(late({}, { link: 'slow' }))?.key, 'link.slow');
   assert.equal(urgentAdvice(late()), null);

@@ -116,6 +116,9 @@ const lateness = ({ link, busy }) => busy && (link === 'good' || link === 'slow'
 
 const OLD_MS = 200;
 
+/** Rounded, because each change is read out. @param {number} ms */
+const inHundreds = (ms) => ({ ms: Math.max(100, Math.round(ms / 100) * 100) });
+
 /** The cause of late pictures, if it is not the link, and advice. @param {PageState} page @returns {Advice | null} */
 function lagAdvice(page) {
   const { robot } = page;
@@ -123,9 +126,9 @@ function lagAdvice(page) {
   const parts = ageParts(page);
   const camera = Math.round(robot.camera.age_ms);
   const brick = Math.round(robot.camera.brick_ms ?? 0);
-  if (robot.camera.speed_scale < 1 && 2 * brick > camera) return { key: 'lag.brick', values: { ms: brick }, level: 'info' };
-  if (robot.camera.speed_scale < 1) return { key: 'lag.camera', values: { ms: camera }, level: 'info' };
-  if (parts && parts.phone > OLD_MS && parts.phone > parts.link) return { key: 'lag.phone', values: { ms: parts.phone }, level: 'info' };
+  if (robot.camera.speed_scale < 1 && 2 * brick > camera) return { key: 'lag.brick', values: inHundreds(brick), level: 'info' };
+  if (robot.camera.speed_scale < 1) return { key: 'lag.camera', values: inHundreds(camera), level: 'info' };
+  if (parts && parts.phone > OLD_MS && parts.phone > parts.link) return { key: 'lag.phone', values: inHundreds(parts.phone), level: 'info' };
   return null;
 }
 
