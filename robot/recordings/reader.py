@@ -225,7 +225,7 @@ def read_chunk(path: Path, offset: int) -> bytes:
         file.seek(offset)
         _, opcode, body = next(_records(file))
         if opcode != _CHUNK:
-            raise RecordingError(f"{path.name} has no pictures at {offset}")
+            raise RecordingError(f"{path.name} has no pictures at byte {offset}")
         return _unpacked(body)
 
 

@@ -72,7 +72,7 @@ class _Plan(PlanTable):
             if name not in questionnaires():
                 hint = did_you_mean(name, questionnaires())
                 there = ", ".join(questionnaires())
-                raise ValueError(f"'questionnaires' has {name!r}{hint}; there are {there}")
+                raise ValueError(f"'questionnaires' has {name!r}{hint}; choose from: {there}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -66,8 +66,8 @@ class PlanTable(RawValue):
 def refuse_unknown(table: Mapping[str, Any], known: Sequence[str], where: str) -> None:
     for name in table:
         if name not in known:
-            hint = f"{did_you_mean(name, known)}; known are {', '.join(known)}"
-            raise ConfigurationError(f"{where}: there is no field {name!r}{hint}")
+            hint = f"{did_you_mean(name, known)}; known: {', '.join(known)}"
+            raise ConfigurationError(f"{where}: unknown field {name!r}{hint}")
 
 
 def refuse_twins(names: Sequence[str], what: str, where: str) -> None:

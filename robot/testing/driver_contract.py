@@ -68,7 +68,7 @@ class DriverContract:
         known = ", ".join(camera_names())
         assert kind.default_camera in camera_names(), f"no camera {kind.default_camera!r}: {known}"
         without = [option.name for option in options_of(kind.options_type) if not option.help]
-        assert not without, f"options without metadata={{'help': ...}}: {without}"
+        assert not without, f"options without a help text (metadata={{'help': ...}}): {without}"
         moves = driver_case.driver.moves
         assert moves, "the driver declares no move"
         assert len(set(moves)) == len(moves), f"moves with the same name: {sorted(moves)}"
@@ -293,8 +293,8 @@ class DriverContract:
             for request in (lambda: driver.send_action(driver.moves[0]), driver.sense, driver.stop):
                 took_s = _quickest_s(request, now_s)
                 assert took_s <= budget_s, (
-                    f"{1000 * took_s:.0f} ms a request, the quickest of {_REQUESTS}; "
-                    f"{1000 * budget_s:.0f} ms are allowed"
+                    f"the quickest of {_REQUESTS} requests took {1000 * took_s:.0f} ms, but a "
+                    f"request must take at most {1000 * budget_s:.0f} ms"
                     + ("" if is_remote else " unless the driver declares is_remote = True")
                 )
 

@@ -50,7 +50,7 @@ class RobotOutcome:
     """The result of an order at one robot.
 
     Attributes:
-        did: The order that was done, `undone`, `away` or `failed`.
+        did: The order if it was done; otherwise `undone`, `away` or `failed`.
         model: The model that was saved or set aside.
         detail: The failure's cause, in English.
     """

@@ -65,7 +65,7 @@ class TeacherSession:
         return self._secret is not None
 
     async def join(self) -> None:
-        """Verify that board and robot are of one class, in both directions; open a session.
+        """Have board and robot prove to each other that they are of one class, and open a session.
 
         Raises:
             WrongClassError: If they are of different classes.

@@ -14,7 +14,7 @@ FILE = "drive-began.json"
 
 
 class BatteryExtension(Extension):
-    """Detects such ends if the data folder can be written."""
+    """Detects a program's end just after a drive began; needs a data folder that can be written."""
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
         self._services = services

@@ -26,8 +26,8 @@ _VLC_WAITS_FOR, _VLC_ADDS = 15 * 1024, 5 * 1024
 """Number of bytes that VLC 3 waits for before it looks for a picture's end, and the number of bytes
 that it adds each time it does not find the end. VLC ignores the header's length."""
 _VLC_END = 12
-"""Number of bytes from the picture's end to the last byte that VLC waits for: it must have the next
-boundary, but nothing that comes with the next picture."""
+"""Number of bytes after a picture's end that VLC waits for: the next boundary must be among them,
+but nothing of the next picture."""
 _KEY_EVERY = 32
 """Number of frames between two checks of the key in the address."""
 _ROOM_EVERY_S = 0.01

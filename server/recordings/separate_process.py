@@ -35,7 +35,7 @@ def run_separately(
     **kwargs: _P.kwargs,
 ) -> Generator[_T, None, None]:
     """Run `work(tell, *args, **kwargs)` in a separate process; yield each value that it passes to
-    `tell`, and raise what it raises.
+    `tell`, and raise its exceptions.
 
     `work` is a function at the top of a module. Closing the iterator kills the process; the process
     also ends with this one. Raises RecordingError if the process is killed.

@@ -168,7 +168,7 @@ class Conductor(StartStop):
             if not free:
                 raise ConfigurationError(
                     f"all {plan.participants} places of the study are taken; withdraw a "
-                    "participant, or plan more"
+                    "participant, or plan more places"
                 )
             session = StudySession(plan, participant, free[0])
         session.pace = self.pace

@@ -156,7 +156,7 @@ def create_study(request: Request, body: NewStudy) -> dict[str, str]:
     """Create a study from a plan, or from a plan of the paper."""
     plan = body.plan if body.trial is None else paper_plan(body.trial)
     if plan is None:
-        raise ConfigurationError("send 'plan', a TOML text, or 'trial', 1, 2 or 3")
+        raise ConfigurationError("send either 'plan' (a TOML text) or 'trial' (1, 2 or 3)")
     return {"name": _conductor(request).folder.create(body.name, plan)}
 
 

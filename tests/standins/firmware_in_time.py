@@ -122,8 +122,8 @@ class RunningProgram:
 
 
 class RunningFirmware(RunningProgram):
-    """docs/examples/firmware/robot.py; `pins` are the motors': left ahead, left back, and the same
-    right."""
+    """Runs docs/examples/firmware/robot.py; `pins` are the motors' pins: left ahead, left back,
+    right ahead, right back."""
 
     def __init__(self, clock: VirtualClock, seed: int) -> None:
         super().__init__(clock, seed)

@@ -111,7 +111,7 @@ export function ageParts({ robot, drawnAgeMs, drawingMs }) {
 /** True if delays are due to the computer, not to the link. @param {PageState} page */
 const isComputer = ({ robot, isLocal }) => isLocal || Boolean(robot?.busy);
 
-/** The link's grade with a busy computer counted in: such a robot drives slower before the link is graded slow. @param {import('./protocol.js').RobotState} robot */
+/** The link's grade, but at least `capped` if the computer is busy, because such a robot drives slower already. @param {import('./protocol.js').RobotState} robot */
 const lateness = ({ link, busy }) => busy && (link === 'good' || link === 'slow') ? 'capped' : link ?? 'good';
 
 const OLD_MS = 200;

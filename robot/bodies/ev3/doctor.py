@@ -170,7 +170,7 @@ def _faults(facts: BrickFacts, turn: WheelTurn) -> Iterator[tuple[str, str]]:
             yield f"{where} turned backward", "serve with --reversed-motors yes"
         elif abs(turned / asked - 1) > WHEEL_TOLERANCE:
             yield (
-                f"{where} made {turned:.0f} degrees a second in place of {asked:.0f}",
+                f"{where} made {turned:.0f} degrees a second instead of {asked:.0f}",
                 "charge the battery; check that nothing drags on the wheel",
             )
 

@@ -33,7 +33,7 @@ class GymnasiumOptions(Options):
         "", "options for making the environment, such as obs_width=160,obs_height=120"
     )
     env_picture: str = option(
-        "auto", "the picture: its observation, or what it renders", choices=PICTURES
+        "auto", "the picture: the observation, or the rendered image", choices=PICTURES
     )
     env_steps: int = option(
         0, "steps for each picture; 0 means 5 for CarRacing, and 1 otherwise", range=(0, 50)

@@ -81,7 +81,7 @@ def make(name: str, options: Mapping[str, Any]) -> Any:
     render_without_a_screen()
     module, _, attribute = name.rpartition(":")
     wrong = f"the environment {name!r} cannot be made"
-    do = "give --env a name such as CarRacing-v3, or MODULE:NAME for that of another package"
+    do = "give --env a name such as CarRacing-v3, or MODULE:NAME for another package's environment"
     with told_as(ConfigurationError, wrong, Exception, do=do):  # foreign code may raise anything
         made = getattr(importlib.import_module(module), attribute, None) if module else None
         maker = made or partial(gymnasium.make, name, disable_env_checker=True)

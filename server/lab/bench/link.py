@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
 async def _compare(
     count: int, size: int, turns: int, seconds: float, rate_hz: float
 ) -> dict[str, Any]:
-    """Measure the serving thread's CPU time per viewer and frame, and a plain server's.
+    """Measure the CPU time per viewer and frame of our serving thread, and of a plain server's.
 
     Viewers leave one server before they join the other, so that only one server at a time has work.
     """

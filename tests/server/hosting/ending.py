@@ -84,7 +84,7 @@ with contextlib.suppress(KeyboardInterrupt):
 
 
 def _check_a_computation_holds_up_no_end_and_logs_no_error() -> None:
-    """Ctrl-C while the board makes a ready lesson on a thread."""
+    """Press Ctrl-C while the board makes the ready-made lesson on a thread."""
     pipe = subprocess.PIPE
     with subprocess.Popen(
         [sys.executable, "-c", COMPUTING], stdin=pipe, stdout=pipe, stderr=pipe

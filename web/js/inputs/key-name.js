@@ -10,7 +10,7 @@
 const SPACES = new Set([' ', 'Spacebar', '\u00a0', '\u3000']);
 const STOPS = new Set([
   'Escape', 'Esc', 'Pause', 'MediaStop', 'MediaPause', 'MediaPlayPause',
-  'GoBack', 'BrowserBack', // a remote control's way out
+  'GoBack', 'BrowserBack', // the Back key of a remote control
 ]);
 /** The same keys by number; numbers above 255 are from televisions. */
 const STOP_NUMBERS = new Set([19, 27, 178, 179, 413, 461, 10009, 10252]);

@@ -121,7 +121,7 @@ def test_a_sound_brick_needs_nothing() -> None:
         (wheels(0, (0, 0)), "WRONG", "wheels", "outB) did not turn when it was driven", "gears"),
         (wheels(0, (176, 90)), "WRONG", "wheels", "outC) turned although", "another program"),
         (wheels(2, (-176, 176)), "WRONG", "wheels", "outB) turned backward", "--reversed-motors"),
-        (wheels(1, (0, 90)), "WRONG", "wheels", "90 degrees a second in place of 180", "charge"),
+        (wheels(1, (0, 90)), "WRONG", "wheels", "90 degrees a second instead of 180", "charge"),
         (
             wheels(2, (150, 176), is_stalled=(True, False)),
             "WRONG",
