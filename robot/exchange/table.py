@@ -126,7 +126,7 @@ def _meaning(
         sides = "left_wheel", "right_wheel"
         most = max((_most(table, role) for role in sides), default=0.0)
         full = next((full for full in _FULL_SPEEDS if most <= full), most)
-        report.remark(f"full speed of a wheel is taken as {full:g}")
+        report.remark(f"full speed of a wheel is assumed to be {full:g}")
         return lambda cells: at_wheels(
             number(cells, sides[0]) / full, number(cells, sides[1]) / full, reading
         )

@@ -75,11 +75,11 @@ def _tables(runs: Runs) -> list[Table]:
 
 ABLATION = Experiment(
     title="Ablation: what each mechanism is worth",
-    text="Each row has one mechanism of the default changed (robot/lab/variants.py). Our "
-    "simulator: trial 2 with 32 nodes, trial 3 with 128, after retraining as in figure 7. Worlds "
-    "that others made (the extra ground): the unaided score after 250 examples by corrections, and "
-    "the 95 % interval of the mean over seeds. Footage: trained on one drive of a place, tested on "
-    "the other.",
+    text="Each row changes one mechanism of the default (robot/lab/variants.py). Our simulator: "
+    "trial 2 with 32 nodes and trial 3 with 128, after retraining as in figure 7. Worlds that "
+    "others made (the extra ground): the unaided score after 250 examples by corrections, and "
+    "the 95 % interval of the mean over seeds. Footage: trained on one drive of a place, "
+    "tested on another.",
     plan=_plan,
     tables=_tables,
 )

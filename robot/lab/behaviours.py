@@ -115,11 +115,11 @@ def _figures(drives: Sequence[DriveLog]) -> dict[str, float | None]:
 
 BEHAVIOURS = Experiment(
     title="Beyond the paper: other behaviours",
-    text="Taught in episodes, each from another start: two minutes of teaching and two of "
-    "correction (pushing: eight episodes and four), then the robot drives unaided. 'right': median "
-    "distance from the robot's middle to what is at its right. 'in view': share of the time "
-    "in which the thing is in the picture and within a metre. 'at wall': share of episodes "
-    "in which the box was brought to a wall within 40 s.",
+    text="Taught in episodes, each from a different start: two minutes of teaching, then two of "
+    "correction (pushing: eight episodes, then four). Then the robot drives unaided. 'right': "
+    "median distance from the robot's middle to the nearest thing on its right. 'in view': "
+    "share of the time in which the thing is in the picture and within a metre. 'at wall': "
+    "share of the episodes in which the box was brought to a wall within 40 s.",
     plan=_plan,
     tables=_tables,
 )

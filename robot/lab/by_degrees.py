@@ -72,13 +72,14 @@ _COLUMNS: Columns = {
 BY_DEGREES = Experiment(
     title="By degrees",
     text="A pilot who steers by degrees teaches for 90 s and corrects for 60 s; then the robot "
-    "drives for 60 s unaided. 'cut to moves': his steering is cut to moves, as for a body that "
-    "takes no degrees. 'regular': a pilot of moves. SSD with left and right as one move: against "
-    "what the pilot would have done in the robot's place, tick by tick; and against two minutes of "
-    "his own from where the robot began, beside that of his own lesson, since a pilot who drives "
-    "in curves goes round in one corner or another. Steering a second: root "
-    "mean square of its changes, full lock being 1. In brackets the 95 % interval of the mean "
-    "over robots (bootstrap).",
+    "drives for 60 s unaided. 'cut to moves': this pilot's steering is cut to moves, as for a "
+    "body that is not steered by degrees. 'regular': a pilot of moves. SSD counts left and "
+    "right as one move. It is measured against what the pilot would have done in the robot's "
+    "place at each tick, and against two minutes that the pilot drives from where the robot "
+    "began. The SSD of the pilot's own lesson is beside the latter, because a pilot who "
+    "drives in curves stays in one corner or another. Steering a second: root mean square of "
+    "its changes; full lock is 1. In brackets: the 95 % interval of the mean over robots "
+    "(bootstrap).",
     plan=_plan,
     tables=_tables,
 )

@@ -131,10 +131,10 @@ def _film(params: Params, drive: int) -> list[tuple[Frame, Action]]:
 
 FIGURE3 = Experiment(
     title="Figure 3: footage",
-    text="Each learner sees 700 frames of one drive once, in order, and is tested on 700 of "
+    text="Each learner sees 700 frames of one drive once, in order, and is tested on 700 frames of "
     "another drive of the same place. Simulated: two drives of a teacher with different "
     "starts, noise and slips of the hand, in the places of the three trials. Recorded: real "
-    "cars driven by people, where a folder of recordings is given.",
+    "cars driven by people, if a folder of recordings is given.",
     plan=_plan,
     tables=_tables,
     drawn=("mean", "paper mean"),

@@ -113,10 +113,10 @@ def _measure(
 
 FIGURE5 = Experiment(
     title="Figure 5: speed",
-    text="One cycle: picture, features, decision, drive, and while learning an example. Every "
-    "node is used before the clock starts. In the simulator a cycle also renders the picture "
-    "and moves the world; a real robot (--robot) waits for its camera, as in the paper. Runs "
-    "one at a time, whatever --jobs says.",
+    text="One cycle: take a picture, compute its features, decide and drive; while learning, also "
+    "learn an example. Every node is in use before the clock starts. In the simulator a cycle "
+    "also renders the picture and moves the world; a real robot (--robot) waits for its "
+    "camera, as in the paper. The runs are done one at a time, whatever --jobs says.",
     plan=_plan,
     tables=_tables,
     drawn=_COLUMNS,

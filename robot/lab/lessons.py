@@ -103,8 +103,9 @@ def _tables_by_nodes(runs: Runs) -> list[Table]:
 
 FIGURE6 = Experiment(
     title="Figure 6: nodes",
-    text="In the box, the sonar controller (below 20 cm or bumped: left for two seconds, else "
-    "forward) drives for 90 s, then the robot drives for 60 s; nobody corrects it.",
+    text="In the box, the sonar controller drives for 90 s: left for two seconds if it bumped or "
+    "the distance is below 20 cm, otherwise forward. Then the robot drives for 60 s without "
+    "corrections.",
     plan=lambda settings: seeded(run_lesson, _by_nodes(settings), settings),
     tables=_tables_by_nodes,
     drawn=("mean",),
@@ -162,10 +163,10 @@ FIGURE7 = Experiment(
     title="Figure 7: retraining",
     text="90 s of teaching, 60 s unaided (before), 330 s in which the pilot corrects, 60 s unaided "
     "(after). Trial 1: box, FORWARD and LEFT. Trial 2: office, the same moves. Trial 3: "
-    "office, RIGHT as well. The robot is compared with the profile of all that its teacher "
-    "drove (the teaching and 4 more minutes, which do not affect the measured robot); "
-    "'against lesson' compares it only with the 90 s of teaching. The row 'teacher' is the "
-    "teacher's own last minute: smaller differences are chance.",
+    "office, also RIGHT. The robot is compared with the profile of all that its teacher drove "
+    "(the teaching and 4 more minutes, which do not affect the measured robot); 'against "
+    "lesson' compares it only with the 90 s of teaching. The row 'teacher' compares the "
+    "teacher's own last minute: differences below it are chance.",
     plan=lambda settings: seeded(run_lesson, _trials(settings), settings),
     tables=_tables_by_trial,
     drawn=("median", "mean"),
@@ -201,8 +202,9 @@ def _tables_by_time(runs: Runs) -> list[Table]:
 
 FIGURE8 = Experiment(
     title="Figure 8: training time",
-    text="60 s unaided straight after 90 s or 180 s of teaching. 'robot': the sonar controller in "
-    "the box. 'human': simulated people in the three trials of figure 7, before any correction.",
+    text="60 s unaided after 90 s or 180 s of teaching, without corrections. 'robot': taught by "
+    "the sonar controller in the box. 'human': taught by simulated people in the three trials "
+    "of figure 7.",
     plan=lambda settings: seeded(run_lesson, _by_time(settings), settings),
     tables=_tables_by_time,
     drawn=("mean",),

@@ -121,9 +121,9 @@ def _missing(readiness: Readiness) -> list[str]:
 
 READY = Experiment(
     title="Ready means ready",
-    text="Pilots of all habits in all places teach, let the robot try with a hand near, and teach "
-    "again, as robot/coaching/readiness.py says, for twenty minutes at most. Then it drives a "
-    "minute unaided.",
+    text="Pilots of all habits in all places teach, let the robot try while they are ready to take "
+    "the wheel, and teach again, as robot/coaching/readiness.py advises, for at most twenty "
+    "minutes. Then the robot drives a minute unaided.",
     plan=_plan,
     tables=_tables,
 )

@@ -142,11 +142,11 @@ def _of_text(text: str, library: str) -> Iterator[str]:
 
 ONLINE = Experiment(
     title="Streams beyond driving",
-    text="Share of examples that were predicted right before they were learned. Digits: "
-    "scikit-learn's, 64 pixels. Image segments: river's, 18 numbers. Text: of which library's "
-    "documentation (numpy, scikit-learn, river) a sentence is, by hashed words. Values are "
-    "standardised online. All data comes inside the libraries; seeds shuffle its order. "
-    "In brackets the 95 % interval of the mean (bootstrap).",
+    text="Share of examples that were predicted correctly before they were learned. Digits: from "
+    "scikit-learn, 64 pixels. Image segments: from river, 18 numbers. Text: the library "
+    "(numpy, scikit-learn or river) whose documentation contains the sentence, by hashed "
+    "words. Values are standardised online. All data is part of the libraries; seeds shuffle "
+    "its order. In brackets: the 95 % interval of the mean (bootstrap).",
     plan=_plan,
     tables=_tables,
 )

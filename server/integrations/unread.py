@@ -110,7 +110,7 @@ def _open(file: int) -> socket.socket | None:
 def _peer_of(connection: socket.socket) -> tuple[str, int] | None:
     try:
         host, port = connection.getpeername()[:2]
-    except (OSError, ValueError):  # it listens, or is no connection of the network
+    except (OSError, ValueError):  # a listening socket, or not one of the network
         return None
     return host, port
 

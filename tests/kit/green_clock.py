@@ -77,7 +77,7 @@ class _GreenThread:
             sys.excepthook(*sys.exc_info())  # type: ignore[arg-type]
         self._ended.set()
         self._clock._hand_over()
-        getcurrent().parent = self._clock.following  # it goes on there
+        getcurrent().parent = self._clock.following  # this greenlet continues
 
     def join(self, timeout: float | None = None) -> None:
         self._clock.wait(self._ended, timeout)

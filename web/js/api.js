@@ -68,7 +68,8 @@ export async function ask(method, path, body, patienceMs = method === 'GET' ? AN
 
 let stopsAsked = 0;
 /**
- * Stop the robot by requests, one after the other, until the robot confirms one or refuses it (a page that is not admitted), or until the stop is no longer needed or is requested again.
+ * Stop the robot by requests, one after the other. This ends when the robot confirms one, when it refuses one
+ * because the page is not admitted, or when the stop is no longer needed or is requested again.
  * @param {() => boolean} isOwed
  * @returns {Promise<number | null>} the number of the STOP; null if the robot did not confirm it
  */

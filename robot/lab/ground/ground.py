@@ -102,10 +102,10 @@ _COLUMNS: Columns = {
 GROUND = Experiment(
     title="Worlds that others made",
     text="MiniWorld (score: share of drives that reach the red box), CarRacing (percent of the "
-    "track's tiles in 150 decisions), ViZDoom (tics survived, of 2,100). After 50 examples "
-    "by demonstration the robot drives: with 'corrections' the teacher takes the wheel when it "
-    "was wrong twice in succession; with 'asked' only when the robot asks. The 95 % interval of "
-    "the mean over seeds (bootstrap) is in brackets.",
+    "track's tiles in 150 decisions), ViZDoom (tics survived, of 2,100). The robot drives "
+    "after 50 examples by demonstration. With 'corrections' the teacher takes the wheel after "
+    "two wrong decisions in succession, with 'asked' only when the robot asks. In brackets: "
+    "the 95 % interval of the mean over seeds (bootstrap).",
     plan=_plan,
     tables=_tables,
     plots=_plots,
