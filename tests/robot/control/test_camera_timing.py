@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from robot.control.camera_timing import USUAL_PERIOD_S, CameraTiming, CameraTimingConfig
 from robot.types import Action, Mode, PilotCommand, StopReason
-from tests.kit.sizes import crossed, examples, size
+from tests.kit.sizes import crossed, examples, few, size
 from tests.robot.bench_robot import BenchRobot
 
 SHORTEST_S = 0.2
@@ -247,7 +247,7 @@ def test_with_pictures_600_ms_old_it_stands() -> None:
     assert result.moving == 0.0
 
 
-@pytest.mark.parametrize("phone_s", [0.1, 0.2, 0.25])
+@pytest.mark.parametrize("phone_s", few([0.1, 0.2, 0.25], 2))
 def test_a_slow_phone_costs_pictures_not_examples(phone_s: float) -> None:
     result = drive(1 / 30, 0.005, phone_s=phone_s)
     assert result.starts == 1, result.stops

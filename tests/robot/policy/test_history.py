@@ -25,7 +25,7 @@ from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.store.models.model import same_nodes
 from robot.types import Action, Example, Point
-from tests.kit.sizes import crossed
+from tests.kit.sizes import crossed, few
 from tests.robot.bench_robot import BenchRobot
 
 MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
@@ -157,7 +157,7 @@ class Plugin(PolicyPart):
             raise self.error
 
 
-@pytest.mark.parametrize("done", range(N_PARTS + 1))
+@pytest.mark.parametrize("done", few(range(N_PARTS + 1), 3))
 def test_an_example_that_a_plugin_refuses_leaves_no_trace_and_undo_is_exact(done: int) -> None:
     policy, untouched = make_policy("default-8"), TrainingHistory(make_policy("default-8"))
     plugin, history = Plugin(policy, done), TrainingHistory(policy)

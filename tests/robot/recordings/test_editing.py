@@ -19,7 +19,7 @@ from robot.recordings.teaching import learn_again, plan
 from robot.store.folder import Storage
 from robot.store.models.model import same_nodes
 from robot.types import Action, Mode
-from tests.kit.sizes import crossed, seeds
+from tests.kit.sizes import crossed, few, seeds
 
 from .drives import MOVES, RecordedBench, record_drive
 
@@ -147,7 +147,7 @@ def test_edits_of_images_apply_up_to_the_first_recording_that_was_edited(tmp_pat
     assert left_out == 2 and same_nodes(before, after)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("share", [0.1, 0.5, 0.8])
+@pytest.mark.parametrize("share", few([0.1, 0.5, 0.8], 2))
 def test_each_part_of_a_split_lasts_as_long_as_its_pictures(tmp_path: Path, share: float) -> None:
     storage = Storage(tmp_path)
     robot = RecordedBench(storage.folder("episodes"), "default-8")
@@ -171,7 +171,7 @@ def test_each_part_of_a_split_lasts_as_long_as_its_pictures(tmp_path: Path, shar
         assert store.open(part).duration_s == pytest.approx(store.summary(part).duration_s)
 
 
-@pytest.mark.parametrize("length", [1, 60, 62, 63, 64, 100])
+@pytest.mark.parametrize("length", few([1, 60, 62, 63, 64, 100], 3))
 def test_a_recording_can_be_split_however_long_its_name(tmp_path: Path, length: int) -> None:
     storage = Storage(tmp_path)
     episode = record_drive(storage.folder("episodes"))
@@ -183,7 +183,7 @@ def test_a_recording_can_be_split_however_long_its_name(tmp_path: Path, length: 
     assert parts == set(store.ids()) and len(parts) == 3
 
 
-@pytest.mark.parametrize("every_s", [0.02, 0.05, 0.1, 0.2, 0.5])
+@pytest.mark.parametrize("every_s", few([0.02, 0.05, 0.1, 0.2, 0.5], 2))
 def test_a_picture_of_a_standing_robot_has_nothing_of_the_next_drive(
     tmp_path: Path, every_s: float
 ) -> None:

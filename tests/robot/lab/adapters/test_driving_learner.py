@@ -112,7 +112,7 @@ def test_a_time_that_is_none_is_refused_and_undo_goes_on(at_s: float) -> None:
 def test_steering_that_is_none_is_refused(steering: float) -> None:
     learner = DrivingLearner(MOVES)
     learner.see(noisy_blocks(1), 0.0)
-    with pytest.raises(ValueError, match="-1 to 1"):
+    with pytest.raises(ValueError, match="must lie in"):
         learner.teach("left", point=Point(steering, 0.5))
     learner.teach("left", point=Point(-0.5, 0.5))
     assert learner.see(noisy_blocks(1), 0.1).point == Point(-0.5, 0.5)
