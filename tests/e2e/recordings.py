@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import functools
+import time
 
 from robot.devkit.pictures import Picture
 from robot.exchange.drive import Drive, FrameEvent, write_episode
 from robot.simulator.simulation import Simulation
 from robot.simulator.world import load_world
-from robot.types import Action, Encoding
+from robot.types import Action, Encoding, Mode, PilotCommand
 from server.recordings.part import Recordings
 
 from .world import World
@@ -46,3 +47,22 @@ def put_recording(world: World) -> None:
         moves=(FORWARD, LEFT),
     )
     write_episode(film, store.new_path("2026-01-01_120000_000"))
+
+
+def drive(world: World, examples: int) -> None:
+    """Drive without a page until enough was taught; begin again after each stop on a busy
+    machine."""
+    loop, clock = world.rig.loop, world.rig.clock
+    latest_s = clock.now_s() + 60.0
+    while world.lessons < examples:
+        now_s = clock.now_s()
+        assert now_s < latest_s, f"only {world.lessons} examples were taught"
+        if world.mode is not Mode.TRAIN:
+            loop.set_mode(Mode.TRAIN).result(60)
+        held = LEFT if int(now_s * 2) % 2 else FORWARD
+        frame_id = loop.state.frame_id
+        loop.command(
+            PilotCommand(held=held, frame_id=frame_id, seq=int(now_s * 1e3), received_s=now_s)
+        )
+        time.sleep(0.05)
+    loop.set_mode(Mode.STOPPED).result(60)

@@ -19,7 +19,7 @@ from tests.kit.sizes import IS_FULL
 
 from .boxes import drive_faults, faults, speak_longer
 from .class_world import LiveClass, running_class
-from .test_editing_recordings import drive
+from .recordings import drive
 from .test_holds_still import GRID, IS_WHOLE, TEXT
 from .world import World, finish_recording, open_page, running_world, settle, show
 

@@ -12,9 +12,8 @@ from robot.types import Mode
 
 from .class_world import running_class
 from .hand import choose
-from .test_editing_recordings import drive
 from .test_everyone import complaints
-from .world import World, finish_recording
+from .world import World
 
 pytestmark = pytest.mark.browser
 
@@ -80,48 +79,9 @@ def sound(nodes: list[Node]) -> None:
     assert stops and not any(stop.states.get("disabled") for stop in stops)
 
 
-def test_driving_is_read_out_in_the_order_of_its_use(desktop: Any, world: World) -> None:
-    nodes = tree(desktop)
-    sound(nodes)
-    in_order(
-        nodes,
-        "banner",
-        "heading Rover",
-        "button Menu",
-        "main",
-        "image What the robot sees",
-        "group What the robot would do",
-        "status",
-        "radiogroup Mode",
-        "radio Stop",
-        "radio Teach",
-        "radio Drive itself",
-        "group Hold to drive",
-        "button Forward",
-        "button Left",
-        "button Right",
-        "button STOP",
-    )
-    assert find(nodes, "radio", "Stop").states["checked"] == "true"
-    choose(desktop, world, Mode.TRAIN)
-    desktop.keyboard.down("ArrowLeft")
-    desktop.locator("drive-pad [data-move=left][aria-pressed=true]").wait_for()
-    nodes = tree(desktop)
-    assert find(nodes, "radio", "Teach").states["checked"] == "true"
-    assert find(nodes, "radio", "Stop").states["checked"] == "false"
-    assert find(nodes, "button", "Left").states["pressed"] == "true"
-    assert find(nodes, "button", "Forward").states["pressed"] == "false"
-    desktop.keyboard.up("ArrowLeft")
-    desktop.locator("drive-pad .stop").click()
-    desktop.locator("mode-bar [data-mode=train][aria-disabled=true]").wait_for()
-    nodes = tree(desktop)
-    assert all(node.states.get("disabled") for node in nodes if node.role == "radio")
-    assert any("status" in node.path for node in nodes if node.role == "button"), "the way on"
-
-
-def test_mending_is_read_out_with_times_and_states(desktop: Any, world: World) -> None:
-    drive(world, 20)
-    finish_recording(world)
+def test_mending_is_read_out_with_times_and_states(rovers_desktop: Any, shelf: World) -> None:
+    desktop = rovers_desktop
+    shelf.persistence.autosave.save()
     desktop.evaluate("location.hash = 'home'")
     desktop.locator("button[aria-label*='20']").click()
     desktop.wait_for_selector(".timeline .you[d]")
@@ -169,7 +129,47 @@ def test_mending_is_read_out_with_times_and_states(desktop: Any, world: World) -
         for n in nodes
         if any(part.startswith("group The robot should go here") for part in n.path)
     ]
-    assert [node.name for node in moves if node.role == "button"] == ["Forward", "Left", "Right"]
+    assert [node.name for node in moves if node.role == "button"] == ["Forward", "Left"]
+
+
+def test_driving_is_read_out_in_the_order_of_its_use(rovers_desktop: Any, rover: World) -> None:
+    desktop, world = rovers_desktop, rover
+    nodes = tree(desktop)
+    sound(nodes)
+    in_order(
+        nodes,
+        "banner",
+        "heading Rover",
+        "button Menu",
+        "main",
+        "image What the robot sees",
+        "group What the robot would do",
+        "status",
+        "radiogroup Mode",
+        "radio Stop",
+        "radio Teach",
+        "radio Drive itself",
+        "group Hold to drive",
+        "button Forward",
+        "button Left",
+        "button Right",
+        "button STOP",
+    )
+    assert find(nodes, "radio", "Stop").states["checked"] == "true"
+    choose(desktop, world, Mode.TRAIN)
+    desktop.keyboard.down("ArrowLeft")
+    desktop.locator("drive-pad [data-move=left][aria-pressed=true]").wait_for()
+    nodes = tree(desktop)
+    assert find(nodes, "radio", "Teach").states["checked"] == "true"
+    assert find(nodes, "radio", "Stop").states["checked"] == "false"
+    assert find(nodes, "button", "Left").states["pressed"] == "true"
+    assert find(nodes, "button", "Forward").states["pressed"] == "false"
+    desktop.keyboard.up("ArrowLeft")
+    desktop.locator("drive-pad .stop").click()
+    desktop.locator("mode-bar [data-mode=train][aria-disabled=true]").wait_for()
+    nodes = tree(desktop)
+    assert all(node.states.get("disabled") for node in nodes if node.role == "radio")
+    assert any("status" in node.path for node in nodes if node.role == "button"), "the way on"
 
 
 def test_a_class_is_read_out_robot_by_robot(

@@ -110,3 +110,20 @@ test('a model that was dropped stays dropped, though a look at it is answered la
   await soon();
   assert.deepEqual(home.again.children, []);
 });
+
+test('a training run is followed to its end, though an answer about it is lost', async () => {
+  const { showTeaching } = await load('teach-again', 'recordings');
+  const home = { again: Object.assign(new FakeElement(), { querySelector: () => ({}) }), isConnected: true };
+  home.again.append('progress');
+  showTeaching(home);
+  asked[0].answer({ state: 'running', share: 0.5 });
+  await soon();
+  mock.timers.tick(400);
+  asked[1].fail(new Error('lost'));
+  await soon();
+  assert.deepEqual(home.again.children, ['progress']);
+  mock.timers.tick(400);
+  asked[2].answer({ state: 'idle' });
+  await soon();
+  assert.deepEqual(home.again.children, []);
+});
