@@ -24,17 +24,17 @@ from .world import PHONE
 
 pytestmark = pytest.mark.browser
 LAYOUTS = {
-    "plain": ["http://127.0.0.1:{port}"],
-    "under a path": ["http://localhost:{port}/rover"],
     "two robots, TLS at the proxy": [
         "https://localhost:{port}/rover",
         "https://localhost:{port}/scout",
     ],
     "two robots, Caddy": ["https://localhost:{port}/rover", "https://localhost:{port}/scout"],
+    "under a path": ["http://localhost:{port}/rover"],
+    "plain": ["http://127.0.0.1:{port}"],
 }
 
 
-@pytest.mark.parametrize("layout", few(reversed(LAYOUTS), 2))
+@pytest.mark.parametrize("layout", few(LAYOUTS, 1))
 def test_page_sockets_and_stop(layout: str, tmp_path: Path, chromium: Any) -> None:
     port = free_port()
     addresses = [address.format(port=port) for address in LAYOUTS[layout]]

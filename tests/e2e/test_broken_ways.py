@@ -214,7 +214,7 @@ def test_no_sentence_about_a_broken_way_is_false(
     scene.road.cut_s = 5.0 if IS_FULL else 1.0
     stay_s = 5.0 if IS_FULL else 3.0
     judge = scene.judge
-    for fault in WAYS if IS_FULL else ("refused", "captive portal, 200", "websockets cut"):
+    for fault in WAYS if IS_FULL else ("captive portal, 200", "websockets cut"):
         scene.become(fault)
         is_cut = fault == "websockets cut"
         page.wait_for_timeout(1000 * (4 * scene.road.cut_s if is_cut else stay_s))

@@ -10,7 +10,6 @@ import pytest
 
 from robot.types import Action
 from server.board.extension import ClassroomExtension
-from tests.kit.sizes import few
 from tests.kit.wait import wait_until
 
 from .class_world import running_class
@@ -126,23 +125,4 @@ def test_a_lock_for_all_leaves_other_locks_and_a_forgotten_robot_has_no_card(
         page.locator("[data-number='2'] .halt").click()
         page.locator("[data-number='2']").wait_for(state="detached")
         page.locator("#bar", has_text="1 of 2 robots are there").wait_for()
-        context.close()
-
-
-@pytest.mark.parametrize("language", few(["es", "en", "zh"], 1))
-def test_on_every_tablet_stop_all_stands_in_the_first_row(
-    chromium: Any, tmp_path: Path, language: str
-) -> None:
-    with running_class(tmp_path) as here:
-        context = chromium.new_context(locale=language, has_touch=True)
-        page = context.new_page()
-        page.goto(here.address)
-        page.locator("#bar .stop.shown").wait_for()
-        for width in range(600, 1300, 20):
-            page.set_viewport_size({"width": width, "height": 900})
-            page.wait_for_function(
-                "() => new Promise((done) => requestAnimationFrame(() => done(1)))"
-            )
-            top = page.locator("#bar .stop.shown").bounding_box()["y"]
-            assert top < 20, f"{width} wide: {top}"
         context.close()

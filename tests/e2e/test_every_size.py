@@ -6,7 +6,6 @@ text from 100 to 200 %; each language takes another part of the grid.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -18,7 +17,6 @@ from server.services import Services
 from tests.kit.sizes import IS_FULL
 
 from .boxes import drive_faults, faults, speak_longer
-from .class_world import LiveClass, running_class
 from .recordings import drive
 from .test_holds_still import GRID, IS_WHOLE, TEXT
 from .world import World, finish_recording, open_page, running_world, settle, show
@@ -42,22 +40,6 @@ SIZES = [
     (3840, 2160),
 ]
 LANGUAGES = ("en", "es", "zh", "longer")
-_STOP_LIES_ON_THE_PANEL = """() => innerHeight >= 480 && innerWidth < 700
-  && document.querySelector('button.stop').getBoundingClientRect().bottom
-     > document.querySelector('#panel .title').getBoundingClientRect().top
-  ? ['STOP lies on the panel'] : []"""
-"""A panel at the side may reach up to the bar, and in a low window this is unavoidable."""
-_HEIGHTS = """() => {
-  const heights = () => [...document.querySelectorAll('.robot')].map((card) => card.offsetHeight);
-  const shown = [...document.querySelectorAll('.release')].filter((button) => !button.hidden);
-  const held = heights();
-  for (const button of shown) button.hidden = true;
-  const free = heights();
-  for (const button of shown) button.hidden = false;
-  return [held, free];
-}"""
-"""The cards' heights with and without the buttons that release a robot, measured at one moment,
-because a robot's message may come at any time and stretch the neighbouring cards."""
 _LET_IT_BACK = """() => {
   const { store } = document.querySelector('video-view').page;
   const { moves } = store.state;
@@ -87,19 +69,19 @@ def test_nothing_is_cut_and_nothing_overlaps(chromium: Any, taught: World, langu
         speak_longer(context)
     page = open_page(context, taught.address)
     assert page.evaluate("document.documentElement.lang") == locale
-    wrong = _everywhere(page, language, "drive", drive_faults)
+    wrong = everywhere(page, language, "drive", drive_faults)
     if language != "longer":
         moves = page.evaluate(_LET_IT_BACK)
-        wrong += _everywhere(page, language, "drive with Back", drive_faults)
+        wrong += everywhere(page, language, "drive with Back", drive_faults)
         page.evaluate(
             "(moves) => document.querySelector('video-view').page.store.set({ moves })", moves
         )
     page.locator("app-bar [aria-controls=menu]").click()
-    wrong += _everywhere(page, language, "menu")
+    wrong += everywhere(page, language, "menu")
     for screen in SCREENS:
         show(page, screen)
         _open_all(page)
-        wrong += _everywhere(page, language, screen)
+        wrong += everywhere(page, language, screen)
     context.close()
     assert wrong == []
 
@@ -139,58 +121,6 @@ def test_no_advice_moves_the_pad_under_the_hand(
     context.close()
 
 
-@pytest.fixture(scope="module")
-def school(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveClass]:
-    """A class in which one robot does not answer, and one has a long name."""
-    with running_class(tmp_path_factory.mktemp("class"), 3, 1) as running:
-        running.robots[0].identity.change(name="Wolkenkuckucksheim Wagen")
-        yield running
-
-
-@pytest.mark.parametrize("language", LANGUAGES)
-def test_the_board_of_a_class_has_room_everywhere(
-    chromium: Any, school: LiveClass, language: str
-) -> None:
-    locale = "en" if language == "longer" else language
-    context = chromium.new_context(locale=locale, has_touch=True)
-    if language == "longer":
-        speak_longer(context)
-    page = context.new_page()
-    for robot in school.robots:
-        have_tried(robot)
-    page.goto(school.address)
-    page.locator(".robot .figures", has_text=re.compile("3[.,]1")).nth(2).wait_for()
-    rule = page.locator(".robot .figures").first.evaluate("e => getComputedStyle(e).borderTopWidth")
-    assert rule == "0px", "what the menu's figures look like is not what a card's do"
-    page.locator("button.stop").click()
-    page.locator("#loud p").wait_for()
-    page.locator(".robot .release:visible").nth(2).wait_for()
-    held, free = page.evaluate(_HEIGHTS)
-    assert held == free, "STOP below them has moved under the hand"
-    wrong = _everywhere(page, language, "pictures")
-    page.locator("[data-view=codes]").click()
-    page.locator(".robot .code").nth(2).wait_for()
-    wrong += _everywhere(page, language, "codes")
-    for opener in (".robot .acts button:last-child", "#bar > button:not(.stop)"):
-        page.locator(opener).first.click()
-        wrong += _everywhere(page, language, opener)
-        wrong += _everywhere(page, language, opener, lambda p: faults(p, _STOP_LIES_ON_THE_PANEL))
-        page.locator("#panel .title button").click()
-    page.goto(f"{school.address}/codes")
-    page.locator("article .code").nth(2).wait_for()
-    page.fill("#wifi", "Institut-Schule-WLAN-2.4-GHz")
-    page.locator("#wifi").blur()
-    page.locator("article li", has_text="2.4-GHz").nth(2).wait_for()
-    wrong += _everywhere(page, language, "cards", _faults_without_stop)
-    for part in ("teach-it", "fool-it", "fair-data"):
-        page.goto(f"{school.address}/lesson#{part}")
-        page.locator(f"nav [href$={part}][aria-current]").wait_for()
-        page.locator("#teacher summary").click()
-        wrong += _everywhere(page, language, part, _faults_without_stop)
-    context.close()
-    assert not wrong, "\n".join(wrong)
-
-
 def have_tried(robot: Services) -> None:
     """Give a robot a challenge's result, and show it on the board."""
     challenge = robot.extension(ChallengeExtension).challenge
@@ -199,13 +129,7 @@ def have_tried(robot: Services) -> None:
     robot.show()
 
 
-def _faults_without_stop(page: Any) -> list[str]:
-    """Return the faults of a document: it commands no robot, and scrolls as a whole."""
-    usual = ("STOP is not on the screen", "below the window")
-    return [fault for fault in faults(page) if not fault.startswith(usual)]
-
-
-def _everywhere(
+def everywhere(
     page: Any, language: str, what: str, found: Callable[[Any], list[str]] = faults
 ) -> list[str]:
     """Return the faults of the current screen, at each size."""

@@ -179,22 +179,6 @@ def test_nothing_comes_from_another_host_and_nothing_fails(visit: Visit, rover: 
     assert visit.errors == []
 
 
-def test_without_the_robot_the_page_still_opens_and_says_so(chromium: Any, tmp_path: Path) -> None:
-    context = chromium.new_context(viewport=PHONE)
-    with running_world(tmp_path / "first") as world:
-        page = open_page(context, world.address)
-        page.evaluate("navigator.serviceWorker.ready.then(() => true)")
-        page.reload()
-        page.wait_for_selector("video-view[data-frames]")
-        page.wait_for_timeout(500)
-        address = world.address
-    page.locator(".notice", has_text="No answer").wait_for(timeout=40_000)
-    page.goto(address)
-    page.locator(".notice", has_text="No answer").wait_for(timeout=40_000)
-    assert page.locator("drive-pad .move").count() == 3
-    context.close()
-
-
 def test_reduced_motion_moves_nothing(chromium: Any, rover: World) -> None:
     context = new_context(chromium, PHONE, reduced_motion="reduce")
     page = open_page(context, rover.address)

@@ -1,4 +1,4 @@
-"""The settings carry a simulated robot to another world, in every language."""
+"""The settings carry a simulated robot to another world, in CI in every language."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 
 from robot.simulator.world import load_world, world_names
 from robot.types import Mode
+from tests.kit.sizes import few
 from tests.kit.wait import wait_until
 
 from .test_holds_still import messages
@@ -26,7 +27,7 @@ def test_another_place_is_chosen_on_the_page(chromium: Any, tmp_path: Path) -> N
     with running_world(tmp_path / "data", world=str(own)) as world:
         simulation = world.rig.driver.simulation  # type: ignore[attr-defined]
         url = f"{world.address}/api/world"
-        for language in ("en", "es", "zh"):
+        for language in few(("en", "es", "zh"), 1):
             words = messages(language)
             context = new_context(chromium, PHONE, locale=language)
             page = open_page(context, world.address)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import pytest
@@ -33,29 +32,6 @@ from .world import (
 )
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
-
-FAKE_GAMEPAD = """
-globalThis.fakePad = {connected: true, index: 0, axes: [0, 0],
-  buttons: Array.from({length: 17}, () => ({pressed: false}))};
-navigator.getGamepads = () => [globalThis.fakePad];
-"""
-
-
-def test_a_gamepad_drives_and_its_button_stops(chromium: Any, world: World) -> None:
-    context = chromium.new_context(viewport=PHONE)
-    context.add_init_script(FAKE_GAMEPAD)
-    page = open_page(context, world.address)
-    choose(page, world, Mode.TRAIN)
-    page.evaluate("dispatchEvent(new Event('gamepadconnected'))")
-    push, let_go = (partial(page.evaluate, f"fakePad.axes = [{x}, 0]") for x in (-1, 0))
-    press_until(page, world, push, let_go, turning(world))
-    page.evaluate("fakePad.axes = [0, 0]")
-    wait_until(lambda: world.action is Action.STOP, "the stick came back")
-    page.evaluate("fakePad.buttons[15].pressed = true")
-    wait_until(lambda: world.action is Action.RIGHT, "the cross drives")
-    page.evaluate("fakePad.buttons[1].pressed = true")
-    wait_until(lambda: world.rig.loop.state.emergency, "its button stops")
-    context.close()
 
 
 @pytest.fixture

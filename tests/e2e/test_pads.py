@@ -31,6 +31,10 @@ PADS = """
     for (const one of document.querySelectorAll('.notice')) window.noticed.push(one.textContent);
   }).observe(document, { subtree: true, childList: true, characterData: true });
   window.unplug = (index) => { window.pads[index] = null; };
+  window.press = (index, button) => {
+    const down = { pressed: true, touched: true, value: 1 };
+    window.pads[index].buttons = window.pads[index].buttons.with(button, down);
+  };
   window.axis = (index, axis, value) => {
     window.pads[index].axes = window.pads[index].axes.with(axis, value);
   };
@@ -118,4 +122,7 @@ def test_a_pad_of_an_unknown_layout_is_asked_and_of_two_the_newest_drives(
     choose(page, world, Mode.TRAIN)
     plug(page, 0, wheel, "", [0.0, -1.0, 1.0], 4)
     drives(page, world, Action.LEFT, 0, 0, 0.0)
+    plug(page, 1, "Xbox Controller (STANDARD GAMEPAD)", "standard", [0.0, 0.0, 0.0, 0.0], 17)
+    page.evaluate("press(1, 1)")
+    wait_until(lambda: world.rig.loop.state.emergency, "its button stops")
     page.context.close()

@@ -63,6 +63,8 @@ def images_are_the_newest(page: Any, world: World) -> dict[str, bytes]:
 
 
 def test_what_was_taught_is_shown_changed_and_taken_back(phone: Any, world: World) -> None:
+    missing: list[str] = []
+    phone.on("response", lambda r: missing.append(r.url) if r.status >= 400 else None)
     the_speed_that_was_set_is_the_speed_that_is_driven(phone, world)
     teach(phone, world, "forward", "left")
     what_the_pilot_says_of_the_teaching_counts_until_it_is_taken_back(phone, world)
@@ -74,6 +76,7 @@ def test_what_was_taught_is_shown_changed_and_taken_back(phone: Any, world: Worl
     assert images_are_the_newest(phone, world)["0"] != images["0"], "it was seen from elsewhere"
     what_is_undone_is_what_was_shown(phone, world)
     what_it_knew_comes_back_and_so_does_what_was_deleted(phone, world)
+    assert missing == [], "the page asked for something that is not there"
 
 
 def the_speed_that_was_set_is_the_speed_that_is_driven(phone: Any, world: World) -> None:

@@ -106,12 +106,13 @@ def test_teach_drive_correct_and_stop_in_the_simulator(phone: Any, world: World)
     here = world.pose
     phone.wait_for_timeout(300)
     assert world.pose == here, "stopped is stopped"
+    an_emergency_stop_is_latched_until_it_is_released(phone, world, fingers)
 
 
-def test_emergency_stop_latches_until_it_is_released(rovers_phone: Any, rover: World) -> None:
-    phone, world = rovers_phone, rover
+def an_emergency_stop_is_latched_until_it_is_released(
+    phone: Any, world: World, fingers: Fingers
+) -> None:
     choose(phone, world, Mode.TRAIN)
-    fingers = Fingers(phone)
     hold_until(world, fingers, "left", lambda: world.action is Action.LEFT)
     phone.locator("drive-pad .stop").dispatch_event("click")
     wait_until(lambda: world.rig.loop.state.emergency, "the emergency stop is latched")

@@ -127,3 +127,38 @@ test('a training run is followed to its end, though an answer about it is lost',
   await soon();
   assert.deepEqual(home.again.children, []);
 });
+
+test('the study that was chosen last is shown, though another is answered after it', async () => {
+  const { StudyScreen } = await load('study-screen', 'study');
+  const screen = Object.assign(new StudyScreen(), { body: new FakeElement(), trial: () => [], creation: () => null, study: ({ title }) => [title] });
+  const list = async (name) => {
+    screen.chosen = name;
+    screen.list();
+    asked.at(-1).answer({ studies: ['first', 'other'] });
+    await soon();
+    return asked.at(-1);
+  };
+  const [other, first] = [await list('other'), await list('first')];
+  for (const one of [first, other]) {
+    one.answer({ title: `the ${one === first ? 'first' : 'other'} study` });
+    await soon();
+    assert.ok(screen.body.children.includes('the first study'));
+  }
+  assert.equal(screen.chosen, 'first');
+});
+
+test('a result that comes while something else is shown is not shown there', async () => {
+  const { StudyScreen } = await load('study-screen', 'study');
+  const screen = Object.assign(new StudyScreen(), { body: new FakeElement() });
+  const conditions = { flatMap: () => ['a result'] };
+  for (const isLeft of [false, true]) {
+    screen.showResult('walk', 'P01');
+    const [place] = screen.body.children;
+    if (isLeft) screen.body.replaceChildren('the list');
+    asked.at(-1).answer({ conditions });
+    await soon();
+    assert.deepEqual(place.children, ['a result']);
+    assert.equal(screen.body.children.includes(place), !isLeft);
+    screen.body.replaceChildren();
+  }
+});

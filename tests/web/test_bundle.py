@@ -54,6 +54,7 @@ def test_each_module_is_in_one_file_and_each_file_is_named_by_its_content() -> N
         assert address.split("/")[1].startswith(hashlib.sha256(data).hexdigest()[:10] + "-")
     assert asked_for(joined_page()) == set(page), "what is asked for is there, and nothing else"
     cached = json.loads((joined_page() / "shell.json").read_text("utf-8"))
+    assert not [file for file in cached if "eye" in file], "not for everybody"
     assert set(page) < set(cached)
 
 
