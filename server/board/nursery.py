@@ -82,11 +82,6 @@ class Nursery:
             return None if pid is None else self._ended[pid]
         return None
 
-    @property
-    def pids(self) -> list[int]:
-        """The process ids of the forks, in order."""
-        return list(self._ended)
-
     def end(self) -> None:
         """End all robots; they also end when the calling process ends."""
         if self._life >= 0:

@@ -1,4 +1,4 @@
-"""`drivelesson class` as it is delivered: a wheel in a new environment, run in a new folder.
+"""`drivelesson class` as it is delivered, run in a new folder; in CI a wheel in a new environment.
 
 A teacher starts it, from codes on paper to Ctrl-C. In CI ten pupils teach at once and hand over at
 once, and one STOP holds all. How long that took, from the press on the board's open page, is
@@ -27,7 +27,7 @@ from websockets.sync.client import connect
 from robot.clock import RealClock
 from server.board.class_key import read_class_key
 from server.board.class_orders import give_order
-from tests.kit.sizes import in_ci, size
+from tests.kit.sizes import IS_FULL, in_ci, size
 from tests.kit.wait import wait_until
 from tests.server.live_robot import Pilot
 
@@ -71,10 +71,12 @@ def free_ports(count: int) -> int:
 
 @pytest.fixture(scope="module")
 def delivered(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the command of the wheel in an environment of its own.
+    """Return the command: in CI that of the wheel, in an environment of its own.
 
     What the wheel asks for is that of these tests: only the program itself is new.
     """
+    if not IS_FULL:
+        return Path(sys.executable).with_name("drivelesson")
     place = tmp_path_factory.mktemp("delivered")
     building = ["-m", "hatchling", "build", "--target", "wheel", "--directory", str(place)]
     subprocess.run([sys.executable, *building], cwd=ROOT, check=True, capture_output=True)

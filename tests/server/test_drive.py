@@ -130,15 +130,6 @@ def test_a_frame_is_sent_once_and_only_after_an_acknowledgement(server: VirtualS
         assert ids[1] >= ids[0] + 3, "the newest, not the next"
 
 
-def test_pages_and_health_are_served(server: VirtualServer) -> None:
-    import httpx
-
-    page = httpx.get(server.address + "/")
-    assert page.status_code == 200
-    assert "script-src 'self'" in page.headers["content-security-policy"]
-    assert httpx.get(server.address + "/healthz").json()["status"] == "ok"
-
-
 def test_plain_requests_return_the_robots_activity_and_pictures(server: VirtualServer) -> None:
     """A page needs these requests if the network blocks its websockets."""
     with server.pilot() as pilot, httpx.Client(base_url=server.address) as client:

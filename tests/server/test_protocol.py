@@ -11,7 +11,7 @@ import pytest
 from robot.driver import Move, move_at
 from robot.types import DEFAULT_MOVES, Action, Encoding, Point
 from server import protocol
-from server.protocol import ErrorCode, ProtocolError, VideoFrame
+from server.protocol import ProtocolError, VideoFrame
 
 from .virtual import ServedWorld, virtually
 
@@ -86,11 +86,6 @@ def test_a_refusal_names_the_seq_of_the_refused_message() -> None:
     with pytest.raises(ProtocolError) as raised:
         protocol.parse_message('{"type":"drive","held":"up","seq":5}', DEFAULT_MOVES)
     assert json.loads(protocol.encode_error(raised.value))["seq"] == 5
-
-
-def test_every_kind_of_error_is_in_the_reference() -> None:
-    text = (Path(__file__).parents[2] / "docs" / "reference" / "protocol.md").read_text()
-    assert [code.value for code in ErrorCode if f"`{code.value}`" not in text] == []
 
 
 REFERENCE = (Path(__file__).parents[2] / "docs" / "reference" / "protocol.md").read_text()

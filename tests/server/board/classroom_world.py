@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 import random
 from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
 from typing import Any, TypeVar
@@ -249,9 +248,3 @@ def break_down(pupil: Pupil, fault: str) -> None:
         delay_s=0.06 if fault == "slow" else 0.0,
         jitter_s=0.04 if fault == "slow" else 0.0,
     )
-
-
-def as_teacher(board_nonce: str, offer: dict[str, str], at: str, key: ClassKey = KEY) -> str:
-    """Return a board's answer to a robot's offer."""
-    proof = key.prove("board", board_nonce, offer["nonce"], at)
-    return json.dumps({"board_nonce": board_nonce, "nonce": offer["nonce"], "proof": proof})

@@ -33,7 +33,7 @@ def test_each_robot_can_end_separately_and_all_end_with_the_class(tmp_path: Path
         for name in ("one", "two")
     )
     assert killed is not None and stays is not None
-    _, pid, other = nursery.pids
+    _, pid, other = nursery._ended
     os.kill(pid, signal.SIGKILL)
     assert killed.wait() and not stays.is_set()
 

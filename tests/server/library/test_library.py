@@ -11,7 +11,6 @@ from robot.errors import ConfigurationError, NotFoundError
 from robot.store.folder import Storage
 from robot.store.models.store import ModelStore
 from server.library.models import ModelLibrary
-from tests.kit.states import same_state
 from tests.robot.store.models.test_model import some_model
 from tests.robot.store.models.test_store import everything
 
@@ -25,21 +24,6 @@ def store(tmp_path: Path) -> ModelStore:
 @pytest.fixture
 def library(tmp_path: Path, store: ModelStore) -> ModelLibrary:
     return ModelLibrary(Storage(tmp_path), store)
-
-
-def test_a_saved_model_is_listed_and_can_be_loaded(
-    store: ModelStore, library: ModelLibrary
-) -> None:
-    model = some_model()
-    store.save("kitchen", model)
-    store.save("hall", model)
-    store.current = "kitchen"
-    hall, kitchen = library.saved()
-    assert (hall.name, hall.is_current) == ("hall", False)
-    assert (kitchen.name, kitchen.is_current) == ("kitchen", True)
-    assert kitchen.summary is not None and kitchen.summary.n_examples == 40
-    assert kitchen.summary.place == "the kitchen"
-    assert same_state(store.load("kitchen").state, model.state)
 
 
 def test_rename_copy_delete_and_restore(store: ModelStore, library: ModelLibrary) -> None:
@@ -69,13 +53,6 @@ def test_names_that_differ_in_how_an_accent_is_written_are_one(
         library.rename("hall", "Küche")
 
 
-def test_two_models_cannot_have_one_name(store: ModelStore, library: ModelLibrary) -> None:
-    store.save("a", some_model())
-    store.save("b", some_model())
-    with pytest.raises(ConfigurationError, match="already"):
-        library.rename("a", "B")
-
-
 def test_a_name_that_leads_elsewhere_is_refused(
     store: ModelStore, library: ModelLibrary, tmp_path: Path
 ) -> None:
@@ -89,9 +66,3 @@ def test_a_name_that_leads_elsewhere_is_refused(
             with pytest.raises((ConfigurationError, NotFoundError)):
                 attempt(name)
     assert everything(tmp_path) == before
-
-
-def test_the_preview_is_the_most_used_image(store: ModelStore, library: ModelLibrary) -> None:
-    model = some_model()
-    store.save("kitchen", model)
-    assert library.preview("kitchen").size > 1
