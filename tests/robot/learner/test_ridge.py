@@ -21,6 +21,15 @@ def lessons():
     return rng.normal(size=(50, 6)), np.eye(3)[rng.integers(0, 3, 50)]
 
 
+def taught(xs, targets, **more):
+    ridge = RecursiveRidge(6, penalty=2.0, scale=1.0, **more)
+    for _ in range(3):
+        ridge.add_label()
+    for x, target in zip(xs, targets, strict=True):
+        ridge.learn(x, target)
+    return ridge
+
+
 def test_equals_batch_ridge(lessons):
     xs, targets = lessons
     ridge = RecursiveRidge(6, penalty=2.0, scale=1.0)
@@ -41,11 +50,7 @@ def test_with_alike_weights_it_equals_batch_ridge_under_that_covariance(lessons)
     xs, targets = lessons
     places = np.arange(6)
     alike = 0.3 * np.eye(6) + 0.7 * np.exp(-0.5 * (places[:, None] - places) ** 2)
-    ridge = RecursiveRidge(6, penalty=2.0, scale=1.0, alike=alike)
-    for _ in range(3):
-        ridge.add_label()
-    for x, target in zip(xs, targets, strict=True):
-        ridge.learn(x, target)
+    ridge = taught(xs, targets, alike=alike)
     z = np.hstack([xs, np.ones((50, 1))])
     precision = np.eye(7)
     precision[:6, :6] = np.linalg.inv(alike)
@@ -59,11 +64,7 @@ def test_with_alike_weights_it_equals_batch_ridge_under_that_covariance(lessons)
 
 def test_takes_back_and_relabels(lessons):
     xs, targets = lessons
-    ridge = RecursiveRidge(6, penalty=2.0, scale=1.0)
-    for _ in range(3):
-        ridge.add_label()
-    for x, target in zip(xs, targets, strict=True):
-        ridge.learn(x, target)
+    ridge = taught(xs, targets)
     ridge.forget(xs[0], targets[0], 1.0)
     ridge.retarget(xs[1], np.array([1.0, 0.0, 0.0]) - targets[1])
     changed = targets.copy()
@@ -89,11 +90,7 @@ def test_stays_exact_over_many_frames():
 def test_saved_between_any_two_frames_it_goes_on_bit_for_bit(lessons):
     xs, targets = lessons
     for cut in range(20):
-        whole, other = (RecursiveRidge(6, penalty=2.0, scale=1.0) for _ in range(2))
-        for _ in range(3):
-            whole.add_label()
-        for x, target in zip(xs[:cut], targets, strict=False):
-            whole.learn(x, target)
+        whole, other = taught(xs[:cut], targets[:cut]), RecursiveRidge(6, penalty=2.0, scale=1.0)
         other.load({}, whole.save()[1])
         for x, target in zip(xs[cut:], targets[cut:], strict=True):
             whole.learn(x, target)
@@ -103,9 +100,5 @@ def test_saved_between_any_two_frames_it_goes_on_bit_for_bit(lessons):
 
 
 def test_its_inverse_is_symmetric_to_the_last_bit(lessons):
-    ridge = RecursiveRidge(6, penalty=2.0, scale=1.0)
-    for _ in range(3):
-        ridge.add_label()
-    for x, target in zip(*lessons, strict=True):
-        ridge.learn(x, target)
+    ridge = taught(*lessons)
     np.testing.assert_array_equal(ridge._inverse, ridge._inverse.T)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import io
 import random
+from pathlib import Path
+from typing import Any
 
 import pytest
 
-from robot.devices.options import make_options
 from robot.errors import ConfigurationError
 from robot.policy.image import to_rgb
 from robot.recordings.recorder import Recorder
@@ -21,7 +22,7 @@ pytest.importorskip("mcap")
 from robot.control.loop import ControlLoop
 from robot.policy.registry import make_policy
 from robot.recordings.queue import RecorderConfig
-from robot.simulator.driver import SimDriver
+from robot.simulator.driver import SimDriver, SimOptions
 from robot.simulator.world import world_names
 from robot.types import Mode, PilotCommand
 
@@ -29,13 +30,17 @@ RATE_HZ = 30
 MOVES = (Action.FORWARD, Action.LEFT, Action.FORWARD, Action.RIGHT)
 
 
+def watched(clock: VirtualClock | None = None, **options: Any) -> tuple[SimDriver, SimCamera]:
+    driver = SimDriver(SimOptions(**options))
+    driver.connect()
+    return driver, SimCamera(driver, SimCameraOptions(), clock or VirtualClock())
+
+
 @pytest.mark.parametrize("world", ["box", "office", "corridor"])
-def test_a_minute_of_driving_costs_at_most_eight_megabytes(tmp_path, world: str) -> None:
+def test_a_minute_of_driving_costs_at_most_eight_megabytes(tmp_path: Path, world: str) -> None:
     """Record ten seconds, in the simulation's own time, through the real loop and recorder."""
     clock = VirtualClock(1.0)
-    driver = SimDriver(make_options(SimDriver.options_type, {"world": world}))
-    driver.connect()
-    camera = SimCamera(driver, SimCameraOptions(), clock)
+    driver, camera = watched(clock, world=world)
     loop = ControlLoop(driver, camera, make_policy("default-32"), clock)
     recorder = Recorder(loop, tmp_path, config=RecorderConfig(spare_bytes=0))
     recorder.start()
@@ -75,9 +80,7 @@ def model_bytes(loop: ControlLoop) -> int:
 
 
 def test_experiments_get_the_pixels_themselves() -> None:
-    driver = SimDriver(make_options(SimDriver.options_type, {}))
-    driver.connect()
-    camera = SimCamera(driver, SimCameraOptions(), VirtualClock())
+    driver, camera = watched()
     raw, jpeg = camera.capture(), camera._take()
     assert raw.encoding is Encoding.RGB and len(raw.data) == 160 * 120 * 3
     assert abs(to_rgb(raw).astype(int) - to_rgb(jpeg)).mean() < 6
@@ -88,7 +91,7 @@ def test_experiments_get_the_pixels_themselves() -> None:
 
 @pytest.mark.parametrize("quality", [0, 101, -1])
 def test_a_quality_that_there_is_not_is_refused(quality: int) -> None:
-    driver = SimDriver(make_options(SimDriver.options_type, {}))
+    driver = SimDriver(SimOptions())
     with pytest.raises(ConfigurationError, match="jpeg-quality"):
         SimCamera(driver, SimCameraOptions(jpeg_quality=quality), VirtualClock())
 
@@ -101,10 +104,7 @@ def test_the_eyes_picture_leaves_what_is_learned_and_recorded_bit_for_bit(seed: 
     plan = [(chance.choice(MOVES), chance.random() < 0.5) for _ in range(60)]
 
     def frames(is_looked_at: bool) -> list[bytes]:
-        driver = SimDriver(make_options(SimDriver.options_type, {"world": world, "seed": seed}))
-        driver.connect()
-        camera, taken = SimCamera(driver, SimCameraOptions(), VirtualClock()), []
-        n_large = 0
+        (driver, camera), taken, n_large = watched(world=world, seed=seed), [], 0
         for move, looks in plan:
             driver.send_action(move)
             driver.advance(1 / RATE_HZ)
@@ -127,9 +127,7 @@ def test_the_eyes_picture_leaves_what_is_learned_and_recorded_bit_for_bit(seed: 
 
 
 def test_nobody_looks_and_nothing_is_made_for_the_eye() -> None:
-    driver = SimDriver(make_options(SimDriver.options_type, {}))
-    driver.connect()
-    camera = SimCamera(driver, SimCameraOptions(), VirtualClock())
+    driver, camera = watched()
     camera.for_the_eye(camera._take())
     large = [camera.for_the_eye(camera._take()).width for _ in range(3)]
     assert large == [320, 320, 320]
@@ -144,9 +142,7 @@ def test_on_a_busy_computer_pictures_are_fewer(
     monkeypatch: pytest.MonkeyPatch, takes_s: float, rate_hz: float
 ) -> None:
     clock = VirtualClock()
-    driver = SimDriver(make_options(SimDriver.options_type, {}))
-    driver.connect()
-    camera = SimCamera(driver, SimCameraOptions(), clock)
+    driver, camera = watched(clock)
     render = driver.simulation.render
 
     def take_long() -> object:

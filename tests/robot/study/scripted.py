@@ -54,6 +54,21 @@ def small_plan() -> StudyPlan:
     return parse_plan(SMALL_PLAN)
 
 
+def tick(now_s: float, mode: Mode, by: DrivenBy, action: Action, distance_m: float | None) -> Tick:
+    return Tick(
+        now_s=now_s,
+        frame=PICTURE,
+        commands=(),
+        refused=(),
+        decision=Decision(action=action, driven_by=by, mode=mode),
+        sent=action,
+        prediction=None,
+        sensors=Sensors(distance_m=distance_m),
+        history_events=(),
+        cycle_s=0.001,
+    )
+
+
 class Participant:
     """One session as seen from outside the robot; `events` is its log."""
 
@@ -93,18 +108,7 @@ class Participant:
         mode = mode or self.session.phase.mode
         if mode is Mode.STOPPED:
             action, by = Action.STOP, DrivenBy.NOBODY
-        return Tick(
-            now_s=self.now_s,
-            frame=PICTURE,
-            commands=(),
-            refused=(),
-            decision=Decision(action=action, driven_by=by, mode=mode),
-            sent=action,
-            prediction=None,
-            sensors=Sensors(distance_m=self.dice.uniform(0.1, 2.0)),
-            history_events=(),
-            cycle_s=0.001,
-        )
+        return tick(self.now_s, mode, by, action, self.dice.uniform(0.1, 2.0))
 
     def answer(self) -> None:
         for question in self.session.questions:

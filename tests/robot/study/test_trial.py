@@ -7,31 +7,15 @@ from typing import Any
 
 import pytest
 
-from robot.control.state import Tick
 from robot.errors import ConfigurationError
 from robot.study.builtin import TRIALS, trial_plan
 from robot.study.events import StudyEvent, write_events
 from robot.study.plan import MOST_PARTICIPANTS, parse_plan
 from robot.study.rows import condition_logs, outcome
 from robot.study.session import SessionStep, StudySession
-from robot.types import Action, Decision, DrivenBy, Mode, Sensors
+from robot.types import Action, DrivenBy, Mode
 
-from .scripted import PICTURE
-
-
-def tick(now_s: float, mode: Mode, by: DrivenBy, action: Action, distance_m: float | None) -> Tick:
-    return Tick(
-        now_s=now_s,
-        frame=PICTURE,
-        commands=(),
-        refused=(),
-        decision=Decision(action=action, driven_by=by, mode=mode),
-        sent=action,
-        prediction=None,
-        sensors=Sensors(distance_m=distance_m),
-        history_events=(),
-        cycle_s=0.001,
-    )
+from .scripted import tick
 
 
 class Drive:
