@@ -1,34 +1,107 @@
 """Runs the cases of real Dask schedulers and workers: `python -m tests.cluster [CASE ...]`.
 
-`--speed`, on an idle machine of two cores: trials a minute of one process and of two workers.
-
 Each case must give the results of one process to the last digit, or end with one sentence and a
 non-zero code, and must be silent for at most 30 s. Outside CI, because one case installs another
 numpy.
+
+`--speed`, on an idle machine of two cores: trials a minute of one process, of two workers, and of
+two processes that know nothing of each other, which is the most that the machine can do. The CPU
+time of a trial is measured, too; it depends less on other load.
+`--memory TRIALS`: memory of one process and of a worker, after 20 trials and at the end.
 """
 
 from __future__ import annotations
 
 import sys
 import tempfile
+import threading
+import time
+from functools import partial
 from pathlib import Path
 
 from tests.cluster.cases import CASES
-from tests.cluster.processes import Cluster, run_client
+from tests.cluster.processes import Cluster, Ended, run_client
+from tests.soak.measured import measure_process
+
+_TRIALS, _WARM = 40, 8
+"""Number of trials of `--speed`, and how many of them only warm up: the first trial of a process
+costs four times as much, because it imports the simulator."""
+_EARLY, _MOST_GROWTH = 20, 1.1
+
+
+class Watch:
+    """The time, and the measures of client, scheduler and workers, after each trial."""
+
+    def __init__(self, cluster: Cluster) -> None:
+        self._cluster = cluster
+        self.rows: list[tuple[float, list[dict[str, float]]]] = []
+
+    def __call__(self, pid: int) -> None:
+        measured = [measure_process(one) for one in (pid, *self._cluster.pids)]
+        self.rows.append((time.monotonic(), measured))
+
+    def pace(self) -> tuple[float, float]:
+        """Return trials a minute, and the CPU seconds of a trial, without those that warm up."""
+        (first_s, first), (last_s, last) = self.rows[_WARM], self.rows[-1]
+        trials = len(self.rows) - 1 - _WARM
+        cpu_s = sum(b["CPU s"] - a["CPU s"] for a, b in zip(first, last, strict=True))
+        return 60 * trials / (last_s - first_s), cpu_s / trials
+
+    def memory_mb(self, process: int) -> tuple[float, float]:
+        """Return the memory of a process after some trials, and at the end."""
+        early, late = self.rows[_EARLY - 1][1][process], self.rows[-1][1][process]
+        return early["memory MB"], late["memory MB"]
 
 
 def speed() -> int:
     """Compare two workers of one thread with one process; the results must be equal."""
-    lessons = {"runs": "24", "teach": "30"}
+    run = partial(run_client, runs=str(_TRIALS), teach="30", most_s=1800.0)
     with tempfile.TemporaryDirectory() as name, Cluster(Path(name)) as cluster:
-        alone = run_client(Path(name), "here", store="alone", **lessons)
+        folder = Path(name)
+        alone, left, right, workers = (Watch(cluster) for _ in range(4))
+        expected = run(folder, "here", store="alone", on_done=alone)
+        second = partial(run, folder, "here", store="right", on_done=right)
+        other = threading.Thread(target=second)
+        other.start()
+        run(folder, "here", store="left", on_done=left)
+        other.join()
         for _ in range(2):
             cluster.add("good")
-        both = run_client(Path(name), cluster.address, **lessons)
-    print(f"one process {alone.each_minute:.1f} trials a minute, two workers ", end="")
-    print(f"{both.each_minute:.1f}: {both.each_minute / alone.each_minute:.2f} times; ", end="")
-    print("equal" if both.results == alone.results else "DIFFERENT")
-    return 0 if both.results == alone.results else 1
+        both = run(folder, cluster.address, on_done=workers)
+    each_minute, cpu_s = alone.pace()
+    at_once = left.pace()[0] + right.pace()[0]
+    print(f"one process            {each_minute:6.1f} trials a minute, {cpu_s:.3f} s of CPU each")
+    print(f"two separate processes {at_once:6.1f}: {at_once / each_minute:.2f} times")
+    shared, shared_s = workers.pace()
+    print(f"two workers            {shared:6.1f}: {shared / each_minute:.2f} times, ", end="")
+    print(f"{shared_s:.3f} s of CPU each, scheduler and client included")
+    return _say_equal(expected, both)
+
+
+def memory(trials: int) -> int:
+    """Compare the memory of one process, and of a worker, after 20 trials and after all."""
+    run = partial(run_client, runs=str(trials), most_s=60.0 * trials)
+    with tempfile.TemporaryDirectory() as name, Cluster(Path(name)) as cluster:
+        here, there = Watch(cluster), Watch(cluster)
+        expected = run(Path(name), "here", store="here", on_done=here)
+        cluster.add("good")
+        ended = run(Path(name), cluster.address, on_done=there)
+    rows = [("one process", here.memory_mb(0))]
+    rows += [(of, there.memory_mb(n)) for n, of in enumerate(("client", "scheduler", "worker"))]
+    for of, (early_mb, late_mb) in rows:
+        print(
+            f"{of:12} {early_mb:6.1f} MB after {_EARLY} trials, {late_mb:6.1f} after {trials}: ",
+            end="",
+        )
+        print(f"{late_mb / early_mb:.3f} times")
+    is_bounded = all(late_mb <= _MOST_GROWTH * early_mb for _, (early_mb, late_mb) in rows)
+    return _say_equal(expected, ended) or (0 if is_bounded else 1)
+
+
+def _say_equal(expected: Ended, ended: Ended) -> int:
+    is_equal = ended.results == expected.results != ""
+    print("equal results" if is_equal else f"DIFFERENT results: {ended.lines[-3:]}")
+    return 0 if is_equal else 1
 
 
 def main(names: list[str]) -> int:
@@ -49,4 +122,11 @@ def main(names: list[str]) -> int:
     return 1 if failed else 0
 
 
-sys.exit(speed() if sys.argv[1:] == ["--speed"] else main(sys.argv[1:]))
+if __name__ == "__main__":
+    match sys.argv[1:]:
+        case ["--speed"]:
+            sys.exit(speed())
+        case ["--memory", trials]:
+            sys.exit(memory(int(trials)))
+        case names:
+            sys.exit(main(names))

@@ -72,6 +72,11 @@ class Cluster:
         timer.start()
         self._timers.append(timer)
 
+    @property
+    def pids(self) -> list[int]:
+        """The ids of the processes: first the scheduler, then the workers."""
+        return [process.popen.pid for process in self._processes]
+
     def kill_scheduler(self) -> None:
         self._processes[0].kill()
 
@@ -133,13 +138,6 @@ class Ended:
     lines: list[str] = field(default_factory=list)
     seconds: float = 0.0
     silent_s: float = 0.0
-    done_s: list[float] = field(default_factory=list)
-    """The time at which each trial was done, in seconds."""
-
-    @property
-    def each_minute(self) -> float:
-        """Trials a minute, from the second trial to the last."""
-        return 60 * (len(self.done_s) - 2) / (self.done_s[-1] - self.done_s[1])
 
     @property
     def results(self) -> str:
@@ -166,9 +164,14 @@ def run_client(
     scheduler: str,
     *,
     after_first: Callable[[], object] | None = None,
+    on_done: Callable[[int], object] = lambda pid: None,
+    most_s: float = _MOST_S,
     **options: str,
 ) -> Ended:
-    """Run some short lessons in a separate process, and read its output."""
+    """Run some short lessons in a separate process, and read its output.
+
+    `on_done` is called for each trial, with the id of the process.
+    """
     shutil.copy(ROOT / "tests" / "cluster" / "ideas.py", folder)
     args = [scheduler, *(f"{name}={value}" for name, value in options.items())]
     environment = {**os.environ, **_ONE_THREAD, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
@@ -182,7 +185,7 @@ def run_client(
         text=True,
     )
     assert client.stdout is not None
-    guard = threading.Timer(_MOST_S, client.kill)
+    guard = threading.Timer(most_s, client.kill)
     guard.start()
     ended = Ended(None)
     with client.stdout:
@@ -194,7 +197,7 @@ def run_client(
             heard_s = now_s
             ended.lines.append(line.rstrip())
             if line.startswith("done"):
-                ended.done_s.append(now_s)
+                on_done(client.pid)
                 if after_first is not None:
                     after_first()
                     after_first = None
