@@ -69,6 +69,7 @@ are equal."""
 SENSORS = "sensors"
 _SENSORS = ("distance_m", "bumped", "battery")
 _QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
+_STATISTICS = ("min", "max", "mean", "std", *_QUANTILES)
 _OWN = ("intervention", PILOT, DEGREES, SENSORS)
 """Columns that only this program writes; a plain dataset omits them."""
 _STANDS = Point(0.0, 0.0)
@@ -92,7 +93,7 @@ class _Part(NamedTuple):
     source: int
     episode: Episode
     notes: Notes
-    places: list[int]
+    places: NDArray[np.int64]
     """The pictures' indices in the recording, in order; an index may repeat."""
     times_s: NDArray[np.float64]
     labels: set[Action]
@@ -137,7 +138,9 @@ def write_lerobot(
     first, frames = parts[0], _frames(parts)
     shown = first.episode.frame(int(first.episode.frames.ids[first.places[0]]))
     size = shown.width, shown.height
+    end = 0
     for index, part in enumerate(parts):
+        begin, end = end, end + len(part.places)
         chunk, file = divmod(index, _FILES_A_CHUNK)
         name = _FILMS.format(video_key=CAMERA, chunk_index=chunk, file_index=file)
         counts = np.zeros_like(seen)
@@ -150,8 +153,7 @@ def write_lerobot(
             **(_AS_LEROBOT if plain else {"preset": "ultrafast"}),
         )
         seen += counts
-        own = columns["episode_index"] == index
-        part_columns = {name: columns[name][own] for name in features}
+        part_columns = {name: columns[name][begin:end] for name in features}
         rows.append(_episode_row(part_columns, counts, (chunk, file), rate, task))
     columns = {name: columns[name] for name in features}
     write_data(folder, columns)
@@ -193,9 +195,9 @@ def _split(source: int, episode: Episode, notes: Notes, fps: int, taught_only: b
             source=source,
             episode=episode,
             notes=notes,
-            places=[places[i] for i in stretch],
-            times_s=np.array(times_s)[stretch],
-            labels={label for i in stretch if (label := labels[i])},
+            places=np.frombuffer(places, np.int64)[stretch],
+            times_s=np.frombuffer(times_s)[stretch],
+            labels={label for label in dict.fromkeys(map(labels.__getitem__, stretch)) if label},
         )
         for stretch in make_timeline(times_s).evenly(fps)
     ]
@@ -208,7 +210,7 @@ def _frames(parts: Sequence[_Part]) -> Iterator[_Shown]:
         episode, declared = of[0].episode, of[0].episode.declared_moves
         found = enumerate(moments(episode, of[0].notes, (Topic.DECISION,)))
         place, moment = next(found)
-        for wanted in (wanted for part in of for wanted in part.places):
+        for wanted in (int(wanted) for part in of for wanted in part.places):
             while place < wanted:
                 place, moment = next(found)
             yield episode, declared, moment
@@ -323,15 +325,15 @@ def _sensed(parts: Sequence[_Part]) -> Iterator[NDArray[np.float32]]:
             yield found
 
 
-def _readings(episode: Episode) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+def _readings(episode: Episode) -> list[tuple[NDArray[np.float64], NDArray[np.float32]]]:
     """Return the times and values of each sensor."""
-    start_s, found = episode.start_s, [(array("d"), array("d")) for _ in _SENSORS]
+    start_s, found = episode.start_s, [(array("d"), array("f")) for _ in _SENSORS]
     for now_s, words in episode.messages(Topic.SENSORS):
         for name, (times_s, values) in zip(_SENSORS, found, strict=True):
             if (value := words.get(name)) is not None:
                 values.append(float(value))
                 times_s.append(now_s - start_s)
-    return [(np.array(times_s), np.array(values)) for times_s, values in found]
+    return [(np.frombuffer(times_s), np.frombuffer(values, "f")) for times_s, values in found]
 
 
 def _stats(columns: Columns, counts: NDArray[np.int64]) -> Stats:
@@ -358,15 +360,14 @@ def _brightness_stats(counts: NDArray[np.int64], n_pictures: int) -> dict[str, l
 
 def _column_stats(values: NDArray[Any]) -> dict[str, list[Any]]:
     """Return the statistics of a feature, shape (frames,) or (frames, n)."""
-    table = values.reshape(len(values), -1).astype(np.float64)
-    return {
-        "min": table.min(axis=0).tolist(),
-        "max": table.max(axis=0).tolist(),
-        "mean": table.mean(axis=0).tolist(),
-        "std": table.std(axis=0).tolist(),
-        **{name: np.quantile(table, q, axis=0).tolist() for name, q in _QUANTILES.items()},
-        "count": [len(table)],
-    }
+    found: dict[str, list[Any]] = {}
+    for column in values.reshape(len(values), -1).T:
+        numbers = column.astype(np.float64)  # one column at a time, because there may be hours
+        own = numbers.min(), numbers.max(), numbers.mean(), numbers.std()
+        quantiles = np.quantile(numbers, list(_QUANTILES.values()))
+        for name, value in zip(_STATISTICS, (*own, *quantiles), strict=True):
+            found.setdefault(name, []).append(float(value))
+    return {**found, "count": [len(values)]}
 
 
 def _episode_row(

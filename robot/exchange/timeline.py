@@ -26,7 +26,7 @@ _MOST_S = 1e11
 class Timeline:
     """Seconds since the first picture, strictly ascending, and a remark on the repairs."""
 
-    times_s: list[float]
+    times_s: Sequence[float]
     usual_s: float
     remark: str | None = None
 
@@ -40,14 +40,14 @@ class Timeline:
         """The usual rate in pictures per second, an integer from 1 to 60."""
         return min(max(round(1 / self.usual_s), 1), 60)
 
-    def evenly(self, fps: int) -> list[list[int]]:
-        """Return the stretches without a gap. For each stretch, list which picture is nearest to
-        each of the times at this rate."""
+    def evenly(self, fps: int) -> list[NDArray[np.intp]]:
+        """Return the stretches without a gap. Each has the indices of the pictures that are nearest
+        to the times at this rate, in order."""
         times_s = np.array(self.times_s)
         begins = [0, *(np.flatnonzero(np.diff(times_s) > self.gap_s) + 1)]
         stretches = [times_s[a:b] for a, b in pairwise([*begins, len(times_s)])]
         pairs = zip(begins, stretches, strict=True)
-        return [(begin + _nearest(run_s, fps)).tolist() for begin, run_s in pairs if len(run_s)]
+        return [begin + _nearest(run_s, fps) for begin, run_s in pairs if len(run_s)]
 
 
 def make_timeline(stamps_s: Sequence[object]) -> Timeline:
@@ -96,7 +96,7 @@ def _plain(stamps_s: NDArray[np.float64]) -> Timeline | None:
     is_plain = len(steps_s) > 0 and bool(np.all((steps_s > 0) & (steps_s <= _LONGEST_PAUSE_S)))
     if not is_plain or max(-stamps_s[0], stamps_s[-1]) >= _MOST_S:
         return None
-    times_s = (stamps_s - stamps_s[0]).tolist()
+    times_s = array("d", (stamps_s - stamps_s[0]).tobytes())
     return Timeline(times_s=times_s, usual_s=float(np.median(steps_s)))
 
 
