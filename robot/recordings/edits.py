@@ -122,6 +122,11 @@ def read_notes(episode: Path) -> Notes:
         ) from error
 
 
+def compacted(notes: Notes) -> Notes:
+    """Return the notes of a recording to which the edits were applied."""
+    return replace(notes, edits=(), undone=())
+
+
 def write_notes(episode: Path, notes: Notes) -> None:
     plain = {
         "format": FORMAT,

@@ -1,7 +1,8 @@
 """Brings the files of one recording together again.
 
 A recording is deleted and restored file by file. A kill or a power cut in between separates the
-files.
+files. A recording that is made compact is deleted before the new file gets its name; then a kill
+leaves it only in the trash.
 """
 
 from __future__ import annotations
@@ -11,8 +12,11 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from robot.errors import RobotError
+from robot.recordings.edits import compacted, notes_path, read_notes, write_notes
 from robot.recordings.folder import NAME
 from robot.recordings.parts import ENDING, files_of, parts_folder
+from robot.recordings.reading import being_read
 from robot.store.folder import Storage, move, paths_in
 from robot.store.prepare import ASIDE
 
@@ -32,13 +36,21 @@ def strays(folder: Path) -> Iterator[tuple[Path, str]]:
                 yield path, name
 
 
+def compacting_mark(path: Path) -> Path:
+    """Return the file that lies next to a recording, and then next to its original in the trash,
+    while it is made compact. A stray one has the name of an unfinished file and is removed."""
+    return path.with_name(f".{path.name}.0.part")
+
+
 def rejoin(storage: Storage) -> None:
     """Move strays to the rest of their recording in the trash, as a deletion would have done.
 
-    Parts that were set aside at a start are moved back to their recording. Never raises.
+    Parts that were set aside at a start are moved back to their recording. A recording whose
+    compacting was interrupted is restored. Never raises.
     """
     folder = storage.folder(NAME)
     try:
+        _end_compacting(storage, folder)
         for path, name in strays(folder):
             if place := _place_of(path, name, storage):
                 move(path, place)
@@ -47,8 +59,23 @@ def rejoin(storage: Storage) -> None:
             is_free = first.is_file() and not parts_folder(first).exists()
             if is_free and path.is_dir() and not path.is_symlink():
                 move(path, parts_folder(first))
-    except OSError as error:
+    except (OSError, RobotError) as error:
         log.warning("files of a deleted recording were not moved: %s", error)
+
+
+def _end_compacting(storage: Storage, folder: Path) -> None:
+    """Restore originals without a new file; give new files the notes of their originals."""
+    for mark in sorted(storage.trash.glob("*/.*.mcap.0.part")):
+        original = mark.with_name(mark.name[1 : -len(".0.part")])
+        path = folder / original.name
+        if path.name in being_read(folder):
+            continue  # another program is making it compact now
+        if not path.exists() and original.exists():
+            storage.restore(mark.parent.name, folder, ".mcap")
+            compacting_mark(path).unlink(missing_ok=True)
+        elif original.exists() and not notes_path(path).exists():
+            write_notes(path, compacted(read_notes(original)))
+        mark.unlink(missing_ok=True)
 
 
 def _place_of(path: Path, name: str, storage: Storage) -> Path | None:

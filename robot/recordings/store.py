@@ -12,11 +12,20 @@ from pathlib import Path
 
 from robot.errors import ConfigurationError, NotFoundError, RecordingError, told_as
 from robot.recordings.editing import EditedWriter, write_edited
-from robot.recordings.edits import Edit, Notes, notes_path, read_notes, trim, write_notes
+from robot.recordings.edits import (
+    Edit,
+    Notes,
+    compacted,
+    notes_path,
+    read_notes,
+    trim,
+    write_notes,
+)
 from robot.recordings.episode import Episode, open_episode
 from robot.recordings.folder import NAME
 from robot.recordings.parts import ENDING, files_of, has_ended, state_of
-from robot.recordings.reading import being_read
+from robot.recordings.reading import being_read, reading
+from robot.recordings.rejoining import compacting_mark
 from robot.recordings.summary import EpisodeSummary, read_summary
 from robot.store.folder import Storage, check_name, free_name, paths_in, size_of, whole_file
 from robot.store.lock import FolderLock
@@ -172,13 +181,22 @@ class EpisodeStore:
         """Apply the edits to the recording; the returned key restores the original."""
         with self._lock:
             path = self._idle_path(episode_id)
-            notes, episode = read_notes(path), self.open(episode_id)
-            with whole_file(path) as file:
-                self._write(episode, notes, file)
-                if self.open(episode_id) is not episode or read_notes(path) != notes:
-                    raise ConfigurationError("this episode was changed meanwhile; try again")
-                key = self._storage.discard(*files_of(path))
-            write_notes(path, replace(notes, edits=(), undone=()))
+            notes, episode, key = read_notes(path), self.open(episode_id), ""
+            mark = compacting_mark(path)
+            try:
+                with reading([path]), whole_file(path) as file:
+                    self._write(episode, notes, file)
+                    if self.open(episode_id) is not episode or read_notes(path) != notes:
+                        raise ConfigurationError("this episode was changed meanwhile; try again")
+                    mark.touch()
+                    key = self._storage.discard(mark, *files_of(path))
+            except BaseException:
+                if key:
+                    self.restore(key)
+                mark.unlink(missing_ok=True)
+                raise
+            write_notes(path, compacted(notes))
+            (self._storage.trash / key / mark.name).unlink(missing_ok=True)
             return key
 
     def split(self, episode_id: str, frame_id: int) -> str:

@@ -217,6 +217,40 @@ def test_a_kill_separates_no_files_of_a_recording(
             assert store.trash() == []
 
 
+def test_a_kill_while_it_is_made_compact_loses_nothing(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left = [MANY]
+
+    def moving(one: Path, target: Path) -> None:
+        left[0] -= 1
+        if left[0] < 0:
+            raise KeyboardInterrupt
+        one.replace(target)
+
+    monkeypatch.setattr("robot.store.folder.move", moving)
+    wanted = list(open_episode(path).frames)
+    for kept in range(6):  # mark, first file, notes, parts, new file, and the new file's notes
+        root = tmp_path / str(kept)
+        storage = Storage(root)
+        shutil.copytree(path.parent, root / NAME, dirs_exist_ok=True)
+        store = EpisodeStore(storage)
+        [episode_id] = store.ids()
+        store.set_title(episode_id, "long")
+        store.edit(episode_id, Edit(verb="delete", ranges=((wanted[3], wanted[9]),)))
+        left[0] = kept
+        with pytest.raises(KeyboardInterrupt):
+            store.compact(episode_id)
+        left[0] = MANY
+        rejoin(storage)
+        assert (store.ids(), store.notes(episode_id).title) == ([episode_id], "long")
+        is_compact = kept == 5
+        assert len(store.notes(episode_id).edits) == 1 - is_compact
+        assert list(store.open(episode_id).frames) == wanted[:3] + wanted[3 + 7 * is_compact :]
+        assert len(store.trash()) == is_compact
+        assert not list(root.rglob("*.0.part"))
+
+
 def test_edits_compacting_and_splitting_cover_all_files(store: EpisodeStore) -> None:
     [episode_id] = store.ids()
     episode = store.open(episode_id)
