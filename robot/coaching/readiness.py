@@ -119,6 +119,12 @@ class Readiness:
         self._frame: Frame | None = None
         self._begin_trial()
 
+    def note_carried(self) -> None:
+        """Begin a new trial: the robot was moved to another place, where its driving shows
+        nothing yet and the gaps do not lie. Call it on the loop's thread."""
+        self._gaps.clear()
+        self._begin_trial()
+
     def _begin_trial(self) -> None:
         self.clean_s = self._novel_s = self._stalled_s = 0.0
 

@@ -31,7 +31,9 @@ def take_film(browser: Any, folder: Path) -> None:
 def _film(browser: Any, world: World, path: Path) -> bool:
     """Film ten seconds of the drive screen: taught, handed over, corrected. True if the film is
     complete and the robot hardly asked."""
-    context = browser.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
+    context = browser.new_context(
+        viewport=PHONE, has_touch=True, is_mobile=True, reduced_motion="no-preference"
+    )
     page = open_page(context, world.address)
     fingers, frames, asked = Fingers(page), [], []
 

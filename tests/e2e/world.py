@@ -138,8 +138,12 @@ def running_world(
 
 @contextlib.contextmanager
 def passing_world(name: str) -> Iterator[World]:
-    """Serve a simulated robot that keeps nothing after the block."""
-    with tempfile.TemporaryDirectory() as kept, running_world(Path(kept), world=name) as world:
+    """Serve a simulated robot for the docs' pictures, with the rate of a real camera. It keeps
+    nothing after the block."""
+    with (
+        tempfile.TemporaryDirectory() as kept,
+        running_world(Path(kept), world=name, frame_rate_hz=10.0) as world,
+    ):
         yield world
 
 

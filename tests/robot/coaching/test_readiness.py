@@ -220,6 +220,18 @@ def test_whatever_goes_wrong_begins_the_trial_anew_and_says_where(what, kind) ->
     assert drive.readiness.stage is Stage.READY
 
 
+def test_a_robot_that_was_carried_to_another_place_shows_again_that_it_is_ready() -> None:
+    drive = taught()
+    drive.tick(DrivenBy.PILOT, L, F)
+    drive.alone(CLEAN_S + 5)
+    assert drive.readiness.stage is Stage.READY
+    drive.readiness.note_carried()
+    assert drive.readiness.stage is Stage.TRY and drive.readiness.clean_s == 0.0
+    assert drive.kinds == [], "what went wrong is not in this place"
+    drive.alone(CLEAN_S + 1)
+    assert drive.readiness.stage is Stage.READY
+
+
 @pytest.mark.parametrize("novelty", [HARDLY_KNOWN, 1.0, 2.0])
 def test_a_view_that_it_hardly_knows_is_shown_and_keeps_it_from_ready(novelty) -> None:
     drive = taught()

@@ -32,6 +32,7 @@ export function followReadiness(store) {
   let told = '';
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let forget;
+  store.watch(['screen'], () => { told = ''; }); // another screen may have moved the robot to another place
   const look = async () => {
     const { robot, link, screen } = store.state;
     if (link !== 'open' || !robot || screen !== 'drive' || document.hidden) return;
