@@ -26,8 +26,11 @@ from server.library.models import ModelLibrary
 from server.persistence import Persistence
 from server.recordings.part import Recordings
 from server.recordings.selection import find_id
+from tests.client.disk import Disk
 from tests.kit.sizes import size
 from tests.robot.recordings.drives import record_drive
+
+from .virtual_server import VirtualServer
 
 SEEDS = size("DAMAGE", 8, 100)
 KINDS = (
@@ -250,6 +253,35 @@ def test_a_disk_that_cannot_be_written_prevents_neither_start_nor_drive(
             persistence.autosave.save_if_changed()
             assert "model_not_saved" in started.told
     assert refusing.refused > 0
+
+
+def test_every_message_is_obeyed_even_if_the_disk_cannot_be_written(tmp_path: Path) -> None:
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        VirtualServer(data=tmp_path) as server,
+        server.pilot() as pilot,
+    ):
+        disk = Disk(tmp_path)
+        disk.install(patch.setattr)
+        if (writer := server.persistence.journal._writer) is not None:
+            writer._files = disk.lay_beneath(writer._files)
+        disk.fail(0, lasts=True)
+        for mode in ("train", "autonomous", "train"):
+            pilot.mode(mode)
+            pilot.wait_for_state(mode=mode)
+        pilot.hold("forward")
+        server.wait_until(lambda: server.driver.now is Action.FORWARD)
+        pilot.send(type="stop")
+        server.wait_until(lambda: server.driver.now is Action.STOP, 0.1)
+        pilot.wait_for_state(emergency=True)
+        pilot.release()
+        pilot.wait_for_state(emergency=False)
+        for word, is_pilot in (("yield", False), ("take", True)):
+            pilot.send(type=word)
+            pilot.wait_for_state(you_are_pilot=is_pilot)
+        server.wait_until(lambda: server.persistence.journal.fault is not None, what="it is said")
+        assert pilot.errors() == [] and disk.calls
+        disk.heal()
 
 
 def test_a_failing_model_is_reported_and_set_aside_at_the_next_start(tmp_path: Path) -> None:
