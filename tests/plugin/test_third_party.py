@@ -1,5 +1,5 @@
 """docs/howto/write-a-driver.md, followed literally: a third-party robot is made and installed,
-served, taught by touch, recorded, exported and learned again; and our own suite runs beside it.
+served, taught, recorded, exported and learned again; and our own suite runs beside it.
 
 All tests are in one file and share one environment.
 """
@@ -14,7 +14,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -22,10 +21,9 @@ from typing import Any
 import httpx
 import pytest
 
-from tests.e2e.hand import Fingers, pad
-from tests.e2e.world import PHONE, open_page, running_chromium
-from tests.kit.sizes import IS_FULL
+from tests.kit.sizes import in_ci
 from tests.plugin.environment import OwnEnvironment
+from tests.server.live_robot import Pilot
 from tests.standins.mjpeg import MjpegServer
 
 ROOT = Path(__file__).parents[2]
@@ -34,6 +32,8 @@ pytestmark = [
     pytest.mark.timeout(600),  # virtual environments on a busy machine
 ]
 MOVES = ("fast", "slow", "push")
+ENOUGH = 12
+"""Examples of each move."""
 _OVER_SOCKETS = ("ev3", "gpio", "lego", "mjpeg", "pybricks", "ros", "udp", "v4l2", "ws")
 """Our drivers and cameras whose contract takes long, and which a third-party package cannot
 affect."""
@@ -49,6 +49,7 @@ def test_the_howto_works_as_written(followed: tuple[Path, list[str]]) -> None:
     assert "skipped" not in printed[-1] and "failed" not in printed[-1]
 
 
+@in_ci
 def test_with_a_strangers_plugin_our_own_suite_passes(
     environment: OwnEnvironment, followed: tuple[Path, list[str]]
 ) -> None:
@@ -58,8 +59,6 @@ def test_with_a_strangers_plugin_our_own_suite_passes(
     cases = (f"[{kind}" for kind in _OVER_SOCKETS)
     own = " and ".join(f"not {name}" for name in (*cases, "slow_body"))
     files = "tests/docs tests/robot/devices tests/contract"
-    if not IS_FULL:
-        files, own = "tests/docs/test_made.py tests/robot/devices/test_options.py", ""
     printed = environment.run(f"pytest -q -p no:cacheprovider {files} -k '{own}'", ROOT)
     assert " passed" in printed and "failed" not in printed
 
@@ -108,25 +107,8 @@ def taught(address: str) -> dict[str, int]:
     return counts
 
 
-def teach(page: Any, address: str, each: int = 12) -> None:
-    """Hold each button with a finger until it has taught enough; again if the robot stopped."""
-    fingers = Fingers(page)
-    for move in MOVES:
-        end_s = time.monotonic() + 90
-        while taught(address).get(move, 0) < each:
-            assert time.monotonic() < end_s, f"{move}: {taught(address)}"
-            page.locator("mode-bar [data-mode=train]").click()
-            fingers.press(pad(move))
-            lift_s = time.monotonic() + 5
-            while taught(address).get(move, 0) < each and time.monotonic() < lift_s:
-                page.wait_for_timeout(100)
-            fingers.lift()
-
-
-def teach_in_one_drive(
-    environment: OwnEnvironment, package: Path, data: Path, chromium: Any
-) -> dict[str, int]:
-    """Serve the robot and teach it by hand; return the number of examples of each move."""
+def teach_in_one_drive(environment: OwnEnvironment, package: Path, data: Path) -> dict[str, int]:
+    """Serve the robot and teach it; return the number of examples of each move."""
     with stand_in(package) as robot, MjpegServer() as camera:
         options = [
             "--wheely-address",
@@ -136,32 +118,30 @@ def teach_in_one_drive(
         ]
         options += ["--robot", "wheely", "--camera", "mjpeg"]
         with served(environment, data, *options) as address:
-            context = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
-            page = open_page(context, address)
-            for move, label in zip(MOVES, ("Fast", "Slow", "Push"), strict=True):
-                assert page.locator(pad(move)).inner_text().strip().endswith(label)
-            teach(page, address)
-            page.locator("mode-bar [data-mode=stopped]").click()
-            page.wait_for_selector("mode-bar [data-mode=stopped][aria-checked=true]")
+            with Pilot(address.replace("http", "ws", 1) + "/ws/drive") as pilot:
+                labels = {one["name"]: one["label"]["en"] for one in pilot.hello["declared_moves"]}
+                assert [labels[move] for move in MOVES] == ["Fast", "Slow", "Push"]
+                for move in MOVES:
+                    pilot.drive_until(lambda m=move: taught(address).get(m, 0) >= ENOUGH, move)
+                pilot.hold(None)
+                pilot.mode("stopped")
+                pilot.wait_for_state(mode="stopped")
             lessons = taught(address)
-            context.close()
         assert not robot.is_moving()
     return lessons
 
 
-@pytest.mark.browser
 @pytest.mark.realtime
 def test_a_strangers_robot_is_taught_recorded_exported_and_learned(
     environment: OwnEnvironment, followed: tuple[Path, list[str]], tmp_path: Path
 ) -> None:
     package = followed[0] / "drivelesson-wheely"
-    with running_chromium() as chromium:
-        for attempt in range(5):  # a computer that is paused meanwhile ends the drive
-            data = tmp_path / f"data{attempt}"
-            lessons = teach_in_one_drive(environment, package, data, chromium)
-            if len(list((data / "episodes").iterdir())) == 1:
-                break
-    assert set(lessons) == set(MOVES) and min(lessons.values()) >= 12
+    for attempt in range(5):  # a computer that is paused meanwhile ends the drive
+        data = tmp_path / f"data{attempt}"
+        lessons = teach_in_one_drive(environment, package, data)
+        if len(list((data / "episodes").iterdir())) == 1:
+            break
+    assert set(lessons) == set(MOVES) and min(lessons.values()) >= ENOUGH
     kept = f"--data {data}"
     exported = tmp_path / "tub"
     environment.run(f"drivelesson episodes export last --as tub --out {exported} {kept}", tmp_path)
