@@ -19,7 +19,6 @@ from .world import (
     World,
     new_context,
     open_page,
-    running_world,
     settle,
     show,
 )
@@ -191,35 +190,3 @@ def test_reduced_motion_moves_nothing(chromium: Any, rover: World) -> None:
     )
     assert moving == 0
     context.close()
-
-
-_NOTE_HINTS = """() => {
-  const { store } = document.querySelector('app-bar').page;
-  window.hints = [store.state.hint];
-  store.watch(['hint'], ({ hint }) => hint === hints.at(-1) || hints.push(hint));
-}"""
-
-
-def test_the_first_visit_shows_three_hints_once(chromium: Any, tmp_path: Path) -> None:
-    """Each hint comes at its moment. The later ones close by themselves, so they are noted."""
-    with running_world(tmp_path, learner="published-32", frame_rate_hz=30.0) as world:
-        context = new_context(chromium, PHONE)
-        page = open_page(context, world.address, hints=True)
-        page.locator(".notice p", has_text="hold a direction").wait_for()
-        assert page.locator(".advice").inner_text() == ""
-        page.evaluate(_NOTE_HINTS)
-        fingers = Fingers(page)
-        choose(page, world, Mode.TRAIN)
-        hold_until(world, fingers, "left", lambda: page.evaluate("hints.includes('bars')"))
-        fingers.lift()
-        choose(page, world, Mode.AUTONOMOUS)
-        page.wait_for_function("() => hints.includes('correct')")
-        choose(page, world, Mode.STOPPED)
-        page.wait_for_function("() => hints.at(-1) === null")
-        assert [hint for hint in page.evaluate("hints") if hint] == ["teach", "bars", "correct"]
-        page.reload()
-        page.wait_for_selector("video-view[data-frames]")
-        page.wait_for_function("() => document.querySelector('app-bar').page.store.state.robot")
-        page.evaluate(_NOTE_HINTS)
-        assert page.evaluate("hints") == [None]
-        context.close()

@@ -1,6 +1,7 @@
 import assert from 'node:assert/strict';
 import { beforeEach, mock, test } from 'node:test';
 
+import { HINTS } from '../../web/js/hints.js';
 import en from '../../web/js/messages/en.js';
 import { initialState, Store } from '../../web/js/store.js';
 
@@ -236,4 +237,26 @@ test('a body or camera that was lost is named when it is back, and another fault
   assert.deepEqual(toasts.splice(0), ["Connected to 'Anna' (00:16:53), as before.", 'Connected to C270 (/dev/video0), as before.']);
   page.greet({ ...hello, device: "'Ben' (00:16:54)" });
   assert.deepEqual(toasts, ["Now connected to 'Ben' (00:16:54). Before, it was 'Anna' (00:16:53)."]);
+});
+
+test('the first visit shows three hints, each once; a hint beside which the robot moves makes room by itself', async () => {
+  Object.assign(page.preferences, { hintsShown: [], set(name, value) { this[name] = value; } });
+  const seen = [];
+  const meet = (state) => {
+    for (let i = 0; i < 2; i += 1) {
+      follow(state);
+      const { hint } = page.store.state;
+      if (hint && hint !== seen.at(-1)) seen.push(hint);
+    }
+  };
+  meet({ lessons: 0, taught: {} });
+  meet({ mode: 'train', lessons: 90 });
+  await pass(20_100);
+  assert.equal(page.store.state.hint, null);
+  for (let visit = 0; visit < 2; visit += 1) {
+    meet({ mode: 'train', lessons: 90 });
+    meet({ mode: 'autonomous', lessons: 90 });
+    meet({ lessons: 90 });
+  }
+  assert.deepEqual([seen, page.preferences.hintsShown, page.store.state.hint], [HINTS, HINTS, null]);
 });
