@@ -28,9 +28,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 2
     if getattr(robot, "PROJECT", None) != "drivelesson":
         print(
-            f"drivelesson: the package 'robot' in {robot.__path__[0]} is another project's, as a "
-            "rule Robot Framework's; install drivelesson in an environment of its own, for example "
-            "with 'uv tool install' or 'pipx install'",
+            f"drivelesson: the package 'robot' in {robot.__path__[0]} is another project's, "
+            "usually Robot Framework's; install drivelesson in an environment of its own, for "
+            "example with 'uv tool install' or 'pipx install'",
             file=sys.stderr,
         )
         return 2

@@ -414,4 +414,4 @@ def _check(label: Label, angle: float) -> None:
     if not isinstance(label, str) or not label:
         raise ValueError(f"a label must be a string, not {label!r}")
     if not -1.0 <= angle <= 1.0:
-        raise ValueError(f"an angle is from -1 to 1, not {angle}")
+        raise ValueError(f"an angle must lie in [-1, 1], not {angle}")

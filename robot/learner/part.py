@@ -69,7 +69,7 @@ class Value:
         demand(self.name in params, f"{self.name} is missing")
         plain = params.pop(self.name)
         value = self._read(plain, names)
-        demand(not self.is_fixed or value == _get(part, self), f"{self.name} is {plain}")
+        demand(not self.is_fixed or value == _get(part, self), f"{self.name} does not fit: {plain}")
         if not self.is_fixed:
             _set(part, self, value)
 
@@ -81,7 +81,7 @@ class Value:
         try:
             return self.read(plain, names)
         except ValueError as error:
-            raise ValueError(f"{self.name} is {str(plain)[:40]}") from error
+            raise ValueError(f"{self.name} is not valid: {str(plain)[:40]}") from error
 
 
 Side = int | str | range
@@ -127,7 +127,7 @@ class Array:
         if array is not None:
             self._fit(array, sides, sizes)
             named = f"{array.dtype.str}, not {np.dtype(dtypes[0]).str}"
-            demand(array.dtype in dtypes, f"the array {self.name} is of {named}")
+            demand(array.dtype in dtypes, f"the array {self.name} has type {named}")
             array = array.copy()
         _set(part, self, array)
 
@@ -140,7 +140,7 @@ class Array:
                 sizes[str(side)] = length
             else:
                 fits = fits and length == wanted
-        demand(fits, f"the array {self.name} has the shape {array.shape}")
+        demand(fits, f"the array {self.name} has the wrong shape {array.shape}")
 
     def _length(self, side: Side, part: Stateful, sizes: Mapping[str, int]) -> int | None:
         if not isinstance(side, str):
@@ -237,7 +237,7 @@ class Stateful:
         values, others = dict(params), dict(arrays)
         self._take(values, others, names or {}, {} if sizes is None else sizes)
         for other in (*values, *others):
-            raise ValueError(f"{str(other)[:60]!r} does not belong there")
+            raise ValueError(f"unknown field {str(other)[:60]!r}")
 
     def _take(self, params: Params, arrays: Arrays, names: Names, sizes: dict[str, int]) -> None:
         """Load this part's values and arrays, and remove them from the arguments; see `load`."""

@@ -80,7 +80,7 @@ def trial_plan(trial: int, teach_s: int, learner: str = "default-32") -> str:
     if repr(trial) not in map(repr, TRIALS):  # True equals 1, but is no trial's number
         raise ConfigurationError(f"there is no trial {trial!r}; choose 1, 2 or 3")
     if repr(teach_s) not in map(repr, TIMES_S):
-        raise ConfigurationError(f"teaching takes 90 or 180 s, not {teach_s!r}")
+        raise ConfigurationError(f"the teaching time must be 90 or 180 s, not {teach_s!r}")
     chosen = {"participants": MOST_PARTICIPANTS, "questionnaires": ["closing"], "result": "shown"}
     return _write(trial, {teach_s: TIMES_S[teach_s]}, **chosen, learner=learner)
 

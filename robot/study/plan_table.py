@@ -104,4 +104,6 @@ def _check(name: str, value: Any) -> None:
         raise ValueError("'moves' must have at least one move, and never 'stop'")
     if name == "learner" and not is_learner_kind(kind := split_name(value)[0]):
         hint = did_you_mean(kind, learner_kinds())
-        raise ValueError(f"'learner' is {value!r}{hint}; default-32 is the usual one")
+        raise ValueError(
+            f"'learner' is {value!r}, which is unknown{hint}; default-32 is the usual one"
+        )

@@ -45,7 +45,7 @@ class Question(PlanTable):
         if self.kind == "choice" and not 2 <= len(self.options) <= 20:
             raise ValueError("'options' must be a list of 2 to 20 texts")
         if self.kind == "scale" and not self.least < self.least + self.step <= self.most:
-            raise ValueError("'most' must be greater than 'least', by 'step' or more")
+            raise ValueError("'most' must be at least 'least' plus 'step'")
 
     def check(self, answer: Any) -> str:
         """Return an answer as it is stored; ConfigurationError if it is not valid."""

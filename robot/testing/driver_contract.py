@@ -187,7 +187,7 @@ class DriverContract:
             assert turned == sorted(turned), f"with more steering it must not turn less: {turned}"
             if driver.move_of(Point(0.0, -0.5)) is not Action.STOP:  # the body has a move back
                 back = _driven(driver_case, partial(driver.send_point, Point(0.0, -0.5)))
-                assert back.throttle < 0.0, f"asked for throttle -0.5: it drives {tuple(back)}"
+                assert back.throttle < 0.0, f"asked for throttle -0.5: {tuple(back)} is not back"
             for move in driver.declared_moves:
                 if move.point is not None:
                     as_move = _driven(driver_case, partial(driver.send_action, move.name))
@@ -226,7 +226,7 @@ class DriverContract:
                     "to this side"
                 )
             driver.correct(make())
-            _check_same(_steered_to(driver_case, points[0]), plain[0], "corrected no more")
+            _check_same(_steered_to(driver_case, points[0]), plain[0], "without a correction, it")
 
     def test_a_point_that_changes_quickly_is_driven_within_the_ramp(
         self, driver_case: DriverCase
@@ -265,10 +265,12 @@ class DriverContract:
             sensors = driver.sense()
             driver.show(Mode.TRAIN)
             driver.take_button()
-        assert isinstance(sensors, Sensors), f"sense() returns {sensors!r}, which is no Sensors"
+        assert isinstance(sensors, Sensors), f"sense() returns {sensors!r}, which is not a Sensors"
         for name, most in (("distance_m", 10.0), ("battery_share", 1.0)):
             read = getattr(sensors, name)
-            assert read is None or 0.0 <= read <= most, f"{name} is {read}, not in [0, {most}]"
+            assert read is None or 0.0 <= read <= most, (
+                f"{name} must lie in [0, {most}], not {read}"
+            )
 
     def test_leaving_the_context_stops_the_body(self, driver_case: DriverCase) -> None:
         with driver_case.driver as driver:

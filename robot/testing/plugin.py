@@ -56,7 +56,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help="an option of the driver or camera, where no conftest.py builds it",
+        help="an option of the driver or camera, if no conftest.py builds it",
     )
 
 
