@@ -70,13 +70,13 @@ def test_what_was_taught_is_shown_changed_and_taken_back(phone: Any, world: Worl
     what_the_pilot_says_of_the_teaching_counts_until_it_is_taken_back(phone, world)
     a_relabelled_image_changes_what_the_robot_would_do_there(phone, world)
     images = images_are_the_newest(phone, world)
+    assert missing == [], "the page asked for something that is not there"
     a_model_is_renamed_copied_and_another_one_begun(phone, world)
     show(phone, "drive")
     teach(phone, world, "left", frames_each=8)
     assert images_are_the_newest(phone, world)["0"] != images["0"], "it was seen from elsewhere"
     what_is_undone_is_what_was_shown(phone, world)
     what_it_knew_comes_back_and_so_does_what_was_deleted(phone, world)
-    assert missing == [], "the page asked for something that is not there"
 
 
 def the_speed_that_was_set_is_the_speed_that_is_driven(phone: Any, world: World) -> None:
