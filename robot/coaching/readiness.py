@@ -22,9 +22,11 @@ from robot.types import Action, DrivenBy, Frame, StopReason
 
 TAUGHT_S = 40.0
 """Teaching time after which the first trial may begin in any case, in seconds."""
-EARLY_S, EARLY_CHANGES, EARLY_FORESEEN, EARLY_KNOWN = 15.0, 6, 5, 0.9
-"""Conditions of an early first trial. It may begin after 15 s of teaching if the robot foresaw five
-of the pilot's last six changes of move, and knew 90 % of the views of the last ten seconds."""
+EARLY_S, EARLY_STARTS, EARLY_KNOWN = 20.0, 4, 0.9
+"""Conditions of an early first trial. It may begin after 20 s of teaching if the pilot has begun
+each move in use four times, and the robot knew 90 % of the views of the last ten seconds. Robots
+foresee few of their pilot's changes of move at that time, and still drive a minute by themselves.
+"""
 STARTS = 3
 """Each move in use must be begun this number of times before the first trial, to exclude chance."""
 RARE_SHARE = 0.02
@@ -269,14 +271,12 @@ class Readiness:
 
     @property
     def _is_covered(self) -> bool:
-        """True if the robot foresees the pilot's changes of move, and knows most views."""
-        lately, known = (
-            [*self._foreseen][-EARLY_CHANGES:],
-            [is_known for _, is_known in self._known],
-        )
+        """True if the pilot has begun each move often enough, and the robot knows most views."""
+        known = [is_known for _, is_known in self._known]
+        starts = [self._starts[move] for move in self.moves_in_use]
         return (
-            len(lately) == EARLY_CHANGES
-            and sum(lately) >= EARLY_FORESEEN
+            len(starts) > 1
+            and min(starts) >= EARLY_STARTS
             and sum(known) >= EARLY_KNOWN * len(known) > 0
         )
 

@@ -6,6 +6,7 @@ import pytest
 
 from robot.coaching.readiness import (
     CLEAN_S,
+    EARLY_STARTS,
     HARDLY_KNOWN,
     STARTS,
     TAUGHT_S,
@@ -108,22 +109,31 @@ def test_a_robot_that_knows_nothing_is_to_be_taught() -> None:
     assert (drive.readiness.missing()[0].have, drive.readiness.missing()[0].need) == (0, TAUGHT_S)
 
 
-def early(seconds: float, *, foresees: bool = True, novelty: float = 0.0) -> Drive:
-    """Teach four turns within this number of seconds."""
+def early(seconds: float, *, n_turns: int = EARLY_STARTS, novelty: float = 0.0) -> Drive:
+    """Teach this number of turns within this number of seconds."""
     drive = Drive(10.0)
-    for _ in range(4):
-        drive.teach(F, seconds / 8, None if foresees else R, novelty=novelty)
-        drive.teach(L, seconds / 8, None if foresees else R, novelty=novelty)
+    for _ in range(n_turns):
+        drive.teach(F, seconds / n_turns / 2, novelty=novelty)
+        drive.teach(L, seconds / n_turns / 2, novelty=novelty)
     return drive
 
 
-def test_it_may_be_tried_early_once_it_foresees_and_knows_what_it_is_shown() -> None:
-    assert early(18.0).readiness.stage is Stage.TRY
-    for drive in (early(12.0), early(18.0, foresees=False), early(18.0, novelty=0.9)):
+def test_it_may_be_tried_early_once_it_was_shown_each_move_often_and_knows_the_views() -> None:
+    assert early(24.0).readiness.stage is Stage.TRY
+    for drive in (early(18.0), early(24.0, n_turns=EARLY_STARTS - 1), early(24.0, novelty=0.9)):
         assert drive.readiness.stage is Stage.TEACH
         assert GapKind.TOO_SHORT in drive.kinds
-    for late in (early(42.0, foresees=False), early(42.0, novelty=0.9)):
+    for late in (early(42.0, n_turns=EARLY_STARTS - 1), early(42.0, novelty=0.9)):
         assert late.readiness.stage is Stage.TRY, "never later than after forty seconds"
+
+
+def test_a_single_move_is_not_tried_early() -> None:
+    drive = Drive(10.0)
+    for _ in range(EARLY_STARTS):
+        drive.teach(F, 6.0)
+        for _ in range(10):
+            drive.tick(DrivenBy.NOBODY, STOP, F)
+    assert drive.readiness.stage is Stage.TEACH
 
 
 @pytest.mark.parametrize("rate_hz", [10, 15, 30])
