@@ -78,7 +78,16 @@ def run_on_cluster(
 
 def run_packed(packed: bytes) -> Outcome:
     """Run a task with its files, on a worker."""
-    return run_task(*pickle.loads(packed))
+    outcome = run_task(*pickle.loads(packed))
+    _drop_profiles()
+    return outcome
+
+
+def _drop_profiles() -> None:
+    """Drop the samples of stacks that Dask keeps of a worker's last thousand seconds: after some
+    hundred trials they fill a hundred MB. Versions of Dask without such samples are left alone."""
+    with contextlib.suppress(AttributeError, ValueError):
+        need("distributed", "the backend dask", "dask").get_worker().profile_history.clear()
 
 
 @dataclass(slots=True)
