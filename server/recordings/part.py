@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from typing import Any, BinaryIO
 
@@ -17,7 +18,7 @@ from robot.recordings.recorder import Recorder
 from robot.recordings.rejoining import rejoin
 from robot.recordings.store import EpisodeStore
 from server.persistence import Persistence, PersistencePart
-from server.recordings.separate_process import run_separately
+from server.recordings.separate_process import SeparateWork
 
 _SHORT = 5000
 """Number of pictures up to which a copy takes no longer than the start of a process."""
@@ -73,5 +74,6 @@ def _write_edited(episode: Episode, notes: Notes, file: BinaryIO, *, is_part: bo
     if len(episode.frames) <= _SHORT:
         write_edited(episode, notes, file, is_part=is_part)
         return
-    for block in run_separately(copy_edited, episode.path, notes, is_part):
-        file.write(block)
+    with contextlib.closing(SeparateWork(copy_edited, episode.path, notes, is_part)) as blocks:
+        for block in blocks:
+            file.write(block)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -21,7 +22,7 @@ from robot.recordings.store import EpisodeStore
 from robot.recordings.teaching import Report, count_steps, learn_again, plan
 from robot.store.models.model import Model, take_model
 from robot.types import DEFAULT_MOVES
-from server.recordings.separate_process import run_separately
+from server.recordings.separate_process import SeparateWork
 
 EditedPath = tuple[Path, Notes]
 """A recording's first file, and the recording's edits."""
@@ -99,10 +100,9 @@ class _Run:
     def work(self) -> None:
         """Compare, then train on everything; on a separate thread, which mostly waits."""
         try:
-            with reading([path for path, _ in self._episodes]):
-                for told in run_separately(
-                    retrain, self._episodes, self._learner, self._clock.wall_s()
-                ):
+            work = SeparateWork(retrain, self._episodes, self._learner, self._clock.wall_s())
+            with reading([path for path, _ in self._episodes]), contextlib.closing(work):
+                for told in work:
                     if self.is_dropped:
                         return
                     if isinstance(told, Retrained):

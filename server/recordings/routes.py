@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import json
 from collections.abc import AsyncIterator, Iterator, Sequence
 from dataclasses import dataclass
@@ -29,7 +31,7 @@ from robot.store.folder import TRASH_DAYS
 from robot.types import Encoding
 from server.recordings.extension import episodes_of
 from server.recordings.part import Recordings
-from server.recordings.separate_process import run_separately
+from server.recordings.separate_process import SeparateWork
 from server.routes.answers import Route, answer, media
 from server.routes.bodies import Key
 from server.services import persistence_of
@@ -241,6 +243,15 @@ async def _sent(paths: Sequence[Path], blocks: Iterator[bytes]) -> AsyncIterator
             yield block
 
 
+async def _sent_separately(path: Path) -> AsyncIterator[bytes]:
+    """Yield a recording as one file, which a separate process joins."""
+    with reading([path]), contextlib.closing(SeparateWork(join_recording, path)) as blocks:
+        # Unlike a thread of the pool, this one does not delay the server's end.
+        loop = asyncio.get_running_loop()
+        while block := await loop.run_in_executor(None, next, blocks, b""):
+            yield block
+
+
 @router.delete("/trash")
 def empty_trash(request: Request) -> dict[str, int]:
     """Permanently delete the episodes in the trash."""
@@ -308,7 +319,7 @@ def download_episode(episode_id: str, store: EpisodeStore = STORE) -> Response:
     if len(part_paths(path)) == 1:
         return FileResponse(path, media_type=kind, filename=path.name)
     headers = {"content-disposition": f"attachment; filename*=utf-8''{quote(path.name)}"}
-    joined = _sent([path], run_separately(join_recording, path))
+    joined = _sent_separately(path)
     return StreamingResponse(joined, media_type=kind, headers=headers)
 
 

@@ -14,7 +14,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
@@ -29,46 +29,56 @@ _BEGIN = "import sys; sys.path[:] = {path!r}; from {module} import main; main()"
 """With `-m`, a folder named `robot` in the working directory would hide the package."""
 
 
-def run_separately(
-    work: Callable[Concatenate[Callable[[_T], None], _P], None],
-    *args: _P.args,
-    **kwargs: _P.kwargs,
-) -> Generator[_T, None, None]:
-    """Run `work(tell, *args, **kwargs)` in a separate process; yield each value that it passes to
-    `tell`, and raise its exceptions.
+class SeparateWork(Iterator[_T]):
+    """Runs `work(tell, *args, **kwargs)` in a separate process; yields each value that it passes to
+    `tell`, and raises what it raises.
 
-    `work` is a function at the top of a module. Closing the iterator kills the process; the process
-    also ends with this one. Raises RecordingError if the process is killed.
+    `work` is a function at the top of a module. The process also ends with this one. If it is
+    killed, RecordingError is raised.
     """
-    process = subprocess.Popen(
-        [sys.executable, "-c", _BEGIN.format(path=sys.path, module=__name__)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        creationflags=getattr(subprocess, "IDLE_PRIORITY_CLASS", 0),
-    )
-    assert process.stdin is not None and process.stdout is not None
-    try:
+
+    def __init__(
+        self,
+        work: Callable[Concatenate[Callable[[_T], None], _P], None],
+        *args: _P.args,
+        **kwargs: _P.kwargs,
+    ) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", _BEGIN.format(path=sys.path, module=__name__)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            creationflags=getattr(subprocess, "IDLE_PRIORITY_CLASS", 0),
+        )
+        assert self._process.stdin is not None and self._process.stdout is not None
+        self._orders, self._results = self._process.stdin, self._process.stdout
         with contextlib.suppress(BrokenPipeError):  # then reading fails, too
-            process.stdin.write(pickle.dumps((work, args, kwargs)))
-            process.stdin.flush()
-        while True:
-            try:
-                kind, value = pickle.load(process.stdout)
-            except (EOFError, pickle.UnpicklingError):
-                raise RecordingError(
-                    "the process that read the recording was ended; is there enough memory?"
-                ) from None
-            if kind == _ENDED:
-                return
-            if kind == _RAISED:
-                raise value
-            yield value
-    finally:
-        process.kill()
-        process.wait()
+            self._orders.write(pickle.dumps((work, args, kwargs)))
+            self._orders.flush()
+
+    def __next__(self) -> _T:
+        try:
+            kind, value = pickle.load(self._results)
+        except (EOFError, ValueError, pickle.UnpicklingError):
+            self.close()
+            raise RecordingError(
+                "the process that read the recording was ended; is there enough memory?"
+            ) from None
+        if kind == _TOLD:
+            told: _T = value
+            return told
+        self.close()
+        if kind == _RAISED:
+            raise value
+        raise StopIteration
+
+    def close(self) -> None:
+        """Kill the process. Any thread may call this; a `next` that waits on another thread then
+        raises."""
+        self._process.kill()
+        self._process.wait()
         with contextlib.suppress(BrokenPipeError):
-            process.stdin.close()
-        process.stdout.close()
+            self._orders.close()
+        self._results.close()
 
 
 def main() -> None:

@@ -14,12 +14,12 @@ import argparse
 import contextlib
 import http.client
 import json
+import multiprocessing
 import os
 import re
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 import urllib.request
 from collections.abc import Callable, Iterator
@@ -195,15 +195,31 @@ def _until(is_over: Callable[[], bool]) -> Iterator[int]:
 
 
 class Reader:
-    """A client that uses the long recording again and again."""
+    """A client that uses the long recording again and again, in a process of its own: in the
+    pilot's process it would delay the pilot."""
 
     def __init__(self, served: Served) -> None:
         self._served, self._base = served, f"http://127.0.0.1:{served.port}/api"
         self.times_s: dict[str, list[float]] = {}
         self.grown_mb = 0.0
-        self.ending = threading.Event()
+        context = multiprocessing.get_context("fork")
+        self.ending, self._told = context.Event(), context.SimpleQueue()
+        self._process = context.Process(target=self._work, daemon=True)
+        self._process.start()
 
-    def work(self) -> None:
+    def end(self) -> None:
+        """Let it end, and take its results."""
+        self.ending.set()
+        self.times_s, self.grown_mb = self._told.get()
+        self._process.join()
+
+    def _work(self) -> None:
+        try:
+            self._use()
+        finally:
+            self._told.put((self.times_s, self.grown_mb))
+
+    def _use(self) -> None:
         one = f"/episodes/{NAME}"
         edit = {"verb": "relabel", "first": 1000, "last": 2000, "label": "left"}
         before_mb = self._served.measure()["memory MB"]
@@ -249,10 +265,10 @@ def teach_meanwhile(folder: Path, seconds: float) -> None:
         pilot.wait_for_state(60, you_are_pilot=True)
         quiet = Lessons(pilot).teach(_after(seconds))
         reader = Reader(served)
-        reading = threading.Thread(target=reader.work, daemon=True)
-        reading.start()
         busy = Lessons(pilot).teach(_after(seconds))
         peak_mb = served.peak_mb()
+        ended_s = served.stop()  # while the recording is being read
+        reader.end()
         for name, times_s in reader.times_s.items():
             print(f"{name:24} {max(times_s):6.2f} s at most, {len(times_s)} times")
         print(f"the page's memory        {reader.grown_mb:+6.1f} MB; peak of all {peak_mb:.0f} MB")
@@ -263,9 +279,6 @@ def teach_meanwhile(folder: Path, seconds: float) -> None:
             )
         ratios = busy.each_second / quiet.each_second, busy.p95_s / quiet.p95_s
         print(f"{'ratio':24} {ratios[0]:6.2f} lessons/s, p95 {ratios[1]:.2f}", flush=True)
-        ended_s = served.stop()  # while the recording is being read
-        reader.ending.set()
-        reading.join(60)
     print(f"SIGTERM while reading    {ended_s:6.2f} s")
     reasons = re.findall(r"stop reason=(\w+)", (folder / "log").read_text(errors="replace"))
     print(f"stops in the log: {', '.join(reasons) or 'none'}")

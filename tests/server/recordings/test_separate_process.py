@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 import os
+import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -13,8 +16,8 @@ from robot.errors import NotFoundError, RecordingError
 from robot.recordings.archive import join_recording
 from robot.recordings.editing import write_edited
 from robot.recordings.edits import Notes, trim
-from server.recordings import part
-from server.recordings.separate_process import run_separately
+from server.recordings import part, routes
+from server.recordings.separate_process import SeparateWork
 from tests.robot.recordings.drives import record_drive
 
 
@@ -44,22 +47,25 @@ def _work(tell: Callable[[object], None], ending: str) -> None:
     ],
 )
 def test_results_come_before_an_error(ending: str, error: type[Exception], text: str) -> None:
-    told = run_separately(_work, ending)
+    told = SeparateWork(_work, ending)
     assert next(told) == b"x" * 3_000_000
     assert next(told) == 19
     with pytest.raises(error, match=text):
         next(told)
 
 
-def _work_on(tell: Callable[[int], None]) -> None:
-    while True:
-        tell(os.getpid())
+def _hang(tell: Callable[[int], None]) -> None:
+    tell(os.getpid())
+    threading.Event().wait()
 
 
 def test_a_separate_process_ends_with_its_reader() -> None:
-    told = run_separately(_work_on)
+    told = SeparateWork(_hang)
     pid = next(told)
-    told.close()
+    with pytest.raises(RecordingError), ThreadPoolExecutor(1) as pool:
+        waiting = pool.submit(list, told)
+        told.close()
+        waiting.result()
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
 
@@ -75,7 +81,12 @@ def test_a_long_recording_is_copied_there_byte_for_byte(
     monkeypatch.setattr(part, "_SHORT", 20)
     part._write_edited(episode, notes, there)
     assert there.getvalue() == here.getvalue() != b""
-    joined = b"".join(run_separately(join_recording, episode.path))
-    expected = bytearray()
+    joined, expected = bytearray(), bytearray()
+
+    async def download() -> None:
+        async for block in routes._sent_separately(episode.path):
+            joined.extend(block)
+
+    asyncio.run(download())
     join_recording(expected.extend, episode.path)
     assert joined == expected != b""
