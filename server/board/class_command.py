@@ -29,8 +29,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     text = "number of simulated robots; HOST:PORT of real ones, or a file of such lines; or both, "
     text += f"separated by commas{shown}"
     add("--robots", default="10", metavar="LIST", help=text)
-    add("--world", help="where the simulated ones drive (default: the lesson's place, or box)")
-    text = "the lesson to begin with; fair-data: robots that know left turns only"
+    add("--world", help="place of the simulated robots (default: the lesson's place, or box)")
+    text = "the lesson to begin with; with fair-data, the robots begin with left turns only"
     add("--lesson", choices=tuple(LESSONS), help=text)
     text = "address for the pupils; 127.0.0.1: only for this computer (default: all its addresses)"
     add("--host", default="0.0.0.0", help=text)

@@ -70,7 +70,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add(
         "--autostart",
         action="store_true",
-        help="have the brick start the agent whenever it starts (asks for the brick's password)",
+        help="start the agent whenever the brick starts (asks for the brick's password)",
     )
     add("--fake", action="store_true", help="let the doctor examine a simulated brick")
     add("--yes", action="store_true", help="let the doctor turn the wheels without asking")

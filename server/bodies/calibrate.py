@@ -29,7 +29,7 @@ _TABLE = re.compile(r"^\s*\[", re.MULTILINE)
 
 def configure(parser: argparse.ArgumentParser) -> None:
     add, shown = parser.add_argument, " (default: %(default)s)"
-    add("--robot", default="ev3", choices=ROBOTS, help="which (default: ev3)")
+    add("--robot", default="ev3", choices=ROBOTS, help="the robot (default: ev3)")
     add(
         "--config",
         type=Path,

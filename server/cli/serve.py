@@ -54,11 +54,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--learner", help="the learner (default: default), also as KIND-NUMBER")
     number_of_nodes = whole(1, MOST_NODES, or_word="auto")
     text = (
-        "number of images that it remembers (default: 32); auto: as many as --rate allows on this "
-        "computer"
+        "number of images that the learner remembers (default: 32); auto: as many as --rate allows "
+        "on this computer"
     )
     add("--max-nodes", type=number_of_nodes, metavar="N", help=text)
-    text = f"frames a second that must be possible with --max-nodes auto{shown}"
+    text = f"frames a second that --max-nodes auto must allow{shown}"
     add("--rate", type=number(above=0), default=14.0, metavar="HZ", help=text)
     add("--host", help="address to serve on (default: 127.0.0.1)")
     add("--port", type=whole(0, 65535), default=8000, help=f"port{shown}")
@@ -71,7 +71,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add("--model", metavar="NAME", help="continue this model; a new name begins a new one")
     add("--name", help="the robot's name (default: a name that it chose at its first start)")
-    text = f"quality of pictures that the camera does not give as JPEG{shown}"
+    text = f"JPEG quality of pictures that the camera gives in another format{shown}"
     add("--jpeg-quality", type=whole(1, 100), default=75, help=text)
     add("--no-page", action="store_true", help="do not open the page in this machine's browser")
     add("--config", type=Path, help="TOML file of settings")

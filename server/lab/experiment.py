@@ -41,19 +41,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME",
-        help="default-32, published-64, path.py:Name ... in place of the experiment's own; "
-        "may be given several times",
+        help="learner that replaces the experiment's own, such as default-32, published-64 or "
+        "path.py:Name; may be given several times",
     )
-    add("--teacher", metavar="NAME", help="usual, early, late, path.py:Name ...")
+    add("--teacher", metavar="NAME", help="teacher, such as usual, early, late or path.py:Name")
     add(
         "--world",
         dest="worlds",
         action="append",
         default=[],
         metavar="NAME",
-        help="Sidewalk, CarRacing, ViZDoom ... for ground; may be given several times",
+        help="world of the experiment ground, such as Sidewalk, CarRacing or ViZDoom; may be given "
+        "several times",
     )
-    add("--recordings", metavar="FOLDER", help="real footage for figure3")
+    add("--recordings", metavar="FOLDER", help="folder of real footage for figure3")
     add("--robot", default="sim", help=f"robot whose speed figure5 measures{shown}")
     add(
         "--folder",
@@ -62,7 +63,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="where finished runs are kept (default: ./%(default)s)",
     )
     add("--jobs", type=whole(1), metavar="N", help="runs at a time (default: one per processor)")
-    add("--backend", choices=("processes", "dask"), default="processes", help="what does the runs")
+    add("--backend", choices=("processes", "dask"), default="processes", help="where runs happen")
     add("--scheduler", metavar="ADDRESS", help="address of an existing Dask cluster's scheduler")
 
 

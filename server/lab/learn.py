@@ -23,17 +23,18 @@ from server.recordings.selection import add_data, find_episodes
 
 def configure(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    text = "names, beginnings of names, files, or last"
+    text = "the episodes: names, beginnings of names, files, or last"
     add("episodes", nargs="+", metavar="EPISODE", help=text)
     add("--learner", help="kind of learner, also as KIND-NUMBER (default: as driven)")
-    text = "number of images that it remembers (default: as driven)"
+    text = "number of images that the learner remembers (default: as driven)"
     add("--max-nodes", type=whole(1, MOST_NODES), metavar="N", help=text)
     text = (
         "begin with the model that the robot had when the first episode began, not with an empty "
         "one"
     )
     add("--continue", dest="goes_on", action="store_true", help=text)
-    add("--out", metavar="MODEL", help="a name among the models, or a file (.npz)")
+    text = "save the result: the name of a model, or a file (.npz)"
+    add("--out", metavar="MODEL", help=text)
     text = "fail unless the nodes are the same as those learned while driving"
     add("--check", action="store_true", help=text)
     add_data(parser)

@@ -50,7 +50,7 @@ _RANGED = {
     "delete": "delete a range; without --from and --to, the whole recording, or several",
     "relabel": "give a range another label; `undo` takes it back",
 }
-_SEARCH_HELP = "only those with these words in name, title, date, labels, robot or learner"
+_SEARCH_HELP = "only episodes with these words in name, title, date, labels, robot or learner"
 VERBS = "drivelesson.episode-commands"
 """Entry points of further verbs: each an `EpisodeVerb`."""
 
@@ -108,7 +108,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         changes=False,
     )
     budget.add_argument("--gigabytes", type=number(least=0), help="set the space for episodes")
-    text = f"empty the trash; it forgets a deleted episode after {TRASH_DAYS} days by itself"
+    text = f"empty the trash, which otherwise keeps deleted episodes for {TRASH_DAYS} days"
     add("empty-trash", empty_trash, text, of_one=False)
 
 

@@ -15,7 +15,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     new = commands.add_parser("new", help="write the paper's protocol as a plan to change")
     new.add_argument("plan", type=Path, metavar="PLAN.toml", help="file to write; must not exist")
     new.add_argument(
-        "--trial", type=int, choices=tuple(TRIALS), default=1, help="which (default: %(default)s)"
+        "--trial", type=int, choices=tuple(TRIALS), default=1, help="trial (default: %(default)s)"
     )
     new.set_defaults(action=_new)
     check = commands.add_parser("check", help="check a plan and print a summary")

@@ -26,8 +26,8 @@ class GymnasiumOptions(Options):
     env: str = option("CarRacing-v3", "name of a Gymnasium environment, or module:NAME")
     env_moves: str = option(
         "",
-        "its moves, such as 'left=-0.6,0,0; right=0.6,0,0' or 'left=0; right=1' (default: its own "
-        "names, or a move for each number)",
+        "the robot's moves, such as 'left=-0.6,0,0; right=0.6,0,0' or 'left=0; right=1' (default: "
+        "the environment's own names, or a move for each number)",
     )
     env_options: str = option(
         "", "options for making the environment, such as obs_width=160,obs_height=120"

@@ -45,7 +45,9 @@ _DIRECTIONS = {
 class LegoEducationOptions(Options):
     """The double motor to use, and its speed."""
 
-    hub: str = option("", "part of the double motor's name, or its address; needed for several")
+    hub: str = option(
+        "", "part of the double motor's name, or its address; needed if several are in range"
+    )
     straight_percent: int = option(50, "speed straight on, in percent", range=(1, 100))
     turn_percent: int = option(25, "speed of turns, in percent", range=(1, 100))
 
