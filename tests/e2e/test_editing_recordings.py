@@ -14,6 +14,7 @@ import pytest
 
 from robot.types import Action
 from server.recordings.part import Recordings
+from tests.kit.wait import wait_until
 
 from .recordings import FILMED, put_recording
 from .test_everyone import complaints
@@ -153,7 +154,8 @@ def test_recordings_are_taught_together_compared_and_dropped_or_kept(
         assert phone.locator(".sides strong").count() == 2, "the agreement before and after"
         press(phone, end)
         phone.locator("h3", has_text=taught).wait_for(state="detached")
-        assert world.lessons == (lessons if end == "Discard" else 2 * FILMED)
+        wanted = lessons if end == "Discard" else 2 * FILMED
+        wait_until(lambda n=wanted: world.lessons == n, f"{end}: {wanted} lessons")
     phone.locator("toast-bar, .toasts", has_text="is now in use").first.wait_for()
 
 
