@@ -17,7 +17,7 @@ from robot.study.builtin import TRIALS, trial_plan
 from robot.study.plan import Condition, parse_plan
 from robot.testing import FakeDriver
 from server.study.conductor import check_body
-from tests.server.test_teaching_routes import _teach, ask
+from tests.server.test_teaching_routes import ask
 from tests.server.virtual_server import VirtualServer
 
 
@@ -63,30 +63,6 @@ def test_a_world_that_is_only_a_file_is_known_by_its_file_and_by_its_name(tmp_pa
 
 def test_the_place_of_a_real_robot_is_unknown() -> None:
     check_body(FakeDriver(), condition(1))
-
-
-@pytest.mark.parametrize("knows", [0, 40])
-def test_a_trial_that_is_left_leaves_no_model(tmp_path: Path, knows: int) -> None:
-    with VirtualServer(data=tmp_path) as server:
-        if knows:
-            _teach(server, knows)
-            ask(server, "POST", "/api/models/save", json={})
-        before = ask(server, "GET", "/api/models").json()
-        moves = server.rig.loop.state.moves
-        begun = ask(server, "POST", "/api/session", json={"trial": 1, "teach_s": 90})
-        assert begun.status_code == 201, begun.text
-        assert begun.json()["session"]["participant"] == "T1"
-        driven = ask(server, "POST", "/api/session/drive", json={"confirmed": True})
-        assert driven.status_code == 200, driven.text
-        assert ask(server, "GET", "/api/teaching").json()["lessons"] == 0
-        ask(server, "DELETE", "/api/session")
-        after = ask(server, "GET", "/api/models").json()
-        names = {model["name"] for model in after["models"]}
-        assert {model["name"] for model in before["models"]} == names
-        assert ask(server, "GET", "/api/teaching").json()["lessons"] == knows
-        assert server.rig.loop.history.policy.moves == moves
-        again = ask(server, "POST", "/api/session", json={"trial": 1, "teach_s": 90}).json()
-        assert again["session"]["participant"] == "T2", "each trial has a code of its own"
 
 
 @pytest.mark.parametrize("body", [{"trial": 4, "teach_s": 90}, {"trial": 1}, {"trial": [1]}])

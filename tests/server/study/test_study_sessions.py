@@ -166,5 +166,8 @@ def test_a_trial_ends_with_the_results_of_pilot_and_robot(tmp_path: Path) -> Non
         ]
         ask(server, "DELETE", "/api/session")
         assert standing(server) == before
+        again = post(server, "/api/session", trial=1, teach_s=90)["session"]
+        assert again["participant"] == "T2", "each trial has a code of its own"
+        ask(server, "DELETE", "/api/session")
     assert result["moves"] == ["forward", "left"] and result["recordings"]
     assert len(result["pilot"]["forward"]) == 201 and result["never_by_pilot"] == ["left"]
