@@ -21,7 +21,7 @@ from robot.devices.rig import Rig
 from robot.policy.registry import make_policy
 from robot.store.folder import Storage
 from robot.testing import FakeCamera, FakeDriver, Link, VirtualClock
-from robot.types import Mode
+from robot.types import Action, Example, Mode
 from server.access.gateway import NetworkGateway
 from server.access.pairing import Pairing
 from server.app import create_app
@@ -94,6 +94,21 @@ class VirtualServer:
     def set_mode(self, mode: Mode) -> None:
         """Choose a mode as the loop's own thread would."""
         assert self.clock.result(self.rig.loop.set_mode(mode), 5.0)
+
+    def teach(self, lessons: int) -> None:
+        """Teach this number of examples of one move, each with another image."""
+        loop, latest = self.rig.loop, self.camera.latest
+        self.wait_until(lambda: latest() is not None)
+
+        def request() -> None:
+            frame = latest()
+            assert frame is not None
+            x = loop.history.policy.extract(frame)
+            for i in range(lessons):
+                example = Example(frame_id=i, label=Action.LEFT, is_intervention=False)
+                loop.history.teach(example, x + i, i * 0.05)
+
+        self.ask_loop(request)
 
     @property
     def driver(self) -> FakeDriver:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from robot.errors import NotFoundError
-from robot.types import Action, Example, Mode
+from robot.types import Mode
 from server.access.pairing import Paired, Pairing
 from server.board.class_models import ClassModels, ClassOrder
 from server.board.classroom import Classroom
@@ -62,20 +62,6 @@ class _Class:
 
         return server.run(join())
 
-    def teach(self, lessons: int) -> None:
-        loop, camera = self.server.rig.loop, self.server.camera
-        self.server.wait_until(lambda: camera.latest() is not None)
-
-        def teach() -> None:
-            frame = camera.latest()
-            assert frame is not None
-            x = loop.history.policy.extract(frame)
-            for i in range(lessons):
-                example = Example(frame_id=i, label=Action.LEFT, is_intervention=False)
-                loop.history.teach(example, x + i, i * 0.05)
-
-        self.server.ask_loop(teach)
-
     @property
     def lessons(self) -> int:
         return self.server.ask_loop(lambda: self.server.rig.loop.history.n_examples)
@@ -106,7 +92,7 @@ def test_an_orders_result_is_listed_for_each_robot_and_can_be_undone(
     group = _Class(tmp_path)
     with group.server:
         models, phone = group.meet(), group.phone()
-        group.teach(12)
+        group.server.teach(12)
         group.server.persistence.autosave.save()
         given = group.server.persistence.models.read_file("R1") if order is ClassOrder.LOAD else b""
         ours, gone, odd, away = group.give(models, order, given, "left turns")
@@ -133,9 +119,9 @@ def test_later_teaching_survives_an_undo_which_can_be_repeated_for_absent_robots
     group = _Class(tmp_path)
     with group.server:
         models = group.meet()
-        group.teach(12)
+        group.server.teach(12)
         group.give(models, ClassOrder.RESET)
-        group.teach(3)
+        group.server.teach(3)
         group.server.fault = "gone"  # type: ignore[attr-defined]
         assert [one["did"] for one in group.undo(models)] == ["away"]
         group.server.fault = "none"  # type: ignore[attr-defined]
@@ -149,7 +135,7 @@ def test_a_robot_that_drives_is_stopped_first_and_one_that_does_not_stop_is_left
     group = _Class(tmp_path)
     with group.server:
         models = group.meet()
-        group.teach(12)
+        group.server.teach(12)
         [link, *_] = group.links
         link.state, press = {"mode": "train"}, link.stop.press
         link.stop.press = lambda: None  # type: ignore[method-assign]

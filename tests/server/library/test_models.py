@@ -14,7 +14,7 @@ from robot.store.folder import Storage
 from robot.store.models.model import same_nodes
 from robot.store.models.replay import recover
 from robot.store.models.store import ModelStore
-from robot.types import Action, Example, Mode
+from robot.types import Action, Mode
 from server.config import Config
 from tests.robot.store.models.test_store import everything
 from tests.server.live_robot import WEB
@@ -25,19 +25,6 @@ class Bench:
     def __init__(self, server: VirtualServer, client: httpx.Client) -> None:
         self.server, self.client = server, client
         self.rig, self.persistence = server.rig, server.persistence
-
-    def teach(self, lessons: int) -> None:
-        loop, camera = self.rig.loop, self.rig.camera
-
-        def teach() -> None:
-            frame = camera.latest()
-            assert frame is not None
-            x = loop.history.policy.extract(frame)
-            for i in range(lessons):
-                example = Example(frame_id=i, label=Action.LEFT, is_intervention=False)
-                loop.history.teach(example, x + i, i * 0.05)
-
-        self.server.ask_loop(teach)
 
     def names(self) -> list[str]:
         return [model["name"] for model in self.client.get("/api/models").json()["models"]]
@@ -56,7 +43,7 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 
 def test_a_taught_model_is_saved_listed_and_previewed(bench: Bench) -> None:
     assert bench.client.get("/api/models").json() == {"current": None, "models": []}
-    bench.teach(12)
+    bench.server.teach(12)
     assert bench.client.post("/api/models/save").json() == {"name": "bench"}
     listed = bench.client.get("/api/models").json()
     assert listed["current"] == "bench"
@@ -68,10 +55,10 @@ def test_a_taught_model_is_saved_listed_and_previewed(bench: Bench) -> None:
 
 
 def test_a_new_model_begins_like_earlier_models_of_its_learner_only(bench: Bench) -> None:
-    bench.teach(3)  # published-8, which has no linear part
+    bench.server.teach(3)  # published-8, which has no linear part
     new = {"learner": "default-8", "name": "kitchen"}
     assert bench.client.post("/api/models", json=new).status_code == 201
-    bench.teach(12)
+    bench.server.teach(12)
     refused = bench.client.post("/api/models", json={"like": ["kitchen", "bench"]})
     assert refused.status_code == 409 and "default-8" in refused.json()["detail"]
     assert bench.client.get("/api/models").json()["current"] == "kitchen"
@@ -85,9 +72,9 @@ def test_a_new_model_begins_like_earlier_models_of_its_learner_only(bench: Bench
 def test_a_full_disk_refuses_another_model_and_keeps_what_was_taught(
     bench: Bench, ask: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    bench.teach(5)
+    bench.server.teach(5)
     assert bench.client.post("/api/models/save").status_code == 200
-    bench.teach(7)
+    bench.server.teach(7)
 
     def refuse(name: str, model: object) -> Path:
         raise OSError(28, "No space left on device")
@@ -107,12 +94,12 @@ def test_a_full_disk_refuses_another_model_and_keeps_what_was_taught(
 
 
 def test_load_goes_back_to_what_a_model_knows(bench: Bench) -> None:
-    bench.teach(12)
+    bench.server.teach(12)
     bench.client.post("/api/models/save")
     made = bench.client.post("/api/models", json={"name": "Flur", "place": "the hall"})
     assert (made.status_code, made.json()) == (201, {"name": "Flur", "kept": True})
     assert bench.server.ask_loop(lambda: bench.rig.loop.history.n_examples) == 0
-    bench.teach(3)
+    bench.server.teach(3)
     assert bench.client.post("/api/models/bench/load").json() == {"name": "bench", "kept": True}
     assert bench.server.ask_loop(lambda: bench.rig.loop.history.n_examples) == 12
     assert bench.client.post("/api/models/Flur/load").status_code == 200
@@ -120,7 +107,7 @@ def test_load_goes_back_to_what_a_model_knows(bench: Bench) -> None:
 
 
 def test_a_driving_robot_keeps_its_model(bench: Bench) -> None:
-    bench.teach(12)
+    bench.server.teach(12)
     bench.client.post("/api/models/save")
     bench.server.set_mode(Mode.TRAIN)
     answer = bench.client.post("/api/models/bench/load")
@@ -128,7 +115,7 @@ def test_a_driving_robot_keeps_its_model(bench: Bench) -> None:
 
 
 def test_rename_copy_delete_and_undo(bench: Bench) -> None:
-    bench.teach(5)
+    bench.server.teach(5)
     bench.client.post("/api/models/save")
     changed = bench.client.patch("/api/models/bench", json={"name": "Küche", "place": "home"})
     assert changed.json() == {"name": "Küche"}
@@ -137,7 +124,7 @@ def test_rename_copy_delete_and_undo(bench: Bench) -> None:
     assert bench.names() == ["Küche"]
     assert bench.client.post("/api/models/restore", json={"undo": undo}).status_code == 200
     assert sorted(bench.names()) == ["Küche", "Küche (2)"]
-    bench.teach(1)
+    bench.server.teach(1)
     assert bench.client.post("/api/models/save").json() == {"name": "Küche"}
     change = {"name": "Küche (2)", "place": "elsewhere"}
     assert bench.client.patch("/api/models/Küche", json=change).status_code == 409
@@ -149,7 +136,7 @@ def test_rename_copy_delete_and_undo(bench: Bench) -> None:
 def test_after_a_kill_a_model_has_the_name_that_it_was_given_last(
     bench: Bench, is_deleted: bool
 ) -> None:
-    bench.teach(5)
+    bench.server.teach(5)
     bench.client.post("/api/models/save")
     undone = bench.client.post("/api/teaching/undo", json={"seconds": 0.12})
     assert undone.status_code == 200, "which only the journal has"
@@ -164,7 +151,7 @@ def test_after_a_kill_a_model_has_the_name_that_it_was_given_last(
 
 
 def test_download_and_upload(bench: Bench) -> None:
-    bench.teach(5)
+    bench.server.teach(5)
     bench.client.post("/api/models/save")
     file = bench.client.get("/api/models/bench/file")
     assert "attachment" in file.headers["content-disposition"]
@@ -204,7 +191,7 @@ def test_what_cannot_be_done_is_said(
 
 
 def test_taught_examples_are_saved_at_the_end_and_loaded_at_the_next_start(bench: Bench) -> None:
-    bench.teach(7)
+    bench.server.teach(7)
     bench.persistence.stop()
     with VirtualServer(data=bench.persistence.storage.root) as following:
         assert following.persistence.autosave.load_last() == "bench"
@@ -212,7 +199,7 @@ def test_taught_examples_are_saved_at_the_end_and_loaded_at_the_next_start(bench
 
 
 def test_a_mode_change_saves(bench: Bench) -> None:
-    bench.teach(7)
+    bench.server.teach(7)
     bench.server.set_mode(Mode.TRAIN)
     bench.persistence.autosave.stop()
     assert bench.names() == ["bench"]
@@ -227,7 +214,7 @@ def test_a_change_that_is_acknowledged_survives_a_kill_at_that_very_moment(
     if what == "outdate":
         able = make_policy("default-8")
         bench.server.ask_loop(lambda: bench.rig.loop.history.replace_policy(able))
-    bench.teach(6)
+    bench.server.teach(6)
     [node, *_] = [image["node"] for image in bench.client.get("/api/gallery").json()["images"]]
     if what == "undo":
         asked = bench.client.post("/api/teaching/undo", json={"seconds": 0.12})
