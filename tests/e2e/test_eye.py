@@ -59,35 +59,6 @@ def test_a_phone_is_the_eye_and_its_stop_is_obeyed(tmp_path: Path) -> None:
         assert complaints == []
 
 
-@pytest.mark.slow
-def test_an_eye_that_loses_its_place_its_camera_or_its_worker_goes_on(tmp_path: Path) -> None:
-    film = tmp_path / "film.y4m"
-    write_film(film, np.random.default_rng(1).integers(60, 255, (10, 120, 160, 3), np.uint8))
-    with robot_with_an_eye() as (rig, address), phone_with_film(film) as context:
-        context.route(re.compile("eye-worker"), lambda route: route.abort())
-        first = context.new_page()
-        first.goto(address + "/eye")
-        figures = first.locator("#figures", has_text=re.compile(r"[1-9]"))
-        figures.wait_for()  # the page itself packs the pictures
-
-        # The permission was revoked, and is granted again.
-        first.evaluate(
-            "() => document.querySelector('video').srcObject.getTracks().forEach((track) => {"
-            " track.stop(); track.dispatchEvent(new Event('ended')); })"
-        )
-        first.locator("#begin").tap()
-        first.locator("#begin").wait_for(state="hidden")
-        Watch(rig).wait_for(3)
-
-        # Another phone replaced it, but its STOP still works.
-        second = context.new_page()
-        second.goto(address + "/eye")
-        first.locator("#said", has_text="Another phone").wait_for()
-        first.locator("#stop").tap()
-        second.locator("#said[data-level=bad]").wait_for()
-        assert rig.loop.state.emergency
-
-
 def test_a_covered_lens_is_told(tmp_path: Path) -> None:
     film = tmp_path / "film.y4m"
     nights = np.random.default_rng(1).integers(0, 12, (10, 120, 160, 3), np.uint8)
