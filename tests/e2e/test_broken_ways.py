@@ -20,7 +20,7 @@ import pytest
 
 from robot.types import Mode
 from server.access.certificates import Certificates, make_certificates
-from tests.kit.sizes import IS_FULL, in_ci
+from tests.kit.sizes import in_ci
 from tests.kit.wait import wait_until
 from tests.server.live_robot import Pilot, live_server
 from tests.server.own_process import own_process
@@ -32,6 +32,8 @@ pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.timeout(900)]
 LAG_S = 6.0
 """How long a sentence may take to follow the truth, in seconds: the page asks once a second and
 waits 2 s for an answer, on a machine that may be busy."""
+STAY_S = 5.0
+"""How long each fault lasts, in seconds, while nobody drives and while somebody does."""
 SILENT_S = 2.0
 """How long a page may take a silent link for a working one, in seconds."""
 NOTED_S = 0.5
@@ -205,29 +207,28 @@ def open_recorded(context: Any, address: str) -> Any:
     return page
 
 
+@in_ci
 def test_no_sentence_about_a_broken_way_is_false(
     chromium: Any, scene: Scene, tmp_path: Path
 ) -> None:
+    """Which sentence belongs to which fault is tested in Node (tests/web/way.test.mjs)."""
     context = chromium.new_context(viewport=PHONE, locale="en", service_workers="block")
     page = open_recorded(context, f"http://127.0.0.1:{scene.road.port}")
     wait_for_link(page, "open")
-    scene.road.cut_s = 5.0 if IS_FULL else 1.0
-    stay_s = 5.0 if IS_FULL else 3.0
     judge = scene.judge
-    for fault in WAYS if IS_FULL else ("captive portal, 200", "websockets cut"):
+    for fault in WAYS:
         scene.become(fault)
         is_cut = fault == "websockets cut"
-        page.wait_for_timeout(1000 * (4 * scene.road.cut_s if is_cut else stay_s))
+        page.wait_for_timeout(1000 * (4 * scene.road.cut_s if is_cut else STAY_S))
         with scene.somebody_drives(page):
-            page.wait_for_timeout(1000 * (1.5 * scene.road.cut_s if is_cut else stay_s))
+            page.wait_for_timeout(1000 * (1.5 * scene.road.cut_s if is_cut else STAY_S))
         said = page.evaluate("window.said.slice(-1)[0]")
         print(f"{fault}: {said[1]!r}")
         scene.become("")
         wait_for_link(page, "open")
         judge.hear(page)
-    if IS_FULL:
-        a_device_without_network(context, page, scene)
-        another_robot_and_its_end(page, scene, tmp_path)
+    a_device_without_network(context, page, scene)
+    another_robot_and_its_end(page, scene, tmp_path)
     context.close()
     print(judge.sentences)
     assert not judge.false, "\n".join(judge.false)
