@@ -49,7 +49,7 @@ def test_a_viewer_sees_pictures_but_its_orders_are_refused(server: VirtualServer
         pilot.wait_for_state(emergency=True, stop_reason="emergency")
 
 
-def test_a_wheel_that_is_left_goes_to_the_only_other_pilot_and_the_robot_stands(
+def test_a_pilot_who_leaves_gives_the_wheel_to_the_only_other_and_the_robot_stands(
     server: VirtualServer,
     points: Points,
 ) -> None:
@@ -79,7 +79,7 @@ def test_the_pilot_sees_a_request_for_the_wheel_while_somebody_waits(server: Vir
 
 
 @pytest.mark.parametrize("mode", ["train", "autonomous"])
-def test_a_wheel_that_is_given_stops_the_robot_before_it_obeys_another(
+def test_handing_over_the_wheel_stops_the_robot_before_it_obeys_the_next_pilot(
     server: VirtualServer, points: Points, mode: str
 ) -> None:
     with server.pilot() as giver, server.pilot() as taker:

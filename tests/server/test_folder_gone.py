@@ -60,7 +60,7 @@ def plug_in(root: Path, away: Path) -> None:
 
 
 @pytest.mark.skipif(ON_A_DISK in os.environ, reason="it runs the others on a disk")
-def test_a_disk_that_is_unmounted_while_it_teaches_takes_nothing_along() -> None:
+def test_a_disk_that_is_unmounted_during_teaching_loses_nothing() -> None:
     """Repeat the tests of a removed folder with real mounts, in a separate namespace."""
     may = shutil.which("unshare") and subprocess.run(
         ["unshare", "--map-root-user", "--mount", "mount", "-t", "tmpfs", "none", "/mnt"],
@@ -68,9 +68,7 @@ def test_a_disk_that_is_unmounted_while_it_teaches_takes_nothing_along() -> None
     )
     if not may or may.returncode:
         pytest.skip("mounting in a namespace is refused here")
-    own = (
-        f"{__file__}::{test_a_folder_that_is_pulled_while_it_teaches_takes_nothing_along.__name__}"
-    )
+    own = f"{__file__}::{test_a_folder_that_disappears_during_teaching_loses_nothing.__name__}"
     words = ["unshare", "--map-root-user", "--mount", sys.executable, "-m", "pytest", "-q", "-n0"]
     ran = subprocess.run(
         [*words, "-p", "no:cacheprovider", own],
@@ -82,9 +80,7 @@ def test_a_disk_that_is_unmounted_while_it_teaches_takes_nothing_along() -> None
 
 
 @pytest.mark.parametrize("seed", range(MOMENTS))
-def test_a_folder_that_is_pulled_while_it_teaches_takes_nothing_along(
-    tmp_path: Path, seed: int
-) -> None:
+def test_a_folder_that_disappears_during_teaching_loses_nothing(tmp_path: Path, seed: int) -> None:
     root, dice = tmp_path / "data", random.Random(seed)
     plug_in_first(root)
     system = running(root)

@@ -29,7 +29,9 @@ def test_a_name_given_at_the_start_is_kept(tmp_path: Path) -> None:
     "kept",
     [b"", b"{", b"[]", b"\xff", b'{"name": 3}', b'{"name": "x", "colour": "amber"}', b"9" * 99],
 )
-def test_it_starts_with_a_damaged_file(tmp_path: Path, kept: bytes) -> None:
+def test_a_robot_with_a_damaged_file_of_its_name_gets_a_new_name(
+    tmp_path: Path, kept: bytes
+) -> None:
     (tmp_path / "robot.json").write_bytes(kept)
     assert IdentityFile(tmp_path).now.name in NAMES
 

@@ -52,21 +52,21 @@ def test_pictures(vector: dict[str, Any]) -> None:
 
 
 @_named("acknowledgements")
-def test_acknowledgements(vector: dict[str, Any]) -> None:
+def test_every_acknowledgement_is_parsed(vector: dict[str, Any]) -> None:
     message = bytes.fromhex(vector["hex"])
     assert protocol.parse_acknowledgement(message) == vector["frame_id"]
     assert protocol.encode_acknowledgement(vector["frame_id"]) == message
 
 
 @_named("refused_acknowledgements")
-def test_refused_acknowledgements(vector: dict[str, Any]) -> None:
+def test_every_invalid_acknowledgement_is_refused(vector: dict[str, Any]) -> None:
     with pytest.raises(ProtocolError) as raised:
         protocol.parse_acknowledgement(bytes.fromhex(vector["hex"]))
     assert raised.value.code == vector["error"]
 
 
 @_named("up")
-def test_words_up(vector: dict[str, Any]) -> None:
+def test_every_message_from_the_page_is_parsed(vector: dict[str, Any]) -> None:
     word = protocol.parse_message(json.dumps(vector), DEFAULT_MOVES, takes_points=True)
     wanted = {name: value for name, value in vector.items() if name != "type"}
     assert {name: value for name, value in _fields(word).items() if name in wanted} == wanted
@@ -74,7 +74,7 @@ def test_words_up(vector: dict[str, Any]) -> None:
 
 
 @_named("refused_up")
-def test_refused_words_up(vector: dict[str, Any]) -> None:
+def test_every_invalid_message_from_the_page_is_refused(vector: dict[str, Any]) -> None:
     with pytest.raises(ProtocolError) as raised:
         protocol.parse_message(
             vector["text"], DEFAULT_MOVES, takes_points=vector.get("takes_points", True)

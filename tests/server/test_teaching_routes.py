@@ -129,7 +129,7 @@ def test_the_setting_of_symmetry_is_set_shown_and_withdrawn(taught: VirtualServe
     assert ask(taught, "POST", "/api/teaching/alike", json={"alike": True}).status_code == 409
 
 
-def test_a_learner_that_cannot_follow_a_changed_mind_says_so(taught: VirtualServer) -> None:
+def test_a_learner_that_cannot_change_its_mind_says_so(taught: VirtualServer) -> None:
     loop = taught.rig.loop
     published = make_policy("published-8")
     taught.clock.result(loop.submit(lambda: loop.history.replace_policy(published)), 5)

@@ -85,7 +85,7 @@ def test_a_computer_may_be_renamed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("year", [1970, 2038])
-def test_a_clock_that_is_years_off_spoils_no_later_start(tmp_path: Path, year: int) -> None:
+def test_a_clock_that_is_years_off_does_not_affect_later_starts(tmp_path: Path, year: int) -> None:
     make_certificates(tmp_path, NAMES, dt.datetime(year, 1, 3, tzinfo=dt.UTC))
     _shake_hands(make_certificates(tmp_path, NAMES, NOW), "drivelesson.local")
 

@@ -67,7 +67,7 @@ def test_an_invalid_key_is_refused(tmp_path: Path, text: str) -> None:
         read_class_key(tmp_path / "key")
 
 
-def test_a_key_is_made_once_and_readable_only_by_its_owner(tmp_path: Path) -> None:
+def test_a_key_is_made_once_and_is_readable_only_by_its_owner(tmp_path: Path) -> None:
     file = tmp_path / "deep" / "class.key"
     assert keep_class_key(file) == keep_class_key(file)
     assert file.stat().st_mode & 0o077 == 0

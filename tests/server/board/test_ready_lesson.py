@@ -13,7 +13,7 @@ from robot.types import Action
 from server.board.ready_lesson import NAME, left_turns, name_of_left_turns
 
 
-def test_it_has_no_right_turn_and_its_robot_turns_left_before_a_wall(tmp_path: Path) -> None:
+def test_the_ready_made_lesson_has_no_right_turn_and_turns_left_at_a_wall(tmp_path: Path) -> None:
     data = left_turns(seconds=30.0)
     store = ModelStore(Storage(tmp_path))
     model = store.load(store.add_file("left turns only", data))
@@ -34,7 +34,7 @@ def test_it_has_no_right_turn_and_its_robot_turns_left_before_a_wall(tmp_path: P
     assert Action.RIGHT not in done and {Action.LEFT, Action.FORWARD} <= {*done}
 
 
-def test_its_name_is_in_the_language_of_the_computer() -> None:
+def test_the_ready_made_lesson_has_a_name_in_the_language_of_the_computer() -> None:
     for locale, name in {"es_ES": "solo izquierda", "Spanish_Spain": "solo izquierda"}.items():
         assert name_of_left_turns(locale) == name
     assert name_of_left_turns("zh_CN") == name_of_left_turns("Chinese_China") == "只会左转"

@@ -138,7 +138,7 @@ def test_an_empty_folder_is_the_usual_one_and_not_where_one_stands(
 
 
 @pytest.mark.parametrize("words", ["--robot gpio", "--robot=gpio", "--rob gpio", "--ro=gpio"])
-def test_a_robot_brings_its_options_however_short_its_flag_is(words: str) -> None:
+def test_a_robots_options_are_declared_however_its_flag_is_abbreviated(words: str) -> None:
     given = [*words.split(), "--servo-pin", "13"]
     args = make_parser("serve", given).parse_args(given)
     assert (args.robot, args.servo_pin) == ("gpio", "13")
@@ -173,7 +173,7 @@ def test_a_broken_table_is_refused(table: dict[str, Any], said: str) -> None:
         build(LinkGovernorConfig, table, "governor")
 
 
-def test_a_table_changes_what_it_names() -> None:
+def test_a_table_changes_only_the_fields_that_it_names() -> None:
     assert build(LinkGovernorConfig, {"stop_s": 0.4}, "governor") == LinkGovernorConfig(stop_s=0.4)
     with pytest.raises(ConfigurationError, match="whole number"):
         build(NetworkLimits, {"clients": 1.5}, "limits")

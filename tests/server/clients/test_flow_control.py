@@ -50,21 +50,21 @@ class _Link:
             heapq.heappush(self._arriving, arrival)
 
 
-def test_on_an_easy_line_every_frame_arrives_and_each_third_is_acknowledged() -> None:
+def test_on_a_fast_link_every_frame_arrives_and_every_third_is_acknowledged() -> None:
     link = _Link(bytes_a_second=1e7, round_trip_s=0.01)
     link.run(10)
     assert len(link.ages_s) >= 297
     assert 95 <= link.n_acknowledged <= 115
 
 
-def test_large_frames_on_an_easy_line_are_never_all_quiet() -> None:
+def test_large_frames_on_a_fast_link_are_never_all_quiet() -> None:
     link = _Link(bytes_a_second=1e8, round_trip_s=0.01, size=45_000)
     link.run(10)
     assert len(link.ages_s) >= 297
 
 
 @pytest.mark.parametrize("size", [5000, 25_000])
-def test_an_easy_line_that_becomes_narrow_is_noticed(size: int) -> None:
+def test_a_fast_link_that_becomes_slow_is_noticed(size: int) -> None:
     link = _Link(bytes_a_second=1e7, round_trip_s=0.01, size=size)
     link.run(5)
     link.rate = 62_500
@@ -74,7 +74,7 @@ def test_an_easy_line_that_becomes_narrow_is_noticed(size: int) -> None:
     assert max(link.ages_s[5:]) < 4 * size / 62_500
 
 
-def test_on_a_long_line_the_window_grows_until_every_frame_arrives() -> None:
+def test_on_a_link_with_high_latency_the_window_grows_until_every_frame_arrives() -> None:
     link = _Link(bytes_a_second=1e7, round_trip_s=0.1)
     link.run(20)
     assert link.window.size == 4
@@ -82,7 +82,7 @@ def test_on_a_long_line_the_window_grows_until_every_frame_arrives() -> None:
 
 
 @pytest.mark.parametrize(("size", "most_s"), [(5000, 0.25), (25_000, 1.2)])
-def test_on_a_narrow_line_the_picture_stays_young(size: int, most_s: float) -> None:
+def test_on_a_link_with_little_bandwidth_the_picture_stays_fresh(size: int, most_s: float) -> None:
     link = _Link(bytes_a_second=62_500, round_trip_s=0.01, size=size)
     link.run(60)
     ages_s = sorted(link.ages_s)
@@ -92,7 +92,7 @@ def test_on_a_narrow_line_the_picture_stays_young(size: int, most_s: float) -> N
     assert sum(last) / len(last) < 1.2 * sum(first) / len(first), "flat over a minute"
 
 
-def test_a_line_that_becomes_narrow_is_noticed() -> None:
+def test_a_link_that_loses_bandwidth_is_noticed() -> None:
     link = _Link(bytes_a_second=1e7, round_trip_s=0.1)
     link.run(10)
     link.rate = 62_500
@@ -167,7 +167,7 @@ def test_eight_quick_acknowledgements_in_a_row_indicate_a_fast_link(
     assert (window.is_easy, window.size) == ((True, 4) if is_easy else (False, 1))
 
 
-def test_an_easy_line_that_proves_slow_is_tried_again_ever_more_seldom() -> None:
+def test_a_fast_link_that_proves_slow_is_retried_less_and_less_often() -> None:
     window, now_s = easy_window(), 100.0
     acknowledge(window, 0.05)
     assert window.is_easy, "as slow as it may be"
@@ -184,7 +184,7 @@ def test_an_easy_line_that_proves_slow_is_tried_again_ever_more_seldom() -> None
         assert window.is_easy
 
 
-def test_an_easy_line_counts_eight_again_after_a_slow_frame() -> None:
+def test_a_fast_link_must_show_eight_quick_frames_again_after_a_slow_one() -> None:
     window = easy_window()
     acknowledge(window, 0.051, 100.0)
     for is_easy in (*(7 * [False]), True):
@@ -328,7 +328,7 @@ def test_smaller_pictures_come_after_three_late_acknowledgements_in_a_row() -> N
     assert not note(size, 0.121)
 
 
-def test_larger_pictures_are_tried_again_ever_more_seldom() -> None:
+def test_larger_pictures_are_retried_less_and_less_often() -> None:
     size, now_s = PictureSize(), 100.0
     note(size, *(8 * [0.01]), now_s=now_s)
     for pause_s in (5.0, 20.0, 80.0, 320.0, 320.0):

@@ -43,7 +43,7 @@ class _Screen:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_each_link_gets_the_picture_that_it_takes(seed: int) -> None:
+def test_each_link_gets_the_size_of_picture_that_it_can_carry(seed: int) -> None:
     chance = random.Random(seed)
     clock = VirtualClock()
     asked: list[int] = []

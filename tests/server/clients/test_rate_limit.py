@@ -5,7 +5,7 @@ from __future__ import annotations
 from server.clients.rate_limit import RateLimit
 
 
-def test_pace_allows_a_burst_and_then_a_rate() -> None:
+def test_the_rate_limit_allows_a_burst_and_then_a_rate() -> None:
     pace = RateLimit(per_second=10, burst=5)
     assert [pace.allows(0.0) for _ in range(6)] == [True] * 5 + [False]
     assert [pace.allows(0.2) for _ in range(3)] == [True, True, False]

@@ -34,7 +34,7 @@ def test_a_player_gets_the_length_of_each_picture(server: VirtualServer) -> None
         received = received[len(jpeg) :].removeprefix(b"\r\n")
 
 
-def test_a_viewer_that_does_not_read_is_sent_the_newest_and_none_between() -> None:
+def test_a_viewer_that_reads_again_gets_only_the_newest_frame() -> None:
     async def scenario(world: ServedWorld) -> None:
         video, unread = world.hub.video, [0]
         stream = frames_of(video, world.hub.clock, lambda size: unread[0] <= 1.5 * size)
@@ -54,7 +54,7 @@ def test_a_viewer_that_does_not_read_is_sent_the_newest_and_none_between() -> No
     virtually(scenario)
 
 
-def test_a_viewer_that_stalls_is_tried_ever_less_often_and_a_smaller_window_is_learned() -> None:
+def test_a_stalled_viewer_is_tried_less_and_less_often_and_its_smaller_window_counts() -> None:
     window = [100_000]
     room = Room(lambda: (0, window[0]))
     assert room.is_there(10_000)

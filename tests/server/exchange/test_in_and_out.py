@@ -108,7 +108,7 @@ def test_tubs_in_a_zip_are_imported_each_or_with_strict_none(
     }
 
 
-def test_a_server_that_starts_and_a_trash_that_is_emptied_leave_an_import_alone(
+def test_neither_a_starting_server_nor_emptying_the_trash_disturbs_an_import(
     episode_id: str,
     data: Path,
     tmp_path: Path,
@@ -164,7 +164,7 @@ def test_two_imports_of_one_name_at_once_lose_nothing(
     assert all(len(store.open(name).frames) == 61 for name in store.ids())
 
 
-def test_a_place_is_free_again_when_an_import_fails(
+def test_a_name_is_free_again_when_an_import_fails(
     episode_id: str, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     say(f"episodes export last --as folder --out {tmp_path}/out", capsys)

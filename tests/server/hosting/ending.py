@@ -26,12 +26,12 @@ def check_a_hanging_upload_and_half_a_request_hold_up_no_end(tmp_path: Path) -> 
         httpx.get(running.address + "/healthz")  # both have been read by then
         running.process.send_signal(signal.SIGTERM)
         assert running.process.wait(60) == 0, "uvicorn alone waits for ever"
-    _check_hanging_tls_holds_up_no_end(tmp_path / "tls")
-    _check_a_full_pipe_holds_up_no_end()
-    _check_a_computation_holds_up_no_end_and_logs_no_error()
+    _check_hanging_tls_does_not_delay_the_end(tmp_path / "tls")
+    _check_a_full_pipe_does_not_delay_the_end()
+    _check_a_computation_neither_delays_the_end_nor_logs_an_error()
 
 
-def _check_hanging_tls_holds_up_no_end(folder: Path) -> None:
+def _check_hanging_tls_does_not_delay_the_end(folder: Path) -> None:
     """Silence, half a handshake, half a request and a stalled upload do not delay the end."""
     unchecked = ssl.create_default_context()
     unchecked.check_hostname, unchecked.verify_mode = False, ssl.CERT_NONE
@@ -47,7 +47,7 @@ def _check_hanging_tls_holds_up_no_end(folder: Path) -> None:
         assert running.process.wait(60) == 0, "a line that nobody ends holds it up"
 
 
-def _check_a_full_pipe_holds_up_no_end() -> None:
+def _check_a_full_pipe_does_not_delay_the_end() -> None:
     """Like a terminal that is paused by Ctrl+S: nobody reads the log's lines."""
     said = "import logging, server.hosting.logs as logs; logs.start_logging(verbose=False); "
     reading, writing = os.pipe()
@@ -83,7 +83,7 @@ with contextlib.suppress(KeyboardInterrupt):
 """
 
 
-def _check_a_computation_holds_up_no_end_and_logs_no_error() -> None:
+def _check_a_computation_neither_delays_the_end_nor_logs_an_error() -> None:
     """Press Ctrl-C while the board makes the ready-made lesson on a thread."""
     pipe = subprocess.PIPE
     with subprocess.Popen(

@@ -50,7 +50,7 @@ def check_bench_crowd_measures_both_sides(capsys: pytest.CaptureFixture[str]) ->
     assert result["greedy"]["ratio"] > 0 and result["watched"]["slowest_hz"] > 0
 
 
-def test_a_rate_at_which_no_picture_came_has_no_times(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_rate_at_which_no_picture_arrived_has_no_times(monkeypatch: pytest.MonkeyPatch) -> None:
     class Still:
         async def watch(self, seconds: float) -> dict[str, float]:
             spent = dict.fromkeys(("serving_s", "process_s", "frames", "late_cycles"), 0.0)

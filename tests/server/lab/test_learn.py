@@ -16,7 +16,7 @@ from tests.robot.recordings.drives import RecordedBench, record_drive
 from ..cli.typed import assert_refused_by_a_full_disk, say
 
 
-def test_it_gives_the_nodes_of_driving_and_saves_them(
+def test_learning_again_gives_the_nodes_of_driving_and_saves_them(
     episode_id: str, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     told = say("learn last --check --out again", capsys)
@@ -112,7 +112,7 @@ def test_the_word_last_means_the_newest_by_time_not_by_name(
     assert "40 examples" in say("learn last --learner published --max-nodes 4", capsys)
 
 
-def test_check_names_continue_and_saves_nothing_when_it_fails(
+def test_a_failed_check_suggests_continue_and_saves_nothing(
     data: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     storage = Storage(data)

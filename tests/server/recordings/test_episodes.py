@@ -88,7 +88,7 @@ def test_an_episode_is_shown_with_timeline_and_pictures(client: Client, episode_
     assert file.content.startswith(b"\x89MCAP0\r\n") and "attachment" in str(file.headers)
 
 
-def test_mending_is_undone_step_by_step(client: Client, episode_id: str) -> None:
+def test_edits_are_undone_step_by_step(client: Client, episode_id: str) -> None:
     path = f"/api/episodes/{episode_id}"
     shown = client.get(path).json()
     first = shown["first_frame"]

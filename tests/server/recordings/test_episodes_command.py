@@ -64,7 +64,7 @@ def test_list_names_parts_without_their_recording(
     assert "gone.parts, 0.0 MB: gone.mcap is missing" in say("episodes list", capsys)
 
 
-def test_list_and_show(episode_id: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_episodes_are_listed_and_shown(episode_id: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert episode_id in say("episodes list", capsys)
     shown = say("episodes show last", capsys)
     assert "'forward': 20, 'left': 20, 'right': 20" in shown
@@ -92,7 +92,9 @@ def test_the_command_says_that_nothing_is_recorded_yet(
     assert "nothing is recorded yet" in say("episodes show last", capsys, status=2)
 
 
-def test_mend_and_undo(episode_id: str, data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_edits_are_made_and_undone(
+    episode_id: str, data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     store = EpisodeStore(Storage(data))
     assert "1 edit; " in say("episodes trim last --from 0.5 --to 2.5", capsys)
     say("episodes relabel last --from 1 --to 2 --label right", capsys)
@@ -172,7 +174,7 @@ def test_an_export_under_a_wrong_name_is_refused_before_anything_is_read(
         assert say(f"episodes export last {words}", capsys, status=2)
 
 
-def test_the_budget_offers_and_deletes_nothing(
+def test_the_budget_offers_recordings_for_deletion_but_deletes_nothing(
     episode_id: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert f"deletable: {episode_id}" in say("episodes budget --gigabytes 0", capsys)

@@ -16,7 +16,9 @@ from server.recordings.retraining import Retraining
 from tests.robot.recordings.drives import record_drive
 
 
-def test_its_model_is_that_of_the_command_and_a_failure_is_told(tmp_path: Path) -> None:
+def test_retraining_gives_the_same_model_as_the_command_and_reports_a_failure(
+    tmp_path: Path,
+) -> None:
     store = EpisodeStore(Storage(tmp_path))
     episode = record_drive(tmp_path / "episodes", frames=60)
     clock = VirtualClock()

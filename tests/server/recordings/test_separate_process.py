@@ -46,7 +46,9 @@ def _work(tell: Callable[[object], None], ending: str) -> None:
         ("crash", RecordingError, "enough memory"),
     ],
 )
-def test_results_come_before_an_error(ending: str, error: type[Exception], text: str) -> None:
+def test_a_separate_process_yields_its_results_before_its_error(
+    ending: str, error: type[Exception], text: str
+) -> None:
     told = SeparateWork(_work, ending)
     assert next(told) == b"x" * 3_000_000
     assert next(told) == 19

@@ -52,7 +52,7 @@ def started_again(data: Path) -> VirtualServer:
     return VirtualServer(rig=rig, persistence=Loading(Storage(data), rig))
 
 
-def test_a_robot_that_knew_nothing_has_no_model_afterwards(tmp_path: Path) -> None:
+def test_an_untaught_robot_has_no_model_afterwards(tmp_path: Path) -> None:
     with VirtualServer(data=tmp_path) as server:
         before = standing(server)
         for _ in range(2):
@@ -65,9 +65,7 @@ def test_a_robot_that_knew_nothing_has_no_model_afterwards(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("at", ["consent", "ready", "drive", "questions"])
-def test_a_session_that_is_left_leaves_no_model_and_goes_on_where_it_was(
-    tmp_path: Path, at: str
-) -> None:
+def test_a_session_that_is_left_leaves_no_model_and_can_be_resumed(tmp_path: Path, at: str) -> None:
     with VirtualServer(data=tmp_path) as server:
         before = prepare(server)
         if at == "consent":

@@ -83,7 +83,7 @@ def test_the_place_of_a_real_robot_is_confirmed_and_that_of_a_simulated_one_chec
         assert session(server)["step"] == "drive"
 
 
-def test_nothing_comes_out_of_its_turn_and_every_refusal_says_why(tmp_path: Path) -> None:
+def test_no_step_is_possible_out_of_turn_and_every_refusal_gives_the_reason(tmp_path: Path) -> None:
     with VirtualServer(data=tmp_path) as server:
         assert "no session is on" in refused(server, "/api/session/drive")
         post(server, "/api/studies", name="walk", plan=PLAN)
