@@ -155,7 +155,7 @@ class NetworkTransport:
     async def connect(
         self, place: ServerPlace, path: str, headers: Mapping[str, str]
     ) -> AsyncIterator[Any]:
-        """Open a websocket for the `with` block; UnreachableError ends the block early."""
+        """Open a websocket while the `with` block runs; UnreachableError ends the block early."""
         url = str(place.address).replace("http", "ws", 1) + path
         options: dict[str, Any] = {"compression": None, "max_size": 1 << 20}
         options |= {"open_timeout": _PATIENCE_S, "close_timeout": 1.0, "ping_interval": None}
@@ -185,7 +185,7 @@ def _look_up(host: str, port: int) -> str:
 async def _connected(
     address: RobotAddress, certificate: ssl.SSLContext | None
 ) -> AsyncIterator[tuple[asyncio.StreamReader, asyncio.StreamWriter]]:
-    """Connect for the `with` block; unread data is dropped."""
+    """Connect while the `with` block runs; unread data is dropped."""
     reader, writer = await asyncio.open_connection(address.host, address.port, ssl=certificate)
     try:
         yield reader, writer

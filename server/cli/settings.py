@@ -67,7 +67,7 @@ def apply_to(parser: argparse.ArgumentParser, settings: Settings) -> None:
 
 
 def _typed(action: argparse.Action, value: Any, at: str) -> Any:
-    """Convert a value like a typed one, with an error that names the setting, not an argument."""
+    """Convert a value like one typed as an argument; the error names the setting instead."""
     if isinstance(action, argparse._StoreTrueAction):
         if (text := str(value).lower()) not in _TRUE + _FALSE:
             raise ConfigurationError(f"{at} must be true or false, not {value!r}")

@@ -48,7 +48,7 @@ def test_a_pilot_drives_over_real_sockets_and_others_pair_over_tls(
     count = min(size("BROWSERS", 6, 60), connection_capacity() // 12)
     ways = WAYS if IS_FULL else ("TLS", "TLS through nginx")
     check_nobody_s_page_is_dead(tmp_path / "browsers", certificates, count, ways)
-    # Windows has 384, and a class of 30 opens 240 at once: half of its pages lost a file.
+    # Windows has 384, and a class of 30 opens 240 at once, so half of its pages lost a file.
     monkeypatch.setattr(gateway, "connection_capacity", lambda: 100)
     check_nobody_s_page_is_dead(tmp_path, None, 8, ["http"])
 

@@ -44,7 +44,7 @@ class WatchedBridge:
         return max(0.0, self._clock.now_s() - self.lost_s)
 
     def publish(self, topic: str, message: Any, *_: Any) -> None:
-        """Publish the message without a later zero, because a server that is gone sends none."""
+        """Publish a velocity without the zero that a server sends afterwards: it may be gone."""
         self._send(self._to_robot, json.dumps(message).encode())
 
     def hear(self, topic: str, message: Any) -> None:

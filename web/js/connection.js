@@ -17,7 +17,7 @@ const CLOCK_SAMPLES = 8;
 const IDLE_SILENCE_MS = 4000; // an idle page mainly receives a pong each second
 
 /**
- * Events: `open`, `lost`, and `words` and `picture` with the message as `detail`.
+ * Events: `open` and `lost`; and `words` and `picture`, whose `detail` is the message.
  *
  * @typedef {object} Environment  the browser's functions, which tests replace
  * @property {new (url: string) => WebSocket} WebSocket

@@ -26,7 +26,7 @@ LINKS: dict[str, dict[str, float]] = {
     "fast 3G": {"latency": 150, "downloadThroughput": 200_000, "uploadThroughput": 93_750},
     "DevTools' 3G": {"latency": 562.5, "downloadThroughput": 180_000, "uploadThroughput": 84_375},
 }
-"""Latency of a request in milliseconds, and bytes per second: 1.6 Mbit/s and 150 ms. The second set
+"""Latency of a request in milliseconds, and bytes per second: 150 ms and 1.6 Mbit/s. The second set
 is DevTools' equivalent, which only delays requests."""
 PHONE = 4
 _WATCH = """window.usableMs = new Promise((done, fail) => {

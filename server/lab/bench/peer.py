@@ -42,7 +42,7 @@ class PlainVideo:
             self._clients.discard(send)
 
     async def push(self) -> None:
-        """Send to all clients, at the rate."""
+        """Send to all clients, at the given rate."""
         due_s = time.monotonic()
         while True:
             due_s += self._period_s
