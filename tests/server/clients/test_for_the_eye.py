@@ -9,7 +9,6 @@ import pytest
 
 from robot.testing import VirtualClock
 from robot.types import Frame
-from server.clients.flow_control import PictureSize
 from server.clients.video import Encoder, VideoHub, Viewer
 from server.protocol import parse_picture
 from tests.kit.frames import jpeg_frame
@@ -71,21 +70,6 @@ def test_each_link_gets_the_size_of_picture_that_it_can_carry(seed: int) -> None
         assert set(screen.widths) == {160}
     assert hub.frames_encoded <= 2 * 120, "each size is encoded once for all"
     assert max(asked.count(number) for number in set(asked)) == 1
-
-
-def test_on_a_link_too_slow_for_larger_pictures_they_are_rarely_tried() -> None:
-    """At half a megabit a small picture takes 48 ms, and a large one 176."""
-    size, now_s, late_s, tries = PictureSize(), 0.0, [], 0
-    while now_s < 600.0:
-        delay_s = 0.176 if size.is_large else 0.048
-        now_s += delay_s
-        was_large = size.is_large
-        size.note(delay_s, now_s)
-        tries += size.is_large and not was_large
-        if was_large:
-            late_s.append(delay_s)
-    assert 2 <= tries <= 7
-    assert sum(late_s) < 5.0, "of ten minutes"
 
 
 def test_if_all_links_are_slow_no_larger_pictures_are_requested() -> None:

@@ -57,6 +57,7 @@ def test_recordings_that_cannot_be_learned_are_reported_in_one_clear_line(
         ("--out FILE/m.npz", "cannot write"),
         (f"--out {'n' * 300}.npz", "cannot write"),
         ("--out LINK.npz", "exists already"),
+        ("--out THERE.npz", "THERE.npz exists already"),
         ("--check --learner published", "nothing to --check against"),
     ],
 )
@@ -70,7 +71,8 @@ def test_an_impossible_output_is_reported_before_anything_is_learned(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("server.lab.learn.learn_again", lambda *_, **__: pytest.fail("it learned"))
-    Path("FILE").touch()
+    for name in ("FILE", "THERE.npz"):
+        Path(name).touch()
     if os.name == "nt":
         Path("LINK.npz").touch()
     else:
@@ -78,20 +80,6 @@ def test_an_impossible_output_is_reported_before_anything_is_learned(
     there = sorted(tmp_path.iterdir())
     assert complaint in say(f"learn last {words}", capsys, status=2)
     assert sorted(tmp_path.iterdir()) == there
-
-
-def test_an_existing_file_is_reported_before_anything_is_learned(
-    episode_id: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.setattr("server.lab.learn.learn_again", lambda *_, **__: pytest.fail("it learned"))
-    footage = tmp_path / "footage.npz"
-    say(f"episodes export last --as npz --out {footage}", capsys)
-    before = footage.read_bytes()
-    assert "footage.npz exists already" in say(f"learn last --out {footage}", capsys, status=2)
-    assert footage.read_bytes() == before
 
 
 def test_an_edited_recording_is_no_longer_what_was_driven(
