@@ -1,7 +1,8 @@
 """Joins the page's modules and styles when a wheel is built: a first visit then takes few requests.
 
 From a clone the modules are served as they are written. The modules of the drive screen become one
-file, those of the other screens a second, and each further folder and each worker gets its own.
+file, those of the other screens a second, and each further folder and each worker gets its own;
+small folders share one, because each file costs a request and compresses on its own.
 Each file's name begins with a hash of its content, so a browser may cache it indefinitely. Comments
 and indentation are removed.
 
@@ -20,6 +21,8 @@ from functools import cache
 from pathlib import Path
 
 ENTRY = "js/main.js"
+_SMALL = 6000
+"""Number of characters below which a folder has no file of its own."""
 _ICONS = (".png", ".svg", ".webmanifest")
 STYLES = ("base.css", "drive.css", "screens.css")
 _BLOCK = r"/\*(?:[^*]|\*(?!/))*\*/"
@@ -125,19 +128,20 @@ class _Joiner:
                 addresses[module] = [_beside(first if module.count("/") < 4 else later)]
         start, homes = self._text(known), dict[str, list[str]]()
         rooms = [path for path in (self._folder / "js").iterdir() if path.is_dir()]
+        small: list[str] = []
         for room in sorted(rooms, key=lambda path: (path.name != "components", path.name)):
             below = [f"js/{room.name}/{path.name}" for path in sorted(room.glob("*.js"))]
             modules = [module for module in self._closure(below) if module not in known]
-            if room.name != "messages" and modules:
-                name = "screens" if room.name == "components" else room.name
-                text = "const { modules: $m, load: $load } = globalThis.joined;\n"
-                own = _beside(self.add(f"js/{name}.js", text + self._text(modules)))
-                # The earlier files that contain modules it imports, then its own file.
-                wanted = [homes[m] for m in self._closure(modules) if m in homes]
-                needed = [*dict.fromkeys(each for home in wanted for each in home), own]
-                addresses |= dict.fromkeys(modules, needed)
-                homes |= dict.fromkeys(modules, needed)
-                known += modules
+            if room.name == "messages" or not modules:
+                continue
+            if len(self._text(modules)) < _SMALL:
+                small += below
+                continue
+            name = "screens" if room.name == "components" else room.name
+            self._file(name, modules, addresses, homes)
+            known += modules
+        if modules := [module for module in self._closure(small) if module not in known]:
+            self._file("small", modules, addresses, homes)
         fetched = re.compile("|".join(map(_pattern, self._fetched())))
         asked = {path: each for path, each in addresses.items() if fetched.fullmatch(path)}
         urls = [*dict.fromkeys(url for each in asked.values() for url in each)]
@@ -154,6 +158,22 @@ class _Joiner:
             "globalThis.joined = { modules: $m, load: $load };\n"
         )
         return self.add("js/drive.js", loading + start)
+
+    def _file(
+        self,
+        name: str,
+        modules: list[str],
+        addresses: dict[str, list[str]],
+        homes: dict[str, list[str]],
+    ) -> None:
+        """Join modules in a file, and note the files that each of them needs, in order."""
+        text = "const { modules: $m, load: $load } = globalThis.joined;\n"
+        own = _beside(self.add(f"js/{name}.js", text + self._text(modules)))
+        # The earlier files that contain modules it imports, then its own file.
+        wanted = [homes[m] for m in self._closure(modules) if m in homes]
+        needed = [*dict.fromkeys(each for home in wanted for each in home), own]
+        addresses |= dict.fromkeys(modules, needed)
+        homes |= dict.fromkeys(modules, needed)
 
     def _fetched(self) -> set[str]:
         """Return what modules import when they need it; `${name}` stands for any name."""
