@@ -91,7 +91,7 @@ class Gateway:
         return [f"{scheme}://{f'[{host}]' if ':' in host else host}:{self.config.port}"]
 
     def address_for(self, role: Role) -> str:
-        """Return the address that gives a browser this role; with pairing, it works only once."""
+        """Return the address that gives a browser this role; an extension may limit its use."""
         return self.addresses()[0] + (role.start or "")
 
     def draw(self, address: str) -> list[str]:
