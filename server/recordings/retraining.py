@@ -77,7 +77,7 @@ class Retraining:
         with self._lock:
             run, self._run = self._run, None
         if run is not None:
-            run.is_dropped = True
+            run.drop()
 
     def describe(self) -> dict[str, Any]:
         run = self._run
@@ -91,7 +91,8 @@ class _Run:
         self._result: Retrained | None = None
         self._error: str | None = None
         self.is_running = True
-        self.is_dropped = False
+        self._work: SeparateWork[float | Retrained] | None = None
+        self._is_dropped = False
 
     @property
     def model(self) -> Model | None:
@@ -102,8 +103,9 @@ class _Run:
         try:
             work = SeparateWork(retrain, self._episodes, self._learner, self._clock.wall_s())
             with reading([path for path, _ in self._episodes]), contextlib.closing(work):
+                self._work = work
                 for told in work:
-                    if self.is_dropped:
+                    if self._is_dropped:
                         return
                     if isinstance(told, Retrained):
                         self._result = told
@@ -113,6 +115,12 @@ class _Run:
             self._error = str(error) or type(error).__name__
         finally:
             self.is_running = False
+
+    def drop(self) -> None:
+        """End the run now; nobody reads its result."""
+        self._is_dropped = True
+        if self._work is not None:
+            self._work.close()
 
     def describe(self) -> dict[str, Any]:
         result = self._result

@@ -32,6 +32,9 @@ def test_retraining_gives_the_same_model_as_the_command_and_reports_a_failure(
     expected_model = take_model(expected, Counter(), saved_at_s=0.0)
     assert same_nodes(run.take().state, expected_model.state)
     run.drop()
+    run.begin(store, [episode.id], "published-8")
+    run.drop()
+    assert run.describe() == {"state": "idle"}
     run.begin(store, [episode.id], "nobody-8")
     clock.sleep(60.0)
     found = run.describe()
