@@ -93,7 +93,9 @@ def _tidy_up() -> None:
     """
     gc.collect()
     with contextlib.suppress(AttributeError, ValueError):
-        need("distributed", "the backend dask", "dask").get_worker().profile_history.clear()
+        worker = need("distributed", "the backend dask", "dask").get_worker()
+        worker.profile_history.clear()
+        worker.profile_keys_history.clear()
 
 
 @dataclass(slots=True)
