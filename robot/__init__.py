@@ -18,5 +18,5 @@ _CLASH = (
     "'uv tool install' or 'pipx install', and remove both from this one."
 )
 
-if (_Path(__file__).parent / "running").is_dir():  # only Robot Framework has this folder
+if (_Path(__file__).parent / "running").is_dir():  # only Robot Framework has a folder of this name
     raise ImportError(_CLASH)

@@ -178,7 +178,7 @@ class BodyButton(StrEnum):
     """The request that a button on the body makes."""
 
     STOP = "stop"
-    START = "start"  # start in the last mode
+    START = "start"  # start in the mode that was used last
 
 
 class Driver(ABC):

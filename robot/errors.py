@@ -155,7 +155,7 @@ KeyError: 'port'; the log has the traceback: send that to the plug-in's author
         self._first()
         said = " ".join(f"{type(error).__name__}: {error}".split())[:_LONGEST_SAID]
         said = f"{self._what} failed in {call}: {said.removesuffix(': ')}"
-        if said != self._said:  # log it once, not thirty times a second
+        if said != self._said:  # log the sentence once, not thirty times a second
             self._said = said
             log.error(said, exc_info=error)
         return self._error_type(

@@ -52,7 +52,7 @@ class Action(str):
                 f"{name!r} is not a valid name of a move: use a lower-case letter, then up to 31 "
                 "lower-case letters, digits or underscores"
             )
-        with cls._interning:  # two threads that use a new name get the same object
+        with cls._interning:  # two threads that use a new name must get the same object
             return cls._interned.setdefault(str(name), super().__new__(cls, name))
 
     def __reduce__(self) -> tuple[type[Action], tuple[str]]:

@@ -37,13 +37,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     from server.cli.main import main as run
 
     for stream in (sys.stdout, sys.stderr):
-        # By default a pipe on Windows can encode only few characters.
+        # By default, a pipe on Windows can encode only few characters.
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
     try:
         status = run(argv)
         sys.stdout.flush()
-    except BrokenPipeError:  # the reader of our output, for example `head`, has ended
+    except BrokenPipeError:  # the program that reads our output, for example `head`, has ended
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     return status

@@ -36,7 +36,7 @@ class Identity:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
             raise ConfigurationError("a robot's name must be text")
-        check_name(self.name)  # models get the robot's name
+        check_name(self.name)  # the robot's models get this name
         if len(self.name) > LONGEST_NAME:
             raise ConfigurationError(f"a robot's name has at most {LONGEST_NAME} characters")
         if self.colour not in COLOURS:
@@ -56,7 +56,7 @@ class IdentityFile:
         if self.now != saved:
             try:
                 self._write(self.now)
-            except OSError as error:  # the robot starts with an unsaved identity
+            except OSError as error:  # the robot starts even if its name is not saved
                 log.warning("the robot's name was not saved: %s", error)
 
     def change(self, **fields: Any) -> Identity:

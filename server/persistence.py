@@ -145,7 +145,7 @@ class Persistence(StartStop):
             raise
         except ConfigurationError as error:
             log.warning("cannot lock the data folder: %s", error)
-        with contextlib.suppress(OSError):  # a read-only folder is not watched
+        with contextlib.suppress(OSError):  # a read-only data folder is not watched
             self._presence = Presence(self.storage.root)
             self._presence.watch()
         self.storage.sweep()
@@ -163,7 +163,7 @@ class Persistence(StartStop):
     def _recover(self) -> None:
         self.models.retry_damaged()
         if self.models.set_failed_aside():
-            return  # the model would only fail again
+            return  # the recovered model would fail again
         recovered = recover(self.storage.journal, self.models, self._loop.history.declared)
         if recovered is not None:
             try_model(recovered.model)

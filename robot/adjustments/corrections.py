@@ -183,7 +183,7 @@ class CameraCorrection(Mounting):
             return picture
         try:
             return _TURNS[picture.encoding](self, picture)
-        except ValueError:  # the length is wrong; the reader reports it
+        except ValueError:  # the picture's length is wrong; the reader of the picture reports this
             return picture
 
     def _turned(self, pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -112,7 +112,8 @@ class Readiness:
         self._last: tuple[float, Action] | None = None
         self._proposed: deque[tuple[float, Action | None]] = deque(maxlen=64)
         self._foreseen: deque[bool] = deque(maxlen=_CHANGES)
-        self._known: deque[tuple[float, bool]] = deque()  # views of the last seconds of teaching
+        # whether each view of the last seconds of teaching was known
+        self._known: deque[tuple[float, bool]] = deque()
         self._gaps: deque[Gap] = deque(maxlen=_GAPS)
         self._was: DrivenBy = DrivenBy.NOBODY
         self._is_taken = False
@@ -205,7 +206,7 @@ class Readiness:
             self._novel_s += step_s
             if not self._gaps or self._gaps[-1].kind is not GapKind.UNKNOWN_VIEW:
                 self._add(GapKind.UNKNOWN_VIEW, tick, None, prediction.action)
-        # Old trials say little about what the robot can do now.
+        # Old trials say little about the robot's present abilities.
         if self.clean_s > _FORGOTTEN_S:
             self.clean_s, self._novel_s = self.clean_s / 2, self._novel_s / 2
 

@@ -76,7 +76,7 @@ class CameraTiming:
         self._shortest_timeout_s = shortest_timeout_s
         self._periods_s: deque[float] = deque(maxlen=self._WINDOW)
         self._ages_s: deque[float] = deque(maxlen=self._WINDOW)
-        self._captured_s = self._noted_s = math.inf  # infinite: there was no picture yet
+        self._captured_s = self._noted_s = math.inf  # infinite until there is a picture
         self.state = self._judge(USUAL_PERIOD_S, 0.0)
 
     def note(self, captured_s: float, delivered_s: float, *, is_moving: bool) -> None:
@@ -85,7 +85,7 @@ class CameraTiming:
         While the robot may move (`is_moving`), estimates grow slowly.
         """
         gap_s = captured_s - self._captured_s
-        if 0.0 < gap_s <= self.config.full_speed_s / _LEAST_SCALE:  # a longer gap is a pause
+        if 0.0 < gap_s <= self.config.full_speed_s / _LEAST_SCALE:  # a longer gap counts as a pause
             self._periods_s.append(gap_s)
         self._captured_s = captured_s
         self._ages_s.append(max(0.0, delivered_s - captured_s))

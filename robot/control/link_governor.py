@@ -21,7 +21,7 @@ class LinkLevel(StrEnum):
     SLOW = "slow"  # the pilot is warned
     CAPPED = "capped"  # the robot also drives slower
     NOT_LEARNING = (
-        "not_learning"  # it also learns nothing: labels would belong to the wrong pictures
+        "not_learning"  # the robot also learns nothing: labels would belong to the wrong pictures
     )
     TOO_SLOW = "too_slow"  # the robot stops
 

@@ -205,7 +205,7 @@ class ControlLoop:
 
     def latch_emergency(self) -> Future[None]:
         """Stop until `release_emergency`; this request runs before all queued requests."""
-        self._epoch = object()  # earlier requests to start or release do not count any more
+        self._epoch = object()  # cancels earlier requests to start or to release
         return self._mailbox.put(self._latch_emergency, is_urgent=True)
 
     def release_emergency(self) -> Future[None]:
@@ -281,7 +281,7 @@ class ControlLoop:
             return
         stood = self.state.decision.mode is Mode.STOPPED
         if button is BodyButton.START and stood and self._gate.mode is Mode.STOPPED:
-            if not self.state.emergency:  # otherwise the button was pressed before the release
+            if not self.state.emergency:  # ignore a button that was pressed before the release
                 self._start(self._last_mode)
         elif button is not None:
             self._gate.trip(StopReason.BUTTON)
@@ -318,7 +318,7 @@ class ControlLoop:
             return None
         may_move = self._gate.mode is not Mode.STOPPED
         if may_move:
-            self._fault = None  # an earlier picture's error; the fault of a stop stays
+            self._fault = None  # clears the error of an earlier picture; the fault of a stop stays
         is_moving = may_move and not self._camera.world_waits
         if not self._rest_every_s:
             times_s = self._world_s(frame.captured_s), self._world_s(delivered_s)
@@ -491,7 +491,7 @@ class ControlLoop:
                 return getattr(self._driver, name)(*args, **options)
         except RobotError:
             raise
-        except Exception as error:  # a driver may be a plugin
+        except Exception as error:  # the driver may be a plugin and raise anything
             raise self._body.converted(name, error) from error
 
     def _stop_body(self) -> None:
@@ -502,5 +502,5 @@ class ControlLoop:
         before, fault = self._fault, f"An internal error occurred: {error}"
         self._stop(StopReason.LOOP_FAULT, fault)
         self.error = error
-        if fault != before:  # log it once, not thirty times a second
+        if fault != before:  # log the fault once, not thirty times a second
             log.exception("the loop stopped the robot")

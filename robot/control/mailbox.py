@@ -47,7 +47,7 @@ class Mailbox:
         """
         while self._requests:
             future, request = self._requests.popleft()
-            if not future.set_running_or_notify_cancel():  # the caller cancelled it
+            if not future.set_running_or_notify_cancel():  # the caller cancelled the request
                 continue
             try:
                 self._answers.append(partial(future.set_result, request()))

@@ -202,7 +202,7 @@ class OnlineLearning:
             yield
         except Exception as error:
             fault = f"The learner failed, and proposes nothing: {str(error) or repr(error)}"[:300]
-            if fault != self.failure:  # log it once, not thirty times a second
+            if fault != self.failure:  # log the fault once, not thirty times a second
                 log.error("the learner failed", exc_info=error)
             self.fault = self.failure = fault
             self.error = error

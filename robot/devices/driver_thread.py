@@ -171,7 +171,7 @@ class DriverThread(Driver):
         try:
             do()
             self._faults.pop(kind, None)
-        except Exception as error:  # stored: the loop's thread raises it and stops
+        except Exception as error:  # the loop's thread raises the error, and stops
             self._faults[kind] = error
         finally:
             self._request_s = None

@@ -150,7 +150,7 @@ def _is_same(given: Any, read: Any) -> bool:
 
 
 def _refuse(kind: type[BaseModel], name: str) -> NoReturn:
-    from pydantic.error_wrappers import ErrorWrapper  # pydantic 1
+    from pydantic.error_wrappers import ErrorWrapper  # only pydantic 1 has this module
 
     raise ValidationError([ErrorWrapper(TypeError("converted"), name)], kind)
 

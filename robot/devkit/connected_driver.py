@@ -167,7 +167,7 @@ class ConnectedDriver(Driver, Generic[_C]):
 
     def stop(self) -> None:
         if self.__connection is not None:
-            with contextlib.suppress(DriveError):  # the next request reports it
+            with contextlib.suppress(DriveError):  # the next request reports the error
                 self.__ask(partial(self._drive, Action.STOP, None, 1.0))
 
     def __send(self, action: Action, point: Point | None, speed_scale: float) -> Action:
@@ -183,7 +183,7 @@ class ConnectedDriver(Driver, Generic[_C]):
         self.__reach()
         try:
             return request()
-        except RobotError:  # already reported; DriveError is also an OSError
+        except RobotError:  # such an error is already reported; DriveError is also an OSError
             raise
         except _BROKEN as error:
             raise self.__lose(f"does not answer: {_words(error)}") from error
@@ -194,7 +194,7 @@ class ConnectedDriver(Driver, Generic[_C]):
         with self.__opening:
             if self.__connection is None:
                 if not self.__is_wanted or self.__clock.now_s() < self.__again_s:
-                    ConnectedDriver._connected(self)  # raises the error
+                    ConnectedDriver._connected(self)  # this call raises the connection's error
                 self.__open()
 
     def __open(self) -> None:

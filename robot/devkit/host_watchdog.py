@@ -112,7 +112,7 @@ class MoveEnder:
 
     def _stop(self, *, must: bool = False) -> None:
         with self._stopping:
-            if not (must or self._is_due):  # a move came in between
+            if not (must or self._is_due):  # a move was sent after the deadline was read
                 return
             self._due_s, self._has_overtaken = self._clock.now_s() + AGAIN_S, True
             is_alone = self._clock.wait(self._is_free, PATIENCE_S)
@@ -210,11 +210,12 @@ class HostWatchdog(ConnectedDriver[_C]):
 
     def __order(self, action: Action, send: Callable[[], Action]) -> Action:
         if self.__ender is None:
-            return send()  # raises NotConnectedError
+            return send()  # this call raises NotConnectedError
         if action is not Action.STOP:
             return self.__ender.move(send)
         self.__ender.stop()
         return action
 
 
-assert ACTION_TIMEOUT_S - LONGEST_LEAD_S > ACTION_TIMEOUT_S / 2  # a move that is renewed goes on
+# a renewed move does not end before its renewal
+assert ACTION_TIMEOUT_S - LONGEST_LEAD_S > ACTION_TIMEOUT_S / 2

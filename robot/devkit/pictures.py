@@ -138,4 +138,5 @@ def _has_end(data: bytes) -> bool:
     grey."""
     if data.startswith(_PNG):
         return b"IEND" in data
-    return data.rfind(b"\xff\xd9") > data.rfind(b"\xff\xda")  # the end, after the last scan
+    # the end marker must follow the start of the last scan
+    return data.rfind(b"\xff\xd9") > data.rfind(b"\xff\xda")

@@ -126,7 +126,7 @@ def _read(root: str, node: str) -> Optional[UsbCamera]:
     try:
         make = " ".join(_text(device, name) for name in ("idVendor", "idProduct"))
         index = _text(there, "index")
-    except OSError:  # not a USB camera: on the board, or virtual
+    except OSError:  # the camera is not on USB, but on the board or virtual
         return None
     part = "{} {}".format(os.path.basename(interface).partition(":")[2], index)
     texts = []

@@ -57,7 +57,8 @@ def unpacked(path: Path, scratch: Path, report: ImportReport) -> Iterator[Path]:
             report.skip(path.name, f"the archive is damaged or truncated from here on: {error}")
         try:
             yield folder
-        except RecordingError as error:  # replace the temporary folder in its message
+        except RecordingError as error:
+            # name the archive in the message instead of the temporary folder
             told = f"{error}".replace(str(folder), str(path))
             raise RecordingError(f"{told}{report.why_nothing()}") from error
 

@@ -107,7 +107,7 @@ def read_table_file(text: str, name: str, reading: Reading, report: ImportReport
     head_line = next((line for line in text.splitlines() if line.strip()), "")
     is_list = name.lower().endswith(".txt")
     delimiter = max(",; " if is_list else ",;\t", key=head_line.count)
-    if is_list:  # there may be several blanks, as in `1.jpg  0.5`
+    if is_list:  # a list may be separated by several blanks, as in `1.jpg  0.5`
         text = re.sub(r"[ \t,]+" if delimiter != ";" else r"[ \t]*;[ \t]*", ";", text)
         delimiter = ";"
     read = _json_lines(text, name, report) if is_json else _lines(text, name, delimiter, report)
@@ -227,7 +227,7 @@ def _with_labels(header: Cells, rows: list[Row], reading: Reading) -> tuple[Cell
         return header, rows
     if {moves[i] for i in there} <= {Action.LEFT, Action.RIGHT}:
         if any(not row.count("0") and "" not in row for row in cells):
-            return header, rows  # both wheels turn
+            return header, rows  # in one row both columns are not 0, so the columns are wheels
         told = " and ".join(repr(header[i].strip()) for i in there)
         raise UnclearColumnsError(
             f"{told} may be moves or wheels: rename them to left_wheel and right_wheel, or replace "

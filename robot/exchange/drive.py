@@ -163,7 +163,8 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
     error no file is left.
     """
     is_past = 0 < drive.started_at_s <= RealClock().wall_s()
-    # A drive of unknown time gets 0, so that it comes before drives that were made here.
+    # If the time of the drive is unknown, write 0, so that the drive is listed before drives
+    # recorded here.
     started_at_s = drive.started_at_s if is_past else 0.0
     run = describe_run(
         episode_id=path.stem,

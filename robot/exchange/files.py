@@ -70,9 +70,9 @@ def parse(text: str) -> Any:
 def read_picture_file(folder: Path, name: str) -> Picture:
     """Read a picture of a folder by an untrusted name. Raises RecordingError if the name leads out
     of the folder, or the file is missing, not a picture, or too large."""
-    # A loop of links raises RuntimeError.
+    # Resolving a loop of symbolic links raises RuntimeError.
     with told_as(RecordingError, "the picture cannot be read", OSError, RuntimeError, ValueError):
-        path = (folder / name.replace("\\", "/")).resolve()  # tables may come from Windows
+        path = (folder / name.replace("\\", "/")).resolve()  # a table may come from Windows
         if not path.is_relative_to(folder.resolve()):
             raise ValueError(f"it leads out of the folder {folder}")
         try:
@@ -150,7 +150,7 @@ def write_picture(frame: Frame, folder: Path, stem: str) -> str:
     path = f"{folder}{os.sep}{name}"
     try:
         _write(path, data)
-    except FileNotFoundError:  # the first picture
+    except FileNotFoundError:  # this is the first picture, and the folder does not exist yet
         folder.mkdir(parents=True, exist_ok=True)
         _write(path, data)
     return name

@@ -51,7 +51,8 @@ def write_film(
     """
     av = need(*AV)
     count, stream = 0, None
-    os.environ.setdefault("SVT_LOG", "1")  # otherwise the AV1 encoder logs to the terminal
+    # without this setting the AV1 encoder logs to the terminal
+    os.environ.setdefault("SVT_LOG", "1")
     path.parent.mkdir(parents=True, exist_ok=True)
     with av.open(str(path), "w", options={"movflags": "faststart"}) as container:
         for picture in pictures:
@@ -115,7 +116,7 @@ class FilmReader:
 
     def at(self, t_s: float) -> Picture:
         """Return the picture at this time as a JPEG; raises RecordingError if there is none."""
-        if t_s < self._asked_s:  # a step back, or the first call
+        if t_s < self._asked_s:  # the time goes back, or this is the first call
             self._begin(t_s)
         self._asked_s = t_s
         self._skip_to(t_s)
@@ -147,7 +148,8 @@ class FilmReader:
                 for frame in container.decode(video=0):
                     if frame.time is not None:
                         yield frame
-        except (av.error.FFmpegError, IndexError, ValueError):  # truncated, or not a film
+        except (av.error.FFmpegError, IndexError, ValueError):
+            # the file is truncated, or not a film
             return
 
 

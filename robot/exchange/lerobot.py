@@ -177,7 +177,7 @@ def write_lerobot(
     for name, value in {"info": info, "stats": _stats(columns, seen)}.items():
         (folder / f"meta/{name}.json").write_text(json.dumps(value, indent=4), encoding="utf-8")
     results = [{"episode": e.id, **result} for e, _ in episodes for result in e.results]
-    if results:  # in a separate file, because LeRobot checks the fields of info.json
+    if results:  # written to a separate file, because LeRobot checks the fields of info.json
         (folder / RESULTS).write_text(json.dumps(results, indent=4), encoding="utf-8")
     (folder / "README.md").write_text(_CARD, encoding="utf-8")
     return len(parts)
@@ -362,7 +362,8 @@ def _column_stats(values: NDArray[Any]) -> dict[str, list[Any]]:
     """Return the statistics of a feature, shape (frames,) or (frames, n)."""
     found: dict[str, list[Any]] = {}
     for column in values.reshape(len(values), -1).T:
-        numbers = column.astype(np.float64)  # one column at a time, because there may be hours
+        # convert one column at a time to save memory: a recording may last hours
+        numbers = column.astype(np.float64)
         own = numbers.min(), numbers.max(), numbers.mean(), numbers.std()
         quantiles = np.quantile(numbers, list(_QUANTILES.values()))
         for name, value in zip(_STATISTICS, (*own, *quantiles), strict=True):
@@ -394,7 +395,7 @@ def _episode_row(
 
 
 def _film_feature(size: tuple[int, int], fps: int, codec: str) -> dict[str, Any]:
-    shape = [size[1] // 2 * 2, size[0] // 2 * 2, 3]  # `write_film` makes them even
+    shape = [size[1] // 2 * 2, size[0] // 2 * 2, 3]  # `write_film` makes the height and width even
     video = {
         "video.height": shape[0],
         "video.width": shape[1],

@@ -200,7 +200,7 @@ class LerobotDataset:
 
         path = self.folder / _FIELD.sub(put, self._info.video_path or "")
         own = self.folder.resolve()
-        roots = own, own.parent.parent / "blobs"  # "blobs": Hugging Face's cache
+        roots = own, own.parent.parent / "blobs"  # Hugging Face's cache keeps the files in "blobs"
         if not path.is_file() or not any(map(path.resolve().is_relative_to, roots)):
             raise RecordingError(f"the film of episode {episode} is missing or outside the folder")
         film = FilmReader(path, self._info.fps)

@@ -41,7 +41,7 @@ _CONVERTED = {
     "uyvy": "YUV2RGB_UYVY",
     "yuv422_yuy2": "YUV2RGB_YUYV",
     "yuyv": "YUV2RGB_YUYV",
-    # OpenCV names a Bayer pattern by its second row, ROS by its first row.
+    # OpenCV names a Bayer pattern by its second row; ROS names it by its first row.
     "bayer_rggb8": "BayerBG2RGB",
     "bayer_bggr8": "BayerRG2RGB",
     "bayer_gbrg8": "BayerGR2RGB",
@@ -117,7 +117,8 @@ class _Bag:
     def opened(self) -> Iterator[Any]:
         """Open the bag; raises RecordingError if it is damaged."""
         high, types = need(*ROSBAGS), need("rosbags.typesys", *ROSBAGS[1:])
-        store = types.get_typestore(types.Stores.LATEST)  # needed for bags without type definitions
+        # bags without type definitions need this type store
+        store = types.get_typestore(types.Stores.LATEST)
         try:
             with high.AnyReader([self._path], default_typestore=store) as reader:
                 yield reader

@@ -34,7 +34,7 @@ def seconds_of(value: object, name: str = "") -> float | None:
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
     try:
-        if "_" in str(value):  # float() would skip the `_`, and read a date as a number
+        if "_" in str(value):  # float() would ignore the `_`, and read a date as a number
             return _date_of(str(value))
         number = float(value)
     except (ValueError, OverflowError):

@@ -102,7 +102,7 @@ def _turning(point: Point, reading: Reading) -> Meant:
 
 
 def _clipped(share: float) -> float:
-    return min(max(share, -1.0), 1.0) + 0.0  # no -0.0
+    return min(max(share, -1.0), 1.0) + 0.0  # adding 0.0 turns -0.0 into 0.0
 
 
 def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Point | None]:

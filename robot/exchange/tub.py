@@ -105,7 +105,7 @@ def _is_by_pilot(record: Record) -> bool:
 
 def _said(record: Record, reading: Reading, moves: Sequence[str] | None) -> Said:
     """Return the label of a record; raises ValueError if it is missing or invalid."""
-    if _LABEL in record:  # the tub was written by this program
+    if _LABEL in record:  # this program wrote the tub
         text = record[_LABEL]
         if not isinstance(text, str) or (text and moves is not None and text not in moves):
             raise ValueError(f"{_LABEL} is {str(text)[:40]!r}")

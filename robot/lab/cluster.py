@@ -64,11 +64,11 @@ def run_on_cluster(
         return
     with _quiet(), contextlib.ExitStack() as stack:
         try:
-            # A Client that cannot connect would wait another 20 s and print a traceback, so try
-            # first.
+            # A Client that cannot connect would wait another 20 s and print a traceback, so try to
+            # connect first.
             asyncio.run(_knock(scheduler))
             client = distributed.Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
-        except Exception as error:  # the kind of error depends on the address and the network
+        except Exception as error:  # the type of the error depends on the address and the network
             raise ConfigurationError(
                 f"no Dask scheduler answers at {scheduler}: {_first_line(error)}; is it running, "
                 "is the address right, and does tls:// have its certificates?"
@@ -178,7 +178,7 @@ class _Run:
         since_s = worker.heard_s if worker.is_used or worker.future is None else worker.began_s
         silent_s = now_s - since_s
         if silent_s > _FROZEN_S and worker.is_used:
-            # If the worker answers again, it is identified again.
+            # A worker that answers again is identified again.
             self._let_go(address, "does not answer; its task goes to another", losses=0)
         elif silent_s > worker.said_s + _SILENT_S:
             worker.said_s += _SILENT_S
@@ -247,9 +247,9 @@ class _Run:
             try:
                 answer = future.result(timeout=_FETCH_S)
             except TimeoutError:
-                self._events.put((address, future))  # until the worker is lost or answers
+                self._events.put((address, future))  # ask again until the worker answers or is lost
                 return
-            except Exception:  # the worker was killed, and Dask tried again
+            except Exception:  # the worker was killed, and Dask tried the task again
                 future.release()
         worker.future, worker.key = None, ""
         if answer is None:
@@ -300,7 +300,7 @@ def _first_line(error: BaseException | None) -> str:
 
 
 def _close(client: Any) -> None:
-    with contextlib.suppress(Exception):  # the connection is lost already
+    with contextlib.suppress(Exception):  # the connection is already lost
         client.close(timeout=2)
 
 

@@ -77,7 +77,8 @@ WHOLE_DRIVE = Lesson()
 def load_pairs(folder: Path | str) -> list[Pair]:
     """Return two pairs, one in each direction, for every place X that has X_A.npz and X_B.npz in
     `folder`. Raises RecordingError if there is no such folder or pair, or a recording is broken."""
-    from robot.exchange.npz import load_recording  # from another extension, imported when needed
+    # imported here, because it is part of another extension
+    from robot.exchange.npz import load_recording
 
     pairs = recorded_pairs(Path(folder))
     loaded = {path: load_recording(path) for path, _ in pairs}
@@ -132,7 +133,7 @@ def evaluate(
 def seen_by(policy: Policy, drive: Drive, known: Vectors, light: float = 1.0) -> Seen:
     """Return a drive as seen with the policy's features, with its brightness multiplied by
     `light`."""
-    # Features that have a state belong to one policy only.
+    # Policies share vectors only if their features have no state.
     whose = policy.name if getattr(policy.features, "__dict__", True) else ""
     key = (type(policy.features), whose, drive.name, light)
     if key not in known:
@@ -163,7 +164,7 @@ def judge(policy: Policy, train: Seen, test: Seen, lesson: Lesson = WHOLE_DRIVE)
     """
     started_s = time.perf_counter()
     n_taught = teach(policy, train, lesson)
-    policy.propose(0, train[0][0])  # some learners are fitted at the first prediction
+    policy.propose(0, train[0][0])  # some learners are fitted when they predict for the first time
     learned_s = time.perf_counter() - started_s
     policy.reset()
     started_s = time.perf_counter()

@@ -105,7 +105,8 @@ def run_simulated_footage(params: Params) -> Result:
 def run_recorded_footage(params: Params) -> Result:
     """Train on one recording, test on another. Parameters: `train` and `test` (paths),
     `learner`."""
-    from robot.exchange.npz import load_recording  # from another extension, imported when needed
+    # imported here, because it is part of another extension
+    from robot.exchange.npz import load_recording
 
     policy = make_learner(params["learner"], DEFAULT_MOVES)
     train, test = (seen_by(policy, load_recording(params[part]), {}) for part in ("train", "test"))

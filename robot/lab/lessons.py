@@ -46,7 +46,7 @@ def run_lesson(params: Params) -> Result:
     result: Result = {
         name: {
             **metrics.against(drive, teacher, moves),
-            # This one is against the teaching only, as in the paper.
+            # This value compares with the teaching only, as in the paper.
             "ssd_against_lesson": compare(taught.profile(), drive.profile(), moves).ssd,
         }
         for name, drive in drives.items()

@@ -99,7 +99,8 @@ def draw_svg(plot: Plot) -> str:
     MissingExtraError if matplotlib is not installed."""
     matplotlib = need("matplotlib", "plots", "experiments")
     matplotlib.use("Agg")
-    matplotlib.rcParams["svg.hashsalt"] = "drivelesson"  # so that equal plots have equal bytes
+    # with a fixed salt, equal plots are saved as equal bytes
+    matplotlib.rcParams["svg.hashsalt"] = "drivelesson"
     from matplotlib.figure import Figure
 
     has_names = isinstance(plot.series[0][1][0], str)

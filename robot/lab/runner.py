@@ -69,7 +69,7 @@ def run_all(
         ConfigurationError: If the cluster cannot be used; or if a file that a task names changes
             meanwhile, because it would be unknown which version ran.
     """
-    # Keys are computed once, because for a key all files of its task are read.
+    # Compute each key only once, because all files of its task are read for it.
     keys = [task.key() for task in tasks]
     done: dict[str, Result] = {}
     waiting: dict[str, Task] = {}

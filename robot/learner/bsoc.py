@@ -89,7 +89,7 @@ class BSOC(Clusters):
         if self.n_trained_ == 0:
             self._images.begin(x)
         size = self.n_nodes_
-        distances = self._images.measure(x, size)  # half the squared distances, from here on
+        distances = self._images.measure(x, size)  # these are half the squared distances
         self.last_merge_ = None
         self.last_distance_ = self._held_out(distances)
         self.last_distances_, self.last_touched_ = 2.0 * distances, self.touched_
@@ -106,7 +106,7 @@ class BSOC(Clusters):
             weights[self._edges.pinned] = np.inf
         nearest = int(weights.argmin())
         least, kept, removed = self._edges.smallest()
-        # On a tie the lower pair of indices is merged; the new frame's index is the highest.
+        # On a tie merge the pair with the lower indices; the new frame's index is the highest.
         if least < weights[nearest] or (least == weights[nearest] and kept <= nearest):
             self._merge(kept, removed, distances)
             self._place(removed, distances, group, name)
@@ -121,7 +121,7 @@ class BSOC(Clusters):
         is_recent = self._touched[: distances.size] >= self.n_trained_ - HELD_OUT
         held = np.where(is_recent, np.float32(np.inf), distances)
         nearest = int(held.argmin())
-        if is_recent[nearest]:  # if all nodes are recent, use the nearest
+        if is_recent[nearest]:  # if all nodes are recent, use the nearest node
             nearest = int(distances.argmin())
         return 2.0 * float(distances[nearest])
 

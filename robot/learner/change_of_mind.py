@@ -120,7 +120,7 @@ class ChangeOfMind(Stateful):
     ) -> Floats:
         """Return the labels' shares of a view, shape (n_labels,), corrected for relabelling."""
         usual = int(self._taken_up.argmax())
-        nearest: dict[int, tuple[float, int]] = {}  # label: (distance, time taught)
+        nearest: dict[int, tuple[float, int]] = {}  # for each label: (distance, time taught)
         for label in range(len(shares)):
             if label != usual:
                 image = int(np.where(owners == label, distances, np.inf).argmin())

@@ -163,7 +163,7 @@ class BSOCClassifier(Stateful, Learner):
             for state in earlier
             if state.kind == self._kind and state.arrays["linear"].shape[0] == linear.size
         ]
-        # In the mean the differences between places cancel out, and the common part remains.
+        # In the mean the differences between places cancel out, and what the places share remains.
         for labels, weights in alike:
             linear.begin_like([self._know(label) for label in labels], weights / len(alike))
         return len(alike)
@@ -188,7 +188,7 @@ class BSOCClassifier(Stateful, Learner):
         self._know(y)
         if self.mirror is not None:
             self._know(self.mirror.labels.get(y, y))
-        if self._mind is not None:  # it uses the distances before any merge
+        if self._mind is not None:  # `note` uses the distances before any merge
             distances, taught = cluster.last_distances_, cluster.last_touched_
             owners = self._counted(len(distances)).owners
             self._mind.note(column, distances, owners, taught, cluster.n_trained_)
@@ -344,7 +344,7 @@ class BSOCClassifier(Stateful, Learner):
     def faults(self) -> Iterator[str]:
         if len(set(self.labels_)) < len(self.labels_):
             yield "a label occurs twice"
-        # There may be labels without images, because the last image may have been deleted.
+        # A label may have no images, because its last image may have been deleted.
         if self.n_nodes_ > 0 and not self.labels_:
             yield "it has images without labels"
         if self.cluster.groups_.max(initial=-1) >= len(self.labels_):

@@ -56,7 +56,7 @@ class Images(Stateful):
         array = np.asarray(x)
         if array.shape != self._shape or array.dtype.kind not in "fiub":
             checked_vector(array, self._origin.size)
-        # A new array each time, because several threads may call this at once.
+        # Create a new array for each call, because several threads may call this at the same time.
         centred = np.asarray(array, np.float32) - self._origin
         norm = 0.5 * float(centred.dot(centred))
         if not norm < _MOST_NORM:
@@ -66,7 +66,7 @@ class Images(Stateful):
         distances: Floats = (self._rows if is_full else self._rows[:size]).dot(centred)
         np.subtract(self._norms if is_full else self._norms[:size], distances, out=distances)
         distances += norm
-        # Near-duplicates may have negative distances, because of rounding errors.
+        # Rounding errors may make the distance of a near-duplicate negative.
         if size and distances[distances.argmin()] < 0.0:
             np.maximum(distances, 0.0, out=distances)
         return distances
@@ -178,7 +178,7 @@ class IntegerImages(Images):
 
     def absorb(self, row: int, count: int) -> None:
         sums = self._sums[row]
-        np.add(sums, self._x, out=sums, casting="unsafe")  # integers of any type
+        np.add(sums, self._x, out=sums, casting="unsafe")  # x may have any integer type
         self._divide(row, count + 1)
 
     def merge(self, kept: int, removed: int, count_kept: int, count_removed: int) -> None:

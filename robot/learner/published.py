@@ -34,7 +34,7 @@ class PublishedBSOC(Clusters):
         super().__init__(max_nodes, max_nodes + 1, np.float64)
         self.integer = integer
         self._dtype: type[Any] = np.int32 if integer else np.float64
-        # Sums of many frames need 64 bits.
+        # The sums of many frames need 64 bits.
         self._wide: type[Any] = np.int64 if integer else np.float64
         self._images: NDArray[Any] = np.zeros((self.n_rows, 0), self._dtype)
 
@@ -74,7 +74,7 @@ class PublishedBSOC(Clusters):
     def _measure(self, image: NDArray[Any]) -> NDArray[np.float64]:
         """Return squared distances, shape (n,)."""
         differences = self._images[: self.n_nodes_] - image
-        dtype = None if image.size * 255 * 255 < 2**31 else self._wide  # otherwise int32 overflows
+        dtype = None if image.size * 255 * 255 < 2**31 else self._wide  # int32 would overflow
         distances: NDArray[Any] = np.einsum("ij,ij->i", differences, differences, dtype=dtype)
         return distances.astype(np.float64)
 

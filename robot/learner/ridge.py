@@ -154,7 +154,7 @@ class RecursiveRidge(LinearPart):
         self._most = 2.0 / penalty
         if alike is not None:
             self._inverse[:-1, :-1] = alike / penalty
-            self._most *= float(np.abs(alike).sum(axis=0).max())  # no eigenvalue is larger
+            self._most *= float(np.abs(alike).sum(axis=0).max())  # bounds the eigenvalues
         self._weights = np.zeros((size, 0))
         self._angles: Floats | None = None
         self._work = np.zeros((size, size), np.float32)
@@ -219,13 +219,13 @@ class RecursiveRidge(LinearPart):
         direction = self._solve(single)
         rest = 1.0 + weight * float(single @ direction)
         if weight < 0.0 and -weight * float(direction @ direction) > rest * self._most:
-            return  # not all frames were learned here, so the rest would be negative
+            return  # some removed frames were not learned here: negative rest
         gain = weight / rest
         step = np.multiply(direction, gain, dtype=np.float64)[:, None]
         self._weights += step.dot((targets - z.dot(self._weights))[None])  # faster than np.outer
         if self._angles is not None:
             self._angles += step.dot((angle - z.dot(self._angles))[None])
-        if gain < 0.0:  # only when frames are removed, which is rare
+        if gain < 0.0:  # this happens only when frames are removed, which is rare
             self._write()
             self._inverse -= gain * np.outer(direction, direction)
             return
@@ -394,7 +394,7 @@ class ContextRidge(RecursiveRidge):
     def restored(self) -> None:
         super().restored()
         for i, ridge in enumerate(self._ridges):
-            for field in ridge.fields:  # check first: the copy below would hide bad values
+            for field in ridge.fields:  # check before copying, which would hide bad values
                 field.check(ridge)
-            if ridge.is_indefinite:  # the other context's frames were subtracted before
+            if ridge.is_indefinite:  # the other context's frames were subtracted
                 self._ridges[i] = self._copy()

@@ -45,7 +45,7 @@ def _weighed(
     voters = np.arange(distances.size)
     if distances.size > n_voters:
         voters = distances.argpartition(n_voters - 1)[:n_voters]
-        if not counts[voters].any():  # of several equal images, only one has votes
+        if not counts[voters].any():  # if several images are equal, only one of them has votes
             voting = np.unique(counts.nonzero()[0])
             voters = voting[distances[voting].argsort()[:n_voters]]
     near = distances[voters].tolist()

@@ -136,7 +136,7 @@ class StallDetector:
             self.is_stalled = is_still and under_way in kinds.others.difference(pace.stands)
         if self._given_up is not None and not seen.bumped:
             since_s, picture = self._given_up
-            # Turning in a plain corridor changes the picture slowly.
+            # Compare with the old picture too: turns in plain corridors change pictures slowly.
             is_away = not is_still or not scale.is_still(difference(seen.picture, picture))
             if is_away and at_s >= since_s + pace.away_s:
                 self.lift()
@@ -145,7 +145,7 @@ class StallDetector:
         elif self._stuck_since is None:
             self._stuck_since = at_s, seen.picture
         elif at_s - self._stuck_since[0] >= pace.patience_s - STEP_S:
-            # The picture may have changed slowly in the meantime.
+            # Compare with the first picture, because the change may have been slow.
             if seen.bumped or scale.is_still(difference(seen.picture, self._stuck_since[1])):
                 self.futile = [*(move for move in self.futile if move is not under_way), under_way]
                 self._given_up = at_s, seen.picture
@@ -237,7 +237,7 @@ class ActionFilter(PolicyPart):
         """Return the best move that is not barred; on a tie, the first."""
         under_way, shares, turns, pace = seen.under_way, seen.shares, self._kinds.turns, self.pace
         urge = 0.0
-        if self._gives_up:  # only then, because comparing pictures is slow
+        if self._gives_up:  # checked only if needed: comparing pictures is slow
             self._stall_detector.look(seen, pace)
             urge = self._watch(under_way, seen.at_s, ALLOWANCE * pace.debt_limit_s)
         futile = self._stall_detector.futile
@@ -245,7 +245,7 @@ class ActionFilter(PolicyPart):
         allowed = [action for action in shares if turns.get(action) != barred or barred is None]
         fruitful = [action for action in allowed if action not in futile and shares[action] > 0.0]
         if futile and not fruitful:
-            self._ask(seen.at_s)  # no other move was taught, or all moves were tried
+            self._ask(seen.at_s)  # no other move was taught, or all were tried
         inertia = self.turn_inertia if under_way in turns else self.straight_inertia
         # A context distinguishes a turn from a straight drive, but not left from right turns.
         by_degrees = seen.in_context and self._point is not None
@@ -280,7 +280,7 @@ class ActionFilter(PolicyPart):
         if under_way is None or (self.needs_help and at_s >= self._asks_until_s):
             if self.needs_help:
                 self._stall_detector.lift()
-            self.needs_help = False  # the pilot drives out, or the robot tries again
+            self.needs_help = False  # the pilot drives away, or the robot tries again
             self._headway.reset()
             return 0.0
         is_stalled = self._stall_detector.is_stalled

@@ -53,7 +53,7 @@ class ExampleRate(PolicyPart):
     fields = (Value("last_learned", optional(row(number(), name))),)
 
     def __init__(self) -> None:
-        self._last_learned: tuple[float, str] | None = None  # earliest time for it, its label
+        self._last_learned: tuple[float, str] | None = None  # (scheduled time, label)
 
     def on_example(self, lesson: TaughtExample) -> None:
         at_s, label = lesson.at_s, str(lesson.label)
@@ -141,7 +141,7 @@ class Repeats(PolicyPart):
         self._moves = moves
         self._pairs = np.zeros((2, 0), np.intp)
         self._sketches = np.zeros((_SETS, _WAYS), np.uint64)
-        self._labels = np.zeros((_SETS, _WAYS), np.int16)  # 0: empty slot
+        self._labels = np.zeros((_SETS, _WAYS), np.int16)  # 0 means an empty slot
 
     def on_example(self, lesson: TaughtExample) -> None:
         label = 1 + self._moves.index(lesson.label)

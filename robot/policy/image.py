@@ -102,7 +102,7 @@ def at_common_scale(pixels: Pixels, width: int, height: int) -> Pixels:
 def _stretched(pixels: Pixels, axis: int, length: int) -> Pixels:
     """Interpolate between the centres of pixels, in integers."""
     old = pixels.shape[axis]
-    places = (2 * np.arange(length) + 1) * old * 128 // length - 128  # in 1/256 pixels
+    places = (2 * np.arange(length) + 1) * old * 128 // length - 128  # in units of 1/256 pixel
     places = places.clip(0, (old - 1) * 256)
     first = (places >> 8).astype(np.intp)
     shape = [1] * pixels.ndim

@@ -199,7 +199,7 @@ class Policy(Stateful):
                 `x` cannot be learned; nothing changes.
         """
         self._check_move(label)
-        if len(x) != self._n_values:  # check before any part changes
+        if len(x) != self._n_values:  # check before any part is changed
             checked_vector(x, self._n_values)
         if point is not None and not all(-1.0 <= share <= 1.0 for share in point):
             raise ValueError(f"steering and throttle must lie in [-1, 1], not {tuple(point)}")

@@ -59,7 +59,7 @@ class Degrees(PolicyPart):
         self.n_moves = len(moves)
         self._sums: NDArray[np.float64] | None = None  # examples, steering, its square, throttle
         self.angle: float | None = None
-        self._steering: float | None = None  # the running average
+        self._steering: float | None = None  # the running average of the steering
 
     def angle_of(self, lesson: TaughtExample) -> float | None:
         """Return the angle to learn with an example; None if the learner learns no angles."""

@@ -145,7 +145,7 @@ def make_policy(name: str = "default-32", moves: tuple[Action, ...] = DEFAULT_MO
         raise
     except (ImportError, AttributeError) as error:
         raise PluginError(f"the learner {kind!r} cannot be loaded: {error}") from error
-    # Processors of this kind have no floating-point unit.
+    # ARMv5 processors have no floating-point unit.
     is_whole = platform.machine().startswith("armv5")
     return maker(number, name, moves, is_whole)
 

@@ -63,7 +63,7 @@ class FrameTable(Mapping[int, FrameEntry]):
             if channel not in self._channels:
                 self._channels.append(channel)
             table["channel"][rows["channel"] == number] = self._channels.index(channel)
-        self._table = None  # it is a view of the rows, which cannot grow while there is one
+        self._table = None  # drop the view of the rows: while the view exists, the rows cannot grow
         self._rows += table.tobytes()
 
     def dump(self) -> tuple[bytes, list[MessageChannel]]:
@@ -138,7 +138,7 @@ class FrameTable(Mapping[int, FrameEntry]):
         ids = self.ids
         if not 0 <= frame_id < 2**32:
             return None
-        # np.uint32, because numpy would convert all ids to compare them with a Python int.
+        # Use np.uint32: numpy would convert all ids to compare them with a Python int.
         index = int(ids.searchsorted(np.uint32(frame_id)))
         return index if index < len(ids) and ids[index] == frame_id else None
 
@@ -174,7 +174,7 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
         self._label = array("B")
         self._is_intervention = array("B")
         self._at_s = array("d")
-        # These end with the last point; few robots are taught with points.
+        # These columns end with the last point, because few robots are taught with points.
         self._steering, self._throttle = array("d"), array("d")
         self._labels: list[Action] = []
         self._others: dict[int, HistoryEvent] = {}

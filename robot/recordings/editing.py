@@ -114,7 +114,7 @@ def sample(
         read = list(islice(blocks, 1))
         here = list(_told(episode, notes, labels, read, own))
         if any(None in (one.predicted, one.driven_by, one.distance_m) for one in here):
-            read += islice(blocks, 1)  # the messages may follow in the next chunk
+            read += islice(blocks, 1)  # the next chunk may contain the missing messages
             here = list(_told(episode, notes, labels, read, own))
         found += here
     return found
@@ -181,7 +181,8 @@ class _Said:
 def _fields_in(message: bytes) -> Fields:
     """Read a message; return empty fields if it is damaged."""
     try:
-        fields = json.loads(str(message, "utf-8"))  # for bytes, the module would guess the encoding
+        # if the module got bytes, it would guess the encoding
+        fields = json.loads(str(message, "utf-8"))
     except UNREADABLE:
         return {}
     return fields if isinstance(fields, dict) else {}

@@ -136,7 +136,8 @@ def write_notes(episode: Path, notes: Notes) -> None:
         "undone": [asdict(edit) for edit in notes.undone],
     }
     text = json.dumps(plain, indent=1, ensure_ascii=False)
-    write_whole(notes_path(episode), text.encode(errors="replace"))  # shells may pass surrogates
+    # a shell may pass surrogates, which UTF-8 cannot encode
+    write_whole(notes_path(episode), text.encode(errors="replace"))
 
 
 def _edit_from_plain(plain: Any) -> Edit:

@@ -86,7 +86,8 @@ def _copy_what_is_left(
         if isinstance(record, Cut):
             cut = record
         elif isinstance(record, Metadata) and record.name == SUMMARY:
-            summary = record.values  # only records that repeat others are missing
+            # after the summary only repetitions of other records are missing
+            summary = record.values
         elif isinstance(record, Metadata) and record.name == RUN:
             run = check_run(record.values)
             writer = EpisodeWriter(copy, run, tally=_tally_before(run, earlier))

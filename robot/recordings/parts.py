@@ -80,7 +80,7 @@ def has_ended(path: Path) -> bool:
     last = list(part_paths(path).values())[-1]
     if not has_end(last):
         return False
-    with contextlib.suppress(RecordingError, OSError):  # the file is damaged
+    with contextlib.suppress(RecordingError, OSError):  # a damaged file counts as complete
         return CONTINUES not in read_metadata(last).get(SUMMARY, {})
     return True
 
@@ -105,7 +105,7 @@ def walk_part(number: int, file: Path) -> Iterator[Part]:
     except (RecordingError, OSError):
         if number == 0:
             raise
-        yield Cut(CUT_SHORT)  # a power cut came when the file was created
+        yield Cut(CUT_SHORT)  # a power cut came while the file was being created
 
 
 def blocks_after(

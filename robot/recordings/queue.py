@@ -143,7 +143,7 @@ class RecordingQueue:
                 self._writer.flush()
                 if self._clock.now_s() - self._checked_s > 2.0:
                     self._check_room()
-        except Exception as error:  # the thread must go on after any error
+        except Exception as error:  # the thread must continue after any error
             with self._lock:
                 self.waiting_bytes = sum(size for size, _, _ in self._jobs)
             if isinstance(error, OSError):
@@ -185,7 +185,7 @@ class RecordingQueue:
                 sync_folder(folder)
             return EpisodeWriter(file, run, **more)
         except Exception:
-            with contextlib.suppress(OSError):  # buffered bytes cannot be written either
+            with contextlib.suppress(OSError):  # the buffered bytes cannot be written either
                 file.close()
             raise
 

@@ -333,7 +333,7 @@ class WrittenFile:
 
     def blocks(self, data: bytes, offset: int) -> Iterator[Block]:
         """Yield the chunks among the complete records in `data`, which were written at `offset`."""
-        with contextlib.suppress(CutError):  # more records will follow
+        with contextlib.suppress(CutError):  # the data continues after its last complete record
             for part in self._content.parts(io.BytesIO(data)):
                 if isinstance(part, Block):
                     yield part._replace(offset=offset + part.offset)
@@ -523,7 +523,7 @@ def _unpacked(body: bytes) -> bytes:
 
 def _unpack(compression: str, data: bytes, size: int) -> bytes:
     """Unpack at most one byte more than the declared size, to detect a wrong size."""
-    # Each library raises other errors; here they all mean the same.
+    # Each library raises different errors; all of them mean that the chunk is damaged.
     with told_as(RecordingError, "a chunk cannot be unpacked", Exception):
         if compression == "zstd":
             import zstandard

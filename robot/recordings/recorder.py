@@ -93,7 +93,7 @@ class Recorder:
             with contextlib.suppress(TimeoutError):
                 self._loop.clock.result(self._loop.submit(self._end), 2.0)
         self._unsubscribe()
-        self.queue.end(None, is_kept=True)  # the timeout is for a loop that hangs
+        self.queue.end(None, is_kept=True)  # if the loop hangs, the recording is ended here
         self._disk.stop()
 
     # On the loop's thread ----------------------------------------------------------------------
@@ -114,7 +114,8 @@ class Recorder:
         self._moved_s = now_s if is_moving else self._moved_s
         events = self._own_events(tick.history_events)
         if began and self.queue.fault is not None:
-            if self._is_open:  # the disk's thread closed it; the next model contains the events
+            # the disk's thread ended the recording; the events are in the next model
+            if self._is_open:
                 self.finish()
                 events = ()
             self.queue.fault = None
@@ -178,7 +179,7 @@ class Recorder:
     def _record(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> None:
         is_shown = tick.frame is not None and tick.now_s - self._moved_s <= self._config.trail_s
         if is_shown:
-            while self._lead:  # commands may label earlier pictures
+            while self._lead:  # commands may label earlier pictures, so keep those
                 self._keep(self._lead.popleft())
         if tick.frame is not None:
             (self._keep if is_shown else self._remember)(tick.frame)
@@ -196,7 +197,8 @@ class Recorder:
     def _remember(self, frame: Frame) -> None:
         self._lead.append(frame)
         while sum(len(frame.data) for frame in self._lead) > self._config.queue_bytes // 4:
-            self._lead.popleft()  # large pictures would fill the queue
+            # keep few pictures if they are large, or they would fill the queue
+            self._lead.popleft()
 
     def _keep(self, frame: Frame) -> None:
         if frame.frame_id not in self._kept and self.queue.write_frame(frame):

@@ -69,7 +69,7 @@ def _end_compacting(storage: Storage, folder: Path) -> None:
         original = mark.with_name(mark.name[1 : -len(".0.part")])
         path = folder / original.name
         if path.name in being_read(folder):
-            continue  # another program is making it compact now
+            continue  # another program is compacting this recording now
         if not path.exists() and original.exists():
             storage.restore(mark.parent.name, folder, ".mcap")
             compacting_mark(path).unlink(missing_ok=True)

@@ -60,7 +60,7 @@ class EpisodeStore:
     ) -> None:
         self._storage, self._write = storage, write
         self._recording = recording or (lambda: None)
-        self._is_recorder = recording is not None  # False: another program may be recording
+        self._is_recorder = recording is not None  # if False, another program may be recording
         self.budget_bytes = DEFAULT_BUDGET_BYTES
         """Total size of all episodes above which the oldest unprotected episodes are offered for
         deletion."""
@@ -104,7 +104,7 @@ class EpisodeStore:
     def path(self, episode_id: str) -> Path:
         is_name = not episode_id.startswith(".") and not set(episode_id) & set("/\\\0")
         path = self._storage.folder(NAME) / f"{episode_id}.mcap"
-        with contextlib.suppress(OSError, ValueError):  # not a valid file name
+        with contextlib.suppress(OSError, ValueError):  # the id is not a valid file name
             if is_name and episode_id and path.is_file():
                 return path
         raise NotFoundError(f"unknown episode {episode_id[:80]!r}")

@@ -73,7 +73,7 @@ def describe_run(
         "declared_moves": to_text(declared_moves),
         "options": json.dumps(dict(options or {}), default=str),
         "source": source,
-        "timed": "1",  # examples have their teaching time
+        "timed": "1",  # each example has the time when it was taught
     }
 
 
@@ -193,7 +193,8 @@ class EpisodeWriter:
         try:
             for block in self._follower.blocks(data, offset):
                 self._columns.add(block)
-        except UNREADABLE:  # a damaged message was copied; its reader reports it
+        except UNREADABLE:
+            # the copied file has a damaged message; the reader of the message reports it
             self._columns = None
             return
         if self._columns.pictures >= self._section_frames:

@@ -102,7 +102,7 @@ def _ranges_to_m(
     obstacle: Obstacle, pose: Pose, steps_x: NDArray[np.float64], steps_y: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the distance to one thing along each ray; infinite if the ray misses it."""
-    turn_rad = -obstacle.heading_rad  # into the obstacle's coordinates
+    turn_rad = -obstacle.heading_rad  # transform into the obstacle's coordinates
     from_x, from_y = _turned(turn_rad, pose.x_m - obstacle.x_m, pose.y_m - obstacle.y_m)
     rays_x, rays_y = _turned(turn_rad, steps_x, steps_y)
     if obstacle.shape == "cylinder":
@@ -147,7 +147,7 @@ def overlap_with(obstacle: Obstacle, x_m: float, y_m: float) -> Overlap | None:
     gap_m = math.hypot(gap_x, gap_y)
     if gap_m >= reach_m:
         return None
-    if gap_m == 0.0:  # the centre is inside: move away from the thing's centre
+    if gap_m == 0.0:  # the centre is inside: move away from the obstacle's centre
         gap_x, gap_y, gap_m = along or 1.0, across, math.hypot(along or 1.0, across)
         reach_m = gap_m + RADIUS_M
     normal_x, normal_y = _turned(heading_rad, gap_x / gap_m, gap_y / gap_m)

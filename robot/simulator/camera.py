@@ -89,7 +89,7 @@ class SimCamera(WorldCamera[SimDriver]):
                 encoding=Encoding.JPEG,
                 data=data,
             )
-            # This is set first, because the frame's listeners may request it.
+            # Set the large picture first, because the frame's listeners may request it.
             self._large = self.mounting.upright(taken)
         return self._show(jpeg, Encoding.JPEG, captured_s)
 

@@ -121,7 +121,8 @@ class Renderer:
                     node = self._things[obstacle.name]
                     node.setPos(obstacle.x_m, obstacle.y_m, 0.0)
                     node.setH(math.degrees(obstacle.heading_rad))
-            # Panda3D's cameras look along y, so subtract a quarter turn from the heading.
+            # The cameras of Panda3D look along the y axis, so subtract a quarter turn from the
+            # heading.
             self._camera.setPosHpr(
                 pose.x_m + CAMERA_FORWARD_M * math.cos(pose.heading_rad),
                 pose.y_m + CAMERA_FORWARD_M * math.sin(pose.heading_rad),
@@ -196,7 +197,7 @@ class Renderer:
         node.addGeom(geometry)
         path = parent.attachNewNode(node)
         path.setTwoSided(True)
-        # Where two edges meet, the edge drawn last is visible, so the order must not vary.
+        # Where two edges meet, the edge that is drawn last is visible, so the order must not vary.
         self._n_shapes += 1
         path.setBin("fixed", self._n_shapes)
         return path

@@ -83,7 +83,8 @@ class Simulation:
         self._contacts_rad = []
         self.action, self.point = Action.STOP, None
         self.pose = self._start_pose()
-        self._entered = first_world  # set last, because `shown_world` reads it on another thread
+        # set last, because `shown_world` reads this attribute on another thread
+        self._entered = first_world
 
     @property
     def shown_world(self) -> World:
@@ -95,7 +96,7 @@ class Simulation:
         """Return the sensors' readings: sonar with noise, bumpers, and the true pose."""
         noise_m = float(self._sonar_rng.normal(0.0, _SONAR_NOISE_M)) if self.is_noisy else 0.0
         measured_in, measured_at, free_m = self._measured
-        # The margin allows for some motion since then.
+        # Measure again only if the robot has moved or the world has changed.
         if measured_in is not self.world or measured_at != self.pose:
             free_m = sonar_m(self.world, self.pose)
             self._measured = self.world, self.pose, free_m
@@ -183,8 +184,8 @@ class Simulation:
         )
 
     def _add_grain(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        # One block of noise is shifted at random for each picture. This looks as good as 57,600 new
-        # normal numbers, and is far faster.
+        # Shift one block of noise at random for each picture. This looks as good as 57,600 new
+        # random numbers, and is far faster.
         if self._grain is None:
             rng = np.random.default_rng((self._seed, 3))
             block = rng.normal(0.0, _PIXEL_NOISE, 4 * picture.size).astype(np.int16)

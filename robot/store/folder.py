@@ -163,7 +163,7 @@ def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
     """
     require_present(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    # Two programs may write at the same time.
+    # The name contains the thread's id, because two programs may write at the same time.
     temporary = path.with_name(f".{path.name}.{get_native_id()}.part")
     try:
         flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
@@ -172,7 +172,7 @@ def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
             if not file.closed:
                 file.flush()
                 os.fsync(file.fileno())
-        if path.is_dir() and not path.is_symlink():  # a folder has this name
+        if path.is_dir() and not path.is_symlink():  # replace a folder of this name
             set_aside(path)
         move(temporary, path)
     except BaseException:
@@ -285,12 +285,12 @@ class Storage:
                 write_whole(self.root / "README.txt", _readme().encode())
             if must_be_usable:
                 self._try_longest()
-            else:  # storage is useful even without a trash or long paths
+            else:  # without `must_be_usable`, a trash and long paths are not required
                 write_whole(self.root / ".probe", b"")
                 (self.root / ".probe").unlink(missing_ok=True)
         except OSError as error:
             if error.errno in (errno.ENOSPC, errno.EDQUOT):
-                return  # no reason to refuse: the caller may be emptying the trash
+                return  # do not refuse: the caller may be emptying the trash
             if must_be_usable:
                 raise ConfigurationError(
                     f"the data folder {self.root} cannot be used: {error.strerror or error}; "
@@ -309,8 +309,8 @@ class Storage:
 
     def _try_longest(self) -> None:
         """Create a file with the longest possible path; Windows allows only 260 characters."""
-        # A new folder, because another program may do this at the same time. Not by `tempfile`: on
-        # Windows it retries endlessly if nothing can be written.
+        # Use a new folder, because another program may do this at the same time. Do not use
+        # `tempfile`: on Windows it retries endlessly if nothing can be written.
         folder = self.trash / uuid4().hex.ljust(_LONGEST_NAME, "n")
         try:
             folder.mkdir()
@@ -398,7 +398,7 @@ class Storage:
         for old in (path.name.removesuffix(ending) for path in found):
             names[old] = free_name(old, taken)
             taken.add(names[old])
-        for path in sorted(paths_in(place), key=found.__contains__):  # notes and parts first
+        for path in sorted(paths_in(place), key=found.__contains__):  # move notes and parts first
             owners = [old for old in names if path.name == old or path.name.startswith(f"{old}.")]
             old = max(owners, key=len, default="")
             move(path, folder / (names.get(old, "") + path.name[len(old) :]))
@@ -427,7 +427,7 @@ class Storage:
         for place in places:
             with contextlib.suppress(ConfigurationError):
                 if place.name.startswith("."):
-                    FolderLock(place).start()  # this fails while an import unpacks there
+                    FolderLock(place).start()  # this fails while an import unpacks files there
                 shutil.rmtree(place, ignore_errors=True)
         return size - size_below(self.trash)
 

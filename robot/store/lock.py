@@ -21,7 +21,7 @@ class FolderLock(StartStop):
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._holder = folder / ".lock.pid"  # for the error, since filelock empties its own file
+        self._holder = folder / ".lock.pid"  # for the error's text: filelock empties its own file
         self._lock: Any = None
 
     def start(self) -> None:
@@ -33,7 +33,7 @@ class FolderLock(StartStop):
 
         lock = FileLock(str(self._folder / ".lock"), timeout=0)
         try:
-            if not self._folder.is_dir():  # filelock would create it
+            if not self._folder.is_dir():  # filelock would create the folder
                 raise FileNotFoundError("no such folder")
             lock.acquire()
         except Timeout as error:

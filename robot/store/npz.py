@@ -39,7 +39,7 @@ def read_arrays(data: bytes, *, max_bytes: int, only: str | None = None) -> dict
             }
     except RecordingError:
         raise
-    except Exception as error:  # zipfile, zlib, lzma and numpy raise many types
+    except Exception as error:  # zipfile, zlib, lzma and numpy raise many types of errors
         raise RecordingError(f"it is damaged: {error}") from error
 
 

@@ -73,7 +73,7 @@ class RecordWriter:
         for file in list(self._files):
             try:
                 use(file)
-            except (OSError, ValueError) as error:  # the other thread may have closed it
+            except (OSError, ValueError) as error:  # the other thread may have closed the file
                 last = error
                 self._leave_out(file)
         return last
@@ -110,7 +110,7 @@ def read_regular(path: Path, max_bytes: int) -> bytes:
             raise OSError(f"{path.name} is not a regular file")
         if status.st_size > max_bytes:
             raise OSError(f"{path.name} has more than {max_bytes >> 20} MB")
-        return file.read(status.st_size)  # a buffer of `max_bytes` may take a second
+        return file.read(status.st_size)  # a buffer of `max_bytes` may take a second to create
 
 
 def _payload_at(data: bytes, at: int) -> bytes | None:

@@ -79,8 +79,8 @@ def condition_logs(plan: StudyPlan, participant: str, log: bytes) -> list[Condit
         mine = [event for event in events if event.position == position]
         attempt = max(event.attempt for event in mine)
         last = [event for event in mine if event.attempt == attempt]
-        # Find the condition by name, because the plan may have been changed, and may now have
-        # another condition at this position.
+        # Look up the condition by name, because the plan may have changed since, and have another
+        # condition at this position.
         condition = plan.by_name.get(name := last[0].condition)
         if condition is None:
             raise RecordingError(
@@ -107,7 +107,8 @@ def rows_of(plan: StudyPlan, log: ConditionLog) -> Iterator[Row]:
     for phase in log.condition.phases:
         if events := [event for event in log.events if event.phase == phase.name]:
             yield {**log.common, **_drive(log, phase, events, teacher)}
-    given = {e.name: e.value for e in named(log.events, "answer")}  # the last answer counts
+    # if a question was answered twice, the last answer counts
+    given = {e.name: e.value for e in named(log.events, "answer")}
     if given:
         answers: dict[str, Cell] = {
             q.name: given.get(q.name) if q.kind == "text" else _plain(given.get(q.name, ""))

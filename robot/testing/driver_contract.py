@@ -185,7 +185,7 @@ class DriverContract:
                 )
                 assert now.throttle > 0.0 or abs(steering) > 0.5, f"{asked}, which is not ahead"
             assert turned == sorted(turned), f"with more steering it must not turn less: {turned}"
-            if driver.move_of(Point(0.0, -0.5)) is not Action.STOP:  # the body has a move back
+            if driver.move_of(Point(0.0, -0.5)) is not Action.STOP:  # the body can drive backwards
                 back = _driven(driver_case, partial(driver.send_point, Point(0.0, -0.5)))
                 assert back.throttle < 0.0, f"asked for throttle -0.5: {tuple(back)} is not back"
             for move in driver.declared_moves:
@@ -250,7 +250,8 @@ class DriverContract:
                     driver.send_point(passing)
                     now = drives()
                     if type(driver).is_remote and not _is_within(now, limits):
-                        driver_case.forward(_LOOK_EVERY_S)  # the message of one wheel came first
+                        # the message of one wheel came first; await the other
+                        driver_case.forward(_LOOK_EVERY_S)
                         now = drives()
                     assert _is_within(now, limits), (
                         f"on the way to {tuple(passing)} it drives {tuple(now)}; at the corners "
@@ -302,7 +303,7 @@ class DriverContract:
 
     def test_it_leaves_nothing_behind(self, driver_case: DriverCase) -> None:
         """No thread, no open file or socket, and no process stays after `disconnect`."""
-        for _ in range(2):  # in the first round imports may open files
+        for _ in range(2):  # in the first round, imports may open files
             before = _leftovers()
             with driver_case.driver as driver:
                 driver.send_action(driver.moves[0])
@@ -559,6 +560,6 @@ def _leftovers() -> set[object]:
         for entry in folder.iterdir():
             try:
                 found.add((entry.name, entry.readlink()))
-            except OSError:  # the descriptor of the listing itself
+            except OSError:  # the descriptor belonged to this listing of the folder
                 continue
     return found

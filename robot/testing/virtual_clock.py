@@ -54,7 +54,8 @@ class VirtualClock(Clock):
         self._deadlock: str | None = None
 
     def now_s(self) -> float:
-        event_loop, now_s = self._event_loop, self._now_s  # `_base_s` inlined: this is called often
+        # `_base_s` is inlined because this method is called often
+        event_loop, now_s = self._event_loop, self._now_s
         if event_loop is not None and event_loop.now_s > now_s:
             now_s = event_loop.now_s
         return now_s + self._ahead_s
@@ -169,7 +170,7 @@ class VirtualClock(Clock):
             self._event_loop = None
 
     async def pause(self, seconds: float) -> None:
-        if self._event_loop is None:  # another event loop, without this clock
+        if self._event_loop is None:  # the caller runs on another event loop, without this clock
             self.sleep(seconds)
             seconds = 0.0
         await asyncio.sleep(seconds)
@@ -211,7 +212,7 @@ class _JumpingEventLoop(asyncio.SelectorEventLoop):
     def __init__(self, clock: VirtualClock) -> None:
         super().__init__()
         self._clock = clock
-        self._clock_resolution = 1e-9  # on Windows it is 16 ms: timers would be early
+        self._clock_resolution = 1e-9  # the resolution of Windows, 16 ms, would fire timers early
         self._now_us = round(clock._now_s * 1e6)
         self.now_s = self._now_us / 1e6
         self._selector.select = self._let_time_pass  # type: ignore[attr-defined]
@@ -222,7 +223,7 @@ class _JumpingEventLoop(asyncio.SelectorEventLoop):
     def _let_time_pass(self, timeout: float | None) -> list[Any]:
         """Wait, in place of the selector, for the next timer or for a thread's request."""
         if timeout == 0:
-            return []  # tasks are ready
+            return []  # tasks are ready to run
         clock = self._clock
         if clock._waiting:
             clock._let_others_run(clock._event_loop_woken, timeout)
@@ -266,7 +267,7 @@ class _VirtualThread(threading.Thread):
 
     def join(self, timeout: float | None = None) -> None:
         if self._clock.wait(self._ended, timeout):
-            super().join()  # the thread has woken the next one and ends now
+            super().join()  # the thread has already woken the next thread, and ends now
 
     def is_alive(self) -> bool:
         return not self._ended.is_set()

@@ -83,7 +83,8 @@ class VirtualRobot:
         Raises:
             AssertionError: If the condition does not hold within `within_s`.
         """
-        start_s = asyncio.get_running_loop().time()  # `clock` may be made to jump meanwhile
+        # not `clock`, which may be made to jump during the wait
+        start_s = asyncio.get_running_loop().time()
         try:
             async with asyncio.timeout(within_s):
                 while not condition():

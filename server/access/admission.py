@@ -153,8 +153,8 @@ class ConnectionLimiter:
         def gives(places: list[Slot]) -> bool:
             if places is own and any(one.idle_s < math.inf for one in own):
                 return True
-            # The other must keep at least as many slots as the newcomer gets, or the two would
-            # evict each other in turns.
+            # The other client must keep at least as many slots as the newcomer gets, or the two
+            # would evict each other in turns.
             has_more = len(places) > len(own) + 1 or (places is own and len(own) == most)
             return (has_more or self._keeps(newcomer)) and any(
                 one.gives_way(before_s) for one in places
@@ -176,7 +176,7 @@ class AdmissionControl:
         self.recognise: Callable[[bytes, str], Session | None] = lambda head, address: None
         """Returns the session of a request, from its first bytes and address; None if unknown."""
         n_pending = min(limits.pending, max(1, capacity // 2))
-        # New connections are known only by address, so no connection has priority.
+        # A new connection has no session yet, only an address, so no connection has priority.
         self.pending = ConnectionLimiter(
             n_pending, limits.pending_per_address, lambda address: True
         )
@@ -186,7 +186,7 @@ class AdmissionControl:
         self.sockets = ConnectionLimiter(
             limits.clients, limits.clients_each, lambda person: self.keeps(person)
         )
-        # Each upload takes as much memory as a model's file.
+        # Limit uploads, because each upload takes as much memory as a model's file.
         self.uploads = ConnectionLimiter(limits.uploads, 1, lambda person: self.keeps(person))
         self.connections: dict[Peer, Slot] = {}
         self._paces = RateLimits()
@@ -194,7 +194,7 @@ class AdmissionControl:
 
     def has_room(self, now_s: float) -> bool:
         """True if a new connection evicts only connections that had time to be read."""
-        # Count only a part of a long gap: a busy computer has read nothing meanwhile.
+        # Count only a part of a long gap, because a busy computer reads nothing during the gap.
         self._read_until_s += min(now_s - self._asked_s, _READ_S / 8)
         self._asked_s = now_s
         if not self.pending.is_full:
@@ -205,10 +205,10 @@ class AdmissionControl:
     def arrive(self, peer: Peer, now_s: float, close: Callable[[], None]) -> None:
         """Add a new connection as pending; `close` may be called before `left`."""
         self.expire(now_s)
-        if before := self.connections.get(peer):  # an ended connection whose port is reused
+        if before := self.connections.get(peer):  # the port of an ended connection is reused
             self.left(peer)
             before.close()
-        # No session has such a name: without pairing, sessions are named by address.
+        # No session has a name like this: without pairing, sessions are named by address.
         stranger = Session(Role.VIEWER, f"stranger {address_key(peer[0])}")
         place = self.pending.take(stranger, now_s, lambda: self._close(peer, close))
         assert place is not None, "a newcomer always finds a place"
@@ -254,16 +254,17 @@ class AdmissionControl:
             admitted = take(answer_s=self.limits.idle_s)
             if admitted is None and lasts and (is_at_limit or self.keeps(session.name)):
                 admitted = take()
-            if admitted is None and not place.is_taken:  # its session has changed
+            # the slot belonged to another session, and was given back
+            if admitted is None and not place.is_taken:
                 place.close()
                 return True
             if admitted is not None:
                 self.pending.give_back(place)
                 self.connections[peer] = place = admitted
-            else:  # no connection can be evicted: answer it as pending
+            else:  # no connection can be evicted, so answer in the pending slot
                 place.is_known, is_refused = True, is_at_limit
                 if is_refused:
-                    place.idle_s = now_s  # so that it is evicted before busy ones
+                    place.idle_s = now_s  # so that this connection is evicted before busy ones
         place.came_s = self._read_until_s + _ANSWER_S * place.is_known
         if lasts:
             place.used_s = math.inf

@@ -62,7 +62,7 @@ class Announcement:
             return self.hostname
         _be_brief(logging.getLogger("zeroconf"))
         addresses = [one for one in addresses if as_address(one) is not None]
-        if not addresses:  # announced later, once there is one
+        if not addresses:  # the name is announced later, once there is an address
             log.warning("mdns off: this machine has no address in a network")
             return self.hostname
         try:
@@ -98,7 +98,7 @@ class Announcement:
         others = self.others_at(self.hostname, addresses)
         if not others:
             return self.hostname
-        if first != DEFAULT_HOSTNAME:  # a chosen name is never changed
+        if first != DEFAULT_HOSTNAME:  # a name that the user chose is never changed
             log.warning("%s.local is also %s: choose another --hostname", first, min(others))
             return first
         for number in range(self._next, self._next + _MOST_NAMES):
@@ -110,7 +110,7 @@ class Announcement:
         """Return the addresses of other machines that answer to a name."""
         import zeroconf
 
-        if not hasattr(zeroconf, "AddressResolver"):  # zeroconf before 0.133
+        if not hasattr(zeroconf, "AddressResolver"):  # zeroconf before 0.133 lacks this class
             return set()
         asked = zeroconf.AddressResolver(f"{name}.local.")
         asked.request(self._responder, PROBE_MS)
@@ -138,16 +138,16 @@ class Announcement:
         for kind in (_A, _AAAA):
             question.add_question(zeroconf.DNSQuestion(name, kind, 1))
         with contextlib.suppress(OSError):
-            self._responder.send(question)  # the next call reads the answers
+            self._responder.send(question)  # the next call of this method reads the answers
         before = [other for other in others if own and _lowest([other]) < _lowest(own)]
-        self._next = max(2, 1 + len(before))  # each robot takes a different number at once
+        self._next = max(2, 1 + len(before))  # each robot tries a different number first
         return bool(before)
 
     def close(self) -> None:
         """Withdraw the announcement; idempotent."""
         responder, self._responder = self._responder, None
         if responder is not None:
-            with contextlib.suppress(Exception):  # the network may be gone
+            with contextlib.suppress(Exception):  # the network may already be gone
                 responder.close()
 
 

@@ -70,7 +70,7 @@ def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> C
             (x509.SubjectAlternativeName(_vouched_for(names, authority[0])), False),
             (issuer, False),
         ]
-        valid = now - _A_DAY, now + _MOST  # the robot's clock may be off
+        valid = now - _A_DAY, now + _MOST  # the robot's clock may be wrong
         certificate = _sign("Drivelesson", key, authority, valid, extensions)
         write_whole(files.key, _key_pem(key), mode=0o600)
         write_whole(files.chain, _pem(certificate) + _pem(authority[0]), mode=0o600)
@@ -175,7 +175,7 @@ def _vouched_for(names: Sequence[str], authority: x509.Certificate) -> list[x509
     found = [_general_name(name) for name in names if name.isascii()]
     try:
         limits = authority.extensions.get_extension_for_class(x509.NameConstraints).value
-    except x509.ExtensionNotFound:  # an authority that a person put there
+    except x509.ExtensionNotFound:  # a person installed this authority
         return found
     permitted = [one.value for one in limits.permitted_subtrees or ()]
     return [name for name in found if any(_is_within(name, one) for one in permitted)]

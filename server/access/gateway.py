@@ -321,7 +321,7 @@ class NetworkGateway(Gateway):
 
     def note_asked(self, scope: Scope, session: Session | None, *, lasts: bool) -> Refusal | None:
         peer, line = self.peer(scope), session
-        if PEER in scope:  # a proxy's connection may carry many people's requests
+        if PEER in scope:  # the connection of a proxy may carry the requests of many people
             line = Session(Role.VIEWER, f"proxy {peer[0]}", is_crowd=True)
         if self.admission.asked(peer, line, self.clock.now_s(), lasts=lasts):
             return None

@@ -60,7 +60,7 @@ class AdmissionListener(socket.socket):
         super().__init__(listener.family, listener.type, listener.proto, fileno=listener.detach())
         self.admission, self.clock = admission, clock
         self._spare: int | None = os.open(os.devnull, os.O_RDONLY)
-        # A None marks the end of each batch.
+        # None marks the end of each batch of connections.
         self._waiting: deque[_Connection | None] = deque()
 
     def accept(self) -> tuple[socket.socket, Any]:
@@ -153,7 +153,7 @@ class _Connection(socket.socket):
         A busy connection is reset. An idle one is not, because its last answer may still be on the
         way.
         """
-        admission, self.admission = self.admission, None  # this frees its slot
+        admission, self.admission = self.admission, None  # dropping the admission frees its slot
         with contextlib.suppress(OSError):
             if admission is None or not admission.is_idle(self.peer):
                 self.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)

@@ -45,7 +45,7 @@ def own_addresses(version: int = 4) -> list[str]:
         probe.connect((elsewhere, 9))
         found.append(str(probe.getsockname()[0]))
     with contextlib.suppress(ImportError):
-        import ifaddr  # comes with zeroconf
+        import ifaddr  # zeroconf installs this package
 
         for adapter in ifaddr.get_adapters():
             found += [
@@ -66,7 +66,8 @@ def page_addresses(config: NetworkConfig, addresses: Sequence[str] | None = None
         hosts = [*own, f"{config.hostname}.local"]
     else:
         hosts = [config.host]
-    if config.tls:  # our certificates contain no public address, so the name is listed before it
+    # our certificates contain no public address, so list the name before such an address
+    if config.tls:
         hosts.sort(key=lambda host: not getattr(as_address(host), "is_private", True))
     scheme = "https" if config.tls else "http"
     return public + [
@@ -96,7 +97,7 @@ def names_in_network(
         f"{first[0]}.local",
         *(f"{name}.{end}" for end in _domains(resolver) for name in first),
     ]
-    if first[0] == "penguin":  # a Chromebook's browser reaches its Linux by this name
+    if first[0] == "penguin":  # the browser of a Chromebook reaches its Linux by this name
         found.append("penguin.linux.test")
     for address in addresses:
         with contextlib.suppress(OSError):

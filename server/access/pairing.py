@@ -34,7 +34,7 @@ log = logging.getLogger(__name__)
 
 ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"
 """The characters of a token; letters and digits that look alike are left out."""
-TOKEN_LETTERS, _GROUP = 16, 4  # 16 letters of 30: 78 bits
+TOKEN_LETTERS, _GROUP = 16, 4  # 16 letters of an alphabet of 30 have 78 bits
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 """Colour codes of a terminal, which some terminals and pagers copy with the text."""
 _TOKEN = re.compile(
@@ -173,7 +173,7 @@ class Pairing:
         kind = self._sessions.get(name)
         if kind is None:
             return None
-        if name in self._unused:  # once per run, so that the order of use survives a restart
+        if name in self._unused:  # saved once per run, so that the order of use survives a restart
             self._unused.discard(name)
             self._sessions.move_to_end(name)
             self._save()
@@ -215,7 +215,8 @@ class Pairing:
             idle = [name for name in same if not self.is_in_use(name)]
             if not idle:
                 return Refusal(503, "sessions", "Too many browsers are connected.")
-            # If all were used, the newest is evicted: a client that keeps redeeming evicts itself.
+            # If all idle sessions were used, evict the newest: a client that keeps redeeming evicts
+            # itself.
             del self._sessions[next((name for name in idle if name in self._unused), idle[-1])]
         self._sessions.pop(hash_of(before), None)
         secret = secrets.token_urlsafe(32)

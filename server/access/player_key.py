@@ -14,7 +14,7 @@ import secrets
 from pathlib import Path
 
 NAME = "player.key"
-_N_BYTES = 16  # 128 random bits: too many to guess at the rate that the server allows
+_N_BYTES = 16  # 128 random bits cannot be guessed at the rate that the server allows
 _MOST = 128
 
 

@@ -115,7 +115,7 @@ def _hops(said: dict[str, str]) -> list[list[_Hop]]:
     kinds = []
     if "forwarded" in said:
         elements: list[dict[str, str]] = [{}]
-        # A client's open quote would hide the entry that a proxy added, so ignore such a header.
+        # A client's open quote would hide the entry that a proxy appended, so ignore such a header.
         is_whole = not _PAIR.sub("", said["forwarded"]).strip("; \t")
         for name, value, comma in _PAIR.findall(said["forwarded"]) if is_whole else ():
             if comma:
@@ -128,7 +128,7 @@ def _hops(said: dict[str, str]) -> list[list[_Hop]]:
         clients, hosts, schemes = (
             [one.strip() for one in said.get(name, "").split(",")] for name in SPOKEN[1:]
         )
-        # A shorter list comes from proxies that replace the header.
+        # If proxies replace this header instead of appending to it, its list is shorter.
         kinds.append(
             [
                 _hop(client, hosts[max(-n, -len(hosts))], schemes[max(-n, -len(schemes))])

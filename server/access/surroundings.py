@@ -112,7 +112,7 @@ class Surroundings:
         is_new = addresses != before.addresses
         if is_new or machine != before.machine:
             self._asked_s = None
-        # The server answers at the new addresses already.
+        # The server already answers at the new addresses.
         self._change(dataclasses.replace(before, addresses=addresses, machine=machine))
         is_due = bool(addresses) and now_s - self._claimed_s >= CLAIM_EVERY_S
         if is_new or not self._is_claimed or (is_due and self._is_taken(addresses)):

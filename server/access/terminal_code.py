@@ -51,7 +51,7 @@ class Terminal:
         except (OSError, ValueError):
             columns = None
         knows_colours = environment.get("TERM", "" if system == "win32" else "dumb") != "dumb"
-        if system == "win32":  # the old console prints escape sequences as text
+        if system == "win32":  # the old Windows console prints escape sequences as text
             knows_colours = any(name in environment for name in ("WT_SESSION", "TERM", "ANSICON"))
         has_colours = knows_colours and not environment.get("NO_COLOR")
         return cls(columns, has_colours=has_colours, has_blocks=has_blocks)
@@ -73,7 +73,7 @@ def draw_qr(text: str, terminal: Terminal | None = None) -> str:
         return f"(a QR code needs drivelesson[lan]: {install_command('lan')})\n"
     if not terminal.has_blocks:
         return "(no QR code: this terminal does not use UTF-8; use the address)\n"
-    # Rows of modules (1: dark) with a quiet zone of two modules, which readers accept.
+    # In these rows, 1 is a dark module. The quiet zone of two modules is enough for readers.
     rows = [list(row) for row in segno.make(text, error="l", micro=False).matrix_iter(border=2)]
     width = len(rows[0])
     if terminal.columns is not None and terminal.columns < width:

@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
     listener = open_socket(BOARD_HOST, args.port)
     file = args.data / "class.key"
     key = keep_class_key(file)
-    # The QR codes contain this address for phones, so the board uses it too.
+    # The QR codes lead phones to this address, so the board uses this address too.
     here = next(iter(lan_addresses(NetworkConfig(host=args.host, lan=True))), "127.0.0.1")
 
     def make_model() -> tuple[str, bytes]:

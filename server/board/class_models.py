@@ -158,7 +158,7 @@ class ClassModels:
 
             async def go_back() -> None:
                 await robot.ask("POST", f"{_model(before)}/load", {})
-                if await _lessons(robot, new) == lessons:  # not taught since
+                if await _lessons(robot, new) == lessons:  # the robot was not taught since then
                     await robot.ask("DELETE", _model(new))
 
             steps.append(go_back)

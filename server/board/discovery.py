@@ -68,7 +68,7 @@ def browsing(
             if clock.now_s() >= ask_s:
                 _ask(network, addresses)
                 ask_s, pause_s = ask_s + pause_s, min(2 * pause_s, _ASK_EVERY_S)
-            with suppress(OSError):  # a timeout
+            with suppress(OSError):  # a timeout is an OSError
                 data, source = network.recvfrom(_LONGEST)
                 for address in read_announcement(data, str(source[0])):
                     found(address)
@@ -87,7 +87,8 @@ def _join(addresses: Sequence[str]) -> socket.socket:
     """Listen for announcements on these addresses of this computer."""
     network = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
-        for name in ("SO_REUSEADDR", "SO_REUSEPORT"):  # other programs listen on this port
+        # share the port with other programs that listen on it
+        for name in ("SO_REUSEADDR", "SO_REUSEPORT"):
             if hasattr(socket, name):
                 network.setsockopt(socket.SOL_SOCKET, getattr(socket, name), 1)
         network.bind(("", _PORT))

@@ -203,7 +203,7 @@ class ClassroomExtension(Extension):
         assert self.classroom is not None
         if not self.classroom.knows(headers.get("authorization", "")):
             return None
-        return Session(TEACHER, TEACHER.value)  # all boards are counted as one
+        return Session(TEACHER, TEACHER.value)  # all boards count as one client
 
     def _check(self, path: str, method: str | None, role: Role) -> Refusal | None:
         assert self.classroom is not None

@@ -156,7 +156,7 @@ def _fork(work: Callable[[], int]) -> int:
         with contextlib.suppress(Exception):
             sys.stdout.flush()
             sys.stderr.flush()
-        os._exit(status)  # this skips the parent's exit handlers
+        os._exit(status)  # `os._exit` skips the parent's exit handlers
 
 
 def measure_picture_s(world: str) -> float:

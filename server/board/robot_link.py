@@ -165,7 +165,7 @@ class RobotLink:
             try:
                 await self.refresh()
             except RefusedError:
-                self._session.forget()  # it restarted, perhaps without the key
+                self._session.forget()  # the robot restarted, perhaps without the key
                 raise
         async with self._session.connect("/ws/drive") as channel:
             await self.stop.send_again(channel)
@@ -196,7 +196,7 @@ class RobotLink:
                 self.stop.refuse_release()
 
     def _note_state(self, state: dict[str, Any]) -> None:
-        is_ours = state.get("stop_held_by") == TEACHER.value  # stops by pupils are not the board's
+        is_ours = state.get("stop_held_by") == TEACHER.value  # a stop by a pupil is not the board's
         is_stopped = is_ours and state.get("emergency") is True
         number = state.get("stop_number")
         self.stop.note_state(number if type(number) is int else None, is_stopped=is_stopped)
@@ -252,7 +252,8 @@ class RobotLink:
             message = await channel.recv()
             with told_as(UnreachableError, "its picture makes no sense", ProtocolError):
                 picture = parse_picture(message if isinstance(message, bytes) else b"")
-            await self._at_leisure.wait()  # the next picture comes after this acknowledgement
+            # the robot sends the next picture after this acknowledgement
+            await self._at_leisure.wait()
             if not picture.quiet:
                 await channel.send(encode_acknowledgement(picture.frame_id))
             assert isinstance(message, bytes)

@@ -36,7 +36,7 @@ _HUES_DEG = {"green": 130, "purple": 259, "pink": 324, "brown": 28, "teal": 176}
 """Hues of the board's colours in degrees; a robot gets the colour nearest to its walls' hue."""
 RATE_HZ, PER_CORE_HZ = 30, 150
 """Maximum frame rate of one robot, and of all robots together per CPU core, in Hz."""
-_FLAGS = sum(  # of Windows
+_FLAGS = sum(  # these flags exist only on Windows
     getattr(subprocess, name, 0)
     for name in ("CREATE_NEW_PROCESS_GROUP", "BELOW_NORMAL_PRIORITY_CLASS")
 )
@@ -163,14 +163,15 @@ def simulated_robots(
     begin with (default: the model that they used last); it is called once all ports are free.
     """
     robots = [SimulatedRobot(i, port + i, data / "class" / f"{i:02d}") for i in range(1, count + 1)]
-    for robot in robots:  # check all ports before the first robot starts
+    for robot in robots:  # check the ports of all robots before the first robot starts
         open_socket(host, robot.port).close()
     if make_model is not None:
         name, file = make_model()
         for robot in robots:
             robot.keep_model(name, file)
     cores = os.cpu_count() or 1
-    starting = ThreadPoolExecutor(cores)  # starting more at once would block the board
+    # starting more robots at the same time would block the board
+    starting = ThreadPoolExecutor(cores)
     nurseries: list[Nursery] = []
     begun, asked = itertools.count(1), itertools.count(1)
     are_up: list[bool] = []
@@ -221,7 +222,7 @@ def _end_with_input() -> None:
 
 
 if __name__ == "__main__":
-    # A shell may have set the signal to be ignored.
+    # The shell that started this program may ignore the signal.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if hasattr(os, "nice"):
         os.nice(BELOW)

@@ -97,7 +97,7 @@ class RobotStop:
             self.is_release_refused = self.stage is not None
             self._on_change()
             return
-        if self._pressing is not None:  # its request would arrive after the release
+        if self._pressing is not None:  # the request of this STOP would arrive after the release
             self._pressing.cancel()
         self.stage, self.is_release_refused = None, False
         words = json.dumps({"type": "release", "stop_number": self.number})
@@ -107,7 +107,7 @@ class RobotStop:
     def refuse_release(self) -> None:
         """Report that a release came after a newer STOP, so the robot is still stopped."""
         self.is_release_refused = True
-        if self.stage is None:  # the robot refused it
+        if self.stage is None:  # the robot refused the release
             self.stage, self._is_shown = Stopping.STOPPED, True
         self._on_change()
 
@@ -119,14 +119,15 @@ class RobotStop:
             confirmed = self._confirmed
             is_later = number is not None and confirmed is not None and number >= confirmed
             if self.stage is Stopping.STOPPED and (self._is_shown or is_later):
-                self.stage = None  # released
+                self.stage = None  # the stop was released
         elif self.stage is not None and (number is None or number != self._number_before):
             self.stage, self._is_shown = Stopping.STOPPED, True
 
     async def send_again(self, channel: Any) -> None:
         """On a new connection, send a stop that was not released, before anything else."""
         self._is_shown = False
-        self.number = self._confirmed = None  # the robot may have restarted
+        # the robot may have restarted, and counts from the start
+        self.number = self._confirmed = None
         if self.stage is not None:
             await self.send(channel)
 
@@ -150,7 +151,8 @@ class RobotStop:
                 self._on_change()
             with contextlib.suppress(UnreachableError):
                 async with within():
-                    # The open connection may be dead without an error, so use a separate one.
+                    # The open connection may be dead without an error, so send the stop on a new
+                    # connection.
                     answer = await self._session.send("POST", "/api/stop")
                 stopped = answer.json()
                 if stopped.get("emergency") is True and self.stage is not None:

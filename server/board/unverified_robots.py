@@ -61,7 +61,8 @@ class UnverifiedRobots:
         stranger = self._known.pop(address, None) or UnverifiedRobot(now_s)
         self._known[address] = stranger
         stranger.heard_s = now_s
-        for other, one in list(self._known.items()):  # the least recently announced first
+        # begin with the robot that was announced longest ago
+        for other, one in list(self._known.items()):
             if now_s - one.heard_s <= FORGOTTEN_S and len(self._known) <= _MOST:
                 break
             del self._known[other]

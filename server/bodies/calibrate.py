@@ -163,7 +163,8 @@ def keep(file: Path, values: Mapping[str, float]) -> None:
         wanted, made = {**parse_settings(text), **values}, None
         with contextlib.suppress(TOMLDecodeError):
             made = parse_settings(head + rest)
-        if made != wanted:  # for example, a list over several lines looks like a table
+        # for example, one line of a list over several lines may look like a table
+        if made != wanted:
             lines = "; ".join(f"{name} = {value}" for name, value in values.items())
             raise ValueError(
                 f"it cannot be changed automatically; set these values in it yourself: {lines}"

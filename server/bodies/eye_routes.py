@@ -67,7 +67,8 @@ class _Eye:
         """Serve the phone until it disconnects or another phone replaces it."""
         before, self._camera.source = self._camera.source, self
         ending: asyncio.Task[None] | None = None
-        if isinstance(before, _Eye):  # closing a dead connection takes seconds; STOP must not wait
+        # closing a dead connection takes seconds, and STOP must not wait
+        if isinstance(before, _Eye):
             ending = asyncio.create_task(before.give_way())
         try:
             await converse(
@@ -91,7 +92,7 @@ class _Eye:
         await end_with_either(self._websocket.close(4001, "another phone is the eye now"))
 
     def _hear(self, text: str | bytes) -> None:
-        assert isinstance(text, str)  # bytes are passed to `_see`
+        assert isinstance(text, str)  # messages of bytes are passed to `_see`
         try:
             said = parse_text(text)
         except ProtocolError as error:

@@ -78,7 +78,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         parser = make_parser(name, words)
         return int(load_command(name).run(parser.parse_args(words)))
-    except BrokenPipeError:  # the reader of our output, for example `head`, has ended
+    except BrokenPipeError:  # the program that reads our output, for example `head`, has ended
         raise
     except (RobotError, OSError) as error:
         print(f"drivelesson: {error}", file=sys.stderr)

@@ -94,7 +94,7 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
         camera_name = chosen.camera or settings.get("camera") or driver_type.default_camera
         kinds = [("robot", driver_type), ("camera", load_camera(str(camera_name)))]
     ours = {action.dest for action in parser._actions}
-    declared = {"jpeg_quality"}  # the server's own option, shared with cameras
+    declared = {"jpeg_quality"}  # an option of the server, shared with cameras
     for title, kind in kinds:
         group = parser.add_argument_group(f"options of the {title} {kind.name}")
         for option in options_of(kind.options_type):
@@ -122,7 +122,7 @@ def run(args: argparse.Namespace) -> int:
         known = ", ".join(driver_names())
         raise ConfigurationError(f"choose a robot with --robot NAME: one of {known}")
     start_logging(verbose=args.verbose)
-    if os.name == "posix":  # recordings show rooms, so no other account may read them
+    if os.name == "posix":  # recordings show rooms, so other accounts may not read them
         os.umask(0o077)
     config = _make_config(args)
     learner = _name_learner(args)
@@ -228,7 +228,7 @@ def _choose_model(autosave: Autosave, args: argparse.Namespace, learner: str) ->
             autosave.load(args.model)
         else:
             autosave.begin(args.model)
-    except (OSError, RecordingError) as error:  # the robot starts anyway
+    except (OSError, RecordingError) as error:  # the robot starts nevertheless
         log.warning("the model %s is not in use: %s", args.model, error)
         autosave.announce("model_not_saved", detail=str(error))
 
@@ -256,7 +256,7 @@ def _make_loop_config(settings: Settings) -> LoopConfig:
 
 def has_screen(system: str, environment: Mapping[str, str]) -> bool:
     """True if a browser can open a window: a text browser would take over the terminal."""
-    if "SSH_CONNECTION" in environment:  # the person uses another machine
+    if "SSH_CONNECTION" in environment:  # the person uses a different machine
         return False
     has_display = bool(environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
     return system in ("win32", "darwin") or has_display

@@ -61,7 +61,7 @@ def apply_to(parser: argparse.ArgumentParser, settings: Settings) -> None:
         raise ConfigurationError(f"{settings.file}: unknown setting {', '.join(unknown)}{hint}")
     for name, action in actions.items():
         value = settings.get(name)
-        # An empty text would become ".".
+        # Skip an empty text: as a path it would become ".".
         if value is not None and (value != "" or action.type is not Path):
             parser.set_defaults(**{name: _typed(action, value, settings.place(name))})
 

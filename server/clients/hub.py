@@ -75,7 +75,7 @@ class Hub:
         self.refused: Counter[ErrorCode] = Counter()
         self.clients: dict[str, Client] = {}
         self._limit_s = robot.loop.config.gate.command_timeout_s
-        self.pilot = ""  # the person who last had the wheel and may come back
+        self.pilot = ""  # the last person to have the wheel, who may come back
         self._previous_pilots: Decision | None = None
         self._ids = itertools.count(1)
         self._sent: object = None
@@ -90,7 +90,7 @@ class Hub:
     async def start(self) -> None:
         self.event_loop = asyncio.get_running_loop()
 
-        def on_tick(tick: Tick) -> None:  # on the control loop's thread
+        def on_tick(tick: Tick) -> None:  # runs on the control loop's thread
             self._frame = tick.frame or self._frame
             if tick.refused:
                 self._soon(self._tell_refused, tick.refused)
@@ -154,7 +154,7 @@ class Hub:
         now_s = self.clock.now_s()
         if self.lease.give_up(client.id, now_s):
             drivers = [one for one in self.clients.values() if one.role.may_drive]
-            # This is usually the pilot, who reconnected.
+            # The remaining driver is usually the pilot, who reconnected.
             if self.lease.owner is None and len(drivers) == 1:
                 self.lease.join(drivers[0].id, now_s)
             self._pilot_changed()
@@ -192,7 +192,7 @@ class Hub:
                 encode_message("pong", client_ms=message.client_ms, server_ms=self.now_ms())
             )
         elif message is BareMessage.STOP:
-            client.is_answer_due = True  # even if the robot stands already
+            client.is_answer_due = True  # answer even if the robot stands still already
             self.latch_emergency(client.id, client.role)
         elif isinstance(message, protocol.ReleaseMessage):
             self._release_emergency(client, message.stop_number)
@@ -248,7 +248,7 @@ class Hub:
             raise ProtocolError(ErrorCode.NEWER_STOP, sentence, message.seq)
         asked = self.robot.loop.set_mode(message.mode, proven_s=proven_s, frame_id=message.frame)
 
-        def note(asked: Future[bool]) -> None:  # on the control loop's thread
+        def note(asked: Future[bool]) -> None:  # runs on the control loop's thread
             is_refused = not asked.cancelled() and asked.exception() is None and not asked.result()
             if is_refused and not self.robot.loop.state.emergency:
                 error = why_refused(message.frame, message.seq, self._limit_s)
@@ -291,7 +291,7 @@ class Hub:
         before = self.lease.owner
         if not self.lease.take(client.id, now_s):
             owner = self.clients.get(before or "")
-            if owner and self._asks.allows(now_s):  # limited over all clients together
+            if owner and self._asks.allows(now_s):  # the limit applies to all clients together
                 owner.send(encode_message("event", name="wheel_asked", client=client.id))
             client.send(encode_message("event", name="wheel_waiting", pilot=before))
         elif before != client.id:
@@ -369,7 +369,7 @@ class Hub:
         decision = state.decision
         is_pilots = decision.driven_by is DrivenBy.PILOT
         return (
-            decision.action if is_pilots else None,  # a program waits for the result of its order
+            decision.action if is_pilots else None,  # a program waits for its command's result
             *(decision.mode, decision.driven_by, decision.stop_reason, decision.asks_pilot),
             *(state.link.level, state.emergency, state.fault),
             self.stop_held_by,

@@ -108,7 +108,7 @@ class VideoHub:
         self._nonce = 0
         self._pictures: dict[bool, Frame] = {}
         self._messages: dict[tuple[bool, bool], bytes] = {}
-        # Capture times of the last frames, by id.
+        # The capture times of the last frames, by the frame's id.
         self.captured_s: OrderedDict[int, float] = OrderedDict()
         self.frames_encoded = 0
         self.frames_sent = 0
@@ -142,7 +142,7 @@ class VideoHub:
         self._viewers.pop(viewer, None)
         self._on_viewers()
         if not self.viewers:
-            self.newest = None  # this frame will be too old for the next viewer
+            self.newest = None  # the frame will be too old for the next viewer
 
     def show(self, frame: Frame, nonce: int = 0) -> None:
         """Make `frame` the newest, and send it with `nonce` to each viewer whose window allows."""
@@ -165,7 +165,7 @@ class VideoHub:
         if now_s - viewer.last_sent_s < _EARLY_SHARE * viewer.every_s:
             return
         window = viewer.window
-        # A page with an interval shows many robots.
+        # A viewer with an interval shows many robots, so small pictures suffice.
         is_large = viewer.size.is_large and not viewer.every_s
         picture = self._pictures.get(is_large) or self._picture_of(frame, is_large)
         n_bytes = len(picture.data)

@@ -77,7 +77,7 @@ async def list_images(request: Request) -> ImageList:
     images = await progress.gallery()
     return ImageList(
         moves=[move.value for move in state.moves],
-        # A plug-in's learner may store more images than its name says.
+        # The learner of a plug-in may store more images than its name says.
         max_nodes=max(state.max_nodes, len(images)),
         images=[_describe(image, progress) for image in images],
     )

@@ -49,7 +49,7 @@ class Progress:
         self._marks: list[Mark] = []
         self._gallery: list[LearnedImage] = []
         self._seen: dict[int, LearnedImage] = {}
-        self._newest = -1  # the newest image in any answer so far
+        self._newest = -1  # the id of the newest image in any answer so far
         self._is_stale = True
         self._fetched_s = -math.inf
 

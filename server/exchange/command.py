@@ -102,7 +102,7 @@ def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Stora
     )
     if args.name:
         check_name(args.name)
-    storage.sweep()  # remove the remains of an import that was killed
+    storage.sweep()  # remove what an import left that was killed
     whole = ImportReport(is_strict=args.strict)
     made: list[Path] = []
     try:
@@ -187,7 +187,7 @@ def _export(
         for episode, _ in episodes:
             episode.on_read = bar.update
         made = write(*given, part, **options)
-        bar.update(total - bar.n)  # pictures left out count as done
+        bar.update(total - bar.n)  # pictures that are left out count as done
     print(f"{out}: {made} {what}")
     sizes = set[tuple[int, int]]().union(*(episode.frames.sizes for episode, _ in episodes))
     if len(sizes) > 1 and form in ("film", "lerobot"):
@@ -209,7 +209,7 @@ def _export(
 def _beside(path: Path) -> Iterator[Path]:
     """Yield a path to write to; it is renamed to `path` at the end, or removed after an error."""
     folder = path.with_name(f".part-{path.name}")
-    shutil.rmtree(folder, ignore_errors=True)  # left by a run that was killed
+    shutil.rmtree(folder, ignore_errors=True)  # remove what a killed run left
     try:
         folder.mkdir(parents=True)
         yield folder / path.name

@@ -15,7 +15,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def play(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> int:
-    from server.cli.main import main  # here, because main imports this module
+    from server.cli.main import main  # imported here, because `main` imports this module
 
     path = str(find_path(store, args.episode))
     words = ["serve", "--robot", "replay", "--episode", path, "--port", args.port]

@@ -77,7 +77,7 @@ class Guard:
             ):
                 path, why = str(scope["path"])[:80], verdict.sentence
                 log.warning("refused reason=%s path=%r why=%r", verdict.reason, path, why)
-            if verdict.status == 429:  # until it is answered, a client sends no more
+            if verdict.status == 429:  # a client sends no more requests until this one is answered
                 await self.clock.pause(_TOO_MANY_S)
             await _refuse(scope, receive, send, verdict, self.gateway)
             return
@@ -90,7 +90,7 @@ class Guard:
         except asyncio.CancelledError:
             if SLOT not in scope or scope[SLOT].is_taken:
                 raise
-            await _close(scope, send)  # evicted: its slot went to another client
+            await _close(scope, send)  # the slot was given to another client
         finally:
             self.gateway.leave(scope)
 
@@ -160,7 +160,7 @@ class Guard:
 
         try:
             await self.app(scope, _limited(receive, self._most_bytes(scope)), send_guarded)
-        except ClientDisconnect:  # the client left before the body's end, or its body was too long
+        except ClientDisconnect:  # the client left before the body's end, or the body was too long
             await _refuse(scope, receive, send, _TOO_LARGE, self.gateway)
 
 

@@ -76,7 +76,7 @@ def start_logging(*, verbose: bool) -> None:
         records.put(None)
         writer.join(_END_S)
         if writer.is_alive():
-            sys.stderr = None  # otherwise Python would wait for it at exit
+            sys.stderr = None  # or Python would wait for it at exit
 
     atexit.register(end)
     logging.basicConfig(level=logging.DEBUG if verbose else logging.INFO, handlers=[handler])

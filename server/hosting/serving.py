@@ -39,10 +39,10 @@ def open_socket(host: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listener = socket.socket(family, socket.SOCK_STREAM)
     try:
-        # With Windows' SO_REUSEADDR two programs would share the port.
+        # With SO_REUSEADDR on Windows, two programs would share the port.
         exclusive = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
         listener.setsockopt(socket.SOL_SOCKET, exclusive, 1)
-        # Connections inherit these on Linux: small messages are sent at once, and the
+        # On Linux connections inherit these options: small messages are sent immediately, and the
         # connection to a peer that acknowledges nothing is closed.
         listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         if hasattr(socket, "TCP_USER_TIMEOUT"):
@@ -51,7 +51,7 @@ def open_socket(host: str, port: int) -> socket.socket:
             listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
         listener.bind((host, port))
         listener.listen(_BACKLOG)
-    except (OSError, TypeError) as error:  # TypeError: the text cannot be a name
+    except (OSError, TypeError) as error:  # TypeError if the text cannot be a name
         listener.close()
         why = getattr(error, "strerror", None) or "there is no such host"
         is_taken = getattr(error, "errno", None) in (errno.EADDRINUSE, errno.EADDRNOTAVAIL)
@@ -101,7 +101,7 @@ def make_server(app: Any, tls_files: tuple[str, str] | None) -> Server:
         ws_ping_timeout=20.0,
         http="h11",
         access_log=False,
-        # A client could claim any address with X-Forwarded-For.
+        # Ignore X-Forwarded-For, with which a client could claim any address.
         proxy_headers=False,
         log_config=None,
         log_level="warning",
@@ -140,7 +140,7 @@ def end_by_signals() -> None:
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     for name in ("SIGHUP", "SIGBREAK"):
         number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) is signal.SIG_DFL:  # not under nohup
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:  # ignored under nohup
             signal.signal(number, lambda *_: signal.raise_signal(signal.SIGTERM))
 
 

@@ -40,14 +40,14 @@ class PageFiles(CompressedFiles):
     """Serves the page: bundled in a wheel (`web/bundle.py`), or the sources in a clone."""
 
     async def get_response(self, path: str, scope: Scope) -> Response:
-        path = path.replace("\\", "/")  # starlette uses the system's separators
+        path = path.replace("\\", "/")  # starlette uses the separators of the system
         path = "index.html" if path == "." else path
         response = await super().get_response(path, scope)
         if path == "index.html":
             # Without a referrer a form has no origin, so its STOP would be refused as another
             # site's.
             response.headers["referrer-policy"] = "same-origin"
-            # Answers without a body need it too: their headers replace the cached ones.
+            # Answers without a body need this header too: their headers replace the cached ones.
             html = (Path(self.directory or "") / "index.html").read_text("utf-8")
             response.headers["content-security-policy"] = content_policy(
                 scope["scheme"], Headers(scope=scope).get("host", ""), _hashes(html)

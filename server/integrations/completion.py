@@ -22,7 +22,8 @@ def run(args: argparse.Namespace) -> int:
     for name, text in commands().items():
         try:
             parser = make_parser(name)
-        except PluginError:  # its robot does not support this system (fcntl on Windows)
+        except PluginError:
+            # the robot does not support this system (for example, Windows lacks fcntl)
             parser = make_parser(name, is_extended=False)
         subparsers.add_parser(name, help=text, parents=[parser], add_help=False)
     print(shtab.complete(whole, args.shell))

@@ -34,6 +34,7 @@ class IntegrationsExtension(Extension):
 
     @property
     def routers(self) -> Sequence[APIRouter]:
-        from server.integrations import metrics, mjpeg  # the former imports this module
+        # imported here, because `metrics` imports this module
+        from server.integrations import metrics, mjpeg
 
         return metrics.router, mjpeg.router

@@ -65,8 +65,8 @@ def make_protocol() -> type[Any] | None:
 
         def handle_cont(self, event: Frame) -> None:
             super().handle_cont(event)
-            # Join the frames, so that endless empty frames use no memory. Older uvicorns do this
-            # themselves.
+            # Join the frames, so that endless empty frames use no memory. Older versions of uvicorn
+            # do this by themselves.
             self.frames = [b"".join(getattr(self, "frames", ()))]
 
         def handle_events(self) -> None:
@@ -86,12 +86,13 @@ def make_protocol() -> type[Any] | None:
 
         async def receive(self) -> Any:
             message = await super().receive()
-            if self._is_held:  # uvicorn must not resume reading
+            if self._is_held:  # keep reading paused, although uvicorn may have resumed it
                 self.transport.pause_reading()
             return message
 
         def shutdown(self) -> None:
-            # Uvicorn raises if the client is just leaving, and would then not end the application.
+            # If the client is just leaving, uvicorn raises an error and would then not end the
+            # application.
             if not self.transport.is_closing():
                 super().shutdown()
 

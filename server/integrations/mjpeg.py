@@ -42,7 +42,8 @@ async def mjpeg(request: Request) -> StreamingResponse:
     hub = services_of(request).hub
     frame = hub.robot.camera.latest()
     if frame is not None:
-        hub.video.encoder.encode_jpeg(frame)  # answers 501 if this needs OpenCV
+        # the route answers 501 if encoding needs OpenCV and OpenCV is missing
+        hub.video.encoder.encode_jpeg(frame)
     gateway = services_of(request).gateway
     sent, room = itertools.count(1), Room(measure_connection(gateway.peer(request.scope)))
 
@@ -51,7 +52,7 @@ async def mjpeg(request: Request) -> StreamingResponse:
         is_due = next(sent) % _KEY_EVERY == 0
         return not (is_due and isinstance(gateway.session_by_address(request.scope), Refusal))
 
-    headers = {"x-accel-buffering": "no"}  # a buffering proxy would keep old frames
+    headers = {"x-accel-buffering": "no"}  # a proxy that buffers would keep old frames
     if isinstance(gateway.session_by_address(request.scope), Session):
         headers["cross-origin-resource-policy"] = "cross-origin"
         headers["access-control-allow-origin"] = "*"

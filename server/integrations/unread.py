@@ -90,7 +90,7 @@ def measure_connection(peer: tuple[str, int]) -> Measure:
                         socket.IPPROTO_TCP, socket.TCP_INFO, _WINDOW_AT + 4
                     )
                 finally:
-                    connection.detach()  # it stays the server's
+                    connection.detach()  # the descriptor still belongs to the server
                 window = struct.unpack_from("I", info, _WINDOW_AT)[0]
                 return int.from_bytes(size, sys.byteorder), int(window)
         except (ImportError, AttributeError, OSError, struct.error):
@@ -103,14 +103,14 @@ def measure_connection(peer: tuple[str, int]) -> Measure:
 def _open(file: int) -> socket.socket | None:
     try:
         return socket.socket(fileno=file)
-    except OSError:  # another kind of file
+    except OSError:  # the descriptor is not a socket
         return None
 
 
 def _peer_of(connection: socket.socket) -> tuple[str, int] | None:
     try:
         host, port = connection.getpeername()[:2]
-    except (OSError, ValueError):  # a listening socket, or not one of the network
+    except (OSError, ValueError):  # the socket is listening, or is not a network socket
         return None
     return host, port
 

@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     learners = _learners(args.learners)
     pairs = evaluation.load_pairs(args.folder)
-    if args.json is not None:  # fail now, not only after hours of work
+    if args.json is not None:  # if the file cannot be written, fail now, not after hours of work
         with told_as(ConfigurationError, f"cannot write {args.json}"):
             args.json.open("a").close()
     results = []

@@ -68,8 +68,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    # One thread per process: sums in another order would differ in the last digit without being
-    # faster.
+    # Use one thread per process: more threads would sum in another order, which changes the last
+    # digit, and would not be faster.
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[variable] = "1"
     from robot.lab.report import write_html
@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
     settings = _settings(args)
     names = EXPERIMENTS if "all" in args.names else dict.fromkeys(args.names)
     planned = {name: load_experiment(name) for name in names}
-    # Plan all before the first run, so that errors are reported at once.
+    # Plan all experiments before the first run, so that errors are reported immediately.
     tasks = {name: list(experiment.plan(settings)) for name, experiment in planned.items()}
     made: list[tuple[Experiment, Runs]] = []
     everything = {}
@@ -102,7 +102,7 @@ def _settings(args: argparse.Namespace) -> ExperimentSettings:
     from robot.lab.ideas import make_learner, make_teacher
     from robot.types import DEFAULT_MOVES
 
-    args.learners = list(dict.fromkeys(args.learners))  # duplicates would count twice
+    args.learners = list(dict.fromkeys(args.learners))  # duplicates would be counted twice
     args.worlds = list(dict.fromkeys(args.worlds))
     for learner in args.learners:
         make_learner(learner, DEFAULT_MOVES)

@@ -75,7 +75,7 @@ class ModelLibrary:
         if was_current:
             try:
                 store.current = new_name
-            except OSError:  # undo, so that no refused name stays on the disk
+            except OSError:  # undo the change, so that no refused name stays on the disk
                 with contextlib.suppress(OSError):
                     (folder / new_name).rename(folder / name)
                 with contextlib.suppress(OSError):

@@ -23,7 +23,8 @@ class RecordingsExtension(Extension):
 
     @property
     def routers(self) -> Sequence[APIRouter]:
-        from server.recordings import retraining_routes, routes  # these modules import this one
+        # imported here, because these modules import this one
+        from server.recordings import retraining_routes, routes
 
         return routes.router, retraining_routes.router
 

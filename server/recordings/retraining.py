@@ -147,7 +147,7 @@ def retrain(
     """Train an empty learner; tell the share of the work that is done, and at last the result."""
     episodes = [(open_episode(path), notes) for path, notes in edited]
     unedited = [(episode, Notes()) for episode, _ in episodes]
-    # The largest possible number of steps.
+    # Begin with the largest possible number of steps.
     total = max(count_steps(unedited) + 2 * count_steps(episodes), 1)
     moves = tuple(dict.fromkeys(move for episode, _ in episodes for move in episode.moves))
     clock, done, told_s = RealClock(), 0, -_TOLD_EVERY_S

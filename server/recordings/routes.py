@@ -205,7 +205,7 @@ def list_episodes(request: Request) -> Response:
         undo=max(part.episodes.trash(), default=None),
         days=TRASH_DAYS,
     )
-    # NOTE: encoded here, because FastAPI takes a second for a list of 2,000 episodes.
+    # NOTE: encoded here, because FastAPI needs a second for a list of 2,000 episodes.
     return Response(json.dumps(found, default=vars, allow_nan=False), media_type="application/json")
 
 
@@ -246,7 +246,8 @@ async def _sent(paths: Sequence[Path], blocks: Iterator[bytes]) -> AsyncIterator
 async def _sent_separately(path: Path) -> AsyncIterator[bytes]:
     """Yield a recording as one file, which a separate process joins."""
     with reading([path]), contextlib.closing(SeparateWork(join_recording, path)) as blocks:
-        # Unlike a thread of the pool, this one does not delay the server's end.
+        # Use the default executor: unlike a thread of the pool, its thread does not delay the
+        # shutdown.
         loop = asyncio.get_running_loop()
         while block := await loop.run_in_executor(None, next, blocks, b""):
             yield block

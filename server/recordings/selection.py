@@ -41,7 +41,8 @@ def find_id(store: EpisodeStore, name: str) -> str:
     if not ids:
         raise NotFoundError("nothing is recorded yet")
     if name == "last" and name not in ids:
-        return store.summaries()[0].id  # the newest by recording time; names may sort differently
+        # choose by recording time, because names may sort differently
+        return store.summaries()[0].id
     typed = composed(name)
     found = [i for i in ids if i == name] or [i for i in ids if composed(i).startswith(typed)]
     if len(found) != 1:

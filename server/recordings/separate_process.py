@@ -51,7 +51,8 @@ class SeparateWork(Iterator[_T]):
         )
         assert self._process.stdin is not None and self._process.stdout is not None
         self._orders, self._results = self._process.stdin, self._process.stdout
-        with contextlib.suppress(BrokenPipeError):  # then reading fails, too
+        # the process has ended; reading the results reports this
+        with contextlib.suppress(BrokenPipeError):
             self._orders.write(pickle.dumps((work, args, kwargs)))
             self._orders.flush()
 
@@ -84,11 +85,12 @@ class SeparateWork(Iterator[_T]):
 def main() -> None:
     """Do the work that is described on the standard input, and write its results to the standard
     output."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the server, and then this process
+    # Ctrl-C ends the server, and the server ends this process
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(os, "nice"):
         os.nice(_NICENESS)
     results = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # a learner may print
+    os.dup2(2, 1)  # a learner may print, which must not disturb the results
 
     def send(kind: int, value: Any = None) -> None:
         results.write(pickle.dumps((kind, value)))
@@ -103,11 +105,11 @@ def main() -> None:
         except Exception as error:
             send(_RAISED, _portable(error))
     except BrokenPipeError:
-        os._exit(1)  # nobody reads any more
+        os._exit(1)  # the other process no longer reads the results
 
 
 def _end_with_parent() -> None:
-    while os.read(0, 1024):  # until the other process closes the pipe or ends
+    while os.read(0, 1024):  # wait until the other process closes the pipe or ends
         pass
     os._exit(1)
 

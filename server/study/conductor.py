@@ -42,7 +42,7 @@ def check_body(body: Any, condition: Condition) -> None:
     """Raise ConfigurationError for a body in another simulated world, or one that lacks a move."""
     here, place = name_of_world(body), condition.world
     worlds: Mapping[str, str] = getattr(body, "worlds", {place: place}) if here else {}
-    file = os.path.realpath(place)  # a world may be only a file
+    file = os.path.realpath(place)  # the condition may name only the world's file
     place = next((name for name, at in worlds.items() if os.path.realpath(at) == file), place)
     if here not in (None, place):
         do = f"choose {place!r} under Settings, Place, while no session is on"
@@ -297,12 +297,12 @@ class Conductor(StartStop):
         episode = self._kept.run
         if episode is not None and episode != self._episode:
             self._episode = episode
-            self._kept.keep_run()  # keep it even if nothing is taught in it
+            self._kept.keep_run()  # keep the recording even if nothing is taught in it
             events.append(session.make("recording", wall_s, value=episode))
         events += session.note(tick, wall_s, self._measure)
         event_log.note(events)
         if any(event.event == "phase_ended" for event in events):
-            self._episode = None  # each phase lists its recordings
+            self._episode = None  # so that the next phase lists the recording, too
             self._loop.set_mode(Mode.STOPPED)
             self._tell()
 
@@ -329,7 +329,8 @@ class Conductor(StartStop):
         session, event_log = self._session(), self._log
         assert event_log is not None
         wall_s = self._clock.wall_s()
-        # Log it there too, so that no event is lost if the wait for a stalled loop times out.
+        # Log the event on the loop's thread, so that no event is lost if the wait for a stalled
+        # loop times out.
         making = self._loop.submit(lambda: event_log.note([session.make(event, wall_s, **fields)]))
         self._clock.result(making, PATIENCE_S)
 

@@ -139,7 +139,7 @@ PILOT = Depends(_require_pilot)
 
 
 def _conductor(request: Request) -> Conductor:
-    persistence_of(request)  # 503 if nothing is saved
+    persistence_of(request)  # answers 503 if nothing is saved
     conductor = services_of(request).extension(StudyExtension).conductor
     assert conductor is not None
     return conductor

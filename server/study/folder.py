@@ -137,7 +137,7 @@ class StudyFolder:
         """Summarize each session; a session that cannot be read has a `fault`."""
         plan_text, found = self.plan_text(name), []
         for code in self.codes(name):
-            with contextlib.suppress(FileNotFoundError):  # just withdrawn
+            with contextlib.suppress(FileNotFoundError):  # the session was just withdrawn
                 log = self.log_path(name, code).stat()
                 state = log.st_size, log.st_mtime_ns
                 found.append(self._summary(name, code, plan_text, *state))
@@ -188,7 +188,7 @@ class StudyFolder:
         """The session's model that is in use; still known after a power cut."""
         try:
             model = read(SessionModel, json.loads((self.root / _ACTIVE).read_bytes()))
-            list(map(Action, model.moves_before))  # raises if it is not a move
+            list(map(Action, model.moves_before))  # raises if a name is not that of a move
         except (OSError, ValueError, RecursionError):
             return None
         is_known = model.study in self.names() and CODE.fullmatch(model.participant)

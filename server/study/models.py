@@ -79,7 +79,7 @@ class SessionModels:
             if model.before is not None and model.before in autosave.store.names():
                 autosave.load(model.before)
             else:
-                # The previous model was empty and without a name.
+                # There was no saved previous model, so begin a new, empty model.
                 moves = tuple(map(Action, model.moves_before))
                 autosave.delete(autosave.begin(None, model.learner_before, None, moves))
         if model.own in autosave.store.names():

@@ -231,7 +231,7 @@ def _camera(facts: BrickFacts) -> Iterator[Finding]:
 def _offers(camera: dict[str, Any]) -> Iterator[Finding]:
     if "fault" in camera:
         yield _judge("camera", camera["fault"], wrong="unplug it and plug it in again")
-    elif offers := camera["offers"]:  # a camera's second device offers no pictures
+    elif offers := camera["offers"]:  # the second device of a camera offers no pictures
         text = "; ".join(f"{kind} {', '.join(sizes)}" for kind, sizes in offers.items())
         advice = (
             "YUYV" not in offers

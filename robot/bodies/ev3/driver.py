@@ -194,7 +194,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
 
     def sense(self) -> Sensors:
         read = self._connected().sense()
-        turned_deg = read.pop("wheels_deg", None)  # agents of other releases do not send it
+        turned_deg = read.pop("wheels_deg", None)  # agents of other releases do not send this field
         wheels_m = self._in_m(*self.correction.wheels(turned_deg)) if turned_deg else None
         bumpers = tuple(read.pop("bumpers", None) or ())
         pose = self._reckoning.locate(wheels_m, self._clock.now_s())
@@ -222,7 +222,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
                 self._clock.sleep(min(ACTION_TIMEOUT_S / 4, left_s))
         finally:
             self.stop()
-        self._clock.sleep(0.3)  # wait until the robot stands
+        self._clock.sleep(0.3)  # wait until the robot stands still
         after = self.rolled_m()
         return after[0] - before[0], after[1] - before[1]
 

@@ -59,7 +59,7 @@ class FakeMotor:
 
     def __init__(self, folder: Path, port: str) -> None:
         self.folder, self.port = folder, port
-        self.command = folder / "command"  # polled continuously
+        self.command = folder / "command"  # this file is read continuously
         self.until_s = 0.0
         self.speed = 0
         self.position = 123456.0
@@ -124,7 +124,7 @@ class FakeBrick(StartStop):
         for attribute, value in attributes.items():
             file = folder / attribute
             file.write_text(value + "\n")
-            file.chmod(0o664)  # python-ev3dev2 checks the group's bits
+            file.chmod(0o664)  # python-ev3dev2 checks the group's permission bits
         return folder
 
     def add_motor(self, port: str) -> None:
@@ -202,7 +202,7 @@ class FakeBrick(StartStop):
                 try:
                     self._turn(motor, now_s, now_s - last_s)
                 except FileNotFoundError:
-                    continue  # just unplugged
+                    continue  # the motor was just unplugged
             last_s = now_s
 
     def _turn(self, motor: FakeMotor, now_s: float, past_s: float) -> None:
@@ -211,11 +211,11 @@ class FakeBrick(StartStop):
             motor.write("state", "")
         if motor.speed and not motor.is_stalled:
             motor.position += motor.speed * past_s
-            # A fixed width, so that no reader sees a half-written number.
+            # The number has a fixed width, so that no reader sees a half-written number.
             motor.write("position", f"{motor.position:012.0f}")
         if motor.command.stat().st_mtime_ns == _SEEN_NS:
             return
-        # This comes first, because commands from now on count.
+        # Mark the file before reading it, so that a command written from now on is noticed.
         os.utime(motor.command, ns=(_SEEN_NS, _SEEN_NS))
         if command := motor.read("command"):
             self._obey(motor, command, now_s)
@@ -249,7 +249,7 @@ class FakeBrick(StartStop):
         for name, value in DEFAULTS.items():
             if name not in motor.kept:
                 motor.write(name, value)
-        # This comes last, because its readers must also see everything else.
+        # Write the position last: a reader that finds it must also find all other files.
         motor.write("position", "000000000000")
 
     def start(self) -> None:

@@ -81,7 +81,8 @@ class IntegerGradientFeatures:
         tables = _tables()
         across, down = np.zeros_like(half), np.zeros_like(half)
         # Treat the picture as one line, so that each operation is one loop. At the left and right
-        # edge this compares with the line above or below, so the gradient there is discarded.
+        # edge, a pixel's neighbours then lie in the line above or below, so the gradient there is
+        # discarded.
         np.subtract(half[2:], half[:-2], out=across[1:-1])
         across[::THUMBNAIL_WIDTH] = across[THUMBNAIL_WIDTH - 1 :: THUMBNAIL_WIDTH] = 0
         np.subtract(half[_TWO_LINES:], half[:-_TWO_LINES], out=down[_LINE:-_LINE])
@@ -125,7 +126,7 @@ def _tables() -> _Tables:
     codes = np.zeros(1 << 16, np.uint8)
     edges = np.array(_EDGES, np.int32) ** 2
     down = np.arange(-127, 128, dtype=np.int32)
-    for across in range(-127, 128):  # row by row, to save memory
+    for across in range(-127, 128):  # process the rows one by one, to save memory
         step = np.searchsorted(edges, across * across + down * down, side="right")
         index = ((across << 8) + down).astype(np.int16).view(np.uint16)
         codes[index] = _direction(across, down) * _N_STEPS + step
@@ -146,7 +147,8 @@ def _tables() -> _Tables:
 def _direction(across: int, down: NDArray[np.int32]) -> NDArray[np.int32]:
     """Return the nearest of 8 directions: 0 is right, 2 down, 4 left, 6 up, odd numbers between."""
     width, height = abs(across), np.abs(down)
-    is_level, is_upright = 29 * height <= 12 * width, 29 * width <= 12 * height  # tan 22.5 degrees
+    # tan 22.5 degrees is about 12 / 29
+    is_level, is_upright = 29 * height <= 12 * width, 29 * width <= 12 * height
     right_or_left = 0 if across > 0 else 4
     down_or_up = np.where(down > 0, 2, 6)
     between = np.where(down > 0, 1 if across > 0 else 3, 7 if across > 0 else 5)

@@ -94,7 +94,8 @@ class IntegerRidge(LinearPart):
         z = self._mean_input(x)
         weight = -frames / 2.0 ** self._halvings[0]
         added = np.rint(weight * np.outer(z, z)).astype(np.int64)
-        np.maximum(added, -self._products, out=added)  # rounding could make a sum negative
+        # rounding could make a sum of products negative
+        np.maximum(added, -self._products, out=added)
         self._products += added.astype(np.int32)
         self._residual += np.rint(weight * _ONE * np.outer(targets, z)).astype(np.int64)
         self._residual -= self._weights.dot(added)

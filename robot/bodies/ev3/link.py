@@ -126,13 +126,13 @@ class BrickLink:
     def send(self, do: str, **rest: Any) -> None:
         """Send one command, even to a brick that is silent, because its messages may only be
         delayed. Raises DriveError if the connection is lost; then the brick stops by itself."""
-        lost = self._lost  # the thread may join again meanwhile
+        lost = self._lost  # read once: the thread may reset this value when it joins again
         if lost is not None:
             raise DriveError(lost)
         try:
             self._send(do, **rest)
         except OSError as error:
-            self._hang_up()  # a part of the message may have been sent
+            self._hang_up()  # a part of the message may already have been sent
             raise DriveError(self._say_lost(error)) from error
 
     def answer(self, name: str) -> Any:
@@ -207,7 +207,7 @@ class BrickLink:
         elif "fault" in message:
             self.report = {**self.report, "fault": message["fault"]}
         else:
-            # This is not an answer. The next ping tries again.
+            # A failure to open the body again answers no request. The next ping tries again.
             if self._opens_again and "failed" in message:
                 raise OSError(message["failed"])
             self._opens_again = self._opens_again and "opened" not in message

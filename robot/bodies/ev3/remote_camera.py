@@ -46,7 +46,8 @@ class Ev3RemoteCamera(WatchedCamera):
 
     def _let_go(self) -> None:
         self._link.on_picture = None
-        with contextlib.suppress(DriveError):  # without a connection the brick closes its camera
+        # without a connection the brick closes its camera by itself
+        with contextlib.suppress(DriveError):
             self._link.send("blind")
         self._link.release("camera")
 
@@ -54,7 +55,7 @@ class Ev3RemoteCamera(WatchedCamera):
         age_s = self._link.report.get("picture_age_s")
         self.source_age_s = max(0.0, float(age_s)) if isinstance(age_s, int | float) else None
         self._freshness.is_new(picture.data, self.clock.now_s())
-        # Read the clock first: a delay after it makes the picture seem older, never younger.
+        # Read the clock first: a delay after this line makes the picture seem older, never younger.
         now_s = self.clock.now_s()
         self._show_picture(picture, now_s - max(0.0, self._link.clock.now_s() - picture.taken_s))
 

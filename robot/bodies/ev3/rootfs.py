@@ -97,7 +97,7 @@ def build_userland(folder: Path, release: str = DEFAULT_RELEASE, mirror: str = "
 def _choose_alternatives(folder: Path) -> None:
     """Do the work of the packages' scripts, which did not run, because packages were only
     unpacked."""
-    for name in ("bin", "sbin", "lib"):  # since trixie these folders are links into usr
+    for name in ("bin", "sbin", "lib"):  # since Debian trixie these folders are links into /usr
         if not (folder / name).exists():
             (folder / name).symlink_to(f"usr/{name}")
     for name in ("blas", "lapack"):
@@ -117,7 +117,7 @@ def precompile(root: Path, folders: tuple[str, ...], release: str = DEFAULT_RELE
     if python is None:
         return False
     command = [python, "-OO", "-m", "compileall", "-q", "-s", str(root), "-p", "/"]
-    # Files that do not compile are tests for another Python; nobody imports them.
+    # Files that do not compile are tests for another Python version; no program imports them.
     subprocess.run(
         [*command, *(str(found) for folder in folders for found in root.glob(folder))],
         stdout=subprocess.DEVNULL,
@@ -131,7 +131,7 @@ def _python_of(version: tuple[int, int]) -> str | None:
     if sys.version_info[:2] == version:
         return sys.executable
     other = shutil.which(f"python{version[0]}.{version[1]}")
-    # The program may be a version manager's stub that runs nothing.
+    # The program may be a stub of a version manager and run nothing.
     if other is None or subprocess.run([other, "-V"], capture_output=True).returncode != 0:
         return None
     return other

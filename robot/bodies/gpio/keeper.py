@@ -56,7 +56,7 @@ def keep(motors: TimedMotors, line: Connection, clock: Clock) -> None:
             if is_asked:
                 report = motors.obey(line.recv_bytes(_LONGEST_ORDER), _ms(clock))
                 line.send_bytes(encode_plain_report(report))
-    except (EOFError, ConnectionError):  # errors of the pins are not caught here, but reported
+    except (EOFError, ConnectionError):  # errors of the pins are not caught here; they are reported
         return
     finally:
         motors.stand()
@@ -80,7 +80,7 @@ def hold(settings: dict[str, Any]) -> None:
 
 
 def _kill(pid: int, *_: object) -> None:
-    with contextlib.suppress(ProcessLookupError):  # the child has just ended
+    with contextlib.suppress(ProcessLookupError):  # the child process has just ended
         os.kill(pid, signal.SIGKILL)
 
 
@@ -99,11 +99,12 @@ def outlive(work: Callable[[], None]) -> None:
 
 
 def main() -> None:
-    # These signals are for the robot's program. This process stops the motors and ends after it.
+    # Ignore these signals, which are for the robot's program. This process ends after that program,
+    # and stops the motors first.
     for quiet in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
         signal.signal(quiet, signal.SIG_IGN)
-    # Import before the forks, so that each child starts at once. If gpiozero is missing, the child
-    # reports it.
+    # Import the module before forking, so that each child starts immediately. If gpiozero is
+    # missing, the child reports this.
     with contextlib.suppress(ImportError):
         import gpiozero  # noqa: F401
     outlive(lambda: hold(json.loads(sys.argv[1])))

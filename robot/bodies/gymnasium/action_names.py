@@ -59,7 +59,7 @@ def _find(owner: Any, path: str) -> Any:
             owner = getattr(owner, name)
         is_enumeration = isinstance(owner, type)
         return owner() if callable(owner) and not is_enumeration else owner
-    except Exception:  # foreign code may raise anything; names are optional
+    except Exception:  # third-party code may raise anything; names are optional
         return None
 
 
@@ -99,6 +99,6 @@ def _pressed(layer: Any, first: int, n: int) -> dict[int, str]:
     try:
         buttons = [button.name for button in game.get_available_buttons()][-len(table[0]) :]
         rows = [[one for one, on in zip(buttons, row, strict=True) if on] for row in table]
-    except Exception:  # foreign code, see above
+    except Exception:  # third-party code may raise anything
         return {}
     return {first + i: "_".join(row) or _NOTHING_PRESSED for i, row in enumerate(rows)}

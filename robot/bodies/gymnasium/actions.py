@@ -148,7 +148,8 @@ def steering_of(table: Mapping[Move, Any], space: Any) -> Callable[[Point], Any]
         return None
     known = {
         (side_of(move.point.steering), side_of(move.point.throttle, 0.0)): np.asarray(action, float)
-        for move, action in reversed(list(table.items()))  # of equal points the first counts
+        # reversed, so that the first of two moves with equal points counts
+        for move, action in reversed(list(table.items()))
         if move.point is not None
     }
     if not {(0, 1), (-1, 1), (1, 1)} <= set(known):

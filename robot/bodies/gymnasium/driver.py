@@ -79,7 +79,7 @@ class GymnasiumDriver(ConnectedDriver[bool]):
         return self.moves
 
     def _open(self) -> bool:
-        return True  # that thread makes the environment later
+        return True  # the environment's thread makes the environment later
 
     def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
         """Apply an action for at most `ACTION_TIMEOUT_S`. An environment has only one speed."""
@@ -122,7 +122,7 @@ class GymnasiumDriver(ConnectedDriver[bool]):
         """Close the environment; the next `advance` or `picture` opens it again."""
         environment, self._environment = self._environment, None
         if environment is not None:
-            with contextlib.suppress(Exception):  # foreign code; no harm is done
+            with contextlib.suppress(Exception):  # errors of third-party code do no harm here
                 environment.close()
 
     def _opened(self) -> Environment:

@@ -54,11 +54,12 @@ def render_without_a_screen() -> None:
     if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
         return
     gl = "osmesa" if find_library("OSMesa") and not find_library("EGL") else "egl"
-    gl = os.environ.setdefault("MUJOCO_GL", gl)  # MuJoCo, dm_control, robosuite, Meta-World
+    # read by MuJoCo, dm_control, robosuite and Meta-World
+    gl = os.environ.setdefault("MUJOCO_GL", gl)
     if gl in ("egl", "osmesa"):
         os.environ.setdefault("PYOPENGL_PLATFORM", gl)
-    os.environ.setdefault("PYGLET_HEADLESS", "1")  # MiniWorld
-    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pygame
+    os.environ.setdefault("PYGLET_HEADLESS", "1")  # read by MiniWorld
+    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # read by pygame
     os.environ.setdefault("SDL_AUDIODRIVER", "dummy")
     os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
     os.environ.setdefault("MPLBACKEND", "agg")
@@ -82,7 +83,8 @@ def make(name: str, options: Mapping[str, Any]) -> Any:
     module, _, attribute = name.rpartition(":")
     wrong = f"the environment {name!r} cannot be made"
     do = "give --env a name such as CarRacing-v3, or MODULE:NAME for another package's environment"
-    with told_as(ConfigurationError, wrong, Exception, do=do):  # foreign code may raise anything
+    # third-party code may raise anything
+    with told_as(ConfigurationError, wrong, Exception, do=do):
         made = getattr(importlib.import_module(module), attribute, None) if module else None
         maker = made or partial(gymnasium.make, name, disable_env_checker=True)
         env = _made(maker, options)
@@ -101,7 +103,7 @@ def _made(maker: Any, options: Mapping[str, Any]) -> Any:
         asked = {} if mode is None else {"render_mode": mode}
         try:
             return maker(**{**asked, **options})
-        except Exception as error:  # other people's code
+        except Exception as error:  # third-party code may raise anything
             failures.append(error)
     raise failures[0]
 
@@ -189,10 +191,12 @@ class Environment:
         try:
             takes_mode = "mode" in inspect.signature(self.env.unwrapped.render).parameters
             came = self.env.render(mode="rgb_array") if takes_mode else self.env.render()
-        except Exception as error:  # foreign code; a library or a screen may be missing
+        except Exception as error:
+            # third-party code may raise anything; a library or a screen may be missing
             self._render_failure = f"rendering failed: {str(error)[:200] or repr(error)}"
             return None
-        if not (isinstance(came, list) and not came):  # an empty list: no new frame
+        # an empty list means that there is no new frame
+        if not (isinstance(came, list) and not came):
             self._shown = picture_in(came)
         if self._shown is None:
             self._render_failure = f"it renders {describe(came)}"

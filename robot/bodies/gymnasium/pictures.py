@@ -101,15 +101,17 @@ def _pictures(seen: Any, space: Any, name: str) -> Iterator[_Found]:
 
 def _as_array(seen: Any) -> NDArray[Any] | None:
     """Return the numbers of an array, a list of lists, a tensor or an image; None for others."""
-    if hasattr(seen, "detach") and hasattr(seen, "cpu"):  # a tensor, which may be on a GPU
+    # the picture is a tensor, which may be on a GPU
+    if hasattr(seen, "detach") and hasattr(seen, "cpu"):
         seen = seen.detach().cpu()
     elif hasattr(seen, "convert") and hasattr(
         seen, "getbands"
-    ):  # an image, which may have a palette
+    ):  # the picture is an image, which may have a palette
         seen = seen.convert("RGB")
     try:
         array = np.asarray(seen)
-    except (ValueError, TypeError, RuntimeError):  # a ragged list: its items differ in shape
+    except (ValueError, TypeError, RuntimeError):
+        # the picture is a list whose items differ in shape
         return None
     return array if array.dtype.kind in "buif" else None
 
@@ -130,7 +132,7 @@ def _channels_last(array: NDArray[Any]) -> NDArray[Any] | None:
     n_channels = array.shape[2]
     if min(array.shape[:2]) < _LEAST_PX or not 0 < n_channels <= _MOST_CHANNELS:
         return None
-    if n_channels == 4:  # an alpha channel, or a stack of four grey frames
+    if n_channels == 4:  # the fourth channel is alpha, or the channels are four grey frames
         is_stack = is_first and bool((array[:, :, 3] != array[0, 0, 3]).any())
         return array[:, :, 3:] if is_stack else array[:, :, :3]
     return array[:, :, -3:] if n_channels % 3 == 0 else array[:, :, -1:]

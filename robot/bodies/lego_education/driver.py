@@ -84,7 +84,7 @@ class LegoEducationDriver(ConnectedDriver[Any]):
                 "elsewhere?"
             )
         nameless = [one for one in found if one.address == one.name]
-        # The library logs only the names of further motors.
+        # Older versions of the library give no addresses, so motors of the same name look alike.
         if nameless and len(found) < len(searched):
             raise DriveError(
                 f"which double motor? Several in range are called {nameless[0]}; give each a name "
@@ -125,7 +125,7 @@ class LegoEducationDriver(ConnectedDriver[Any]):
 
     def _reach(self, motor: Any) -> None:
         self._tried_s = self._clock.now_s()
-        # If for example library and firmware do not match, the message says what to do.
+        # The library's message says what to do, for example if library and firmware do not match.
         with told_as(DriveError, "the double motor cannot be used", Exception):
             motor.connect(self._found, device_notification_delay=_NOTE_EVERY_MS)
         if not motor.connected:

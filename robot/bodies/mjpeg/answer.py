@@ -52,12 +52,12 @@ class Answer(HTTPResponse):
             raise ConnectionError("it closed the connection without an answer")
         picture = _START.search(head)
         end = picture.start() if picture else len(head)
-        if head.lstrip().startswith(b"--"):  # there is no head; the stream begins at once
+        if head.lstrip().startswith(b"--"):  # the answer has no head: the stream begins immediately
             end = 0
         text, self._rest = head[:end].lstrip(), head[end:]
         status = _STATUS.match(text)
         self.headers = self.msg = HTTPMessage()
-        for field in text.splitlines():  # lines that are not fields are skipped
+        for field in text.splitlines():  # lines that are not header fields are skipped
             name, colon, value = field.decode("latin-1").partition(":")
             if colon:
                 self.headers[name.strip()] = value.strip()

@@ -149,7 +149,8 @@ class CameraLine:
                 f"the camera at {asked.host} uses an unsupported kind of password; choose Basic, "
                 "or Digest with MD5 or SHA-256, in its settings"
             )
-        return f"Digest {words}".encode().decode("latin-1")  # UTF-8 bytes, as text for a head
+        # a header holds the UTF-8 bytes as Latin-1 text
+        return f"Digest {words}".encode().decode("latin-1")
 
 
 class _Digest(http.AbstractDigestAuthHandler):

@@ -55,15 +55,15 @@ class Picamera2Camera(WatchedCamera):
             )
         module = f"the camera module {options.camera_number}"
         wrong = f"{module} cannot be opened"
-        # The library has no error classes.
+        # The library has no error classes of its own, so every error is caught.
         with told_as(CameraError, wrong, Exception, do="does another program use it?"):
             self._device = device = library.Picamera2(options.camera_number)
         asked = f"{options.width}x{options.height} at {options.frame_rate} a second"
         with told_as(CameraError, f"{module} refuses {asked}", Exception):
             device.configure(
                 device.create_video_configuration(
-                    # The library names formats from the last byte: the order in memory is red,
-                    # green, blue.
+                    # The library names formats from the last byte to the first, so this format is
+                    # red, green, blue in memory.
                     main={"size": (options.width, options.height), "format": "BGR888"},
                     controls={"FrameRate": options.frame_rate},
                     buffer_count=3,

@@ -60,7 +60,7 @@ async def find_hub(bluetooth: Any, same: SameDevice, clock: Clock) -> tuple[Foun
         await bluetooth.BleakScanner.find_device_by_filter(
             note, timeout=SCAN_S, service_uuids=[SERVICE]
         )
-    except Exception as error:  # bleak's errors and the system's
+    except Exception as error:  # errors of bleak and of the system have many types
         raise ConnectionError(name_trouble(error) or f"the search failed ({error})") from error
     hubs = [hub for hub, _ in seen.values()]
     chosen = same.pick(hubs)
@@ -119,7 +119,7 @@ class HubLine(ReconnectingLink):
             most, *_ = struct.unpack_from("<H", await client.read_gatt_char(CAPABILITIES))
             self._chunk, self._rest = max(19, most - 1), b""
             await client.start_notify(COMMAND_EVENT, self._take)
-            # The hub refuses if the program runs already, which is fine.
+            # If the program is running already, the hub refuses the command, which does no harm.
             with contextlib.suppress(self._bluetooth.BleakError):
                 await client.write_gatt_char(COMMAND_EVENT, bytes([START_PROGRAM]), True)
             self._same.chosen = self._same.chosen or hub

@@ -136,7 +136,8 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         for_ms = round(1000 * ACTION_TIMEOUT_S)
         order = Order(action, for_ms, speed_scale, self._seq, report.ms, point)
         self._exchange(self.hello if self._is_other else self._encode(order, report.nonce))
-        if self._heard_s > heard_s:  # this report may answer an earlier order: repeat the stop
+        # a report that answers an earlier order does not confirm this one
+        if self._heard_s > heard_s:
             is_obeyed = self._report is not None and self._report.seq > report.seq
             self._disobeyed = 0 if is_obeyed else self._disobeyed + 1
 
@@ -152,7 +153,7 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
             while data is not None:
                 self._take(data)
                 data = line.receive(0.0)
-        except OSError as error:  # also if a datagram is refused, as nobody listens
+        except OSError as error:  # also raised if a datagram is refused because no program listens
             self._trouble = f" ({error})" if str(error) else ""
             self._clock.sleep(REPLY_S / 10)
 
@@ -167,7 +168,7 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
             return
         self._device = report.device
         if self._report is not None and report.nonce != self._report.nonce:
-            self._seq = 0  # the robot was restarted
+            self._seq = 0  # the robot was restarted, and counts from 0 again
         self._report, self._heard_s, self._trouble = report, self._clock.now_s(), ""
 
     def _check_heard(self) -> None:

@@ -96,7 +96,7 @@ class ReconnectingConnection(ABC):
         for task in others:
             task.cancel()
         await asyncio.gather(*others, return_exceptions=True)
-        await self._clock.pause(0.01)  # give transports time to close
+        await self._clock.pause(0.01)  # give the transports time to close
 
 
 class ReconnectingLink(ReconnectingConnection):
@@ -109,7 +109,8 @@ class ReconnectingLink(ReconnectingConnection):
     def _take_message(self, message: bytes) -> None:
         if self._received.full():
             with contextlib.suppress(queue.Empty):
-                self._received.get_nowait()  # drop the unread message: only the newest counts
+                # drop the unread message, because only the newest message counts
+                self._received.get_nowait()
         self._received.put_nowait(message)
 
     def receive(self, timeout_s: float) -> bytes | None:
@@ -122,7 +123,7 @@ class ReconnectingLink(ReconnectingConnection):
 async def _or_connection_error(work: Coroutine[Any, Any, None]) -> None:
     try:
         await work
-    except Exception as error:  # libraries report a lost connection by many kinds of errors
+    except Exception as error:  # libraries report a lost connection by many types of errors
         raise ConnectionError(_said(error)) from error
 
 

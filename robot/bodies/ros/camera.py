@@ -80,7 +80,7 @@ class RosCamera(WatchedCamera):
         now_s = self.clock.now_s()
         try:
             data = message["data"]
-            if not isinstance(data, bytes):  # rosbridge
+            if not isinstance(data, bytes):  # rosbridge sends the data as Base64 text
                 data = base64.b64decode(data, validate=True)
             picture = read_pixels(message, data) if self._is_raw else read_jpeg(data)
         except (KeyError, TypeError, ValueError, binascii.Error, RecordingError):

@@ -65,13 +65,13 @@ _NEEDED = (*VELOCITIES, COMPRESSED, RAW)
 """Types of topics; at least one topic of these types must be found."""
 _NS = 1_000_000_000
 _ANY = ViewState.Any | SampleState.Any | InstanceState.Any
-# Orders are reliable, because ROS's subscribers request this. Only the newest order is resent.
+# Orders are sent reliably, because ROS's subscribers request this. Only the newest order is resent.
 _ORDERS = Qos(
     Policy.Reliability.Reliable(int(_BLOCKED_S * _NS)),
     Policy.History.KeepLast(1),
     Policy.Durability.Volatile,
 )
-# Best effort matches every publisher. Lost messages are not requested again.
+# A best-effort reader matches every publisher. It does not request lost messages again.
 _NEWEST = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(1), Policy.Durability.Volatile)
 
 
@@ -90,7 +90,7 @@ def configuration(hosts: Sequence[str], interface: str) -> str:
         general = f"<Interfaces><NetworkInterface {key}={quoteattr(interface)}/></Interfaces>"
     if peers:
         general += "<AllowMulticast>false</AllowMulticast>"
-        # Without PruneDelay a peer that does not answer within 30 s is never tried again.
+        # Without PruneDelay, a peer that does not answer within 30 s is never tried again.
         named = "".join(f'<Peer Address="{peer}" PruneDelay="inf"/>' for peer in peers)
         discovery = (
             f"<Peers>{named}</Peers><SPDPInterval>{_ASK_EVERY_S} s</SPDPInterval>"
@@ -356,7 +356,7 @@ class DdsTopics(Topics):
             shared, self._shared = self._shared, None
         if shared is None:
             return
-        self._is_answered(_LAST_ANSWER_S)  # gives DDS time to resend the last stop
+        self._is_answered(_LAST_ANSWER_S)  # this wait gives DDS time to resend the last stop
         self._ending.set()
         self._written.set()
         for thread in self._threads:
@@ -437,7 +437,7 @@ def _acknowledged(writer: DataWriter[Any], within_s: float) -> bool:
     """Return True if all written messages are acknowledged within the time limit."""
     try:
         return bool(writer.wait_for_acks(int(within_s * _NS)))
-    except AttributeError:  # raised by cyclonedds 11.0.1 instead of False
+    except AttributeError:  # cyclonedds 11.0.1 raises this instead of returning False
         return False
 
 

@@ -95,7 +95,7 @@ class Unwrapping:
         parts[number] = str(part["data"])
         if len(parts) == total:
             return "".join(parts[at] for at in range(total))
-        self._parts[key] = parts  # the last key is the newest
+        self._parts[key] = parts  # the dict's last key is the newest picture
         while sum(len(data) for some in self._parts.values() for data in some.values()) > (
             _MOST_BYTES
         ):
@@ -111,7 +111,7 @@ def _text_of_png(data: str) -> str:
         cv2 = need("cv2", "a rosbridge that compresses by PNG", "camera")
     except MissingExtraError as error:
         raise ValueError(str(error)) from error
-    with told_as(ValueError, "no PNG", cv2.error):  # also raised for empty input
+    with told_as(ValueError, "no PNG", cv2.error):  # cv2 also raises this error for empty input
         pixels = cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR)
     if pixels is None:
         raise ValueError("no PNG")

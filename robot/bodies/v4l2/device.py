@@ -15,7 +15,7 @@ from robot.devkit.usb_camera import AUTO
 
 try:
     import fcntl
-except ImportError:  # Windows: the module can be imported, but no camera opened
+except ImportError:  # On Windows the module can be imported, but no camera can be opened.
     fcntl = None  # type: ignore[assignment]
 
 FMT = struct.Struct("@I0L200s")
@@ -138,7 +138,7 @@ class Video:
         try:
             fcntl.ioctl(self._fd, S_PARM, parm)
         except OSError:
-            pass  # the camera's rate is fixed
+            pass  # the camera's frame rate is fixed
 
     def _buffer(self, index: int) -> bytearray:
         zeros = bytes(16)
@@ -181,7 +181,7 @@ class Video:
         data = self._maps[index][:used]
         if self.encoding == "yuyv":
             if len(data) < self._stride * self._n_rows:
-                return None  # an incomplete picture
+                return None  # the picture is incomplete
             data = shrink_yuyv(data, self._stride, self._shrinking)
         return VideoFrame(data, taken_s) if data else None
 
@@ -191,7 +191,7 @@ class Video:
             try:
                 fcntl.ioctl(self._fd, STREAMOFF, struct.pack("i", CAPTURE))
             except OSError:
-                pass  # the device is gone
+                pass  # the device was unplugged
             for picture in self._maps:
                 picture.close()
             os.close(self._fd)

@@ -17,7 +17,8 @@ def plan_shrinking(width: int, height: int, wanted_width: int, wanted_height: in
     Proportions are preserved: an excess in one direction is cropped equally on both sides.
     """
     step = max(1, min(width // wanted_width, height // wanted_height))
-    new_width = min(width // step, wanted_width) & ~1  # even, because two pixels share their colour
+    # the width must be even, because two pixels share their colour
+    new_width = min(width // step, wanted_width) & ~1
     new_height = min(height // step, wanted_height)
     left = (width - new_width * step) // 2 & ~1
     return Shrinking(step, left, (height - new_height * step) // 2, new_width, new_height)

@@ -106,7 +106,8 @@ class OpencvCamera(WatchedCamera):
             if is_read:
                 self._take(picture, now_s)
             if not is_read or self._freshness.fault(now_s) is not None:
-                return  # the source is opened again later; the watching thread reports the fault
+                # the caller opens the source again later; the watching thread reports the fault
+                return
 
     def _take(self, pixels: Any, now_s: float) -> None:
         if not self._freshness.is_new(pixels.tobytes(), now_s):

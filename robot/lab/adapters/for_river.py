@@ -68,11 +68,11 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
         return True
 
     def learn_one(self, x: Mapping[Any, Any], y: Any) -> None:
-        # The features get a fixed order, so that the order in the dict does not matter.
+        # Give the features a fixed order, so that their order in the dict does not matter.
         known, n = self._columns, len(self._columns)
         new = sorted((name for name in x if name not in known), key=repr)
         columns = known | {name: n + i for i, name in enumerate(new)} if new else known
-        # Lengthen the images: features that never occurred before were 0 in all images.
+        # Lengthen the images: a feature that is new now was 0 in all earlier images.
         more = max(self._room, len(columns) - self._room)
         if len(columns) > self._room:
             self._room += more
@@ -83,7 +83,8 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
                     state.arrays[name] = np.pad(state.arrays[name], longer)
                 self._learner.set_state(state)
         label = self._labels.get(y, len(self._labels))
-        self._learner.learn_one(self._vector(x, columns), str(label))  # may raise
+        # this may raise, so nothing is stored before
+        self._learner.learn_one(self._vector(x, columns), str(label))
         self._columns, self._labels[y] = columns, label
 
     def predict_proba_one(self, x: Mapping[Any, Any]) -> dict[Any, float]:
@@ -98,7 +99,8 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
             self.learn_one(row, label)
 
     def predict_proba_many(self, X: pd.DataFrame) -> pd.DataFrame:  # noqa: N803
-        import pandas as pd  # as in river, a caller that passes data frames has pandas
+        # imported here, as in river: a caller that passes data frames has pandas
+        import pandas as pd
 
         rows = [self.predict_proba_one(row) for row in X.to_dict(orient="records")]
         return pd.DataFrame(rows, index=X.index, columns=list(self._labels))

@@ -57,7 +57,7 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         super().__setstate__(state)
-        self._is_loaded = True  # joblib's mmap_mode makes read-only arrays
+        self._is_loaded = True  # loaded arrays may be read-only, because of joblib's mmap_mode
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> Self:  # noqa: N803 - scikit-learn's name
         """Forget everything, and learn these examples in order; X of shape (n, d), y of shape
@@ -106,7 +106,8 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
                 n_voters=self.n_voters,
                 group_cost=self.group_cost,
                 linear=linear,
-                forgets=False,  # in unordered examples a contradiction is no change of mind
+                # the examples have no order, so a contradiction is no change of mind
+                forgets=False,
             )
             self._came: list[Any] = []
             self.classes_, self._are_all_named = given, classes is not None
@@ -115,7 +116,7 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         places = {label: place for place, label in enumerate(self._came)}
         for x, label in zip(xs, ys.tolist(), strict=True):
             place = places.setdefault(label, len(places))
-            self.learner_.learn_one(x, str(place))  # this raises if values are too large
+            self.learner_.learn_one(x, str(place))  # raises if values are too large
             if place == len(self._came):
                 self._came.append(label)
         return self

@@ -49,7 +49,7 @@ _KNN = ("sklearn.neighbors", "KNeighborsClassifier", "evaluate")
 RIVALS = {
     "knn": Rival(make=_neighbours, library=_KNN, features=GreyFeatures, is_eager=True),
     "fair-knn": Rival(make=_neighbours, library=_KNN, is_eager=True),
-    # Extremely randomized trees (Geurts and others, 2006): a strong batch learner.
+    # Extremely randomized trees (Geurts and others, 2006) are a strong batch learner.
     "fair-trees": Rival(
         make=lambda make, number, n_examples: make(number, random_state=0, min_samples_leaf=2),
         library=("sklearn.ensemble", "ExtraTreesClassifier", "evaluate"),
@@ -82,7 +82,7 @@ RIVALS = {
         library=("sklearn.linear_model", "Ridge", "evaluate"),
         is_angular=True,
     ),
-    # Similar to donkeycar's `linear`.
+    # This network is similar to donkeycar's `linear`.
     "angle-cnn": Rival(
         make=lambda make, number, n_examples: BatchNetwork(
             ConvolutionalNetwork(number, has_softmax=False)

@@ -49,7 +49,8 @@ class BatchNetwork:
         if isinstance(ys[0], str):
             found, targets = np.unique(targets, return_inverse=True)
             self.classes_ = found.tolist()
-            classes = {"classes": list(range(max(2, len(self.classes_))))}  # scikit-learn needs two
+            # scikit-learn needs at least two classes
+            classes = {"classes": list(range(max(2, len(self.classes_))))}
         rng = np.random.default_rng(0)
         for _ in range(_EPOCHS):
             order = rng.permutation(len(ys))
@@ -64,7 +65,7 @@ class BatchNetwork:
     def predict_proba(self, xs: Floats) -> Floats:
         """Return the probability of each class, shape (n, classes)."""
         chances: Floats = self._network.predict_proba(xs / 127.5 - 1.0)
-        if chances.shape[1] == 1:  # for two classes scikit-learn returns only the second
+        if chances.shape[1] == 1:  # for two classes scikit-learn returns only the second chance
             chances = np.hstack([1.0 - chances, chances])
         chances = chances[:, : len(self.classes_)]
         shares: Floats = chances / chances.sum(axis=1, keepdims=True)
@@ -140,7 +141,7 @@ class ConvolutionalNetwork:
         for i, (values, seen) in reversed(list(enumerate(layers))):
             error = error.reshape(*seen.shape[:2], -1)
             slopes.append(np.tensordot(seen, error, ((0, 1), (0, 1))))
-            if i > 0:  # the picture itself needs no gradient
+            if i > 0:  # the first layer's input, the picture, needs no gradient
                 back = (error @ self.weights[i].T)[..., :-1]
                 error = np.zeros_like(values)
                 for place, parts in enumerate(self._places[i]):

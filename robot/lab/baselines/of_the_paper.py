@@ -67,7 +67,8 @@ def gng(make: Any, number: int, n_examples: int) -> Prototypes:
     def cluster(xs: Images) -> Images:
         every = max(len(xs) // number, 1)
         net = make(n_epochs=1, sigma=every, max_units=number, shuffle=False)
-        net.fit(np.vstack([xs, xs[-1:]]).astype(np.float64))  # the gas needs at least two
+        # repeat the last frame: growing neural gas needs at least two
+        net.fit(np.vstack([xs, xs[-1:]]).astype(np.float64))
         return np.stack([unit.prototype for unit in net.units])
 
     return Prototypes(cluster)
@@ -108,7 +109,8 @@ class RotatingSet:
             self._network.partial_fit(kept, told, classes=self.classes_)
 
     def predict_proba(self, xs: Images) -> Images:
-        if len(self.classes_) == 1:  # the network treats a single class as one of two classes
+        # for a single class, the network would return the shares of two classes
+        if len(self.classes_) == 1:
             return np.ones((len(xs), 1))
         shares: Images = self._network.predict_proba(xs / 255.0)
         return shares

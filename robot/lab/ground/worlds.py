@@ -176,7 +176,7 @@ class CarRacing(ForeignWorld):
         super().__init__("CarRacing-v3", "Box2D", continuous=is_continuous)
         self._draw = self.inner._render
         self._is_seen = True
-        # Do not draw frames that nobody sees, because drawing takes most of the time of a step.
+        # Do not draw frames that are not shown, because drawing takes most of the time of a step.
         self.inner._render = lambda mode: self._draw(mode) if self._is_seen else self.inner.state
 
     def _picture(self, seen: Any) -> Picture:

@@ -69,7 +69,8 @@ class HumanDelayModel:
         self._seq += 1
         return PilotCommand(
             held=(held := self._hold(now_s)),
-            point=self._point if held is self._held else None,  # a finger that slips hits a button
+            # a finger that slips hits a button, which has no point
+            point=self._point if held is self._held else None,
             frame_id=frame_id,
             seq=self._seq,
             received_s=now_s,

@@ -49,7 +49,8 @@ class Situation:
     bumped: bool
     is_pushing: bool
     doing: Action
-    ranges_m: NDArray[np.float64] = field(compare=False)  # `==` of arrays is an array
+    # excluded from comparison, because `==` of arrays is an array
+    ranges_m: NDArray[np.float64] = field(compare=False)
     ahead: str
     """The thing straight ahead of the robot: `east wall`, `backpack` ..."""
     target: Target | None = None

@@ -104,7 +104,7 @@ class Autosave:
             with self.lock:  # wait while another model is being loaded or saved
                 if self.has_unsaved:
                     self.save()
-        except Exception as error:  # the thread must go on after any error
+        except Exception as error:  # the thread must continue after any error
             expected = isinstance(error, OSError | RobotError)
             log.warning("the model was not saved: %s", error, exc_info=not expected)
             self.announce("model_not_saved", detail=str(error) or type(error).__name__)
@@ -206,7 +206,7 @@ class Autosave:
         def replace() -> int:
             self._check_stopped()
             self._loop.history.replace_policy(policy, taught)
-            # Set on the loop's thread, so that the journal's next entries name the new model.
+            # Set it on the loop's thread, so that the journal's next entries name the new model.
             self.name, self._place = name, model.summary.place
             return self._loop.history.changes
 

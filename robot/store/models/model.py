@@ -72,7 +72,7 @@ class Model:
 
     def to_policy(self) -> Policy:
         what = f"the model of the learner {self.summary.learner[:40]!r} cannot be opened"
-        # A learner's plugin may raise any error.
+        # The plugin of a learner may raise any error.
         with told_as(RecordingError, what, Exception):
             policy = make_policy(self.summary.learner, self.summary.moves)
             policy.set_state(self.state)

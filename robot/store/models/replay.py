@@ -69,7 +69,7 @@ def recover(folder: Path, store: ModelStore, declared: Iterable[Move] = ()) -> R
         return None
     run.declared = declared
     if newest_boot(store) > run.boot:
-        return None  # a later run saved the model, and ended before it wrote the journal
+        return None  # a later run saved the model, but ended before it wrote a journal
     try:
         return _rebuild(run, store)
     except RobotError as error:
@@ -134,7 +134,7 @@ def _rebuild(run: _Run, store: ModelStore) -> Recovered | None:
         return None
     return Recovered(
         model=_learn_on(model, run, numbers),
-        # A model that is missing was renamed after the checkpoint, or deleted; then none is
+        # If the model is missing, it was renamed after the checkpoint, or was deleted and none is
         # current.
         name=name if name is None or name in store.names() else store.current,
         replayed=len(numbers),

@@ -93,7 +93,7 @@ class ModelStore:
             write_whole(marker, f"{name}\n{_checksum(name)}\n".encode())
 
     def save(self, name: str, model: Model) -> Path:
-        if name not in self.names():  # names in use need no check
+        if name not in self.names():  # a name in use needs no check
             name = check_name(name)
         versions = self.versions(name)
         number = int(versions[-1].stem) + 1 if versions else 1
@@ -194,7 +194,7 @@ class ModelStore:
         The order is by journal position, or by the time of saving if there is no position.
         """
         current = self.current
-        if current is not None:  # this one first: the many others are seldom needed
+        if current is not None:  # load the current model first: the others are rarely needed
             with contextlib.suppress(RecordingError, NotFoundError):
                 yield current, self.load(current)
         others = {name: _age_of(self.summary(name)) for name in self.names() if name != current}
@@ -209,7 +209,7 @@ class ModelStore:
 
     def add_file(self, name: str, data: bytes) -> str:
         """Save an uploaded model under this name, or a similar free name; return the name."""
-        try_model(decode_model(data, max_bytes=len(data)))  # so compressed models are refused
+        try_model(decode_model(data, max_bytes=len(data)))  # the limit refuses compressed models
         name = self.free_name(name)
         write_whole(self._storage.models / name / "00001.npz", data)
         return name

@@ -68,7 +68,7 @@ def _drive(policy: Policy) -> None:
         policy.learn(x, policy.moves[i % len(policy.moves)], at_s)
         if _MACHINE.now_s() > until_s:
             break
-    for node in policy.learner.nodes():  # the page shows them
+    for node in policy.learner.nodes():  # the page shows all nodes
         policy.features.thumbnail(node.image)
         _demand(set(node.votes) <= set(policy.moves), "an image has votes for unknown moves")
     policy.reset()

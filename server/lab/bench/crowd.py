@@ -62,7 +62,8 @@ async def _measure_greedy(count: int, seconds: float, rate_hz: float) -> dict[st
         async with _held_forward(subject, subject.pair("pilot")):
             viewers = [subprocess.Popen([*words, subject.pair("viewer")]) for _ in range(count)]
             try:
-                await asyncio.sleep(5.0)  # the first requests import and compute once
+                # the first requests import modules and compute cached values
+                await asyncio.sleep(5.0)
                 for turn in range(2 * _TURNS):
                     reads = turn % 2
                     for viewer in viewers:

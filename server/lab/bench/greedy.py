@@ -36,7 +36,7 @@ def main(port: int, cookie: str) -> None:
         try:
             read(path)
         except (OSError, http.client.HTTPException):
-            line.close()  # evicted; the next request connects again
+            line.close()  # the connection was evicted; the next request connects again
 
 
 if __name__ == "__main__":

@@ -85,7 +85,7 @@ async def _measure_viewers(count: int, seconds: float, rate_hz: float) -> dict[s
             ages_s = [age for viewer in viewers for age in ages_since(busy["start_s"], viewer)]
         await asyncio.sleep(_SETTLE_S)
         idle_after = await subject.watch(min(seconds, 2.0))
-    n_frames = len(ages_s) or math.nan  # NaN: too busy to show a single picture
+    n_frames = len(ages_s) or math.nan  # NaN means that the server was too busy to show a picture
     shares = [spent["serving_s"] / spent["lasted_s"] for spent in (idle, busy, idle_after)]
     framed_s = busy["serving_s"] - min(shares[0], shares[2]) * busy["lasted_s"]
     return {
@@ -155,7 +155,8 @@ async def driving(subject: ServerUnderTest, cookie: str = "") -> AsyncIterator[S
 
         reading = asyncio.create_task(_read_all(pilot, seen))
         await asyncio.sleep(_SETTLE_S)
-        while subject.ask()["mode"] != "train":  # the robot refuses to start on an old picture
+        # the robot refuses to start while the picture is old
+        while subject.ask()["mode"] != "train":
             await send(type="mode", mode="train")
             await asyncio.sleep(0.1)
         yield send
@@ -183,7 +184,7 @@ async def _watch(port: int, watched: Watched) -> None:
     from websockets.asyncio.client import connect
 
     url = f"ws://127.0.0.1:{port}/ws/video"
-    # Browsers always offer compression; the server decides.
+    # Browsers always offer compression, and the server decides whether to use it.
     async with connect(url, compression="deflate", max_size=None, ping_interval=None) as socket:
         async for message in socket:
             assert isinstance(message, bytes)

@@ -51,7 +51,7 @@ def report(args: argparse.Namespace, figures: Any, *tables: Table) -> int:
 
 def percentiles(seconds: Sequence[float]) -> dict[str, float]:
     """Return the 50th, 95th and 99th percentiles of times, in milliseconds."""
-    known = seconds or [math.nan]  # NaN: too busy to show a single picture
+    known = seconds or [math.nan]  # NaN means that the server was too busy to show a picture
     found = 1000 * np.percentile(known, (50, 95, 99), method="inverted_cdf")
     return dict(zip(("p50", "p95", "p99"), found.round(2).tolist(), strict=True))
 

@@ -48,7 +48,7 @@ class BrickBody:
         read = self.sensors.read()
         try:
             read["wheels_deg"] = self.motors.positions()
-        except DriveError:  # the next move reports it instead
+        except DriveError:  # the next move reports this error
             read["wheels_deg"] = None
         return read
 

@@ -101,7 +101,7 @@ class CallerLimiter:
 
     def __init__(self, listener: socket.socket, note: Callable[[str], None]) -> None:
         listener.setblocking(False)
-        # Limits the kernel's buffer of an unauthenticated client; commands are small.
+        # Limit the kernel's buffer for each unauthenticated client; commands are short.
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 16384)
         self.listener = listener
         self._note = note
@@ -127,7 +127,7 @@ class CallerLimiter:
             line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 65536)
         except OSError:
-            line.close()  # the caller has closed it meanwhile
+            line.close()  # the caller has already closed the connection
             return
         self.callers.append(Caller(line, address[0], now_s))
         if sum(not caller.has_joined for caller in self.callers) > MAX_STRANGERS:

@@ -9,7 +9,7 @@ from typing import Optional
 
 try:
     import fcntl
-except ImportError:  # not on Windows
+except ImportError:  # Windows does not have this module
     fcntl = None  # type: ignore[assignment]
 
 LIGHTS = {"stopped": (0, 1), "train": (1, 1), "autonomous": (1, 0)}
@@ -50,7 +50,7 @@ class Console:
         try:
             fcntl.ioctl(self._keys, EVIOCGRAB, take)
         except OSError:
-            pass  # no input device, or it is grabbed already
+            pass  # there is no input device, or another program has grabbed it
 
     def take_button(self) -> Optional[str]:
         """Return "start" if the middle button was pressed, "stop" for any other, None for no
@@ -60,7 +60,7 @@ class Console:
             try:
                 event = os.read(self._keys, KEY_EVENT.size)
             except OSError:
-                break  # no more events
+                break  # no more events are waiting
             if len(event) < KEY_EVENT.size:
                 break
             second, micro, kind, code, value = KEY_EVENT.unpack(event)
@@ -70,7 +70,7 @@ class Console:
                 self._note_back(second + micro / 1e6, value)
             if value == 1:
                 pressed = "start" if code == KEY_ENTER and pressed != "stop" else "stop"
-        # While the menu is on the screen, the middle button belongs to the menu.
+        # While the brick's menu is on the screen, the middle button belongs to the menu.
         return pressed if self._shown or pressed != "start" else None
 
     def _note_back(self, at_s: float, value: int) -> None:
@@ -101,7 +101,7 @@ class Console:
                 if screen.isatty():
                     self._bring_to_front(screen.fileno())
         except OSError:
-            pass  # not on a brick, or no permission
+            pass  # this is not a brick, or access is not permitted
 
     def _bring_to_front(self, screen: int) -> None:
         state = fcntl.ioctl(screen, VT_GETSTATE, bytes(6))
@@ -135,5 +135,5 @@ class Console:
         self._give_screen_back()
         self._shown = ""
         if self._keys >= 0:
-            os.close(self._keys)  # this also ends the grab
+            os.close(self._keys)  # closing the device also ends the grab
             self._keys = -1

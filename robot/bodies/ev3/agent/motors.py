@@ -33,7 +33,7 @@ class MotorPair:
         Another program may have left ramps, a reversed polarity or a running motor; with a ramp
         even `stop` is slow. `reset` undoes all of this, so it comes first.
         """
-        self.close()  # close devices that were found before
+        self.close()  # close the devices that an earlier call found
         try:
             for side, address in zip(("left", "right"), self._addresses):
                 self._ports.append(self._find(side, address))

@@ -26,7 +26,7 @@ class DevicePort:
             with open(os.path.join(self._folder, name)) as file:
                 return file.readline().strip()
         except OSError:
-            return "?"  # just unplugged
+            return "?"  # the device was just unplugged
 
     def is_at(self, wanted: str) -> bool:
         """True if the device is at this port: "outB" is one of the words of "ev3-ports:outB"."""

@@ -115,7 +115,7 @@ class Agent:
                     self._obey(caller, command)
                 except DriveError as error:
                     caller.send({"failed": str(error)})
-            elif command is moves[-1]:  # of several waiting moves only the last counts
+            elif command is moves[-1]:  # if several moves wait, only the last move is obeyed
                 self._move(caller, command, now_s)
         caller.received_s = now_s
 
@@ -174,7 +174,7 @@ class Agent:
         body = self._body
         if body is None:
             return
-        if command["do"] == "stop":  # a stop is obeyed even if it is late
+        if command["do"] == "stop":  # a stop is obeyed even if it arrives late
             body.stop()
             return
         if not 0.0 <= now_s - float(command["after"]) <= STALE_S:
