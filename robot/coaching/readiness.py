@@ -105,6 +105,7 @@ class Readiness:
 
     def _begin(self) -> None:
         self._taught_s = 0.0
+        self._is_taught = False  # for long enough; later views, such as of a trial, change nothing
         self._examples: Counter[Action] = Counter()
         self._starts: Counter[Action] = Counter()
         self._meant_s: dict[Action, float] = defaultdict(float)
@@ -145,6 +146,8 @@ class Readiness:
                 self._begin_trial()
             elif isinstance(event, Taught):
                 self._note_taught(event, tick)
+                needed_s = EARLY_S if self._is_covered else TAUGHT_S
+                self._is_taught = self._is_taught or self._taught_s >= needed_s
         if tick.decision.driven_by is DrivenBy.ROBOT:
             self._instead = tick.decision.action
             self._note_alone(tick, max(step_s, 0.0))
@@ -283,7 +286,7 @@ class Readiness:
 
     def _missing_to_try(self) -> list[Gap]:
         gaps = []
-        if self._taught_s < (EARLY_S if self._is_covered else TAUGHT_S):
+        if not self._is_taught:
             gaps.append(Gap(kind=GapKind.TOO_SHORT, have=self._taught_s, need=TAUGHT_S))
         for move in self.moves_in_use:
             is_rare = self._examples[move] < RARE_SHARE * self._examples.total()

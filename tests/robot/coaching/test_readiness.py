@@ -127,6 +127,16 @@ def test_it_may_be_tried_early_once_it_was_shown_each_move_often_and_knows_the_v
         assert late.readiness.stage is Stage.TRY, "never later than after forty seconds"
 
 
+def test_corrections_at_new_views_do_not_take_the_early_trial_back() -> None:
+    drive = early(24.0)
+    for _ in range(3):
+        drive.alone(2.0)
+        drive.teach(L, 1.0, is_intervention=True, novelty=2.0)
+    assert drive.readiness.stage is Stage.TRY and GapKind.TOO_SHORT not in drive.kinds
+    drive.alone(CLEAN_S + 1)
+    assert drive.readiness.stage is Stage.READY
+
+
 def test_a_single_move_is_not_tried_early() -> None:
     drive = Drive(10.0)
     for _ in range(EARLY_STARTS):
