@@ -106,6 +106,7 @@ class Readiness:
     def _begin(self) -> None:
         self._taught_s = 0.0
         self._is_taught = False  # for long enough; later views, such as of a trial, change nothing
+        self._rare: list[Action] = []  # moves in use that were begun too few times while teaching
         self._examples: Counter[Action] = Counter()
         self._starts: Counter[Action] = Counter()
         self._meant_s: dict[Action, float] = defaultdict(float)
@@ -148,6 +149,8 @@ class Readiness:
                 self._note_taught(event, tick)
                 needed_s = EARLY_S if self._is_covered else TAUGHT_S
                 self._is_taught = self._is_taught or self._taught_s >= needed_s
+                if not event.example.is_intervention:
+                    self._rare = [m for m in self.moves_in_use if self._starts[m] < self._needs(m)]
         if tick.decision.driven_by is DrivenBy.ROBOT:
             self._instead = tick.decision.action
             self._note_alone(tick, max(step_s, 0.0))
@@ -288,9 +291,13 @@ class Readiness:
         gaps = []
         if not self._is_taught:
             gaps.append(Gap(kind=GapKind.TOO_SHORT, have=self._taught_s, need=TAUGHT_S))
-        for move in self.moves_in_use:
-            is_rare = self._examples[move] < RARE_SHARE * self._examples.total()
-            have, need = self._starts[move], 2 * STARTS if is_rare else STARTS
+        for move in self._rare:
+            have, need = self._starts[move], self._needs(move)
             if have < need:
                 gaps.append(Gap(kind=GapKind.RARE_MOVE, move=move, have=have, need=need))
         return gaps
+
+    def _needs(self, move: Action) -> int:
+        """Return the number of times that the pilot must have begun a move in use."""
+        is_rare = self._examples[move] < RARE_SHARE * self._examples.total()
+        return 2 * STARTS if is_rare else STARTS
