@@ -195,8 +195,8 @@ def _until(is_over: Callable[[], bool]) -> Iterator[int]:
 
 
 class Reader:
-    """A client that uses the long recording again and again, in a process of its own: in the
-    pilot's process it would delay the pilot."""
+    """A client that uses the long recording again and again. In the pilot's process it would delay
+    the pilot, so it has a process of its own, with low priority: it stands for another computer."""
 
     def __init__(self, served: Served) -> None:
         self._served, self._base = served, f"http://127.0.0.1:{served.port}/api"
@@ -214,6 +214,7 @@ class Reader:
         self._process.join()
 
     def _work(self) -> None:
+        os.nice(19)
         try:
             self._use()
         finally:
