@@ -74,6 +74,33 @@ def test_groups_are_merged_only_at_the_last_resort():
     assert sorted(learner.nodes_.ravel().tolist()) == [0.0, 5.0]
 
 
+def test_a_pinned_node_is_not_deleted():
+    learner = BSOC(3)
+    for value in (0.0, 10.0):
+        learner.train(np.array([value]))
+    learner.pin(0)
+    with pytest.raises(ValueError, match="unpin"):
+        learner.delete(0)
+    assert len(learner) == 2
+
+
+@pytest.mark.parametrize("trained", [0, 3])
+@pytest.mark.parametrize(
+    "bad",
+    [np.array([np.nan, 0.0]), np.zeros((2, 1)), np.array([np.inf, 1.0]), np.array([1e18, 1.0])],
+)
+def test_refuses_bad_vectors_and_stays_as_it_was(bad, trained):
+    learner = BSOC(2)
+    for value in range(trained):
+        learner.train(np.array([value, value]))
+    before = learner.save()[1]
+    with pytest.raises(ValueError, match="vector"):
+        learner.train(bad)
+    after = learner.save()[1]
+    assert before.keys() == after.keys()
+    assert all(np.array_equal(before[name], after[name]) for name in before)
+
+
 def test_at_least_one_node_stays_free_of_pins():
     learner = BSOC(2)
     learner.train(np.array([0.0]))
