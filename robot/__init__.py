@@ -10,7 +10,7 @@ from pathlib import Path as _Path
 __version__ = "0.2.0"
 
 PROJECT = "drivelesson"
-"""Tells this package from Robot Framework's package of the same name (docs/adr/0008)."""
+"""Distinguishes this package from Robot Framework's package of the same name (docs/adr/0008)."""
 
 _CLASH = (
     "Robot Framework and Drivelesson are installed in the same environment, and both have a "

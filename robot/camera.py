@@ -13,7 +13,7 @@ from robot.types import Encoding, Frame, StartStop
 
 
 class Mounting:
-    """How a camera is mounted: here upright. An extension may set another mounting."""
+    """How a camera is mounted. By default it is upright; an extension may set another mounting."""
 
     def upright(self, picture: Frame) -> Frame:
         """Return the picture as if the camera stood upright."""
@@ -31,8 +31,8 @@ class Camera(StartStop):
     Attributes:
         fault: The camera's fault, as a sentence for the page; None if all is well.
         source_age_s: Age of the pictures at the other computer that the camera is plugged into, as
-            that computer reports it, in seconds. Waiting and transit are not included. None: the
-            camera is plugged in here, or no age is reported.
+            that computer reports it, in seconds. Waiting and transit are not included. None if the
+            camera is plugged in here, or if no age is reported.
 
     Example:
         >>> from robot.testing import VirtualClock
@@ -115,11 +115,11 @@ class Camera(StartStop):
         return frame
 
     def rest(self, every_s: float) -> None:
-        """Set the period at which pictures are needed, until the next call. Returns at once.
+        """Set the period at which pictures are needed, until the next call. Never blocks.
 
-        0: all pictures are needed, and the next one at once. Infinite: no picture is needed. A
-        camera that renders pictures skips the others; a camera that relays a device's pictures may
-        ignore this.
+        If 0, all pictures are needed, the next one immediately. If infinite, no picture is needed.
+        A camera that renders pictures skips the others; a camera that relays a device's pictures
+        may ignore this.
         """
 
     def listen(self, on_frame: Callable[[], None] | None) -> None:

@@ -127,8 +127,8 @@ def side_of(steering: float, threshold: float = TURNS_BEYOND) -> int:
 
 
 def move_at(point: Point, moves: Iterable[Move], threshold: float = TURNS_BEYOND) -> Action | None:
-    """Return the move that a point counts as. None: the point is a stop, or no move drives in the
-    point's direction (ahead, back, or on the spot).
+    """Return the move that a point counts as. Return None if the point is a stop, or if no move
+    drives in the point's direction (ahead, back, or on the spot).
 
     It is the nearest move that drives in the same direction and turns to the same side. If no move
     turns to that side, it is the nearest move in the same direction: a curve backward counts as
@@ -149,7 +149,7 @@ def move_at(point: Point, moves: Iterable[Move], threshold: float = TURNS_BEYOND
 
 class Correction:
     """A correction of the orders to a body. This one changes nothing; an extension may set another
-    for a body that is built or wired differently from what its driver expects."""
+    correction for a body that is built or wired differently from what its driver expects."""
 
     @property
     def signs(self) -> tuple[float, float]:
@@ -334,7 +334,7 @@ class Driver(ABC):
         return None
 
     def advise(self, prediction: Prediction) -> None:  # noqa: B027
-        """Receive the learner's prediction on the newest frame; must return at once and not
+        """Receive the learner's prediction on the newest frame; must return immediately and not
         raise."""
 
     def announce(self, address: str) -> None:  # noqa: B027 - a body without a screen says nothing

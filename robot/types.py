@@ -178,7 +178,7 @@ class Game:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensors:
-    """The robot's sensors except its camera. None: this robot has no such sensor."""
+    """The robot's sensors except its camera. None if there is no such sensor."""
 
     distance_m: float | None = None
     bumped: bool | None = None

@@ -170,7 +170,7 @@ class Persistence(StartStop):
             self.autosave.adopt(recovered)
 
     def _watch_folder(self) -> None:
-        """Announce that the data folder is gone, or that it is back: then the model is saved."""
+        """Announce that the data folder is gone or back; if it is back, save the model."""
         is_gone = self._presence is not None and not self._presence.is_there()
         if is_gone == self._is_gone:
             return

@@ -101,7 +101,7 @@ class ModeMessage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ping:
-    """Answered at once by a pong with the same `client_ms`."""
+    """Answered immediately by a pong with the same `client_ms`."""
 
     client_ms: float = _checked(float, -MAX_COUNT, MAX_COUNT)
 

@@ -270,7 +270,7 @@ class Corrections:
         """Stop the robot, and correct body and camera; on the loop's thread, between two ticks.
 
         Raises:
-            ConfigurationError: If a correction does not apply; then none is changed.
+            ConfigurationError: If a correction does not apply; no correction is then changed.
             DriveError: If the body refuses the correction.
         """
         check_correction(rig.driver, self.body)

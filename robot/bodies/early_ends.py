@@ -3,7 +3,7 @@
 If the battery is weak, its voltage collapses when the motors start: the computer or the program
 ends, a supervisor restarts it, and nobody learns why. A marker file on the disk survives the
 restart, so that the next run can report the reason. No marker is left by an update, by a Ctrl-C, or
-by a robot that is switched off while it stands.
+by a robot that is switched off while it stands still.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 SOON_S = 5.0
 """Driving time after which the battery counts as strong enough for the motors, in seconds."""
 ENOUGH = 2
-"""Number of such ends in a row that is not a coincidence any more."""
+"""Number of early ends in a row that cannot be a coincidence."""
 _AGAIN_S = 60.0
 """Least time between two markers, in seconds, because each marker is a disk write."""
 
@@ -34,7 +34,7 @@ class EarlyEnds:
     """Follows the control loop, and saves on the disk whether a drive has just begun.
 
     Attributes:
-        count: Number of such ends in a row, up to this start.
+        count: Number of early ends in a row, up to this start.
     """
 
     def __init__(self, file: Path, on_borne: Callable[[], None] = lambda: None) -> None:
@@ -50,7 +50,7 @@ class EarlyEnds:
 
     @property
     def is_weak(self) -> bool:
-        """True if there were so many such ends that a person should know."""
+        """True if the number of early ends is so high that a person should know."""
         return self.count >= ENOUGH
 
     def start(self, clock: Clock) -> None:

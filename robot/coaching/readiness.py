@@ -125,8 +125,8 @@ class Readiness:
         self._begin_trial()
 
     def note_carried(self) -> None:
-        """Begin a new trial: the robot was moved to another place, where its driving shows
-        nothing yet and the gaps do not lie. Call it on the loop's thread."""
+        """Begin a new trial, because the robot was moved to another place. The robot has not driven
+        there yet, and the gaps lie elsewhere. Call it on the loop's thread."""
         self._gaps.clear()
         self._begin_trial()
 

@@ -37,7 +37,7 @@ class CameraTimingConfig:
     """Age of the newest picture up to which the robot drives at full speed; 5 cm at 0.16 m/s. With
     older pictures the robot slows down, so that it travels no further on one picture."""
     growth_s_per_s: float = 0.05
-    """How fast an estimate may grow while the robot may move; while it stands there is no limit."""
+    """How fast an estimate may grow while the robot may move; without limit if it stands still."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

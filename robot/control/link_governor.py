@@ -1,7 +1,7 @@
 """Reacts to a slow link or computer: warn, slow down, stop learning, stop. Pure.
 
-The measure is the age of the picture that the pilot acts upon. The level rises at once, and falls
-only after the link has been clearly better for a while (hysteresis).
+The measure is the age of the picture that the pilot acts upon. The level rises immediately, and
+falls only after the link has been clearly better for a while (hysteresis).
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class LinkState:
 
     level: LinkLevel = LinkLevel.GOOD
     age_s: float | None = None
-    """Age of the picture that the pilot acts upon; None: unknown."""
+    """Age of the picture that the pilot acts upon; None if it is unknown."""
     is_busy: bool = False
     """True if the computer is late, so that the link is not the cause."""
     must_stop: bool = False
@@ -129,12 +129,12 @@ class LinkGovernor:
         self._seen_s = delivered_s
 
     def blind_in_s(self, now_s: float, slack_s: float = 0.0) -> float:
-        """Return the time until the pilot counts as blind, even if heartbeats arrive. Negative: the
-        pilot is already blind. Infinite: there was no picture yet."""
+        """Return the time until the pilot counts as blind, even if heartbeats arrive. It is
+        negative if the pilot is already blind, and infinite before the first picture."""
         return self.config.stop_s + slack_s - (now_s - self._seen_s)
 
     def note_age(self, age_s: float, now_s: float, slack_s: float = 0.0) -> None:
-        """Record an age. The level rises at once, and falls after `recovery_s` of better ages.
+        """Record an age. The level rises immediately, and falls after `recovery_s` of better ages.
 
         `slack_s` is the part of the age that is due to the camera's period.
         """

@@ -111,7 +111,7 @@ class ControlLoop:
         self._world_s = camera.world_s if camera.world_waits else lambda at_s: at_s
         """Converts a time to the world's clock, by which the gate and the link governor work."""
         self._commands: list[tuple[PilotCommand, PilotCommand]] = []
-        """Commands of this tick: as received, and with the times of the world's clock."""
+        """The commands of this tick, as received, and with times of the world's clock."""
         self._asked: tuple[Action | None, Point | None] | None = None
         self._fault: str | None = None
         self._steady = SteadyFault()
@@ -146,9 +146,9 @@ class ControlLoop:
         return self._rest_every_s > 0.0
 
     def need_picture_every(self, seconds: float) -> Future[None]:
-        """Set how often a picture is needed while the robot stands. 0: all pictures are needed.
+        """Set how often a picture is needed while the robot stands. If 0, all are needed.
 
-        Infinite: nobody looks. A robot that may move takes all pictures in any case.
+        If infinite, nobody looks. A robot that may move takes all pictures in any case.
         """
         return self.submit(lambda: self._need(seconds))
 
@@ -263,7 +263,7 @@ class ControlLoop:
         return None if self._camera.world_waits or self.is_resting else self._timing.fault
 
     def _is_held_up(self, seconds: float) -> bool:
-        """Stop if the computer was held up for `seconds`: the last decision is outdated."""
+        """Stop if the computer was held up for `seconds`, because the last decision is outdated."""
         is_harmless = self._gate.mode is Mode.STOPPED or self._camera.world_waits
         if is_harmless or seconds <= self.config.stall_s:
             return False
@@ -479,7 +479,7 @@ class ControlLoop:
         self.learning.reset()
 
     def _stop(self, reason: StopReason, fault: str) -> None:
-        """Stop the motors at once, and report the fault."""
+        """Stop the motors immediately, and report the fault."""
         self._stop_body()
         self._gate.trip(reason)
         self._fault = fault

@@ -41,7 +41,7 @@ class Mailbox:
         return future
 
     def serve(self) -> None:
-        """Run all requests in order, including requests that are queued meanwhile.
+        """Run all requests in order, including requests that are queued while others run.
 
         The results are held back until `answer` is called.
         """

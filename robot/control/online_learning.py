@@ -24,7 +24,7 @@ from robot.types import Action, Example, Frame, PilotCommand, Point, Prediction
 log = logging.getLogger(__name__)
 
 WINDOW_S = 10.0
-"""Window of the agreement, in seconds. A number of examples would not do: at thirty examples a
+"""Window of the agreement, in seconds. A number of examples would cover too little: at thirty a
 second, a hundred examples are one stretch straight ahead."""
 
 
@@ -113,8 +113,8 @@ class _Seen:
     point: Point | None
 
     def differs(self, label: Action, point: Point | None) -> bool:
-        """Return whether this label corrects the robot. A label without a point always does, even
-        if it is the move that the robot chose."""
+        """Return whether this label corrects the robot. A label without a point always corrects the
+        robot, even if it is the move that the robot chose."""
         if point is None or self.point is None or label is not self.predicted:
             return True
         return abs(point.steering - self.point.steering) > CORRECTS_BEYOND

@@ -1,8 +1,8 @@
 """Runs a driver on a separate thread, for bodies that answer over a network.
 
-The control loop must never wait for a body: with 45 ms per request it would run at 10 Hz, drive at
-half speed and learn less than half of the examples. So the loop puts its newest action into a slot,
-and a thread sends this action when the body is ready; older actions are never sent.
+The control loop must never wait for a body: with 45 ms per request the loop would run at 10 Hz,
+drive at half speed and learn less than half of the examples. So the loop puts its newest action
+into a slot, and a thread sends this action when the body is ready; older actions are never sent.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def _of_body(name: str) -> Any:
 
 
 class DriverThread(Driver):
-    """Wraps a driver with `is_remote`; the loop's calls return at once.
+    """Wraps a driver with `is_remote`; the loop's calls return immediately.
 
     A fault of the body is raised by the next call, and by all further calls until a request
     succeeds. `step` does one request; the thread calls it again and again.

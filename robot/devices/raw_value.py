@@ -1,4 +1,4 @@
-"""Validates external values. Each is declared once, with pydantic, and described in the error.
+"""Validates external values. Values are declared once, with pydantic; errors describe them.
 
 The code uses only features that pydantic 1.10 and 2 have in common, because bricks run Debian 12,
 which has version 1.10. docs/adr/0037-typed-borders.md gives the reasons for pydantic, and the

@@ -106,8 +106,8 @@ class ConnectedDriver(Driver, Generic[_C]):
     def _sense(self) -> Sensors:
         """Read the sensors and all other data from the body; by default there are no sensors.
 
-        If the body sends reports by itself, this must not wait for them. It is also called before a
-        move if `heard` was not called for `gone_after_s`.
+        If the body sends reports by itself, this must not wait for them. This method is also called
+        before a move if `heard` was not called for `gone_after_s`.
         """
         return Sensors()
 
@@ -225,7 +225,7 @@ class ConnectedDriver(Driver, Generic[_C]):
                     self._close(connection)
 
     def __check_heard(self, listen: Callable[[], object] | None = None) -> None:
-        """Raise DriveError if the body has been silent for too long, after listening once more."""
+        """Listen once more, and raise DriveError if the body has been silent for too long."""
         if self.gone_after_s is None:
             return
         for wait in (listen, None):

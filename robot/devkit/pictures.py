@@ -27,7 +27,7 @@ _JPEG = b"\xff\xd8\xff"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
-    """One picture: an unchanged JPEG, or the pixels of a PNG as RGB."""
+    """One picture: the unchanged bytes of a JPEG, or the pixels of a PNG as RGB."""
 
     encoding: Encoding
     width: int
@@ -84,8 +84,8 @@ def _size(data: bytes) -> tuple[int, int] | None:
 
 
 def read_jpeg(data: bytes) -> Picture:
-    """Return an unchanged JPEG with the width and height from its header; raises RecordingError if
-    it is not a JPEG."""
+    """Return a JPEG without changing its bytes; width and height are those in its header. Raises
+    RecordingError if `data` is not a JPEG."""
     size = _size(data) if data.startswith(_JPEG) else None
     if size is None:
         raise RecordingError("not a JPEG")

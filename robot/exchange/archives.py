@@ -27,7 +27,7 @@ ENDINGS = (*_ZIPS, ".tar", ".tar.gz", ".tgz", ".tar.bz2")
 _DAMAGED = (zipfile.BadZipFile, tarfile.TarError, zlib.error, EOFError, OSError, RuntimeError)
 _OF_ONE = (zipfile.BadZipFile, zlib.error, RuntimeError, ValueError)
 """Errors that affect only one file of an archive. An invalid name (`_NO_NAME`) also affects only
-one."""
+one file."""
 _NO_NAME = (errno.ENAMETOOLONG, errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.EINVAL)
 Entry = tuple[str, Callable[[], IO[bytes] | None]]
 

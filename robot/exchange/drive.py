@@ -39,7 +39,7 @@ _LEAST_TRIM = 0.01
 
 class ImportReport:
     """Collects the items that are skipped while a drive is read. A strict report raises an error at
-    the first of them."""
+    the first skipped item."""
 
     def __init__(self, *, is_strict: bool = False) -> None:
         self.is_strict = is_strict
@@ -96,8 +96,8 @@ class FrameEvent:
     point: Point | None = None
     """The label's point, if the pilot steered by degrees."""
     does: Point | None = None
-    """The steering and throttle that the label means on the body that drove, if the source says
-    so."""
+    """The steering and throttle that the label means on the body that drove, if the source states
+    them."""
     steering: float | None = None
     """The steering as written, as a share of full lock; None if it is missing."""
     is_intervention: bool = False

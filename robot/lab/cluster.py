@@ -33,14 +33,14 @@ _CONNECT_S = 10.0
 _LOOK_S = 1.0
 """Interval at which the scheduler is asked for its workers, in seconds."""
 _FIRST_WORKER_S, _NO_WORKER_S = 10.0, 60.0
-"""The call ends after this time without any worker, in seconds; the first is for the start, the
-second for later."""
+"""Times without any worker after which the call ends, in seconds: at the start, and later."""
 _SILENT_S = 20.0
 """Interval at which a worker that is silent or not yet identified is reported, in seconds."""
 _FROZEN_S = 60.0
 """Time after which the task of a silent worker is reassigned, in seconds; Dask waits for 300 s."""
 _FETCH_S = 3.0
-"""Longest time to fetch an answer, in seconds. If the worker was killed meanwhile, no answer comes.
+"""Longest time to fetch an answer, in seconds. If the worker was killed during this time, no answer
+comes.
 """
 _MOST_LOSSES = 3
 """After the loss of this number of workers their task is not tried again."""

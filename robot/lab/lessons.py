@@ -33,8 +33,8 @@ def run_lesson(params: Params) -> Result:
     """Teach, drive unaided, correct, drive unaided again; return the figures of each phase.
 
     Parameters: `world`, `learner`, `teacher`, `moves`, `seed`, `teach_s`, `correct_s`, `alone_s`,
-    `reference_s`. For this time the teacher drives once more, at the end, so that the teacher's
-    profile is reliable.
+    `reference_s`. For `reference_s` seconds the teacher drives once more, at the end, so that the
+    teacher's profile is reliable.
     """
     alone_s = params.get("alone_s", 60.0)
     with make_trial(params) as trial:

@@ -67,7 +67,7 @@ def run_all(
         MissingExtraError: If joblib or dask is not installed.
         TrialError: If a run raised an error; the message has its traceback.
         ConfigurationError: If the cluster cannot be used; or if a file that a task names changes
-            meanwhile, because it would be unknown which version ran.
+            during the run, because it would be unknown which version ran.
     """
     # Compute each key only once, because all files of its task are read for it.
     keys = [task.key() for task in tasks]

@@ -1,6 +1,6 @@
 """Detects that the pilot has changed his mind and relabels the same views again and again.
 
-It is no evidence if a label is no longer used: a pilot who turns round and drives back has not
+A label that is no longer used is no evidence: a pilot who turns round and drives back has not
 changed his mind about the way there. Nor is a single contradiction: at the beginning of a turn the
 same view can have the labels of the turn and of driving straight. So an example contradicts another
 label only if it is clearly nearer to that label's images than to the images of driving straight,
@@ -13,7 +13,7 @@ least as near and was taught much later. Both rules apply only when votes are co
 histogram. So their effect ends if the old label is taught again at such views.
 
 The pilot can also declare a change of mind (`outdate`), which is better evidence. A label whose
-nearest image was taught before then passes its votes to the nearest image taught since.
+nearest image was taught before the declaration passes its votes to the nearest image taught since.
 
 The label that is started most often, such as FORWARD, is left out: it follows every other label,
 and the tenth of a second in which it begins varies.

@@ -225,7 +225,7 @@ class BSOCClassifier(Stateful, Learner):
             self.mirror, self._counts = mirror if on else None, None
 
     def _columns(self, mirror: Mirror) -> list[int]:
-        """Return each label's mirrored label, or the label itself if that was never taught."""
+        """Return each label's mirrored label if that was taught, else the label itself."""
         known = {label: column for column, label in enumerate(self.labels_)}
         return [known.get(mirror.labels.get(label, label), known[label]) for label in self.labels_]
 

@@ -37,7 +37,7 @@ from robot.policy.pilot_pace import PAUSE_S
 from robot.types import Action
 
 ROOM_S = 0.1
-"""Time per learned example of one label, in seconds; other examples within it are only counted."""
+"""Time per learned example of one label, in seconds; others within this time are only counted."""
 EARLY_S = 0.03
 """Time by which an example may come early, in seconds. At thirty frames a second it is shorter than
 a frame, so that every third frame is learned."""

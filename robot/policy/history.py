@@ -20,7 +20,7 @@ from robot.policy.policy import Policy
 from robot.types import Action, Example
 
 SNAPSHOT_EVERY_S = 10.0
-"""Teaching time between snapshots, in seconds: an undo learns at most this much more again."""
+"""Teaching time between snapshots, in seconds: an undo relearns at most this much more."""
 UNDO_HORIZON_S = 35.0
 """Teaching time that can be undone, in seconds."""
 _LONGEST_STEP_S = 0.5

@@ -190,7 +190,7 @@ class Policy(Stateful):
         Args:
             x: The frame's vector.
             label: The move.
-            at_s: The frame's teaching time in seconds. None: unknown; the example is then learned
+            at_s: The frame's teaching time in seconds. None if unknown; the example is then learned
                 independently of earlier examples.
             point: The point, if the pilot steered by degrees.
 

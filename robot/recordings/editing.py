@@ -34,7 +34,8 @@ _LATE_S = 2.0
 slow."""
 _MOST_WAITING = 20_000
 _BATCH = 256
-"""Number of pictures that are read together; more if messages about them follow late."""
+"""Number of pictures that are read together; more are read together if messages about them follow
+late."""
 ABOUT = Topic.DECISION, Topic.SENSORS, Topic.PREDICTION
 """The topics of messages about a picture."""
 
@@ -298,8 +299,8 @@ def write_edited(episode: Episode, notes: Notes, file: BinaryIO, *, is_part: boo
 
     Undone examples and deleted frames are left out; relabelled frames have their new label. Frame
     ids and predictions are unchanged. Edits of learned images are copied, since a later recording
-    may undo them; but not if `is_part`, because the recording that the part was split from contains
-    them.
+    may undo them; they are not copied if `is_part`, because the recording that the part was split
+    from contains them.
     """
     run = {**episode.run, "format": str(FORMAT), **({EDITED: "1"} if notes.edits else {})}
     writer = EpisodeWriter(file, run, episode.attachments.get(MODEL_BEFORE))

@@ -34,8 +34,8 @@ one record, so a file with more bytes is damaged in another way."""
 _SPARE_BYTES = 64 * 2**20
 _RECORDS_AT_ONCE = 32
 _REST_S = 0.003
-"""Pause between groups of records, in seconds, because the robot starts and drives meanwhile on the
-same processor. An hour of recording has 300,000 records."""
+"""Pause between groups of records, in seconds, because the robot may start and drive at the same
+time, on the same processor. An hour of recording has 300,000 records."""
 
 
 def end_cut_recordings(paths: Sequence[Path], clock: Clock) -> None:

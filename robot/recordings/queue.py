@@ -38,7 +38,7 @@ class RecorderConfig:
     """Most queued items. A picture is one item, and so are the messages of one tick together.
     Messages are dropped last, because they are small."""
     pause_s: float = 10.0
-    """Time for which the robot must stand before the recording ends, in seconds."""
+    """Time for which the robot must stand still before the recording ends, in seconds."""
     trail_s: float = 1.0
     """Time for which pictures are still recorded after the robot stopped, in seconds."""
     lead_frames: int = 15

@@ -1,9 +1,9 @@
 """Records each run while it is driven. The loop only queues items; the disk's thread writes them.
 
 A recording begins when the robot leaves `stopped` or the learner changes; it ends after the robot
-has stood for ten seconds. The queue for the disk is bounded by count and by bytes. So a slow disk
-costs neither memory nor the loop's time, but pictures; lost pictures are counted. An example whose
-picture was dropped is recorded with its feature vector, so that no example is lost.
+has stood still for ten seconds. The queue for the disk is bounded by count and by bytes. So a slow
+disk costs neither memory nor time of the loop, but only pictures. The lost pictures are counted. An
+example whose picture was dropped is recorded with its feature vector, so that no example is lost.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ def strays(folder: Path) -> Iterator[tuple[Path, str]]:
 
 def compacting_mark(path: Path) -> Path:
     """Return the file that lies next to a recording, and then next to its original in the trash,
-    while it is made compact. A stray one has the name of an unfinished file and is removed."""
+    while it is made compact. A stray mark has the name of an unfinished file and is removed."""
     return path.with_name(f".{path.name}.0.part")
 
 

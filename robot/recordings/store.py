@@ -200,7 +200,7 @@ class EpisodeStore:
             return key
 
     def split(self, episode_id: str, frame_id: int) -> str:
-        """Split a recording; a second one begins with this frame. Return the second one's name.
+        """Split a recording: a second recording begins with this frame. Return its name.
 
         The first file stays complete; an edit deletes the second recording's frames from it.
         Raises ConfigurationError if one of the two would be empty.

@@ -1,7 +1,7 @@
 """The simulated body: its motion by wheels, its collisions, and its sonar. Pure.
 
 Speeds are the paper's: 16 cm/s forward. In a turn one wheel drives backward at a quarter of this
-speed and the other stands still. So the robot turns about the wheel that stands, by 18.5 degrees a
+speed and the other stands still. So the robot turns about the standing wheel, by 18.5 degrees a
 second.
 """
 

@@ -110,8 +110,8 @@ class SimCamera(WorldCamera[SimDriver]):
 
     def _live(self) -> None:
         """Take pictures, and after each picture wait for at least the time that it took. So if
-        there are too many robots for the computer, each takes fewer pictures, and there is time for
-        a STOP. At rest only the world advances.
+        there are too many robots for the computer, each robot takes fewer pictures, and there is
+        time for a STOP. At rest only the world advances.
         """
         taken_s = last_s = self.clock.now_s()
         due_s, takes_s = last_s + self._period_s, 0.0

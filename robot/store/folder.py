@@ -353,7 +353,7 @@ class Storage:
         self.empty_trash(older_than_days=TRASH_DAYS)
 
     def discard(self, *paths: Path) -> str:
-        """Move files or folders to the trash together; on an OSError none is moved.
+        """Move files or folders to the trash together; on an OSError nothing is moved.
 
         Returns the key for `restore`. Items older than `TRASH_DAYS` are deleted for good.
         """

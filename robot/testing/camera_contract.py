@@ -117,8 +117,8 @@ class CameraContract:
             wait_for_fault(camera)
 
     def test_a_source_that_was_frozen_is_seen_again(self, camera_case: CameraCase) -> None:
-        """The source may freeze for any length of time. A connection that was closed meanwhile is
-        opened again."""
+        """The source may freeze for any length of time. A connection that was closed during this
+        time is opened again."""
         if camera_case.freeze is None or camera_case.thaw is None:
             pytest.skip("this source cannot freeze and go on")
         with camera_case.camera as camera:

@@ -25,10 +25,10 @@ LOCAL_BUDGET_S = 0.01
 """Upper bound for the quickest of some requests, in seconds. The control loop waits for requests,
 so they must be short."""
 REMOTE_BUDGET_S = 0.2
-"""The same for a driver that declares `is_remote`, in seconds. A move must be renewed within 0.4
-s."""
+"""The upper bound for a driver that declares `is_remote`, in seconds. A move must be renewed within
+0.4 s."""
 STANDS_WITHIN_S = 0.5
-"""Time within which the body stands after its connection was cut, in seconds."""
+"""Time within which the body must stand still after its connection was cut, in seconds."""
 CUTS_S = (0.5, 5.0)
 BACK_WITHIN_S = 5.0
 """Time within which the body obeys after it can be reached again, in seconds, however long the
@@ -414,7 +414,7 @@ def _check_goes_on(case: DriverCase, move: Action) -> None:
 
 
 def _check_ended(case: DriverCase, after_s: float, what: str) -> None:
-    """Check that the body stands, because a move lasts at most `ACTION_TIMEOUT_S`."""
+    """Check that the body stands still, because a move lasts at most `ACTION_TIMEOUT_S`."""
     assert _comes_within(case, lambda: not moving(case), _GRACE_S), (
         f"the body still moves {1000 * after_s:.0f} ms after {what}, but a move must end after "
         f"{1000 * ACTION_TIMEOUT_S:.0f} ms. Give the body a timeout, or let the driver inherit "

@@ -1,7 +1,7 @@
 """A link between page and robot in virtual time, with delay, jitter, throttling and silence.
 
 Messages keep their order, as over TCP: after a loss a line stalls, and then delivers all messages
-at once.
+at the same time.
 """
 
 from __future__ import annotations

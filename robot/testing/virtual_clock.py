@@ -32,10 +32,10 @@ class _Waiting:
 class VirtualClock(Clock):
     """A discrete-event clock: as soon as all threads wait, it jumps to the earliest deadline.
 
-    While a thread runs, the clock stands, so simulations run as fast as the machine can. Threads
-    that were started by the clock run one at a time and switch only when they wait, so all runs are
-    equal. An asyncio program runs on `run` or a `runner`, whose event loop uses this clock's time
-    and takes turns with the threads.
+    While a thread runs, the clock stands still, so simulations run as fast as the machine can.
+    Threads that were started by the clock run one at a time and switch only when they wait, so all
+    runs are equal. An asyncio program runs on `run` or a `runner`, whose event loop uses this
+    clock's time and takes turns with the threads.
 
     Example:
         >>> clock = VirtualClock()

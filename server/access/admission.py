@@ -216,8 +216,8 @@ class AdmissionControl:
         self.connections[peer] = place
 
     def may_come(self, head: bytes, address: str, now_s: float) -> bool:
-        """Count a new connection by the session in its first bytes; False if over its limit.
-        The listener then answers 429 at once, which costs little.
+        """Count a new connection by the session in its first bytes; False if over its limit. The
+        listener then answers 429 immediately, which costs little.
         """
         session = self.recognise(head, address)
         if session is None or session.is_crowd:

@@ -71,11 +71,11 @@ class NetworkLimits(Limits):
     """Average number of requests per second of one person, or of one address."""
     requests_burst: float = 300.0
     uploads: int = 2
-    """Maximum number of simultaneous uploads; of one person it is one."""
+    """Maximum number of simultaneous uploads; each person may have one at a time."""
     pending: int = 384
     """Maximum number of connections, of all addresses, that the guard has not admitted yet."""
     pending_per_address: int = 384
-    """Maximum number of such connections of one address; for IPv6 of one /64."""
+    """Maximum number of pending connections of one address (for IPv6, of one /64 network)."""
     pending_s: float = 20.0
     """Timeout of a pending connection after its last complete request, in seconds. It is long
     enough for the TLS handshakes of a class with a busy laptop. A new connection that needs a slot

@@ -25,7 +25,8 @@ CLAIM_EVERY_S = 10.0
 """Interval at which a robot asks whether another robot has its name, in seconds. Robots that start
 at the same moment, for example from one switch, miss each other's first query."""
 ASK_EVERY_S = 60.0
-"""Interval at which the resolver is asked for this machine's names, besides changes, in seconds."""
+"""Interval at which the resolver is asked for this machine's names even if nothing has changed, in
+seconds."""
 
 
 @dataclass(frozen=True, slots=True)

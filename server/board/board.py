@@ -1,4 +1,4 @@
-"""All robots of a class, the board's open pages, and STOP for all robots at once."""
+"""All robots of a class, the board's open pages, and STOP for all robots at the same time."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ class BoardViewer:
 
     Attributes:
         due: Set when there is something to send; it wakes the page's task.
-        may_send: Set while the page waits for pictures: it has drawn all that were sent to it.
+        may_send: Set while the page waits for pictures, because it has drawn all pictures that were
+            sent.
     """
 
     def __init__(self) -> None:
@@ -62,8 +63,8 @@ class Board:
         self.at_leisure = asyncio.Event()
         """Cleared from a stop until it is confirmed or reported as failed.
 
-        Meanwhile no pictures or news are sent, so that the stop has the machine and the network
-        to itself.
+        While it is cleared, no pictures or news are sent, so that the stop has the machine and the
+        network to itself.
         """
         self.at_leisure.set()
 
@@ -111,7 +112,7 @@ class Board:
         return [robot.describe() for robot in self.robots.values()]
 
     def stop(self, number: object = None) -> None:
-        """Stop one robot, or all of them, at once; NotFoundError if there is none."""
+        """Stop one robot, or all of them, immediately; NotFoundError if there is none."""
         robots = self._chosen(number)
         if robots:
             self.at_leisure.clear()

@@ -28,7 +28,8 @@ def give_order(order: str, port: int) -> tuple[bool, list[str]]:
     """Have the board at this port give an order to all robots.
 
     Returns:
-        Whether every robot did it, and a line for each robot; those that failed come first.
+        Whether every robot carried out the order, and a line for each robot; the robots that failed
+            come first.
 
     Raises:
         NotConnectedError: If no board answers there.

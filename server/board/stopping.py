@@ -1,6 +1,6 @@
-"""STOP for one robot: sent at once on the open connection, and repeated until confirmed.
+"""STOP for one robot: sent immediately on the open connection, and repeated until confirmed.
 
-Only the teacher can release it: see docs/howto/class.md.
+Only the teacher can release the robot: see docs/howto/class.md.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class RobotStop:
         stage: The current stage; None if no stop was requested, or the stop was released.
         channel: The open connection to the robot; None while there is none.
         number: The number of the newest STOP that the robot has reported; None if there is none.
-        is_release_refused: The last release was for an older STOP than the newest.
+        is_release_refused: True if the last release was for an older STOP than the newest.
     """
 
     def __init__(
@@ -54,7 +54,8 @@ class RobotStop:
         self._number_before: int | None = None
         """The newest STOP that the robot had reported before this stop was pressed."""
         self._is_shown = False
-        """True if a state has shown this stop; states before that one are older than the stop."""
+        """True if the robot has reported this stop in a state; earlier states are older than the
+        stop."""
         self._confirmed: int | None = None
         """The stop's number if a request confirmed it; states with this number are newer than the
         stop."""

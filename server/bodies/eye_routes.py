@@ -88,7 +88,8 @@ class _Eye:
                 await ending
 
     async def give_way(self) -> None:
-        """Close the connection, because another phone is the eye now; it may be gone already."""
+        """Close the connection, because another phone is the eye now. The phone may be gone
+        already."""
         await end_with_either(self._websocket.close(4001, "another phone is the eye now"))
 
     def _hear(self, text: str | bytes) -> None:

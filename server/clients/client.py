@@ -15,7 +15,7 @@ _OUTBOX = 64
 
 IDLE_STATE_EVERY_S = 5.0
 """Interval in seconds at which an idle client, which shows no picture, gets the state. Changes of
-mode, pilot or fault are sent at once."""
+mode, pilot or fault are sent immediately."""
 
 
 class Client:

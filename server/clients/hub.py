@@ -70,7 +70,7 @@ class Hub:
         self.stop_held_by: Role | None = None
         """The role that stopped the robot, if only that role may release it."""
         self.stop_number = 1 + secrets.randbelow(_FIRST_STOP)
-        """The number of the newest STOP; it grows by one with each, also while one is latched."""
+        """The number of the newest STOP; each STOP adds one, even while another is latched."""
         self._stopped_s = -math.inf
         self.refused: Counter[ErrorCode] = Counter()
         self.clients: dict[str, Client] = {}
@@ -148,7 +148,7 @@ class Hub:
         return client
 
     def leave(self, client: Client) -> None:
-        """Remove a client that disconnected; if it had the wheel, the robot stops at once."""
+        """Remove a client that disconnected; if it had the wheel, the robot stops immediately."""
         self.clients.pop(client.id, None)
         self._note_need()
         now_s = self.clock.now_s()
@@ -322,7 +322,7 @@ class Hub:
     def announce(self, name: str, **fields: object) -> None:
         """Send an event to all clients; an event of `LASTING` also goes to clients that join later.
 
-        May be called on any thread, and before the start; returns at once.
+        May be called on any thread, and before the start; never blocks.
         """
         text = encode_message("event", name=name, **fields)
         if name in LASTING:

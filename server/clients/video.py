@@ -66,7 +66,7 @@ class Viewer:
     """One receiver of the video, with its window and the last frame sent to it.
 
     Attributes:
-        send: Sends a message and returns at once: a viewer's window is smaller than the buffer at
+        send: Sends a message and never blocks: a viewer's window is smaller than the buffer at
             which its transport pauses the writer.
         every_s: The minimum time between two frames, in seconds.
         person: The key of the person who watches.
@@ -133,7 +133,7 @@ class VideoHub:
         return every_s if every_s > _SELDOM_S else 0.0
 
     def add(self, viewer: Viewer) -> None:
-        """Add a viewer, and send it the newest frame at once."""
+        """Add a viewer, and send it the newest frame immediately."""
         self._viewers[viewer] = None
         self._on_viewers()
         self.offer(viewer, self._clock.now_s())

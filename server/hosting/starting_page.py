@@ -1,9 +1,9 @@
 """The page that a browser sees while the robot is still starting.
 
-Importing, opening a camera and reading a model take seconds on a small computer. Meanwhile each
-request is answered at once with a 503 page that names the part still starting and reloads itself.
-This page is the only answer; it contains nothing about the robot, and only the first piece of a
-request is read.
+Importing, opening a camera and reading a model take seconds on a small computer. Until then each
+request is answered immediately with a 503 page that names the part still starting and reloads
+itself. This page is the only answer; it contains nothing about the robot, and only the first piece
+of a request is read.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from robot.clock import Clock, Worker
 from robot.types import StartStop
 
 _PATIENCE_S = 0.2
-"""How long a client may take to send its request, in seconds; other clients wait meanwhile."""
+"""How long a client may take to send its request, in seconds; other clients wait."""
 _PAGE = """<!doctype html><html><head><meta charset="utf-8"><title>Drivelesson</title>
 <meta name="viewport" content="width=device-width"><meta http-equiv="refresh" content="1">
 </head><body style="font:1.2em sans-serif;margin:3em;text-align:center">

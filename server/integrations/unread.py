@@ -18,8 +18,8 @@ _WINDOW_AT = 228
 _LEAST_ROOM = 2048
 """Number of unread bytes that are ignored, because windows are reported in steps of kilobytes."""
 _PATIENCE = 2048
-"""Number of calls after which a viewer that seems not to read gets a frame anyway. It doubles after
-each such frame. A power of two."""
+"""Number of calls after which a viewer that seems not to read gets a frame anyway. The number is a
+power of two, and doubles after each such frame."""
 _REPORTED = 256
 """Number of calls after which the client's system has reported its window, once a second."""
 

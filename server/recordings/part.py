@@ -43,7 +43,7 @@ class Recordings(PersistencePart):
 
     @property
     def run(self) -> str | None:  # type: ignore[override]
-        """Id of the episode that is being recorded; None if none is."""
+        """Id of the episode that is being recorded; None if no episode is."""
         return self.recorder.queue.episode_id
 
     def start(self) -> None:
@@ -70,7 +70,7 @@ class Recordings(PersistencePart):
 
 
 def _write_edited(episode: Episode, notes: Notes, file: BinaryIO, *, is_part: bool = False) -> None:
-    """Write like `write_edited`; a long recording in a separate process."""
+    """Write like `write_edited`, but write a long recording in a separate process."""
     if len(episode.frames) <= _SHORT:
         write_edited(episode, notes, file, is_part=is_part)
         return

@@ -19,7 +19,7 @@ router = APIRouter(route_class=Route)
 
 @dataclass
 class StopAnswer:
-    """The robot stands. `stop_number` is the number of this STOP, by which it is released."""
+    """The robot has stopped. A release names this STOP by its number, `stop_number`."""
 
     stop_number: int
     emergency: bool = True

@@ -38,7 +38,7 @@ class EventLog(DiskThread):
         super().start()
 
     def note(self, events: Iterable[StudyEvent]) -> None:
-        """Queue events; returns at once, on any thread."""
+        """Queue events; never blocks, and may be called on any thread."""
         self._waiting.extend(events)
 
     def flush(self) -> None:

@@ -137,7 +137,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
     def drive(
         self, action: Action, point: Point | None = None, *, speed_scale: float = 1.0
     ) -> Action:
-        """See `Driver`. The estimated pose moves by the order before its correction."""
+        """See `Driver`. The estimated pose follows the uncorrected order."""
         sent = super().drive(action, point, speed_scale=speed_scale)
         left_mps, right_mps = self.wheels_mps(sent, point)
         speeds_mps = speed_scale * left_mps, speed_scale * right_mps

@@ -61,7 +61,7 @@ def start_with_the_brick(target: str) -> None:
 
 
 def installed_packages(target: str) -> str:
-    """Return the name of the brick's userland; empty if it has none."""
+    """Return the name of the brick's userland; empty if the brick has none."""
     return run_on_brick(
         target, "cat >/dev/null; cat /opt/drivelesson/packages 2>/dev/null || true", []
     )

@@ -124,7 +124,7 @@ class BrickLink:
         self._thread = None
 
     def send(self, do: str, **rest: Any) -> None:
-        """Send one command, even to a brick that is silent, because its messages may only be
+        """Send one command, even if the brick is silent, because the brick's messages may only be
         delayed. Raises DriveError if the connection is lost; then the brick stops by itself."""
         lost = self._lost  # read once: the thread may reset this value when it joins again
         if lost is not None:
@@ -181,7 +181,7 @@ class BrickLink:
             self._send(**command)
 
     def _receive(self, connection: BrickConnection) -> None:
-        """Receive messages until the connection breaks, and ping meanwhile."""
+        """Receive messages and send pings until the connection breaks."""
         pinged_s = 0.0
         while not self._ending.is_set():
             if self.clock.now_s() - pinged_s > PING_S:

@@ -85,7 +85,8 @@ def _kill(pid: int, *_: object) -> None:
 
 
 def outlive(work: Callable[[], None]) -> None:
-    """Run the work in a child process; replace the child if it is killed, until one ends by itself.
+    """Run the work in a child process; replace each child that is killed, until a child ends by
+    itself.
 
     SIGUSR1 kills a child that hangs. The next child has the pins within milliseconds, and stops the
     motors. If the program had to be started anew, the motors would run on for seconds.

@@ -15,7 +15,7 @@ class PinMotor(Protocol):
     """A motor or a servo with gpiozero's interface."""
 
     value: float
-    """From -1 (full speed backward, or one end) to 1; 0: stopped."""
+    """From -1 (full speed backward, or one end of the servo) to 1. A value of 0 stops the motor."""
 
 
 Build = Callable[[Point, float], Pair]

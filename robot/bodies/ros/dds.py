@@ -1,7 +1,7 @@
 """DDS, the network protocol of ROS 2, without ROS: topics by Eclipse Cyclone DDS.
 
 All parts of this program share one participant per domain. Named peers are discovered by unicast.
-DDS notices only after ten seconds or more that the other side is gone. This module notices it
+DDS notices only after ten seconds or more that the other side is gone. This module detects the loss
 earlier, by missing acknowledgements, by the watchdog's signs of life and by the age of pictures.
 """
 
@@ -368,7 +368,7 @@ class DdsTopics(Topics):
     # On the threads ----------------------------------------------------------------------------
 
     def _hear_answers(self) -> None:
-        """Again and again wait until all messages written so far are acknowledged."""
+        """Repeatedly wait until all messages written so far are acknowledged."""
         while not self._ending.is_set():
             self._written.wait()
             began_s = self._clock.now_s()

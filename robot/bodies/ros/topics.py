@@ -22,7 +22,7 @@ rosbridge, and bytes if they come over DDS."""
 End = tuple[Message, float]
 """A message, and the seconds after which it is published unless another message is sent before."""
 OnMessage = Callable[[str, Message], None]
-"""Called with topic and message on the transport's thread; must return at once."""
+"""Called with topic and message on the transport's thread; must return immediately."""
 
 
 class Topics(ABC):
@@ -52,7 +52,7 @@ class Topics(ABC):
 
     @abstractmethod
     def publish(self, topic: str, message: Message, ends: End | None = None) -> None:
-        """Publish one message and wait until it is sent. Publish its `End` when that is due.
+        """Publish one message and wait until it is sent. Publish the `End` when its time has come.
 
         Raises:
             OSError: If the message cannot be sent now; it is then never sent.

@@ -20,8 +20,9 @@ class WallFollower:
     NEAR_M, GOOD_M, FAR_M = 0.45, 0.62, 0.85
     AHEAD_NEAR_M, AHEAD_FREE_M = 0.30, 0.60
     ONWARDS_S = 0.8
-    """Time for which it drives on after a turn before it turns to the wall, in seconds. Without
-    this, it would alternate between left and right forever at a gap in the wall."""
+    """Time for which the teacher drives on after a turn before turning to the wall, in seconds.
+    Without this time, the teacher would alternate between left and right forever at a gap in the
+    wall."""
 
     def __init__(self) -> None:
         self._turning: Action | None = None
@@ -54,7 +55,7 @@ class WallFollower:
 class Follower:
     """Follows the moving thing: turns to it, drives after it, and backs off when it is too near.
 
-    It never stands, because a stopped robot does not learn.
+    The follower never stands still, because a stopped robot does not learn.
     """
 
     TURN_AT_RAD, GOOD_RAD = math.radians(16.0), math.radians(6.0)

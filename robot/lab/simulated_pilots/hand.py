@@ -32,7 +32,8 @@ class HumanDelayConfig:
     """Number of times per second at which the pilot judges the screen; people do so 5 to 10
     times."""
     pauses_per_min: float = 0.0
-    """Number of times per minute at which the pilot lets go and thinks; the robot then stands."""
+    """Number of times per minute at which the pilot lets go and thinks; the robot then stands
+    still."""
     pause_s: float = 1.0
 
 
@@ -79,7 +80,7 @@ class HumanDelayModel:
         )
 
     def release(self) -> None:
-        """Release the button at once, and forget the last decision."""
+        """Release the button immediately, and forget the last decision."""
         self._wishes.clear()
         self._held = self._point = None
 

@@ -170,8 +170,8 @@ class Steerer(Wanderer):
     """
 
     FAR_M, NEAR_M = 0.45, 0.12
-    """It begins to steer if the free distance is below `FAR_M`, and steers fully below `NEAR_M`, in
-    metres."""
+    """The teacher begins to steer if the free distance is below `FAR_M`, and steers fully below
+    `NEAR_M`, in metres."""
     LAG_S = 0.3
     """Time constant of the hand, in seconds."""
 

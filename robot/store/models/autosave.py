@@ -139,7 +139,7 @@ class Autosave:
         return None
 
     def adopt(self, recovered: Recovered) -> None:
-        """Use the recovered model, and save it at once if possible."""
+        """Use the recovered model, and save it immediately if possible."""
         with self.lock:
             if self._lacks(recovered.model):
                 log.warning("the recovered model has moves that this robot does not have")

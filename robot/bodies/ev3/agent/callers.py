@@ -31,7 +31,7 @@ LARGEST_OUTBOX = 1 << 20
 class Caller:
     """One connection.
 
-    It may send commands only after both sides have proved that they know the secret.
+    The caller may send commands only after both sides have proved that they know the secret.
     """
 
     def __init__(self, line: socket.socket, name: str, now_s: float) -> None:
@@ -47,9 +47,10 @@ class Caller:
         self.send({"hello": PROTOCOL, "nonce": self._nonce})
 
     def receive(self) -> Iterator[Dict[str, Any]]:
-        """Receive the waiting data; yield each complete message, ValueError if one is invalid.
+        """Receive the waiting data; yield each complete message. ValueError if a message is
+        invalid.
 
-        EOFError when the other side closed the connection.
+        EOFError if the other side has closed the connection.
         """
         data = self.line.recv(65536 if self.has_joined else max(BEFORE_JOINING.values()))
         if not data:
@@ -109,7 +110,8 @@ class CallerLimiter:
         self._closed_until_s = 0.0
 
     def is_open(self, now_s: float) -> bool:
-        """False for a moment after an error of `accept`, because the error would repeat at once."""
+        """False for a moment after an error of `accept`, because the error would repeat
+        immediately."""
         return now_s >= self._closed_until_s
 
     def accept(self, now_s: float) -> None:

@@ -20,8 +20,8 @@ EVIOCGRAB = 0x40044590
 VT_GETSTATE, VT_ACTIVATE = 0x5603, 0x5606
 SCREEN = 6
 MENU_S = 3.0
-"""Time for which Back must be held, in seconds, until the brick's menu gets buttons and screen
-back, so that the brick can be switched off."""
+"""Time for which Back must be held, in seconds. The brick's menu then gets buttons and screen back,
+so that the brick can be switched off."""
 
 
 class Console:
@@ -53,8 +53,8 @@ class Console:
             pass  # there is no input device, or another program has grabbed it
 
     def take_button(self) -> Optional[str]:
-        """Return "start" if the middle button was pressed, "stop" for any other, None for no
-        button."""
+        """Return "start" if the middle button was pressed, "stop" if another button was pressed,
+        and None if no button was pressed."""
         pressed = None
         while self._keys >= 0:
             try:

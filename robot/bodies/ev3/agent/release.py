@@ -1,3 +1,4 @@
-"""The agent's release; in the archive `robot.bodies.ev3.archive` replaces it by the real one."""
+"""The agent's release. In the agent's archive, `robot.bodies.ev3.archive` replaces this value by
+the real release."""
 
 RELEASE = "not packed"

@@ -14,13 +14,14 @@ from robot.bodies.v4l2.device import VideoFrame
 from robot.bodies.v4l2.reader import CameraReader
 
 WATCHDOG_S = 0.5
-"""If no command comes for this time, the motors are always stopped, in seconds."""
+"""Time without a command after which the motors are always stopped, in seconds."""
 SILENCE_S = 1.5
-"""Time of silence after which a controller counts as gone, in seconds. Another may then join."""
+"""Time of silence after which a controller counts as gone, in seconds. Another controller may then
+join."""
 STALE_S = 0.4
-"""Moves are dropped if the newest report that the controller had received is older than this when
-the move arrives, in seconds. A report is sent every 0.1 s, so such a move was delayed by at least
-0.3 s. Only the brick's clock is used."""
+"""Maximum age, in seconds, of the newest report that the controller had received, when a move
+arrives. If the report is older, the move is dropped. A report is sent every 0.1 s, so such a move
+was delayed by at least 0.3 s. Only the brick's clock is used."""
 REPORT_S = 0.1
 
 

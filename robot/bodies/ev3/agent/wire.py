@@ -3,9 +3,9 @@ Pure.
 
 A message is one byte for its kind, four for its length, then JSON or a picture. Both sides prove
 that they know the shared secret, by an HMAC-SHA256 over both sides' nonces. After that each message
-ends in a MAC. Its key is only for this connection and direction, and it covers the message and a
-counter that both sides keep. So nobody else can send, replay, drop or reorder messages, on this
-connection or a later one.
+ends in a MAC. The MAC's key is only for this connection and direction. The MAC covers the message
+and a counter that both sides keep. So nobody else can send, replay, drop or reorder messages, on
+this connection or a later one.
 """
 
 import hmac
@@ -75,7 +75,7 @@ def pack_json(message: Dict[str, Any], seal: Optional[Seal] = None) -> bytes:
 
 
 class Unpacker:
-    """Splits a stream of bytes into messages; ValueError if one is invalid.
+    """Splits a stream of bytes into messages; ValueError if a message is invalid.
 
     `largest` contains the accepted kinds, each with its maximum length.
     """

@@ -28,7 +28,7 @@ ANSWER_S = 0.4
 Bluetooth."""
 _BEACON_S, _LISTEN_S = 8.0, 0.5
 TWINS_S = 5.5
-"""How long to listen for bricks if no brick was named, in s. Each announces itself every 5 s."""
+"""How long to listen if no brick was named, in s. Each brick announces itself every 5 s."""
 _AGAIN_S = 1.0
 """Two announcements of a brick within this time, in s, are the same announcement, received over two
 networks."""
@@ -168,7 +168,8 @@ class Beacon(NamedTuple):
 
 
 def _hear_beacon(wanted: str, beacon_port: int, clock: Clock) -> Beacon:
-    """Wait for the brick's announcement and answer it, because the brick accepts nobody before."""
+    """Wait for the brick's announcement and answer it, because the brick accepts connections only
+    after the answer."""
     wrong = "cannot listen for bricks on Wi-Fi"
     do = "is another program, such as LEGO's, using that port?"
     with (
@@ -274,8 +275,8 @@ def _open_usb(path: Path) -> BrickLine:
 
 
 def find_usb(wanted: str = "", root: Path | None = None) -> Path:
-    """Return the device of the brick at the USB cable; if there are several bricks, of the wanted
-    one.
+    """Return the device of the only brick at a USB cable, or of the wanted brick if there are
+    several.
 
     Raises:
         DriveError: If the brick is missing or several bricks match; the error lists the bricks
