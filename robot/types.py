@@ -103,7 +103,7 @@ class DrivenBy(StrEnum):
 
 
 class StopReason(StrEnum):
-    """The reason why the robot stands although a person might expect it to move."""
+    """The reason why the robot stands still although a person might expect it to move."""
 
     PILOT_ASKED = "pilot_asked"
     PILOT_SILENT = "pilot_silent"
@@ -194,12 +194,12 @@ class PilotCommand:
     """One command of the pilot: the move held, and the frame that was on the screen.
 
     `held` is None while nothing is held: the command is only a heartbeat. `seq` counts up within
-    one connection; `received_s` is the loop's clock at receipt, never the phone's.
-    `frame_age_s` is the page's estimate of the frame's age when the command was sent, and `phone_s`
-    the part of this age that the frame had spent on the phone. `proven_s` is a time before which
-    the command cannot have been sent; None: the time at which it was received.
-    `seen_id` is the newest frame that the page has acknowledged; None: unknown. `point` is the
-    exact steering and throttle, if `held` was steered by degrees.
+    one connection; `received_s` is the loop's clock at receipt, never the phone's. `frame_age_s` is
+    the page's estimate of the frame's age when the command was sent, and `phone_s` the part of this
+    age that the frame had spent on the phone. `proven_s` is a time before which the command cannot
+    have been sent; None means the time of receipt. `seen_id` is the newest frame that the page has
+    acknowledged; None if unknown. `point` is the exact steering and throttle, if `held` was steered
+    by degrees.
     """
 
     held: Action | None

@@ -136,7 +136,7 @@ class VideoFrame(Frame):
     """One message of `/ws/video` to a client.
 
     A `quiet` frame need not be acknowledged, because the acknowledgement of a later frame covers
-    it. The next command returns `nonce`, which proves that the command was sent later; 0: no nonce.
+    it. The next command returns `nonce`, which proves that the command was sent later; 0 if none.
     """
 
     quiet: bool = False

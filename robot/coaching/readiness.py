@@ -81,7 +81,8 @@ class GapKind(StrEnum):
 class Gap:
     """One situation to show the robot, and its location.
 
-    `move` is the pilot's move there (None: unknown). `instead` is the move that the robot proposed.
+    `move` is the pilot's move there (None if unknown). `instead` is the move that the robot
+    proposed.
     """
 
     kind: GapKind

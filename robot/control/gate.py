@@ -33,14 +33,14 @@ class GateConfig:
     supervision_timeout_s: float = 0.45
     """Longest time since the pilot's last proven presence, in every mode. The time counts from the
     proven time of the last command, so transit time is included. Even if the stop comes one tick
-    later, the robot stands within 0.5 s."""
+    later, the robot stands still within 0.5 s."""
     command_timeout_s: float = 0.3
     """Largest age of a command that is obeyed. The age counts from the command's proven time."""
     frame_timeout_s: float = 0.2
     """Largest age of the newest picture while the robot may move. The limit is higher for a slower
     camera: see `robot.control.camera_timing`."""
     start_patience_s: float = 0.5
-    """Longest time that a started robot stands and waits for a first fresh picture."""
+    """Longest time that a started robot stands still and waits for a first fresh picture."""
     novel_speed_scale: float = 0.5
     """Share of full speed while the robot drives straight on a view unlike all learned views."""
 
@@ -101,7 +101,7 @@ class Gate:
         A move that the pilot held before does not count in the new mode. If the newest picture is
         too old (the camera paused or the computer is busy), the robot stands in the new mode until
         a fresh picture comes, for `start_patience_s` at most. `proven_s` is a time before which the
-        request cannot have been sent; None: now.
+        request cannot have been sent; None means now.
         """
         if mode is Mode.STOPPED:
             self.trip(StopReason.PILOT_ASKED)

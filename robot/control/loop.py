@@ -47,8 +47,8 @@ _STANDS_S = 0.04
 the wheels have stopped when the pilot's picture expires."""
 _SHORTEST_WAIT_S = 0.001
 _RESTS_AFTER_S = 1.0
-"""Time for which a robot stands unwatched before it rests, in seconds. It is long enough to reload
-the page and to measure the camera's rate."""
+"""Time for which a robot stands still unwatched before it rests, in seconds. It is long enough to
+reload the page and to measure the camera's rate."""
 _RESTING_SHARE = 0.9
 """The next picture is taken after this share of the requested period, because cameras jitter."""
 _RESTING_WAIT_S = 0.25
@@ -66,7 +66,7 @@ class LoopConfig:
     longest_wait_s: float = 0.05
     """Longest time between two ticks, even if the camera sends no pictures."""
     stall_s: float = 0.3
-    """Gap between two ticks after which the robot stops, because commands received meanwhile are
+    """Gap between two ticks after which the robot stops, because commands received in the gap are
     stale: the computer slept, or the process was held up."""
 
 
@@ -142,7 +142,7 @@ class ControlLoop:
 
     @property
     def is_resting(self) -> bool:
-        """True while the robot stands and takes fewer pictures because no more are needed."""
+        """True while the robot stands still and takes fewer pictures because no more are needed."""
         return self._rest_every_s > 0.0
 
     def need_picture_every(self, seconds: float) -> Future[None]:
@@ -185,9 +185,9 @@ class ControlLoop:
     ) -> Future[bool]:
         """Choose a mode: the explicit start after any stop. The future is True if it was accepted.
 
-        `proven_s` is a time before which the request cannot have been made; None: now. The loop
-        checks this age when it runs the request, so time in the queue counts. `frame_id` is the
-        frame that the pilot sees.
+        `proven_s` is a time before which the request cannot have been made; None means now. The
+        loop checks this age when it runs the request, so time in the queue counts. `frame_id` is
+        the frame that the pilot sees.
         """
         asked_s = self.clock.now_s() if proven_s is None else proven_s
         epoch, self._asked = self._epoch, None

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 
 STEADY_S = 3.0
-"""Least time for which a sentence stays, in seconds: long enough to read it. While the robot
-stands, a fault counts as gone if it does not return within this time."""
+"""Least time for which a sentence stays, in seconds: long enough to read it. While the robot stands
+still, a fault counts as gone if it does not return within this time."""
 
 
 class SteadyFault:
     """Chooses the sentence to show while faults come and go.
 
-    A new fault is shown at once. Its sentence then stays, even if the fault comes and goes once a
-    second, or if its text changes because it counts seconds.
+    A new fault is shown immediately. Its sentence then stays, even if the fault comes and goes once
+    a second, or if its text changes because it counts seconds.
     """
 
     def __init__(self) -> None:

@@ -104,7 +104,7 @@ def build_rig(
 
     Args:
         robot: Name of a driver.
-        camera: Name of a camera; None: the driver's default camera.
+        camera: Name of a camera; None for the driver's default.
         learner: Name of a policy, such as `default-32`.
         options: Values for the options that driver and camera declare, by name.
         config: The loop's limits.

@@ -49,7 +49,7 @@ class ConnectedDriver(Driver, Generic[_C]):
     Attributes:
         gone_after_s: Time without a call of `heard` after which the body counts as gone, in
             seconds. It must be longer than the gaps between reports, and at most 0.4, so that the
-            error comes within half a second. None: the body answers each request.
+            error comes within half a second. None if the body answers each request.
     """
 
     gone_after_s: ClassVar[float | None] = None

@@ -158,7 +158,7 @@ class HostWatchdog(ConnectedDriver[_C]):
     before the call of a move has returned.
 
     Attributes:
-        acknowledges: True if `_drive` returns only after the body has received the order. Otherwise
+        acknowledges: True if `_drive` returns only after the body has received the order. If False,
             the stop is repeated while nobody drives.
         gone_after_s: Longest time without a call of `heard`, in seconds, for a body without
             acknowledgement; see `ConnectedDriver`.

@@ -98,15 +98,15 @@ def _read(
     of_points = [p.stem for name in unknown for p in classes[name] if _POINT_NAME.fullmatch(p.stem)]
     if of_points:
         raise RecordingError(
-            f"{folder} has pictures whose names hold a point to drive to, as in {of_points[0]}, "
-            "but no steering; import a table of the pictures and their steering"
+            f"the names of the pictures in {folder} state a point to drive to, as in "
+            f"{of_points[0]}, but no steering; import a table of the pictures and their steering"
         )
     if unknown:
         told = ", ".join(f"{name[:40]} ({len(classes[name])} pictures)" for name in unknown[:8])
         asked = ",".join(f"{name[:40]}=MOVE" for name in unknown[:3])
         raise RecordingError(
-            f"{folder} has pictures named {told}, which is not the name of a move; name the "
-            f'move of each with --moves "{asked}", or stop for none'
+            f"{folder} has classes that are not named like a move: {told}; give each class a move, "
+            f'or stop for no move, with --moves "{asked}"'
         )
 
     def read(place: str, of: tuple[Path, Action | None]) -> FrameEvent:
@@ -133,7 +133,7 @@ def are_steered(folder: Path) -> bool:
 
 
 def _steered_names(paths: Iterable[Path]) -> list[tuple[Path, re.Match[str]]]:
-    """Return the pictures with such names, if most pictures have such names."""
+    """Return the pictures whose names state the steering, if most pictures have such names."""
     paths = list(paths)
     found = [(path, _STEERED_NAME.fullmatch(path.stem)) for path in paths]
     named = [(path, match) for path, match in found if match]
@@ -155,8 +155,8 @@ def read_steered(folder: Path, reading: Reading, report: ImportReport) -> Drive:
     numbers = [int(match[1]) for _, match in named]
     if twice := len(numbers) - len(set(numbers)):
         report.remark(
-            f"{twice} numbers are there twice: several runs lie in this folder, and their pictures "
-            "are mixed"
+            f"{twice} numbers occur twice, so this folder has several runs, and their pictures are "
+            "mixed"
         )
 
     def read(place: str, of: tuple[Path, re.Match[str]]) -> FrameEvent:
@@ -194,6 +194,6 @@ def _divides(folder: Path, names: list[re.Match[str]]) -> bool:
         return True
     raise RecordingError(
         f"the pictures' names in {folder} all have one dash before the steering, as in "
-        f"{names[0].string}: it may be a minus sign or only a separator; import a table of the "
-        "pictures and their steering"
+        f"{names[0].string}: the dash may be a minus sign or only a separator; import a table of "
+        "the pictures and their steering"
     )

@@ -59,7 +59,7 @@ class ImportReport:
         self.skipped.append((place, reason))
 
     def remark(self, text: str | None) -> None:
-        """Add a remark about the drive for people; None: no remark."""
+        """Add a remark about the drive for people; None adds no remark."""
         if text and text not in self.remarks:
             self.remarks.append(text)
 
@@ -121,7 +121,7 @@ class Drive:
     moves: tuple[Action, ...] = DEFAULT_MOVES
     declared_moves: tuple[Move, ...] = ()
     started_at_s: float = 0.0
-    """Start of the drive in seconds since 1970; 0: unknown."""
+    """Start of the drive in seconds since 1970; 0 if unknown."""
     report: ImportReport = field(default_factory=ImportReport)
 
 

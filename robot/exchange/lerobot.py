@@ -240,7 +240,8 @@ class _Table:
     """The values of all frames, and the description of each column.
 
     The action is steering and throttle. If one of the robot's moves has no steering and throttle,
-    the action has instead one number for each move. If all numbers are zero, the robot stands.
+    the action has instead one number for each move. If all numbers are zero, the robot stands
+    still.
     """
 
     def __init__(self, parts: Sequence[_Part], fps: int) -> None:

@@ -214,7 +214,7 @@ class LerobotDataset:
         return picture_of
 
     def _seconds(self, record: Record) -> float | None:
-        """Return a frame's time; a missing time is computed from the frame's number."""
+        """Return a frame's time. If the time is missing, compute it from the frame's number."""
         [stamp_s] = _flat(record.get("timestamp"))[:1] or [None]
         [index] = _flat(record.get("frame_index"))[:1] or [None]
         if isinstance(stamp_s, float) and 0 <= stamp_s < _MOST_S:

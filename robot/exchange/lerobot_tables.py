@@ -13,7 +13,7 @@ from robot.errors import RecordingError, need, told_as
 Columns = dict[str, NDArray[Any]]
 """One value per frame, by feature."""
 PILOT = "pilot"
-"""Column with the taught move's index among the feature's moves; -1: no move was taught."""
+"""Column with the taught move's index among the feature's moves; -1 if no move was taught."""
 DEGREES = "degrees"
 """Column that is true if the pilot steered the action by degrees, not by a move."""
 ROBOT = "drivelesson"

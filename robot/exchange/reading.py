@@ -64,7 +64,7 @@ class Reading:
         return (share - trim) / (1.0 - trim if share > trim else 1.0 + trim)
 
     def move(self, name: str) -> Action | None:
-        """Return the move of a class, by the person's setting or by the class's name; None: no
+        """Return the move of a class, by the person's setting or by the class's name; None means no
         move."""
         return self.moves.get(as_word(name)) or _KNOWN.get(as_word(name))
 

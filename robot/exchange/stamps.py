@@ -63,9 +63,9 @@ def _asctime(text: str) -> datetime:
 
 
 def _written(text: str) -> datetime | None:
-    """Read a date of digits. In a date with slashes the month comes first, unless that cannot be a
-    month. Only differences matter, so a wrong guess matters only if a drive goes on after
-    midnight."""
+    """Read a date of digits. In a date with slashes the first number is the month, unless it is too
+    large for a month. Only differences matter, so a wrong guess matters only if a drive goes on
+    after midnight."""
     found = _WRITTEN.fullmatch(text)
     if found is None:
         return None

@@ -175,8 +175,8 @@ def _labelled(
 def _steered(table: ColumnTable, reading: Reading, cells: Cells) -> Meant:
     """Return the label of a row from its steering.
 
-    A car that rolls without throttle counts as driving, and stands only if speed and throttle are
-    both 0.
+    A car that rolls without throttle counts as driving, and stands still only if speed and throttle
+    are both 0.
     """
     angle, throttle = (table.number(cells, role) for role in ("steering", "throttle"))
     named = "the angle", "the throttle"

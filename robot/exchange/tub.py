@@ -135,7 +135,7 @@ def _time(record: Record) -> float | None:
 
 
 def _began(record: Record) -> float:
-    """Return the start of a tub, in seconds since 1970; 0: unknown."""
+    """Return the start of a tub, in seconds since 1970; 0 if unknown."""
     begin_s = _seconds(record.get("_timestamp_ms"))
     return begin_s or seconds_of(record.get(_WRITTEN_TIME)) or 0.0
 

@@ -157,8 +157,8 @@ class _Run:
             )["workers"]
         except Exception as error:
             raise ConfigurationError(
-                f"the Dask scheduler at {self._scheduler} is lost; start it and its workers, then "
-                "run this again: finished tasks are kept"
+                f"the Dask scheduler at {self._scheduler} is lost; finished tasks are kept. "
+                "Start the scheduler and its workers, then run the same command again"
             ) from error
         now_s = time.monotonic()
         for address in [address for address in self._workers if address not in found]:
@@ -179,7 +179,7 @@ class _Run:
         silent_s = now_s - since_s
         if silent_s > _FROZEN_S and worker.is_used:
             # A worker that answers again is identified again.
-            self._let_go(address, "does not answer; its task goes to another", losses=0)
+            self._let_go(address, "does not answer; its task goes to another worker", losses=0)
         elif silent_s > worker.said_s + _SILENT_S:
             worker.said_s += _SILENT_S
             self._say(f"the worker at {worker.name} has been silent for {worker.said_s:.0f} s")
@@ -211,13 +211,14 @@ class _Run:
             )
         if now_s - self._said_s > _SILENT_S:
             self._said_s = now_s
-            self._say(f"no worker for {now_s - self._alone_since_s:.0f} s; waiting for one")
+            alone_s = now_s - self._alone_since_s
+            self._say(f"no worker for {alone_s:.0f} s; waiting for a worker")
         patience_s = _NO_WORKER_S if self._had_workers else _FIRST_WORKER_S
         if now_s - self._alone_since_s > patience_s:
             raise ConfigurationError(
                 f"the Dask scheduler at {self._scheduler} has had no worker for {patience_s:.0f} "
-                f"s; start some with: dask worker {self._scheduler} --nthreads 1. Workers that "
-                "end at once say why in their own output. All finished tasks are kept"
+                "s; all finished tasks are kept. A worker that ends immediately says why in its "
+                f"own output. Start workers with: dask worker {self._scheduler} --nthreads 1"
             )
 
     def _say(self, change: str) -> None:

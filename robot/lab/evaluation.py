@@ -49,9 +49,9 @@ class Lesson(NamedTuple):
     """How much of a drive is learned.
 
     Attributes:
-        frames: Maximum number of frames; None: all.
-        in_a_row: True: use the first frames, as when a pilot teaches. False: use frames spread
-            evenly over the drive, which favours learners that need few examples.
+        frames: Maximum number of frames; None means all frames.
+        in_a_row: True to learn the first frames, as when a pilot teaches. False to learn frames
+            spread evenly over the drive, which favours learners that need few examples.
     """
 
     frames: int | None = None

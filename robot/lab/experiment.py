@@ -19,12 +19,12 @@ class ExperimentSettings:
     seeds: int = 10
     quick: bool = False
     learners: Sequence[str] = ()
-    """Learners to run; empty: the experiment's own."""
+    """Learners to run; if empty, the experiment's own learners."""
     teacher: str | None = None
-    """Teacher to use; None: the experiment's own."""
+    """Teacher to use; if None, the experiment's own teacher."""
     recordings: str | None = None
     worlds: Sequence[str] = ()
-    """Third-party worlds to use; empty: the experiment's own."""
+    """Third-party worlds to use; if empty, the experiment's own worlds."""
     robot: str = "sim"
     """The robot whose cycles are timed for figure 5."""
 

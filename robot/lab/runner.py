@@ -58,7 +58,7 @@ def run_all(
     """Return the results of all tasks, in their order; tasks with a stored result are not run.
 
     Args:
-        jobs: Number of parallel processes on this machine; 1: run in this process.
+        jobs: Number of parallel processes on this machine; with 1, tasks run in this process.
         backend: `processes`, or `dask` for the cluster whose `scheduler` is named.
         on_done: Called with each task when it is done.
         on_workers: Called with the number of workers, and a sentence about what has changed.
@@ -89,8 +89,8 @@ def run_all(
         result = outcome.value(task, where)
         if task.key() != key:
             raise ConfigurationError(
-                f"a file of the task {task.kind} was changed while it ran; start it again: "
-                "finished results are kept"
+                f"a file of the task {task.kind} was changed while the task ran; finished "
+                "results are kept. Run the same command again"
             )
         store.put(task, result, key)
         done[key] = result
@@ -105,8 +105,8 @@ def _run_here(waiting: Mapping[str, Task], jobs: int) -> Iterator[tuple[str, Out
         yield from parallel(joblib.delayed(_run)(key, task) for key, task in waiting.items())
     except BrokenProcessPool as error:
         raise ConfigurationError(
-            "a process that ran trials was killed, perhaps because the memory is full; start it "
-            "again with a smaller --jobs: finished results are kept"
+            "a process that ran trials was killed, perhaps because the memory is full; "
+            "finished results are kept. Run the same command again with a smaller --jobs"
         ) from error
 
 

@@ -75,7 +75,7 @@ class Trial(StartStop):
 
         Args:
             mode: TRAIN: the pilot drives. AUTONOMOUS: the robot drives.
-            supervised: False: the pilot only watches and never takes the wheel.
+            supervised: False if the pilot only watches and never takes the wheel.
             until: The drive ends early, after the first tick for which this function returns True.
 
         Raises:

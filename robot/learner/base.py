@@ -166,7 +166,7 @@ class Learner(Protocol):
         """
 
     def explain_in(self, x: Vector, context: int | None) -> Evidence:
-        """Return the prediction in one context; None: independent of context, as `explain_one`."""
+        """Return the prediction in one context; if None, as `explain_one`, without a context."""
         return self.explain_one(x)
 
     def begin_like(self, earlier: Sequence[State]) -> int:

@@ -51,7 +51,7 @@ class _Counted:
 
     @cached_property
     def owners(self) -> NDArray[np.int64]:
-        """Return the label with the most votes of each node, shape (n,); -1: no votes."""
+        """Return the label with the most votes of each node, shape (n,); -1 without votes."""
         most = self._histograms.argmax(axis=1)
         has_votes = self._histograms[np.arange(self.n), most] > 0
         return np.where(has_votes, most, -1)
@@ -77,8 +77,8 @@ class BSOCClassifier(Stateful, Learner):
         cluster: The clustering; None: a label-aware `BSOC`.
         balance: Extra weight of rare labels, from 0 to 1 (`votes.rarity`).
         novelty_margin: How far beyond the usual distances a view is novel (`Novelty`).
-        forgets: True: follow a pilot who relabels the same views (`change_of_mind.py`). This has no
-            effect with a clustering that measures no novelty.
+        forgets: True to follow a pilot who relabels the same views (`change_of_mind.py`). This has
+            no effect with a clustering that measures no novelty.
 
     Example:
         >>> learner = BSOCClassifier(max_nodes=2)

@@ -109,7 +109,7 @@ class LinearPart(Stateful, ABC):
         Args:
             places: For each feature the index of the feature that replaces it in the mirror.
             columns: The column of each label's mirrored label.
-            on: True: add the mirror images.
+            on: True to add the mirror images.
         """
         raise ValueError("it does not support mirror images")
 

@@ -69,7 +69,7 @@ class RunningVotes:
         Args:
             shares: The votes for each move.
             step_s: Time since the last frame, in seconds.
-            usual_run_s: Time for which the pilot usually holds a move; None: unknown.
+            usual_run_s: Time for which the pilot usually holds a move; None if unknown.
         """
         keep = self.kept = self._kept(step_s if self._average else USUAL_STEP_S, usual_run_s)
         old = self._average or shares
@@ -190,7 +190,7 @@ class ActionFilter(PolicyPart):
         turn_inertia: Margin by which the votes for another move must exceed those for a turn that
             is under way.
         straight_inertia: Margin for all other moves that are under way.
-        gives_up: True: moves without effect are given up; the paper's robot does not give up.
+        gives_up: True if moves without effect are given up; the paper's robot does not give up.
 
     Attributes:
         needs_help: True while the robot stands and asks for help, because no move had an effect.

@@ -38,11 +38,11 @@ class Policy(Stateful):
         features: Converts a frame to a vector.
         moves: The moves that the policy may propose.
         action_filter: Makes the filter that turns votes on single frames into steady driving.
-        thins: True: at most ten examples of the same label are learned per second
+        thins: True if at most ten examples of the same label are learned per second
             (`example_selection.py`).
         brighten: Returns a view with its grey values multiplied by a factor. If it is given, views
             are scaled to the brightness of the lesson (`light.py`).
-        knows_repeats: True: a view that comes again with its last label is not learned again.
+        knows_repeats: True if a view that comes again with its last label is not learned again.
 
     Attributes:
         kinds: The kinds of the moves (turns and straight moves); `describe` sets the kinds of a

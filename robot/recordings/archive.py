@@ -45,8 +45,8 @@ class _Sink(io.RawIOBase):
 
 
 class BlockWriter(_Sink):
-    """A file for writing that passes its bytes to `tell` in blocks of 1 MB; `end` passes the
-    rest."""
+    """A file for writing that passes its bytes to `tell` in blocks of 1 MB; `end` passes the last
+    bytes."""
 
     def __init__(self, tell: Callable[[bytes], None]) -> None:
         super().__init__()

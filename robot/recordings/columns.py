@@ -358,7 +358,7 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
 
     @property
     def frames(self) -> NDArray[np.int64]:
-        """The picture that each event teaches; -1: the event teaches no picture."""
+        """The picture that each event teaches; -1 if the event teaches no picture."""
         return np.array(self._frame, np.int64)
 
     def rows_of(self, kind: type[Undone] | type[Edited]) -> list[int]:

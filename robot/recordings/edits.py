@@ -75,13 +75,13 @@ class Notes:
         return found
 
     def relabels(self, ids: NDArray[np.integer]) -> list[Action | None]:
-        """Return for each frame the last label that a person set; None: no such label."""
+        """Return for each frame the last label that a person set; None if no person set a label."""
         if not any(edit.verb == "relabel" for edit in self.edits):
             return [None] * len(ids)
         return [self.relabel(frame_id) for frame_id in ids.tolist()]
 
     def relabel(self, frame_id: int) -> Action | None:
-        """Return the last label that a person set for this frame; None: no such label."""
+        """Return the last label that a person set for this frame; None if no person set a label."""
         given = [e.label for e in self.edits if e.verb == "relabel" and e.covers(frame_id)]
         return given[-1] if given else None
 

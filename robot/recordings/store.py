@@ -187,7 +187,9 @@ class EpisodeStore:
                 with reading([path]), whole_file(path) as file:
                     self._write(episode, notes, file)
                     if self.open(episode_id) is not episode or read_notes(path) != notes:
-                        raise ConfigurationError("this episode was changed meanwhile; try again")
+                        raise ConfigurationError(
+                            "this episode was changed while its edits were applied; try again"
+                        )
                     mark.touch()
                     key = self._storage.discard(mark, *files_of(path))
             except BaseException:

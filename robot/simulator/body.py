@@ -133,7 +133,8 @@ def _overlaps(world: World, x_m: float, y_m: float) -> list[Overlap]:
 
 
 def overlap_with(obstacle: Obstacle, x_m: float, y_m: float) -> Overlap | None:
-    """Return the unit normal and depth of the body's overlap with one thing; None: no overlap."""
+    """Return the unit normal and depth of the body's overlap with one thing; None if there is no
+    overlap."""
     heading_rad = obstacle.heading_rad
     along, across = _turned(-heading_rad, x_m - obstacle.x_m, y_m - obstacle.y_m)
     if obstacle.shape == "cylinder":

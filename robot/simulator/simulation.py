@@ -39,9 +39,9 @@ class Simulation:
 
     Attributes:
         drift_share: Standard deviation of a slow drift of the wheels on straight moves, as a share
-            of their speed: one wheel turns faster, the other slower. 0: no drift.
+            of their speed: one wheel turns faster, the other slower. 0 means no drift.
         action: The current move.
-        point: The current point; None: the move is not driven by degrees.
+        point: The current point; None if the move is not driven by degrees.
         first_world: The initial state of the world. Any thread may set another world here. The
             world changes at the next step, because `world` and the renderer change only on the
             thread that steps and renders.

@@ -387,12 +387,12 @@ class Storage:
         """
         place = self.trash / key
         if not _KEY.fullmatch(key) or not place.is_dir():
-            raise NotFoundError("that is no longer in the trash")
+            raise NotFoundError("this deleted item is no longer in the trash")
         found = [
             p for p in paths_in(place) if p.name.endswith(ending) and p.is_file() == bool(ending)
         ]
         if not found:
-            raise NotFoundError(f"that does not belong to the {folder.name}")
+            raise NotFoundError(f"this deleted item does not belong to the {folder.name}")
         taken = {path.name.removesuffix(ending) for path in paths_in(folder)}
         names: dict[str, str] = {}
         for old in (path.name.removesuffix(ending) for path in found):

@@ -25,7 +25,7 @@ class FakeCamera(ThreadedCamera):
     Attributes:
         rate_hz: Pictures per second.
         age_s: Age of a picture on arrival, due to exposure and transfer, in seconds.
-        is_frozen: True: no pictures come.
+        is_frozen: True if no pictures come.
 
     Example:
         >>> from robot.testing import VirtualClock

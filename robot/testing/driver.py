@@ -21,7 +21,7 @@ class FakeDriver(Driver):
         changes: The times (seconds of `clock`) at which the action changed, with the new actions.
         moved_s: The time at which the last move was received.
         stops: Number of calls of `stop`.
-        failure: The message of the DriveError that `send_action` raises; None: no error.
+        failure: The message of the DriveError that `send_action` raises; None means no error.
         sensors: The readings that `sense` returns.
         button: The value that the next `take_button` returns.
 

@@ -311,7 +311,7 @@ class DriverContract:
         end_s = _REAL.now_s() + _PATIENCE_S
         while (left := _leftovers() - before) and _REAL.now_s() < end_s:
             _REAL.sleep(0.02)  # other threads may take a moment to end
-        assert not left, f"{_PATIENCE_S:.0f} s after disconnect() these are still there: {left}"
+        assert not left, f"{_PATIENCE_S:.0f} s after disconnect() there are still: {left}"
 
     def test_a_body_whose_line_is_cut_stands_and_the_driver_says_so(
         self, driver_case: DriverCase
@@ -431,7 +431,7 @@ def _check_cut_off(case: DriverCase, after_s: float) -> None:
 
 
 def _check_stays(case: DriverCase, otherwise: str) -> None:
-    """Check that the body still stands after the time in which a late order would arrive."""
+    """Check that the body has not moved again after the time in which a late order would arrive."""
     assert not _comes(case, lambda: moving(case)), otherwise
 
 

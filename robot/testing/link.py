@@ -27,7 +27,7 @@ class LinkConditions:
     """Share of packets that must be sent again, while all later packets wait."""
     stall_s: float = 0.2
     is_silent: bool = False
-    """True: no messages pass, and neither side is notified."""
+    """True if no messages pass, and neither side is notified."""
 
 
 class Link:

@@ -71,8 +71,8 @@ class NetworkGateway(Gateway):
     use.
 
     Args:
-        pairing: The sessions of browsers; None: `open` creates it when needed.
-        surroundings: The addresses and names; None: made from the configuration.
+        pairing: The sessions of browsers; if None, `open` creates them when needed.
+        surroundings: The addresses and names; if None, they are made from the configuration.
     """
 
     limits_type: ClassVar[type[NetworkLimits]] = NetworkLimits

@@ -32,7 +32,7 @@ def run(args: argparse.Namespace) -> int:
             return 0
         word = key.replace() if args.new or not key.read() else key.read()
     scheme = "https" if args.tls else "http"
-    print("Whoever has one of these addresses can watch the robot, and do nothing else:")
+    print("Anybody who has one of these addresses can watch the robot, but do nothing else:")
     for host in ["localhost", *filter(is_for_others, own_addresses())]:
         shown = f"[{host}]" if ":" in host else host
         print(f"  {scheme}://{shown}:{args.port}/video.mjpg?key={word}")

@@ -61,7 +61,8 @@ def serve_board(
     picture_every_s: float = 1.0,
     lesson: str = "",
 ) -> None:
-    """Serve the board of these robots; if none are given, of all that the network announces.
+    """Serve the board of these robots; if no robots are given, of all robots that the network
+    announces.
 
     `listener` is the open socket of the board: a port in use is found before any robot starts.
 

@@ -49,7 +49,8 @@ class Nursery:
     """The class's connection to the nursery.
 
     Attributes:
-        picture_s: CPU seconds per picture of a taught robot on this computer; None: not measured.
+        picture_s: CPU seconds per picture of a taught robot on this computer; None if it was not
+            measured.
     """
 
     def __init__(self, folder: Path, world: str) -> None:

@@ -114,7 +114,7 @@ class RobotLink:
         return pairing_address(address, token) if token else None
 
     def show(self, every_s: float | None) -> None:
-        """Get one picture every `every_s` seconds; None: no pictures."""
+        """Get one picture every `every_s` seconds; None means no pictures."""
         if every_s != self._every_s:
             self._every_s = every_s
             self._rate_changed.set()

@@ -54,7 +54,7 @@ class SimulatedRobot:
         self._hue_deg = round(number * _GOLDEN_DEG) % 360
         self._process: subprocess.Popen[bytes] | None = None
         self.model = ""
-        """The model that the robot begins with; empty: the model that it used last."""
+        """The model that the robot begins with; if empty, the model that the robot used last."""
         self._ending, self._has_ended = threading.Event(), threading.Event()
         if not (folder / "robot.json").exists():
             again, place = divmod(number - 1, len(NAMES))

@@ -223,7 +223,7 @@ class Hub:
         A release may be late, so it only counts for the STOP that its sender has seen.
         """
         if stop_number != self.stop_number:
-            sentence = "STOP was pressed again after this release; look, then release it again"
+            sentence = "STOP was pressed again after this release; look, then release STOP again"
             raise ProtocolError(ErrorCode.NEWER_STOP, sentence)
         holder = self.stop_held_by
         if holder is not None and client.role is not holder:
@@ -244,7 +244,7 @@ class Hub:
                 raise why_refused(None, message.seq, self._limit_s)
         proven_s = self.nonces.issued_s(message.nonce)
         if message.mode is not Mode.STOPPED and proven_s < self._stopped_s >= now_s - _RECENT_S:
-            sentence = "STOP was pressed after this was sent; look, then choose the mode again"
+            sentence = "STOP was pressed after this choice; look, then choose the mode again"
             raise ProtocolError(ErrorCode.NEWER_STOP, sentence, message.seq)
         asked = self.robot.loop.set_mode(message.mode, proven_s=proven_s, frame_id=message.frame)
 

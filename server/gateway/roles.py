@@ -16,7 +16,7 @@ class Role:
         may_change: The client may do more than read, and more than stop the robot.
         may_drive: The client may have the wheel.
         holds_stop: Only this role can release a robot that this role has stopped.
-        paths: The only paths that the client may request besides public ones; None: all paths.
+        paths: The only paths that the client may request besides public ones; None means all paths.
         start: The page to which the client is redirected.
         refusal: The sentence in the answer to a forbidden request.
         purpose: The purpose of a browser with this role, worded to follow "may"; empty if no

@@ -88,8 +88,8 @@ def _begin(
     before = first.model_before()
     if before is None or before.summary.learner != name:
         raise ConfigurationError(
-            f"{first.id} began with {before.summary.learner if before else 'nothing known'}; "
-            f"{name} cannot go on from there"
+            f"{first.id} began with {before.summary.learner if before else 'an unknown model'}; "
+            f"{name} cannot continue from that model"
         )
     return before.to_policy(), Counter(before.summary.taught)
 
@@ -102,7 +102,7 @@ def _say(report: Report, policy: Policy, episodes: list[EditedEpisode], seconds:
     if report.missing_frames:
         print(f"{report.missing_frames} examples were left out: their pictures were not recorded")
     if report.left_out_edits:
-        print(f"{report.left_out_edits} edits of learned images were left out: no such images now")
+        print(f"{report.left_out_edits} edits were left out: their learned images do not exist now")
 
 
 def _driven(policy: Policy, last: EditedEpisode, *, must_be: bool) -> Model | None:
@@ -125,7 +125,7 @@ def _compare(policy: Policy, driven: Model, episodes: list[EditedEpisode], goes_
     before = first.model_before()
     knew_something = before is not None and before.summary.n_nodes > 0
     if not is_same and not goes_on and knew_something:
-        print(f"{first.id} went on from a model that knew something already: add --continue")
+        print(f"{first.id} continued an earlier model; to begin with that model, add: --continue")
     return is_same
 
 

@@ -149,7 +149,7 @@ class Conductor(StartStop):
             if self._is_on(study, participant):
                 return self.session
             raise ConfigurationError(
-                f"the session of {self.session.participant} is on; leave it first"
+                f"the session of {self.session.participant} is on; leave that session first"
             )
         text, plan = self.folder.plan_text(study), self.folder.plan(study)
         path = self.folder.log_path(study, participant)
@@ -158,7 +158,7 @@ class Conductor(StartStop):
             if events[0].name != fingerprint(text):
                 raise ConfigurationError(
                     f"the plan was changed after {participant} had begun; undo the change in "
-                    "plan.toml, or make a study of its own of it"
+                    "plan.toml, or create another study with the changed plan"
                 )
             session = follow_log(plan, participant, events)
             if session.step is SessionStep.DONE:
@@ -282,7 +282,7 @@ class Conductor(StartStop):
     def withdraw(self, study: str, participant: str) -> list[str]:
         """Permanently delete all data of a participant; see `StudyFolder.withdraw`."""
         if self._is_on(study, participant):
-            raise ConfigurationError("this session is on: leave it first")
+            raise ConfigurationError("this participant's session is on; leave the session first")
         return self.folder.withdraw(study, participant, self._kept.run)
 
     # Ticks ------------------------------------------------------------------------------------

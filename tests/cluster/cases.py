@@ -88,7 +88,7 @@ def scheduler_without_the_product(folder: Path) -> tuple[Ended, str]:
 
 @case
 def no_worker(folder: Path) -> tuple[Ended, str]:
-    return plain(folder, "has had no worker for 10 s; start some with: dask worker")
+    return plain(folder, "has had no worker for 10 s; all finished tasks are kept")
 
 
 @case

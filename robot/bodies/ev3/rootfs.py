@@ -52,8 +52,9 @@ def build_userland(folder: Path, release: str = DEFAULT_RELEASE, mirror: str = "
     Args:
         folder: The target folder.
         release: Name of the Debian release.
-        mirror: Address of a mirror, for example http://deb.debian.org/debian; empty: this machine's
-            mirror, or Debian's. Old releases move to http://archive.debian.org/debian.
+        mirror: Address of a mirror, for example http://deb.debian.org/debian; if empty, this
+            machine's mirror is used, or Debian's. Old releases move to
+            http://archive.debian.org/debian.
 
     Raises:
         ConfigurationError: If mmdebstrap is not installed, or the release is unknown.

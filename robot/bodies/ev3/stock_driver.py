@@ -119,7 +119,7 @@ class StockBody:
         }
 
     def take_button(self) -> str | None:
-        """Return None: the buttons belong to the firmware's own menu."""
+        """Return None, because the buttons belong to the firmware's own menu."""
         return None
 
     def show(self, mode: str, address: str) -> None:

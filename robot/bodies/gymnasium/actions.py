@@ -113,8 +113,8 @@ class ActionForm:
 def moves_of(name: str, env: Any, table: str = "") -> dict[Move, Any]:
     """Return the moves in their order, each with its action for the environment.
 
-    `table` is a person's table, for example `left=-0.6,0,0; right=0.6,0,0`; empty: the
-    environment's names, or a move for each number.
+    `table` is a person's table, for example `left=-0.6,0,0; right=0.6,0,0`; if empty, the
+    environment's names are used, or a move for each number.
 
     Raises:
         ConfigurationError: If the table cannot be read or does not fit, or the number of moves is
@@ -207,8 +207,8 @@ def _numbers_in(space: Any, name: str, whose: str) -> Iterator[Number]:
         )
     if np.size(least) > _MOST_NUMBERS:
         raise ConfigurationError(
-            f"an action of {whose} has {np.size(least)} numbers, too many to drive with a thumb "
-            f"(at most {_MOST_NUMBERS}). Wrap it in an environment of your own with fewer"
+            f"an action of {whose} has {np.size(least)} numbers, but a thumb can drive at most "
+            f"{_MOST_NUMBERS}; wrap the environment in one whose actions have fewer numbers"
         )
     unit = name or ("button" if kind == "MultiBinary" else "axis")
     is_whole = kind != "Box" or not np.issubdtype(space.dtype, np.floating)

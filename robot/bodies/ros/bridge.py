@@ -30,7 +30,7 @@ _LOST_S = 3.0
 again."""
 _ASK_AGAIN_S = REFUSED_S / 2
 """Pause after a refusal before topics are requested again, in seconds. The conflicting node may
-have ended by then; otherwise rosbridge refuses again before the first refusal expires."""
+have ended by then; if it has not, rosbridge refuses again before the first refusal expires."""
 
 
 class RosBridge(ReconnectingConnection, Topics):

@@ -217,8 +217,8 @@ class DdsTopics(Topics):
 
     Args:
         domain: The robot's ROS_DOMAIN_ID.
-        hosts: The robot's computers; empty: discovered by multicast.
-        interface: Name or address of the network interface; empty: the first interface.
+        hosts: The robot's computers; if empty, discovered by multicast.
+        interface: Name or address of the network interface; if empty, the first interface.
 
     Raises:
         DriveError: If a host or an interface is unknown.
@@ -307,8 +307,8 @@ class DdsTopics(Topics):
                 return f"nothing {does} {topic}, {self._what_is_there()}"
             if not publishes and kind in kinds and self._is_settled(kinds):
                 return (
-                    f"the subscriber of {topic} requests a quality of service (QoS) that orders do "
-                    "not have"
+                    f"the subscriber of {topic} requests a quality of service (QoS) that this "
+                    "program does not offer"
                 )
         return ""
 

@@ -30,7 +30,7 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         max_nodes: Maximum number of images to keep.
         n_voters: Number of nearest images that vote.
         group_cost: Factor by which the cost of merging images of two classes is higher.
-        penalty: Penalty of the linear part's squared coefficients; None: no linear part.
+        penalty: Penalty of the linear part's squared coefficients; None means no linear part.
 
     Attributes:
         classes_: The classes, sorted, shape (n,).

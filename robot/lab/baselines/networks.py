@@ -82,7 +82,7 @@ class ConvolutionalNetwork:
         n_hidden: Number of units in the hidden layer.
         shape: Shape of a picture: height, width, channels.
         kernels: Kernel side and number of kernels of each convolution layer.
-        has_softmax: False: the output is a number, not probabilities.
+        has_softmax: False if the output is a number, not probabilities.
     """
 
     def __init__(

@@ -88,7 +88,7 @@ class SimulatedPilot:
             self._looks_at_s = at_s + period_s if period_s else None
 
     def _judge(self, situation: Situation, proposed: Action | None, now_s: float) -> Action | None:
-        """Return the move to hold; None: let the robot drive, or let it stand."""
+        """Return the move to hold; None to let the robot drive, or stand still."""
         if self.mode is Mode.STOPPED:
             return None
         wanted = self.teacher.choose(situation)

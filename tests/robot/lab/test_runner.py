@@ -116,7 +116,7 @@ def test_a_run_during_which_its_idea_was_changed_counts_for_neither(tmp_path: Pa
     idea, store = tmp_path / "idea.py", Store(tmp_path / "runs")
     idea.write_text("a = 1")
     task = Task(run_edit, {"learner": f"{idea}:Name", "files": [str(idea)], "mark": 1})
-    with pytest.raises(ConfigurationError, match="a file of the task edit was changed while it"):
+    with pytest.raises(ConfigurationError, match="a file of the task edit was changed while"):
         run_all([task], store, jobs=1)
     assert store.get(task) is None
     assert run_all([task], store, jobs=1) == [{"mark": 1}]
