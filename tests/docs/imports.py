@@ -13,11 +13,11 @@ _HEAD = """# Forms that can be imported
 
 Made from the program by `make docs`; do not edit by hand.
 
-`drivelesson episodes import PATH` recognises these forms, in this order, in a file, a folder,
-folders within it, or an archive ([how to use it](../howto/episodes.md#import)). Steering and
-throttle here go from -1 to 1; right and ahead are positive. Steering beyond `--threshold` turns.
-A car that stands or drives backward gives no example. A robot with two wheels, or one that is
-driven by velocities, may also spin.
+`drivelesson episodes import PATH` looks for these forms, in this order, in a file, a folder and
+its subfolders, or an archive ([how to use it](../howto/episodes.md#import)). On this page,
+steering and throttle go from -1 to 1; right and ahead are positive. Steering beyond
+`--threshold` counts as a turn. Pictures of a car that stands still or drives backward are not
+examples. A robot that has two wheels, or is driven by velocities, may also spin.
 """
 
 
@@ -26,14 +26,15 @@ def render() -> str:
     parts = [_HEAD, "## The forms\n"]
     for form in FORMS:
         parts.append(f"### {form.name[0].upper()}{form.name[1:]}\n")
-        parts.append(f"| | |\n|---|---|\n| there | {form.there} |\n| label | {form.label} |")
+        parts.append(f"| | |\n|---|---|\n| files | {form.there} |\n| label | {form.label} |")
         parts.append(f"| time | {form.time} |\n")
     parts.append("## Names of columns\n\n| meaning (`--columns`) | names |\n|---|---|")
     parts += [f"| {role} | {', '.join(f'`{n}`' for n in names)} |" for role, names in NAMES.items()]
     parts.append(
-        "\nCapitals, spaces and units in brackets do not matter; `linear.x` is `linear_x`. "
-        f"Full throttle of velocities is {FULL_MPS:g} m/s, full lock {FULL_TURN_DEG_S:g} degrees a "
-        "second; beyond counts as full.\n\n## What is recognised and refused\n\n"
+        "\nCapitals, spaces and units in brackets do not matter; `linear.x` is the same as "
+        f"`linear_x`. A velocity of {FULL_MPS:g} m/s or more counts as full throttle, and "
+        f"{FULL_TURN_DEG_S:g} degrees a second or more counts as full lock.\n\n"
+        "## What is recognised and refused\n\n"
         "| files | why |\n|---|---|"
     )
     parts += [f"| {', '.join(f'`{e}`' for e in ends)} | {why} |" for ends, why in UNUSABLE.items()]
