@@ -23,10 +23,10 @@ class Mounting:
 class Camera(StartStop):
     """A source of frames, found by name among the entry points.
 
-    Subclasses take pictures on a separate thread, or when a world steps. They pass each picture to
-    `_publish`, which overwrites the slot and wakes the listener. Reading never blocks, so a frozen
-    camera cannot hold up the loop. `start` and `stop` are idempotent. Options are declared in the
-    same way as a driver's.
+    Subclasses take pictures on a separate thread, or when a world steps. Subclasses pass each
+    picture to `_publish`, which overwrites the slot and wakes the listener. Reading never blocks,
+    so a frozen camera cannot hold up the loop. `start` and `stop` are idempotent. Options are
+    declared in the same way as a driver's.
 
     Attributes:
         fault: The camera's fault, as a sentence for the page; None if all is well.

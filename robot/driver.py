@@ -70,8 +70,8 @@ class Move:
 
     @property
     def labels(self) -> dict[str, str]:
-        """The label by language. It includes English, or is empty if the page has its own
-        labels."""
+        """The label by language. English is included, unless the page has its own labels and this
+        is empty."""
         if isinstance(self.label, str):
             return {"en": self.label} if self.label else {}
         return dict(self.label)
@@ -130,7 +130,7 @@ def move_at(point: Point, moves: Iterable[Move], threshold: float = TURNS_BEYOND
     """Return the move that a point counts as. Return None if the point is a stop, or if no move
     drives in the point's direction (ahead, back, or on the spot).
 
-    It is the nearest move that drives in the same direction and turns to the same side. If no move
+    Return the nearest move that drives in the same direction and turns to the same side. If no move
     turns to that side, it is the nearest move in the same direction: a curve backward counts as
     backward.
 
@@ -182,8 +182,8 @@ class BodyButton(StrEnum):
 
 
 class Driver(ABC):
-    """A body: its motors, and its sensors except the camera. It is found by name among the entry
-    points.
+    """A body: its motors, and its sensors except the camera. A body is found by name among the
+    entry points.
 
     A driver declares its options as a frozen dataclass in its code. Each field has a default and
     `metadata={"help": ...}`, and becomes a flag of the command line. The driver declares its moves

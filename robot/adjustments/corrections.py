@@ -1,7 +1,7 @@
 """Corrections for a robot that is built or wired differently from what its driver expects.
 
-A correction changes the values sent to the motors, or the orientation of the pictures. It never
-changes the meaning of a move: `left` still means left on the page, in recordings and for the
+A correction changes the values sent to the motors, or the orientation of the pictures. A correction
+never changes the meaning of a move: `left` still means left on the page, in recordings and for the
 learner.
 """
 
@@ -44,7 +44,7 @@ class BodyCorrection(Correction):
             named as in the driver's options.
         swap_sides: The left motor is plugged in at the right, and the right motor at the left.
         trim: Steering that is added when the robot should drive straight, as a share of full lock.
-            It is positive to the right, for a robot that pulls to the left.
+            A positive trim steers to the right, for a robot that pulls to the left.
 
     Raises:
         ConfigurationError: If a value is out of range.

@@ -23,9 +23,10 @@ from robot.types import Action, DrivenBy, Frame, StopReason
 TAUGHT_S = 40.0
 """Teaching time after which the first trial may begin in any case, in seconds."""
 EARLY_S, EARLY_STARTS, EARLY_KNOWN = 20.0, 4, 0.9
-"""Conditions of an early first trial. It may begin after 20 s of teaching if the pilot has begun
-each move in use four times, and the robot knew 90 % of the views of the last ten seconds. Robots
-foresee few of their pilot's changes of move at that time, and still drive a minute by themselves.
+"""Conditions of an early first trial. The trial may begin after 20 s of teaching if the pilot has
+begun each move in use four times, and the robot knew 90 % of the views of the last ten seconds.
+Robots foresee few of their pilot's changes of move at that time, and still drive a minute by
+themselves.
 """
 STARTS = 3
 """Each move in use must be begun this number of times before the first trial, to exclude chance."""
@@ -34,8 +35,8 @@ RARE_SHARE = 0.02
 pilot drives straight for minutes, the few examples of the turn at a wall have little weight."""
 _SLIP_S, _MEANT_S = 0.35, 0.9
 """A press shorter than `_SLIP_S` seconds counts as a slip of the finger. A rare move counts as in
-use once its longer presses add up to `_MEANT_S` seconds. Otherwise the page would ask for a move
-that the pilot never meant."""
+use once its longer presses add up to `_MEANT_S` seconds. Without these limits the page would ask
+for a move that the pilot never meant."""
 _FEWEST = 5
 """Least number of examples of a move in use, whatever their share."""
 CLEAN_S = 45.0
@@ -258,7 +259,8 @@ class Readiness:
 
     @property
     def needed_s(self) -> float:
-        """The required `clean_s`. It is longer if too many of the views were hardly known."""
+        """The required `clean_s`. More time is required if too many of the views were hardly
+        known."""
         return min(self._wanted_s, _FORGOTTEN_S)
 
     @property

@@ -52,7 +52,7 @@ class Gate:
 
     Attributes:
         mode: The pilot's request; STOPPED after any stop.
-        stop_reason: The reason of the last stop; None since the robot was started.
+        stop_reason: The reason of the last stop; None after the robot was started again.
         emergency: True while an emergency stop is latched and no mode can be chosen.
         stops: Number of stops of a robot that could move, by reason.
     """

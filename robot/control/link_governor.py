@@ -71,10 +71,10 @@ def age_of_link_s(
     """Return the age to judge the link by: the picture's age or the command's, whichever is larger.
 
     `picture_age_s` is the time from the named picture's delivery to the loop until the command's
-    arrival. It includes both directions of the link and the time on the phone, and is measured on
-    one clock. `reported_age_s` is the page's estimate of the picture's age when the command was
-    sent. Without an estimate the whole age is attributed to the link. The time on the phone
-    (`phone_s`, if known) is subtracted, so that a slow phone does not stop learning.
+    arrival. This time includes both directions of the link and the time on the phone, all by one
+    clock. `reported_age_s` is the page's estimate of the picture's age when the command was sent.
+    Without an estimate the whole age is attributed to the link. The time on the phone (`phone_s`,
+    if known) is subtracted, so that a slow phone does not stop learning.
     """
     if reported_age_s is None:
         return picture_age_s
@@ -129,7 +129,7 @@ class LinkGovernor:
         self._seen_s = delivered_s
 
     def blind_in_s(self, now_s: float, slack_s: float = 0.0) -> float:
-        """Return the time until the pilot counts as blind, even if heartbeats arrive. It is
+        """Return the time until the pilot counts as blind, even if heartbeats arrive. The time is
         negative if the pilot is already blind, and infinite before the first picture."""
         return self.config.stop_s + slack_s - (now_s - self._seen_s)
 

@@ -47,12 +47,12 @@ _STANDS_S = 0.04
 the wheels have stopped when the pilot's picture expires."""
 _SHORTEST_WAIT_S = 0.001
 _RESTS_AFTER_S = 1.0
-"""Time for which a robot stands still unwatched before it rests, in seconds. It is long enough to
+"""Time for which a robot stands still unwatched before it rests, in seconds. This is long enough to
 reload the page and to measure the camera's rate."""
 _RESTING_SHARE = 0.9
 """The next picture is taken after this share of the requested period, because cameras jitter."""
 _RESTING_WAIT_S = 0.25
-"""Longest time between two ticks at rest, in seconds. It is below `ACTION_TIMEOUT_S`, so that a
+"""Longest time between two ticks at rest, in seconds. This is below `ACTION_TIMEOUT_S`, so that a
 body's watchdog does not expire."""
 
 
@@ -154,7 +154,7 @@ class ControlLoop:
 
     @property
     def wait_s(self) -> float:
-        """The longest time until the next tick; it comes before the pilot counts as blind."""
+        """The longest time until the next tick, which comes before the pilot counts as blind."""
         longest_s = self.config.longest_wait_s
         if self._gate.mode is Mode.STOPPED:
             return _RESTING_WAIT_S if self.is_resting else longest_s

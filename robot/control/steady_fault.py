@@ -12,8 +12,8 @@ still, a fault counts as gone if it does not return within this time."""
 class SteadyFault:
     """Chooses the sentence to show while faults come and go.
 
-    A new fault is shown immediately. Its sentence then stays, even if the fault comes and goes once
-    a second, or if its text changes because it counts seconds.
+    A new fault is shown immediately. The fault's sentence then stays, even if the fault comes and
+    goes once a second, or if its text changes because it counts seconds.
     """
 
     def __init__(self) -> None:

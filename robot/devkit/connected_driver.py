@@ -37,9 +37,9 @@ class _Shown:
 class ConnectedDriver(Driver, Generic[_C]):
     """Base of drivers with one connection to open: a serial line, a bridge, a library's motor.
 
-    A subclass implements `_open`, `_drive` and `_close`, and `_sense` if the body has sensors. It
-    need not catch OSError and EOFError: this class reports them as DriveErrors and closes the
-    connection, and the next request opens the connection again. This class also refuses calls
+    A subclass implements `_open`, `_drive` and `_close`, and `_sense` if the body has sensors. A
+    subclass need not catch OSError and EOFError: this class reports them as DriveErrors and closes
+    the connection, and the next request opens the connection again. This class also refuses calls
     without a connection, makes `connect` and `disconnect` idempotent, and stops the body after each
     `_begin`.
 
@@ -48,8 +48,8 @@ class ConnectedDriver(Driver, Generic[_C]):
 
     Attributes:
         gone_after_s: Time without a call of `heard` after which the body counts as gone, in
-            seconds. It must be longer than the gaps between reports, and at most 0.4, so that the
-            error comes within half a second. None if the body answers each request.
+            seconds. This time must be longer than the gaps between reports, and at most 0.4, so
+            that the error comes within half a second. None if the body answers each request.
     """
 
     gone_after_s: ClassVar[float | None] = None

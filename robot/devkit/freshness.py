@@ -35,8 +35,8 @@ class Freshness:
         return True
 
     def _learn_period(self, gap_s: float) -> None:
-        """Update the period. It shrinks immediately but grows slowly, so that one lost picture adds
-        little."""
+        """Update the period. The period shrinks immediately but grows slowly, so that one lost
+        picture adds little."""
         if self._period_s is None:
             self._period_s = min(gap_s, LONGEST_PERIOD_S)
         self._period_s = min(gap_s, 1.1 * self._period_s, LONGEST_PERIOD_S)

@@ -32,8 +32,8 @@ REPEATS = 5
 """Number of stops that are sent quickly to a body without acknowledgement; further stops are sent
 slowly. If one order in ten is lost, one stop in 100,000 is late."""
 REST_S = 0.2
-"""Period of stops to a body without acknowledgement while nobody drives, in seconds. They are
-needed because the body may still move after the link was cut for a moment."""
+"""Period of stops to a body without acknowledgement while nobody drives, in seconds. These stops
+are needed because the body may still move after the link was cut for a moment."""
 PATIENCE_S = 0.02
 """Time for which a stop waits for an unfinished call of a move, in seconds."""
 LONGEST_LEAD_S = 0.15
@@ -143,7 +143,7 @@ class MoveEnder:
             if due_s is not None and self._clock.now_s() >= due_s:
                 with contextlib.suppress(
                     Exception
-                ):  # the stop is repeated; the next request reports it
+                ):  # the thread repeats the stop; the next request reports the error
                     self._stop()
                 continue
             self._clock.wait(self._wake, None if due_s is None else due_s - self._clock.now_s())
@@ -205,7 +205,7 @@ class HostWatchdog(ConnectedDriver[_C]):
         if self.__ender is not None:
             with contextlib.suppress(
                 DriveError
-            ):  # the stop is repeated; the next request reports it
+            ):  # the thread repeats the stop; the next request reports the error
                 self.__ender.stop()
 
     def __order(self, action: Action, send: Callable[[], Action]) -> Action:

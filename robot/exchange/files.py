@@ -83,8 +83,8 @@ def read_picture_file(folder: Path, name: str) -> Picture:
 
 
 class Pictures:
-    """A folder's pictures. They are found by paths of another computer, whose last parts must
-    match."""
+    """A folder's pictures. The pictures are found by paths of another computer, whose last parts
+    must match."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -92,9 +92,9 @@ class Pictures:
     def find(self, name: str) -> str:
         """Return a picture's path in the folder, by its name in a table.
 
-        If there is a file with this name, its path is returned. Otherwise it is the path of a
-        picture with the same file name; of several such pictures, the picture whose folders match
-        best.
+        If there is a file with this name, its path is returned. If there is none, the path of a
+        picture with the same file name is returned; of several such pictures, the picture whose
+        folders match best.
 
         Raises:
             ValueError: If several pictures match equally well.

@@ -45,7 +45,7 @@ class Source(NamedTuple):
 
     The function raises RecordingError if no picture can be used, or MissingExtraError. The pictures
     themselves are read only when the drive is written. `copy` is set for recordings of this
-    program; it is then used instead, and writes the drive to a path.
+    program. It is then used instead of the function, and writes the drive to a path.
     """
 
     name: str
@@ -114,7 +114,7 @@ def _find_tables(path: Path) -> list[Source] | None:
         is_table = path.suffix.lower() in ENDINGS and _is_no_other_text(path)
         return [Source(path.name, partial(read_table, path))] if is_table else None
     tables = [file for file in files_ending(path, *ENDINGS) if _is_no_other_text(file)]
-    # this program exported the folder, so the table already has the labels of the others
+    # this program exported the folder, so this table repeats the labels of the others
     if path / TABLE in tables:
         tables = [path / TABLE]
     if len(tables) > 1 or (tables and (are_classes(path) or are_steered(path))):

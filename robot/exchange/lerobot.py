@@ -62,7 +62,8 @@ because the films' bytes are copied."""
 _STEERED = ("steering.pos", "throttle.vel")
 """Names of the action's elements, as in the package for LeRobot (docs/examples/lerobot)."""
 RESULTS = "meta/drivelesson_results.json"
-"""File with the results of extensions, by recording. It is written only if there are results."""
+"""File with the results of extensions, by recording. The file is written only if there are
+results."""
 FPS = 20
 """Default number of pictures per second of a dataset. Datasets can be merged only if these numbers
 are equal."""
@@ -115,8 +116,8 @@ def write_lerobot(
 
     `fps` is the number of pictures per second; `task` describes the robot's task. The columns of a
     dataset depend only on the robot's moves, so datasets of one robot can be merged. A `plain`
-    dataset contains only taught frames. Its columns are those that LeRobot's own command records
-    from our robots, so it can be merged with such datasets. Raises RecordingError if there are no
+    dataset contains only taught frames. The columns of a plain dataset are those that LeRobot's own
+    command records from our robots, so both can be merged. Raises RecordingError if there are no
     pictures.
     """
     need(*PYARROW)

@@ -65,7 +65,7 @@ def write_episodes(folder: Path, rows: list[dict[str, Any]]) -> None:
 
 
 def write_tasks(folder: Path, task: str) -> None:
-    """Write the tasks. Their texts are the index of the table, in pandas' format."""
+    """Write the tasks. The tasks' texts are the index of the table, in pandas' format."""
     pa = need(*PYARROW)
     types = {"task_index": ("int64", "int64"), "task": ("unicode", "object")}
     described = [

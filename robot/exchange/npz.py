@@ -44,8 +44,8 @@ MAX_BYTES = 512 * 2**20
 def load_recording(path: Path | str, report: ImportReport | None = None) -> Drive:
     """Read one `.npz` recording without executing any code in it.
 
-    Its pictures are JPEGs of 160x120, each with a label and a time. Raises RecordingError if the
-    file is missing, broken or in another format.
+    The recording's pictures are JPEGs of 160x120, each with a label and a time. Raises
+    RecordingError if the file is missing, broken or in another format.
     """
     path = Path(path)
     wrong = f"the recording {path} cannot be read"
@@ -68,8 +68,8 @@ def write_npz(episode: Episode, notes: Notes, path: Path) -> int:
     """
     labels, ends, times_s = array("B"), array("q", [0]), array("d")
     points = array("f"), array("f")
-    # Collect the pictures in a file, because they may not fit into memory. They are written last,
-    # because the array's header needs their total length.
+    # Collect the pictures in a file, because they may not fit into memory. The pictures are written
+    # last, because the array's header needs their total length.
     with tempfile.TemporaryFile(dir=path.parent) as pictures:
         for moment in moments(episode, notes, about=()):
             if is_example(moment):

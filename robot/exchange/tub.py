@@ -151,7 +151,7 @@ def write_tub(episode: Episode, notes: Notes, folder: Path, *, taught_only: bool
     Pictures are written without loss, as their JPEG bytes or as PNG. Each record also contains the
     label, the frame id and whether the label corrected the robot, so that importing the tub yields
     the same examples at any threshold. If the pilot steered by degrees, which the record says,
-    angle and throttle are the pilot's; otherwise they are those declared for the move. If a move
+    angle and throttle are the pilot's; if not, they are those declared for the move. If a move
     declares none, such as `push`, the tub has no columns for angle and throttle, because a zero
     would teach a car to stand. The robot's proposal is in `pilot/angle` and `pilot/throttle`.
     `taught_only` leaves out frames that were not taught.

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from robot.exchange.drive import Drive
 
 Vectors = dict[tuple[type[Features], str, str, float], list[Vector]]
-"""Vectors by features, drive and light. They are extracted once for all learners with these
+"""Vectors by features, drive and light. The vectors are extracted once for all learners with these
 features."""
 Seen = Sequence[tuple[Vector, Action, Point | None]]
 """A drive as a learner's input: each frame's features, its label, and the label by degrees."""

@@ -45,12 +45,12 @@ class Evidence:
     """A prediction with its evidence.
 
     `probabilities` sum to 1. `confidence` is the calibrated probability that `label` is right.
-    `novelty` is 0 for a familiar view, and 1 or more for a view unlike all learned views. It is
-    always 0 if the learner's `abilities` do not include novelty.
-    `node` is the id of the nearest learned image; None if the learner stores no images. If angles
-    were learned, there are also `angle` (about from -1 to 1), its standard deviation `spread`, and
-    `size`, the mean magnitude of the angle. If the pilot turned to both sides at this view, `size`
-    is large although `angle` is near 0.
+    `novelty` is 0 for a familiar view, and 1 or more for a view unlike all learned views. Novelty
+    is always 0 if the learner's `abilities` do not include it. `node` is the id of the nearest
+    learned image; None if the learner stores no images. If angles were learned, there are also
+    `angle` (about from -1 to 1), its standard deviation `spread`, and `size`, the mean magnitude of
+    the angle. If the pilot turned to both sides at this view, `size` is large although `angle` is
+    near 0.
     """
 
     label: Label

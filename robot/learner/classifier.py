@@ -239,8 +239,8 @@ class BSOCClassifier(Stateful, Learner):
     def _counted(self, n: int) -> _Counted:
         """Return the values derived from the label counts of the first `n` nodes.
 
-        They are computed again only after a change: a frame that is shown and then taught needs
-        them twice.
+        The values are computed again only after a change: a frame that is shown and then taught
+        needs them twice.
         """
         if self._counts is None or self._counts.n != n:
             self._counts = _Counted(self._histograms[:n])

@@ -68,7 +68,7 @@ class LinearPart(Stateful, ABC):
     def begin_like(self, columns: Sequence[int], weights: Floats) -> None:
         """Add weights of these labels to the expected weights, before the first frame.
 
-        They are as strong as the penalty, so the frames soon outweigh them.
+        Expected weights are as strong as the penalty, so the frames soon outweigh them.
         """
         raise ValueError("it cannot begin with other weights")
 
@@ -124,8 +124,8 @@ class RecursiveRidge(LinearPart):
         penalty: Weight of the squared coefficients.
         scale: The divisor of the values, so that they lie roughly in [0, 1].
         alike: Prior covariance of the weights, shape (n_features, n_features), with diagonal 1;
-            None: weights are independent. It is only the initial value of the inverse, so it takes
-            no time per frame.
+            None: weights are independent. The prior is only the initial value of the inverse, so it
+            takes no time per frame.
     """
 
     knows_mirrors = True

@@ -64,7 +64,7 @@ class RunningVotes:
         step_s: float = USUAL_STEP_S,
         usual_run_s: float | None = None,
     ) -> dict[Action, float]:
-        """Add one frame's shares and return the average; it sums to 1.
+        """Add one frame's shares and return the average, which sums to 1.
 
         Args:
             shares: The votes for each move.

@@ -24,8 +24,8 @@ from robot.types import DEFAULT_MOVES, Action
 
 LEARNERS = "drivelesson.learners"
 VARIANTS = "drivelesson.variants"
-"""Entry points of the default learner's variants, each with one change, for experiments. They do
-not appear in lists of learners."""
+"""Entry points of the default learner's variants, each with one change, for experiments. Variants
+do not appear in lists of learners."""
 DEFAULT_NODES = 32
 MOST_NODES = 1024
 """Maximum number of images of a learner, because its table of distances grows with the square."""

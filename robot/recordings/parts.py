@@ -70,7 +70,8 @@ def files_of(path: Path) -> tuple[Path, Path, Path]:
 
 
 def state_of(path: Path) -> tuple[tuple[int, int], ...]:
-    """Return the size and modification time of each file. They change if the recording changes."""
+    """Return the size and modification time of each file. These values change if the recording
+    changes."""
     found = [file.stat() for file in part_paths(path).values()]
     return tuple((status.st_size, status.st_mtime_ns) for status in found)
 

@@ -43,14 +43,14 @@ class RecorderConfig:
     """Time for which pictures are still recorded after the robot stopped, in seconds."""
     lead_frames: int = 15
     """Number of pictures from before the start that are also recorded, because the pilot may label
-    them. They fill at most a quarter of the queue."""
+    them. These pictures fill at most a quarter of the queue."""
     part_bytes: int = 64 * 2**20
     """Size at which a recording continues in another file, in bytes."""
     part_s: float = 600.0
     """Time after which a recording continues in another file, in seconds. This limits the memory
     that the recorder needs, and a reader if a file has no index."""
     spare_bytes: int = 64 * 2**20
-    """Recording stops if fewer bytes are free on the disk. These are left for models and the
+    """Recording stops if fewer bytes are free on the disk. These bytes are left for models and the
     system."""
 
 

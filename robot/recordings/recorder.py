@@ -197,7 +197,7 @@ class Recorder:
     def _remember(self, frame: Frame) -> None:
         self._lead.append(frame)
         while sum(len(frame.data) for frame in self._lead) > self._config.queue_bytes // 4:
-            # keep few pictures if they are large, or they would fill the queue
+            # drop the oldest of large pictures, which would fill the queue
             self._lead.popleft()
 
     def _keep(self, frame: Frame) -> None:

@@ -1,8 +1,8 @@
 """Brings the files of one recording together again.
 
 A recording is deleted and restored file by file. A kill or a power cut in between separates the
-files. A recording that is made compact is deleted before the new file gets its name; then a kill
-leaves it only in the trash.
+files. A recording that is made compact is deleted before the new file gets its name; a kill between
+these steps leaves the recording only in the trash.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ class SimCamera(WorldCamera[SimDriver]):
     """Renders the simulated robot's view.
 
     In real time its pictures are JPEGs like a webcam's; a JPEG is encoded once, for the page, the
-    recording and the learner. Experiments call `capture` as fast as they can. It returns raw
+    recording and the learner. Experiments call `capture` as fast as they can. `capture` returns raw
     pixels, so that the results do not depend on a codec.
 
     While people look, a picture of 320x240 is made with each JPEG (`for_the_eye`).

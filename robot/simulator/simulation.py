@@ -25,8 +25,9 @@ DRIFT_S = 1.0
 
 _SLIP_SHARE, _SONAR_NOISE_M, _PIXEL_NOISE = 0.04, 0.005, 3.0
 """Standard deviations of the noise of each wheel's speed (as a share of the speed), of the sonar
-(in metres) and of each pixel (of 255). The wheels' noise is for steps of a fiftieth of a second. It
-is larger in shorter steps, so that the robot's path is equally uncertain at any frame rate."""
+(in metres) and of each pixel (of 255). The wheels' noise is for steps of a fiftieth of a second.
+The noise is larger in shorter steps, so that the robot's path is equally uncertain at any frame
+rate."""
 
 
 class Simulation:

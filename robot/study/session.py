@@ -38,9 +38,10 @@ class StudySession:
     Args:
         plan: The study.
         participant: The participant's code.
-        slot: The participant's slot in the plan, from 0. It determines the order of the conditions.
-        pace: Seconds of a phase per second of the clock. It is 1, except in demonstrations and
-            tests.
+        slot: The participant's slot in the plan, from 0. The slot determines the order of the
+            conditions.
+        pace: Seconds of a phase per second of the clock. The pace is 1, except in demonstrations
+            and tests.
     """
 
     def __init__(self, plan: StudyPlan, participant: str, slot: int, *, pace: float = 1.0) -> None:

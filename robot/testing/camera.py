@@ -18,7 +18,8 @@ _WIDTH, _HEIGHT = 160, 120
 
 
 class FakeCamera(ThreadedCamera):
-    """Shows patterns, at a steady rate between `start` and `stop`. It can be frozen or broken.
+    """Shows patterns, at a steady rate between `start` and `stop`. The camera can be frozen or
+    broken.
 
     `pictures` are JPEGs that are shown in place of the patterns.
 

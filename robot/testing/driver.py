@@ -12,7 +12,8 @@ from robot.types import Action, Point, Sensors
 
 
 class FakeDriver(Driver):
-    """Records commands and their times. It ends each move by itself, and can be made to fail.
+    """Records commands and their times. The driver ends each move by itself, and can be made to
+    fail.
 
     Attributes:
         sent: Every action sent, with its speed scale.

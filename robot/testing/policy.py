@@ -15,7 +15,7 @@ _NOTHING = np.zeros(1, np.uint8)
 
 
 class FakePolicy(Policy):
-    """Ignores the pixels. It is for tests of the gate, the loop, the link or the server.
+    """Ignores the pixels. This policy is for tests of the gate, the loop, the link or the server.
 
     Attributes:
         first: The first label that was learned.

@@ -13,7 +13,7 @@ from robot.clock import Clock, Worker
 
 _T = TypeVar("_T")
 WALL_START_S = 1_700_000_000.0
-"""Wall-clock time at the start of a virtual clock, in seconds since 1970. It is equal in all
+"""Wall-clock time at the start of a virtual clock, in seconds since 1970. This time is equal in all
 runs."""
 
 

@@ -264,7 +264,7 @@ class AdmissionControl:
             else:  # no connection can be evicted, so answer in the pending slot
                 place.is_known, is_refused = True, is_at_limit
                 if is_refused:
-                    place.idle_s = now_s  # so that this connection is evicted before busy ones
+                    place.idle_s = now_s  # evict this connection before busy connections
         place.came_s = self._read_until_s + _ANSWER_S * place.is_known
         if lasts:
             place.used_s = math.inf

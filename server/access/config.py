@@ -77,9 +77,9 @@ class NetworkLimits(Limits):
     pending_per_address: int = 384
     """Maximum number of pending connections of one address (for IPv6, of one /64 network)."""
     pending_s: float = 20.0
-    """Timeout of a pending connection after its last complete request, in seconds. It is long
-    enough for the TLS handshakes of a class with a busy laptop. A new connection that needs a slot
-    does not wait for this timeout."""
+    """Timeout of a pending connection after its last complete request, in seconds. The timeout is
+    long enough for the TLS handshakes of a class with a busy laptop. A new connection that needs a
+    slot does not wait for this timeout."""
     pairing_failures: int = 10
     """Number of wrong tokens per minute from one address before it has to wait. The right token is
     accepted even during the wait."""

@@ -1,7 +1,7 @@
 """A listening socket that limits connections when they are accepted.
 
-It works below TLS and HTTP, so that unfinished handshakes are counted too, and with every version
-of uvicorn and asyncio.
+The socket works below TLS and HTTP, so that unfinished handshakes are counted too, and with every
+version of uvicorn and asyncio.
 """
 
 from __future__ import annotations

@@ -47,8 +47,8 @@ FOLDER = FolderKind(name="tls", files=("paired.json",), secrets=("paired.json", 
 LONGEST_TEXT = 2000
 """Maximum length of the text read as a token, in characters; the text may be a whole address."""
 _SESSIONS = 192
-"""Maximum number of sessions of one kind (one role, paired by the terminal or by invitation). It
-exceeds the number of websockets, so nobody can keep all sessions in use."""
+"""Maximum number of sessions of one kind (one role, paired by the terminal or by invitation). The
+maximum exceeds the number of websockets, so nobody can keep all sessions in use."""
 INVITATION_S = 300.0
 """How long a token on a class's board is valid, in seconds; any number of phones can use it."""
 _INVITATIONS = 16

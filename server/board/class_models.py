@@ -50,7 +50,7 @@ class RobotOutcome:
     """The result of an order at one robot.
 
     Attributes:
-        did: The order if it was done; otherwise `undone`, `away` or `failed`.
+        did: The order if the robot carried it out; if not, `undone`, `away` or `failed`.
         model: The model that was saved or set aside.
         detail: The failure's cause, in English.
     """
@@ -104,7 +104,7 @@ class ClassModels:
             return {"order": order.value, "robots": [asdict(one) for one in done.outcomes]}
 
     async def undo(self) -> dict[str, Any]:
-        """Undo the last order; it can be repeated for robots that did not answer."""
+        """Undo the last order; the undo can be repeated for robots that did not answer."""
         async with self._lock:
             if not self._done:
                 raise NotFoundError("there is nothing to undo")

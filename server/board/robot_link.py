@@ -1,8 +1,8 @@
 """The board's connection to one robot, which stays open so that a stop takes one message.
 
-The board is a client of the robot's own server, like a page. It receives the state on `/ws/drive`
-as an idle client, and pictures on `/ws/video` only while somebody looks. A slow or missing robot
-does not delay the others, because each robot has its own tasks, which share nothing.
+The board is a client of the robot's own server, like a page. The board receives the state on
+`/ws/drive` as an idle client, and pictures on `/ws/video` only while somebody looks. A slow or
+missing robot does not delay the others, because each robot has its own tasks, which share nothing.
 """
 
 from __future__ import annotations

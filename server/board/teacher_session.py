@@ -68,7 +68,7 @@ class TeacherSession:
         """Have board and robot prove to each other that they are of one class, and open a session.
 
         Raises:
-            WrongClassError: If they are of different classes.
+            WrongClassError: If board and robot are of different classes.
         """
         place = self.place = await self._transport.locate(self.address)
         nonce = new_nonce()

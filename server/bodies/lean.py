@@ -15,8 +15,8 @@ from types import ModuleType
 from typing import Any
 
 LEFT_OUT = ("_bz2", "_ctypes", "_hashlib", "_lzma", "_ssl")
-"""Modules that load libraries which a brick never uses: OpenSSL, libffi and two compressors. Their
-import fails, and each importer has a fallback."""
+"""Modules that load libraries which a brick never uses: OpenSSL, libffi and two compressors. The
+import of these modules fails, and each importer has a fallback."""
 
 PUT_OFF = ("logging.config", "numpy.fft", "numpy.ma", "numpy.polynomial", "numpy.random")
 """Modules that numpy and uvicorn import, and that a lesson on a brick never touches."""
@@ -40,7 +40,7 @@ class StandIn(ModuleType):
 class PutOff:
     """Import hook for the modules of `PUT_OFF`; the first attribute access loads the module.
 
-    It has no base class, because `importlib.abc` imports the compressors.
+    This class has no base class, because `importlib.abc` imports the compressors.
     """
 
     def find_spec(

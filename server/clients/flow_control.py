@@ -23,10 +23,10 @@ class VideoWindow:
     """A congestion window: the number of frames that may be in flight to one viewer.
 
     The window is one frame while bandwidth is the limit, because a second frame would only queue
-    behind the first. It is up to `LARGEST` frames when only the round trip is long, because then
-    the delay of an acknowledgement does not grow with the window. The window probes: it grows by
-    one when frames had to be skipped, and falls back to one when the delay has grown as well. After
-    a failed probe the window backs off by a factor of four.
+    behind the first. The window is up to `LARGEST` frames when only the round trip is long, because
+    then the delay of an acknowledgement does not grow with the window. The window probes: it grows
+    by one when frames had to be skipped, and falls back to one when the delay has grown as well.
+    After a failed probe the window backs off by a factor of four.
 
     On a fast link, acknowledgements arrive long before the next frame. Then only every third frame
     requests an acknowledgement; the others are *quiet*. Quiet frames save both ends a third of

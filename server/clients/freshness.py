@@ -18,9 +18,9 @@ _KEPT_S = 2.0
 class NonceLedger:
     """Issues nonces and remembers for a while when each nonce was issued.
 
-    Every state and every frame carries a nonce. A message that returns it cannot have been sent
-    before the nonce was issued, even if it was delayed on a stalled link, in a frozen server or in
-    a queue. Only the robot's own clock is trusted, and nobody can guess a nonce.
+    Every state and every frame carries a nonce. A message that returns a nonce cannot have been
+    sent before the nonce was issued, even if the message was delayed on a stalled link, in a frozen
+    server or in a queue. Only the robot's own clock is trusted, and nobody can guess a nonce.
 
     Args:
         below: Draws a random whole number from 0 to one below its argument.

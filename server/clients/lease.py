@@ -10,7 +10,7 @@ LAPSE_S = 1.5
 class Lease:
     """The wheel: at most one client has it, and that client renews its lease by its commands.
 
-    A lease that was not renewed for `LAPSE_S` has lapsed. Its owner keeps a lapsed lease until
+    A lease that was not renewed for `LAPSE_S` has lapsed. The owner keeps a lapsed lease until
     another client requests it. A client that requests a lease in use waits until the owner yields
     or the lease lapses.
     """

@@ -102,7 +102,7 @@ def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Stora
     )
     if args.name:
         check_name(args.name)
-    storage.sweep()  # remove what an import left that was killed
+    storage.sweep()  # remove what a killed import left
     whole = ImportReport(is_strict=args.strict)
     made: list[Path] = []
     try:
@@ -207,7 +207,8 @@ def _export(
 
 @contextlib.contextmanager
 def _beside(path: Path) -> Iterator[Path]:
-    """Yield a path to write to; it is renamed to `path` at the end, or removed after an error."""
+    """Yield a path to write to; the file is renamed to `path` at the end, or removed after an
+    error."""
     folder = path.with_name(f".part-{path.name}")
     shutil.rmtree(folder, ignore_errors=True)  # remove what a killed run left
     try:

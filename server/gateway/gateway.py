@@ -1,7 +1,7 @@
 """Decides which connections and requests reach the application; this gateway serves only loopback.
 
-The extension `access` replaces this gateway by an entry point of `drivelesson.gateway`. Its gateway
-serves networks and admits browsers that have proved their identity.
+The extension `access` replaces this gateway by an entry point of `drivelesson.gateway`. The
+replacement serves networks and admits browsers that have proved their identity.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Middleware that every request and every websocket passes before it reaches a route.
 
-It checks Host, Origin, size, rate and role, refuses with a status and a sentence, and adds the
-security headers. A viewer may only read.
+The guard checks Host, Origin, size, rate and role, refuses with a status and a sentence, and adds
+the security headers. A viewer may only read.
 """
 
 from __future__ import annotations

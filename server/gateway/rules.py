@@ -62,8 +62,8 @@ class AccessRules:
     ) -> Refusal | None:
         """Refuse a request that a page of another site has sent.
 
-        A page cannot forge these headers. Other programs omit them or send any text. `method` is
-        the request's, None for a websocket.
+        A page cannot forge these headers. Other programs omit these headers or send any text.
+        `method` is the request's, None for a websocket.
         """
         origin, host = headers.get("origin"), headers.get("host", "")
         if origin is not None:

@@ -64,8 +64,8 @@ class Room:
 def measure_connection(peer: tuple[str, int]) -> Measure:
     """Return the measurement of this server's connection with a client.
 
-    The connection belongs to the server's library, which gives no access to it. It is found among
-    the open files of this process by the client's address, and checked before each use.
+    The connection belongs to the server's library, which gives no access to it. The connection is
+    found among the open files of this process by the client's address, and checked before each use.
     """
     known: list[int] = []
 

@@ -44,7 +44,7 @@ class WorldMap:
 @dataclass
 class WorldAnswer:
     """The current world in metres and radians, and the worlds to which the robot can be carried.
-    For a real robot, null and an empty list."""
+    For a real robot, the world is null and the list is empty."""
 
     world: WorldMap | None
     worlds: list[str]

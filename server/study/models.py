@@ -1,8 +1,8 @@
 """The model of a session: in use while the session is driven, then stored beside its log.
 
-A participant's model is among the robot's models only while the session is driven. Then the model
-is put away, and the previous model is in use again. `StudyFolder.active` records on disk which
-model is in use, so that a start after a power cut can put it away.
+A participant's model is among the robot's models only while the session is driven. Afterwards this
+model is put away, and the previous model is in use again. `StudyFolder.active` records on disk
+which model is in use, so that a start after a power cut can put it away.
 """
 
 from __future__ import annotations

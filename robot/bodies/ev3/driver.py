@@ -150,7 +150,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
 
     @abstractmethod
     def _open(self) -> ChassisBody:
-        """Return the body. It is opened later, by `_begin`."""
+        """Return the body; `_begin` opens it later."""
 
     def _begin(self) -> None:
         left_dps, right_dps = self._connected().open()

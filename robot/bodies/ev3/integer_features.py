@@ -32,8 +32,8 @@ _FULL = 1023
 class IntegerGradientFeatures:
     """Histograms of gradient orientations, and a grey picture at half contrast: 1360 bytes.
 
-    They are like `GradientFeatures`, but take a tenth of the time on a processor without a
-    floating-point unit. The gradients are computed on the small picture, in 5x4 cells of 6x10
+    These features are like `GradientFeatures`, but take a tenth of the time on a processor without
+    a floating-point unit. The gradients are computed on the small picture, in 5x4 cells of 6x10
     pixels. A pixel's two differences are the index into a table of direction and magnitude, and one
     count over all pixels yields the histograms of all cells. A cell is divided by the sum of its
     3x3 neighbourhood; the square root is also taken from a table. The result is the same on every

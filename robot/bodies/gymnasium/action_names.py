@@ -30,7 +30,7 @@ _NOTHING_PRESSED = "noop"
 def names_of(env: Any, first: int, n: int) -> dict[int, str]:
     """Return the names of the actions `first` to `first + n - 1`, if there are any.
 
-    They come from the outermost wrapper that has names for exactly these actions.
+    The names come from the outermost wrapper that has names for exactly these actions.
     """
     for layer in _layers(env):
         for path in _KEPT_IN:
@@ -64,7 +64,8 @@ def _find(owner: Any, path: str) -> Any:
 
 
 def _read(kept: Any, first: int, n: int) -> dict[int, str]:
-    """Return the names in an enumeration, a list, or a mapping in either direction; else none."""
+    """Return the names in an enumeration, a list, or a mapping in either direction; no names if the
+    value is something else."""
     members = getattr(kept, "__members__", None)
     if isinstance(members, Mapping):
         kept = {name: getattr(member, "value", member) for name, member in members.items()}

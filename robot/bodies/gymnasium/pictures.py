@@ -52,8 +52,8 @@ def picture_in(seen: Any, space: Any = None) -> Pixels | None:
 
     Args:
         seen: An observation, or a rendering; in a list of frames the newest counts.
-        space: The observation's space, if there is one. Its bounds are the values of black and
-            white.
+        space: The observation's space, if there is one. The space's bounds are the values of black
+            and white.
 
     Returns:
         RGB, shape (height, width, 3), uint8.

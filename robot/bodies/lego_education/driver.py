@@ -21,7 +21,7 @@ from robot.types import Action, Point, Sensors
 
 SEARCH_S = 8.0
 GONE_S = 0.4
-"""Time without a report after which the motor counts as gone, in s. It sends ten reports a
+"""Time without a report after which the motor counts as gone, in s. The motor sends ten reports a
 second."""
 AGAIN_S = 2.0
 _NOTE_EVERY_MS = 100

@@ -179,7 +179,8 @@ def _origin(url: SplitResult) -> tuple[str, str | None, int]:
 
 
 def _checked(url: SplitResult) -> str:
-    """Return an address without user and password. Raises ValueError if it cannot be a camera's."""
+    """Return an address without user and password. Raises ValueError if the address cannot be a
+    camera's."""
     host = url.netloc.rpartition("@")[2].encode("idna").decode()
     if url.scheme not in _LINES or not url.hostname or url.port == 0:
         raise ValueError("not the address of a camera")

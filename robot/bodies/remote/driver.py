@@ -56,7 +56,8 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
     hello: ClassVar[bytes] = HELLO
     no_answer: ClassVar[str]
     no_obedience: ClassVar[str]
-    """Ends of two sentences: about a robot that never answered, and about a robot that disobeys."""
+    """The ends of two error messages: `no_answer` is for a robot that never answered, and
+    `no_obedience` for a robot that disobeys."""
 
     def __init__(self, options: Any, where: str, clock: Clock | None = None) -> None:
         """Store the options; `where` names the robot in a sentence, for example `the hub`."""

@@ -156,7 +156,7 @@ class Participant:
             return found
 
     def leave(self) -> None:
-        """Release the participant; it ends when its last user has left."""
+        """Release the participant, which ends when its last user has left."""
         with self._lock:
             self._users -= 1
             if not self._users:

@@ -55,7 +55,7 @@ class Topics(ABC):
         """Publish one message and wait until it is sent. Publish the `End` when its time has come.
 
         Raises:
-            OSError: If the message cannot be sent now; it is then never sent.
+            OSError: If the message cannot be sent now; the message is then never sent.
         """
 
     @abstractmethod

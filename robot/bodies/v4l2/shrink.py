@@ -1,6 +1,6 @@
 """Reduces YUYV pictures to every n-th pixel, and crops them to the middle. Pure, Python 3.5.
 
-It uses only slices, because a brick is slow, and its stock image has no numpy.
+The code uses only slices, because a brick is slow, and the brick's stock image has no numpy.
 """
 
 from typing import NamedTuple

@@ -63,7 +63,8 @@ class DrivingLearner:
 
         Args:
             picture: Pixels in RGB, shape (height, width, 3), uint8.
-            at_s: The time of exposure in seconds. It must be later than the previous picture's.
+            at_s: The time of exposure in seconds. The time must be later than the previous
+                picture's.
             bumped: True if a bumper is pressed.
 
         Raises:

@@ -34,7 +34,8 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
 
     Attributes:
         classes_: The classes, sorted, shape (n,).
-        learner_: The learner. Its labels are the numbers of the classes, in order of appearance.
+        learner_: The learner. The learner's labels are the numbers of the classes, in order of
+            appearance.
     """
 
     classes_: NDArray[Any]
@@ -70,9 +71,9 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         Args:
             X: Features, shape (n, d).
             y: Labels, shape (n,).
-            classes: All classes, given in the first call or in every call. They fix the columns of
-                `predict_proba` from the first call on. Without this argument, classes that appear
-                later are inserted in sorted order.
+            classes: All classes, given in the first call or in every call. The classes fix the
+                columns of `predict_proba` from the first call on. Without this argument, classes
+                that appear later are inserted in sorted order.
 
         Raises:
             ValueError: If a label is not among `classes`.

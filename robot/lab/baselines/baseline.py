@@ -1,5 +1,5 @@
-"""A classifier of another library, with the interface of a learner. It keeps every frame. After an
-example it is fitted again, before the next prediction."""
+"""A classifier of another library, with the interface of a learner. The learner keeps every frame.
+After an example it is fitted again, before the next prediction."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from robot.types import Point, Prediction
 class Baseline(Stateful, BaseLearner):
     """A learner of another library, for comparison and for teaching.
 
-    Its state is its examples. Equal examples yield equal learners, because every classifier has a
-    fixed seed. Memory and time grow with every example.
+    The learner's state is its examples. Equal examples yield equal learners, because every
+    classifier has a fixed seed. Memory and time grow with every example.
 
     Args:
         kind: The learner's name in a model.
@@ -118,7 +118,7 @@ def _tenth_parts(n_examples: int) -> int:
 
 
 class AngleBaseline(Baseline):
-    """A regression of another library. It learns not the labels but their angles."""
+    """A regression of another library. The regression learns not the labels but their angles."""
 
     abilities = Abilities(angles=True)
     fields = (

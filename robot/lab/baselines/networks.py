@@ -35,7 +35,7 @@ class ColourFeatures(GreyFeatures):
 class BatchNetwork:
     """Fits a network in several passes over all examples; for a `Baseline`.
 
-    It learns classes, or numbers if the network has no softmax.
+    The network learns classes, or numbers if it has no softmax.
     """
 
     def __init__(self, network: Any) -> None:

@@ -41,8 +41,8 @@ class EyesFeatures(PictureFeatures):
     A smaller penalty is better with few examples, a larger penalty with many.
     """
     balance = 0.25
-    """Extra weight of rare labels. It is low because few examples of a turn are enough with these
-    features."""
+    """Extra weight of rare labels. The weight is low because few examples of a turn are enough with
+    these features."""
     novelty_margin = 0.3
     """In the net's features a new corner is farther from all known corners than in gradients. So
     with the usual margin the robot would ask three times as often after a short lesson, and drive

@@ -19,8 +19,8 @@ HOLDS_FOR = 5
 """Minimum number of decisions for which the teacher then keeps the wheel. After that the teacher
 returns the wheel as soon as the robot would make the same move."""
 UNSURE = 0.6
-"""Confidence below which a robot that may ask does ask. It also asks whenever Drivelesson itself
-would."""
+"""Confidence below which a robot that may ask does ask. The robot also asks whenever Drivelesson
+itself would."""
 _PATIENCE = 20
 """Maximum number of decisions per example. There must be a limit, because a robot without mistakes
 gets no corrections."""

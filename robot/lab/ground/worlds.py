@@ -91,9 +91,9 @@ class ForeignWorld(ABC):
 class MiniWorld(ForeignWorld):
     """Rooms with a red box as the goal. The score is 1 if the box was reached.
 
-    The teacher drives to the box if it is in sight. Otherwise the teacher drives straight, and
-    turns left at obstacles until the way is free. Everything that the teacher uses is visible in
-    the pictures.
+    The teacher drives to the box if it is in sight. If the box is out of sight, the teacher drives
+    straight, and turns left at obstacles until the way is free. Everything that the teacher uses is
+    visible in the pictures.
     """
 
     codes: Mapping[str, int] = MappingProxyType({"left": 0, "right": 1, "forward": 2})
@@ -154,9 +154,9 @@ class CarRacing(ForeignWorld):
     """A car on a race track. The score is the share of the track's tiles that it visited, in
     percent.
 
-    The moves are the five of the world's discrete form. The teacher knows the track. It steers to a
-    point ahead only if the point is well to one side, because a move that steers gives no gas. It
-    drives slower in bends.
+    The moves are the five of the world's discrete form. The teacher knows the track. The teacher
+    steers to a point ahead only if the point is well to one side, because a move that steers gives
+    no gas. The teacher drives slower in bends.
 
     Args:
         names: The names of left, right, gas, brake and nothing.

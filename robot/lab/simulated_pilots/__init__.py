@@ -1,1 +1,1 @@
-"""Simulated pilots. They drive by the same commands as a phone."""
+"""Simulated pilots, which drive by the same commands as a phone."""

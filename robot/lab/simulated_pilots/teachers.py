@@ -142,7 +142,7 @@ class Wanderer:
         return self.params.go_at_m
 
     def _choose_turn(self, situation: Situation) -> Action:
-        """Follow the habit, if any; otherwise choose the side that needs less turning."""
+        """Follow the habit; if there is none, choose the side that needs less turning."""
         for side, habit in ((1, self.params.left_at), (-1, self.params.right_at)):
             if situation.ahead in habit and side in self._turns:
                 return self._turns[side]

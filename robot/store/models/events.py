@@ -73,7 +73,7 @@ def read_event(plain: PlainEvent) -> HistoryEvent:
 
 
 def to_json(fields: PlainEvent) -> bytes:
-    """Return the fields as JSON. They must not contain infinite numbers, which JSON cannot
+    """Return the fields as JSON. The fields must not contain infinite numbers, which JSON cannot
     represent."""
     return json.dumps(fields, separators=(",", ":"), default=to_plain).encode()
 

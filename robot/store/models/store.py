@@ -82,7 +82,7 @@ class ModelStore:
 
     @property
     def current(self) -> str | None:
-        """Name of the model that the robot used last. It will use this model at the next start."""
+        """Name of the model that the robot used last. The next start uses this model."""
         said = [_marked(marker) for marker in self._markers]
         sound = [name for name, checksum in said if checksum == _checksum(name)]
         return next((name for name in sound if name in self.names()), None)

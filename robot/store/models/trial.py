@@ -1,8 +1,8 @@
 """Tries an untrusted model before it is accepted: it must match its summary, drive, and learn.
 
 The contents of the model's parts must match their declarations (`robot/learner/part.py`). Lengths
-that the model declares are not trusted when memory is allocated. Then a copy of the model drives
-and learns on a few pictures.
+that the model declares are not trusted when memory is allocated. After these checks a copy of the
+model drives and learns on a few pictures.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The comparison for the link benchmark: uvicorn's plain websocket, which pushes ready bytes.
 
-It makes no pictures, reads no acknowledgements and has no limits. It runs in a separate process, in
-turns with the product.
+The peer makes no pictures, reads no acknowledgements and has no limits. It runs in a separate
+process, in turns with the product.
 """
 
 from __future__ import annotations

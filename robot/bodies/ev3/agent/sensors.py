@@ -51,7 +51,7 @@ class SensorGroup:
 
     def read(self, looks_for_more: bool) -> List[float]:
         """Return each sensor's value in the unit of its mode, also from sensors that appear late.
-        DriveError if a known sensor does not answer; it is then searched for again."""
+        DriveError if a known sensor does not answer; this sensor is then searched for again."""
         try:
             wanted = min(1, self._expected)
             if looks_for_more and self._wanted == "auto":

@@ -29,7 +29,8 @@ _COUNT = struct.Struct(">Q")
 
 
 def digest_of(secret: str, purpose: str, agent_nonce: str, controller_nonce: str) -> bytes:
-    """Return a digest of 32 bytes for one purpose. It cannot be computed without the secret."""
+    """Return a digest of 32 bytes for one purpose. The digest cannot be computed without the
+    secret."""
     text = "\n".join(("drivelesson", purpose, agent_nonce, controller_nonce))
     return hmac.new(secret.encode(), text.encode(), "sha256").digest()
 

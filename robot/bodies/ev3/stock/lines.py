@@ -93,7 +93,7 @@ class SocketLine(BrickLine):
 
 
 class UsbLine(BrickLine):
-    """The cable: on Linux a HID device with reports of 1024 bytes."""
+    """A connection by USB cable, which Linux shows as a HID device with reports of 1024 bytes."""
 
     _remedy = "is its cable plugged in?"
     _device: FileIO
