@@ -146,7 +146,7 @@ class Frame:
 class Pose:
     """The robot's position and heading, in metres and radians.
 
-    In a virtual world it is the true pose, in the world's coordinates. For a real robot it is an
+    In a virtual world this is the true pose, in the world's coordinates. For a real robot it is an
     estimate from the wheels, relative to the pose at the time of connecting; the estimate drifts.
     """
 

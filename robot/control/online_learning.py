@@ -130,7 +130,7 @@ class OnlineLearning:
         agreement: Agreement of the proposals with the pilot's moves.
         timings: Times of predicting and learning, by name.
         fault: The learner's failure on the newest frame or example; None if it did not fail.
-        failure: The learner's last failure since it was put into use; None if it never failed.
+        failure: The last failure of the learner in use; None if it never failed.
         error: The last exception of the learner.
     """
 

@@ -46,8 +46,8 @@ def write_film(
 
     Colour is 4:2:0, which every player supports. This format needs an even width and height, so an
     odd last row or column is left out. Key frames make seeking fast; there is one each second, or
-    one every `key_every` pictures. Raises RecordingError if there are no pictures, or if they
-    differ in size or have only one row or column.
+    one every `key_every` pictures. Raises RecordingError if there are no pictures, or if the
+    pictures differ in size or have only one row or column.
     """
     av = need(*AV)
     count, stream = 0, None

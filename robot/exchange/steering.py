@@ -116,8 +116,8 @@ def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Poi
 
 
 def read_share(value: object, name: str) -> float:
-    """Return a steering angle or a throttle, which may be a number or text. Raises ValueError if it
-    is not a number from -1 to 1."""
+    """Return a steering angle or a throttle, which may be a number or text. Raises ValueError if
+    the value is not a number from -1 to 1."""
     with contextlib.suppress(ValueError):
         share = read_number(value, name)
         if -1.0 <= share <= 1.0:
@@ -126,7 +126,8 @@ def read_share(value: object, name: str) -> float:
 
 
 def read_number(value: object, name: str) -> float:
-    """Return the value of a number, which may be text; raises ValueError if it is not a number."""
+    """Return the value of a number, which may be text; raises ValueError if the text is not a
+    number."""
     if isinstance(value, int | float | str) and not isinstance(value, bool):
         with contextlib.suppress(ValueError, OverflowError):
             number = float(value)

@@ -47,7 +47,7 @@ _MOST_LOSSES = 3
 
 OnWorkers = Callable[[int, str], object]
 """Called with the number of workers that get tasks, and a sentence about what has changed; empty if
-nothing has."""
+nothing has changed."""
 
 
 def run_on_cluster(

@@ -97,7 +97,7 @@ class Clusters(Stateful, ABC):
             itself was merged into the node that `train` returned.
         last_distance_: Squared distance of the latest frame from the nearest node that got none of
             the previous `HELD_OUT` frames; from the nearest of all nodes if there is no such node.
-            None for the first frames, and if it is not measured.
+            None for the first frames, and if no distance is measured.
         last_distances_: Squared distances of the latest frame from the nodes, before any merge.
         last_touched_: `touched_` as it was before the latest frame.
     """

@@ -10,7 +10,7 @@ MOST_NAMES = 10_000
 """Upper bound of the number of names, above the number of moves of any body."""
 
 Names = Mapping[str, str]
-"""Maps the labels or moves that a model may name to the parts' own; if empty, any name is
+"""Maps the labels or moves that a model may name to those of the part; if empty, any name is
 allowed."""
 Reader = Callable[[Any, Names], Any]
 """Converts a plain value to the part's form; raises ValueError for an invalid value."""

@@ -438,7 +438,7 @@ class Span:
 
 
 def read_fields(texts: Sequence[bytes]) -> list[Fields]:
-    """Read messages in JSON; raises RecordingError if one is not an object."""
+    """Read messages in JSON; raises RecordingError if a message is not an object."""
     found = json.loads(b"[" + b",".join(texts) + b"]")
     if len(found) != len(texts) or not all(isinstance(fields, dict) for fields in found):
         raise RecordingError("a message has an unknown form")

@@ -160,7 +160,7 @@ def simulated_robots(
 
     The robots serve on the ports after `port`, which is the board's, and save their models in
     `data/class`. `make_model` returns the name and the file of the model that they begin with
-    (default: the model that they used last); it is called once all ports are free.
+    (default: the model that they used last); the function is called once all ports are free.
     """
     robots = [SimulatedRobot(i, port + i, data / "class" / f"{i:02d}") for i in range(1, count + 1)]
     for robot in robots:  # check the ports of all robots before the first robot starts

@@ -127,7 +127,7 @@ class Gateway:
         return Session(Role.PILOT, address, is_crowd=True)
 
     def session_by_address(self, scope: Scope) -> Session | Refusal | None:
-        """Return the session that a request's own address proves, or why it does not.
+        """Return the session that a request's own address proves, or why it proves none.
 
         Returns:
             None for an address that names no key. Called again while a stream lasts, it returns a

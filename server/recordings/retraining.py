@@ -67,7 +67,7 @@ class Retraining:
         self._clock.start_thread(run.work, "retraining")
 
     def take(self) -> Model:
-        """Return the trained model; it stays until `drop`."""
+        """Return the trained model, which stays until `drop`."""
         run = self._run
         if run is None or run.model is None:
             raise ConfigurationError("no training run has finished yet")

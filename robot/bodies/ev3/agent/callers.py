@@ -98,7 +98,7 @@ class Caller:
 
 
 class CallerLimiter:
-    """Accepts a limited number of connections; network errors never end it."""
+    """Accepts a limited number of connections, and goes on after network errors."""
 
     def __init__(self, listener: socket.socket, note: Callable[[str], None]) -> None:
         listener.setblocking(False)
