@@ -366,7 +366,7 @@ class ControlLoop:
         """Send the decision to the motors; return the decision that was carried out and the action.
 
         The process may also be held up within a tick. So a decision is not sent if it is outdated
-        or if the pilot has become silent since.
+        or if the pilot has just become silent.
         """
         try:
             if not self._is_held_up(self.clock.now_s() - started_s):

@@ -41,12 +41,12 @@ class TwoWheels:
         """Return the speeds of the wheels.
 
         Ahead, the robot drives slower with more steering, and full lock is a turn. Without throttle
-        it spins. Backward, the inner wheel is slower, as in a car.
+        the robot spins. Backward, the inner wheel is slower, as in a car.
 
         Args:
             point: Steering and throttle.
-            most: Top speeds of the wheels. If a wheel would exceed its top speed, both turn slower,
-                and the curve stays the same.
+            most: Top speeds of the wheels. If a wheel would exceed its top speed, both wheels turn
+                slower, and the curve stays the same.
         """
         steer, drive = abs(point.steering), abs(point.throttle) / USUAL_THROTTLE
         straight, turn = self.ahead, self.turn

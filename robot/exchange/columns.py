@@ -60,7 +60,8 @@ NAMES: dict[str, tuple[str, ...]] = {
 }
 """Meanings of columns, each with the possible column names."""
 _MEANT = "label", "steering", "left_wheel", "linear"
-"""Meanings from which a label follows. If a table has several of them, the first counts."""
+"""Meanings from which a label follows. If a table has several of these meanings, the first
+counts."""
 _PAIRS = ("left_wheel", "right_wheel"), ("linear", "angular")
 _SIDES = re.compile(r"(?:^|[\W_])(left|right)(?:$|[\W_])", re.IGNORECASE)
 _PEEK_ROWS = 50

@@ -27,9 +27,9 @@ bound is mapped to the factor that gives seconds."""
 def seconds_of(value: object, name: str = "") -> float | None:
     """Return a time in seconds; None if `value` is not a time.
 
-    A date without a time zone counts as UTC, because only differences matter and daylight saving
-    time would make some of them wrong. `name` is the time's name, which may contain a unit, as in
-    `timestamp[ns]`.
+    A date without a time zone counts as UTC, because only differences between times matter, and
+    daylight saving time would make some differences wrong. `name` is the time's name, which may
+    contain a unit, as in `timestamp[ns]`.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None

@@ -126,9 +126,9 @@ def _written(record: Record, reading: Reading) -> float | None:
 
 
 def _time(record: Record) -> float | None:
-    """Return the time of a record, from the first valid field. In version 2 this is milliseconds
-    since 1970. In version 1 it is milliseconds since the tub's start, or a date; there may also be
-    no time."""
+    """Return the time of a record, from the first valid field. In version 2 the time is in
+    milliseconds since 1970. In version 1 the time is in milliseconds since the tub's start, or a
+    date; there may also be no time."""
     stamps_ms = (_seconds(record.get(name)) for name in ("_timestamp_ms", "milliseconds"))
     known = next((stamp for stamp in stamps_ms if stamp is not None), None)
     return seconds_of(record.get(_WRITTEN_TIME)) if known is None else known

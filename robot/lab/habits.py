@@ -136,18 +136,18 @@ def _gate(runs: Runs) -> Table:
 
 _MEANS = ("driven_m", "covered_m2", "steering_per_s")
 DRIFT_SHARE = 0.15
-"""Drift of the wheels while a simulated pilot teaches. With it the heading changes by 17 degrees a
-second (standard deviation) while the robot drives straight."""
+"""Drift of the wheels while a simulated pilot teaches. With this drift the heading changes by 17
+degrees a second (standard deviation) while the robot drives straight."""
 
 
 def run_habit(params: Params) -> Result:
     """Teach, drive unaided, correct, drive unaided again. The pilot also drives, from the robot's
     start.
 
-    In a minute neither robot nor pilot sees the whole place. So if they started in different
-    corners, the corners would make a difference. The pilot's minutes also have the frame rate of
-    the lesson, because with ten pictures a second a hand moves later than with thirty, and a pilot
-    who follows a wall then drives differently.
+    In a minute neither robot nor pilot sees the whole place. So if robot and pilot started in
+    different corners, the corners would make a difference. The pilot's minutes also have the frame
+    rate of the lesson, because with ten pictures a second a hand moves later than with thirty, and
+    a pilot who follows a wall then drives differently.
 
     Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `teach_s`, `correct_s`, `alone_s`,
     `reference_s`.

@@ -1,7 +1,7 @@
 """Measures how long the pilot turns, pushes and holds a move, to set the same limits for the robot.
 
-The values depend only on the labelled frames and their teaching times. So they are the same when
-examples are learned again after an undo.
+The values depend only on the labelled frames and their teaching times. So the values are the same
+when examples are learned again after an undo.
 """
 
 from __future__ import annotations

@@ -335,7 +335,7 @@ class Policy(Stateful):
         self.learner.relabel_node(node_id, Action(label), *steered)
 
     def _chance(self, shares: Mapping[Action, float], action: Action, novelty: float) -> float:
-        """Return the probability that the action is right. On an unknown view it is near a
+        """Return the probability that the action is right. On an unknown view this is near a
         guess's."""
         listed, sharpness = list(shares.values()), self.learner.sharpness
         chance = votes.chance(listed, list(shares).index(action), sharpness)

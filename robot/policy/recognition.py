@@ -4,7 +4,7 @@ A learned angle is a mean. If an obstacle can be passed on either side, the mean
 obstacle. So the move determines the side, and the angle only the amount of steering. The angle must
 also lie within `BAND` standard deviations of the mean that was taught with the chosen move, because
 a pilot who steers all or nothing never steers at the mean of all moves. For a pilot who steers all
-or nothing this band has no width; for a pilot who steers by degrees it is wide.
+or nothing this band has no width; for a pilot who steers by degrees the band is wide.
 
 Before the first point is taught no steering is stored and no point is proposed.
 """

@@ -1,8 +1,8 @@
 """Compares a learner trained on the recordings as driven with one trained on the edited recordings.
 
-Both learners are evaluated on held-out frames, against the edited labels. For this each recording
-is split into fifty stretches, and every fifth stretch is held out. On the other stretches one
-learner is trained with the original labels and one with the edited labels.
+Both learners are evaluated on held-out frames, against the edited labels. For this purpose each
+recording is split into fifty stretches, and every fifth stretch is held out. On the other stretches
+one learner is trained with the original labels and one with the edited labels.
 """
 
 from __future__ import annotations

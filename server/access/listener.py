@@ -113,8 +113,8 @@ class AdmissionListener(socket.socket):
             self._spare = None
 
     def _reject_one(self) -> None:
-        """Accept the next connection with the spare descriptor, and close it. If it stayed in the
-        queue, it would wake the event loop again and again."""
+        """Accept the next connection with the spare descriptor, and close it. If the connection
+        stayed in the queue, it would wake the event loop again and again."""
         if self._spare is not None:
             os.close(self._spare)
             self._spare = None

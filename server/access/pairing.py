@@ -124,8 +124,8 @@ class Pairing:
         self._unused = set(self._sessions)
         """Sessions not used in this run; they are evicted first."""
         self._is_saved = file is not None
-        """True if the file is up to date. If it is not, the next request tries to write the file
-        again."""
+        """True if the file is up to date. If the file is not up to date, the next request tries to
+        write it again."""
         self.is_in_use: Callable[[str], bool] = lambda name: False
         self.tokens: dict[Role, str] = {role: _new_token() for role in browser_roles()}
         self._invitations: deque[tuple[str, float]] = deque(maxlen=_INVITATIONS)

@@ -1,7 +1,7 @@
 """The ready-made lesson "left turns only": a model that was never taught a right turn.
 
-The model is made when it is needed, by driving rounds in the simulator. So it fits this version's
-learner, and no model file is shipped.
+The model is made when it is needed, by driving rounds in the simulator. So the model fits this
+version's learner, and no model file is shipped.
 """
 
 from __future__ import annotations

@@ -114,8 +114,8 @@ class Progress:
         """Return a learned image; if it has been merged since, return its last version.
 
         A client requests images that were listed a moment ago, and each example may merge some of
-        these images. The last version is then the best answer. If an image was merged before it was
-        listed, the image used now is returned. None if there never was such an image.
+        these images. In this case the last version is the best answer. If an image was merged
+        before it was listed, the image used now is returned. None if there never was such an image.
         """
         await self.gallery()
         if node not in self._seen:

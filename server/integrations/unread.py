@@ -39,9 +39,9 @@ class Room:
 
         A client holds at most two unread frames, because its system may receive the first without a
         smaller window. Called every 10 ms while it returns False. Some systems reduce their window
-        permanently although nothing is unread. So a frame is sometimes sent anyway: if the window
-        is afterwards at least as large as before, the client has read the frame, and this window
-        counts as its largest.
+        permanently although nothing is unread. So a frame is sometimes sent although the window
+        seems too small: if the window is afterwards at least as large as before, the client has
+        read the frame, and this window counts as its largest.
         """
         measured = self._measure()
         if measured is None:

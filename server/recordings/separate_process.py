@@ -33,8 +33,8 @@ class SeparateWork(Iterator[_T]):
     """Runs `work(tell, *args, **kwargs)` in a separate process; yields each value that it passes to
     `tell`, and raises what it raises.
 
-    `work` is a function at the top of a module. The process also ends with this one. If it is
-    killed, RecordingError is raised.
+    `work` is a function at the top of a module. The separate process also ends with this process.
+    If the separate process is killed, RecordingError is raised.
     """
 
     def __init__(

@@ -36,7 +36,7 @@ async def converse(
     """Serve a client until it disconnects, is silent for `idle_s`, or has too many refusals.
 
     Messages are handled as soon as they are decoded, before any queue and while the socket closes,
-    so a STOP from a client that is being disconnected still counts. If uvicorn is too old for this,
+    so a STOP from a client that is being disconnected still counts. If uvicorn is too old to do so,
     messages are handled in order. Slow binary messages are also handled in order; they go to `see`
     instead of `hear`.
     """

@@ -25,8 +25,8 @@ _SHIFT = 2
 """Values are used in steps of 4, so that they take six bits and a product of two values twelve."""
 _TOP = 63
 _FULL = 1 << 30
-"""Upper bound of a sum of products. When a sum reaches it, after seven hours of teaching at ten
-frames a second, all sums are halved."""
+"""Upper bound of a sum of products. When a sum reaches this bound, after seven hours of teaching at
+ten frames a second, all sums are halved."""
 _MOST_HALVINGS = 62
 _PENALTY = 3 * _TOP**2
 """Weight of the squared coefficients, in units in which a value of 252 is 1."""

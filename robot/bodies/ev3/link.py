@@ -24,7 +24,7 @@ from robot.types import Encoding
 
 SILENCE_S = 0.4
 """Time without a report after which a brick counts as silent, in seconds. A brick sends ten reports
-a second. After this time its last move has ended."""
+a second. After this time the brick's last move has ended."""
 GONE_S = PATIENCE_S + 1.0
 """Time of silence after which a brick is joined again, in seconds. This is longer than the brick's
 body takes to open. After a minute without a connection, TCP itself would retry only after another

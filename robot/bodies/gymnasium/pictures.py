@@ -21,7 +21,7 @@ _MOST_PX = 1920
 """Maximum width and height of a picture, in pixels. Larger pictures are reduced to every n-th
 pixel."""
 _MOST_CHANNELS = 48
-"""Maximum number of channels in a stack of frames. With more channels it is not a picture."""
+"""Maximum number of channels in a stack of frames. An array with more channels is not a picture."""
 _LARGEST = 65535.0
 """Maximum value that counts as white. A bound of a space that is larger means "no bound"."""
 _MADE_OF_IT = re.compile(r"mask|depth|segment|semantic|label|map|flow|normals|heat", re.I)

@@ -19,9 +19,9 @@ from robot.types import DEFAULT_MOVES, Action, Encoding, Example, Frame, Point, 
 class DrivingLearner:
     """Features, learner, action filter and undo in one object, combined as in the control loop.
 
-    Pass each picture to `see`. If a person made a move on it, pass the move to `teach` before the
-    next picture. A picture without a call of `teach` counts as driven by the proposal of `see`. Use
-    the object on one thread only.
+    Pass each picture to `see`. If a person made a move on a picture, pass the move to `teach`
+    before the next picture. A picture without a call of `teach` counts as driven by the proposal of
+    `see`. Use the object on one thread only.
 
     Args:
         moves: The moves to choose from, at least two: names, or a `Move` if steering and throttle

@@ -48,7 +48,7 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
     """
 
     _room = 16
-    """Number of features that fit into a vector. If it becomes too small, it is at least
+    """Number of features that fit into a vector. If this number becomes too small, it is at least
     doubled."""
 
     def __init__(

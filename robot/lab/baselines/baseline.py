@@ -1,5 +1,5 @@
 """A classifier of another library, with the interface of a learner. The learner keeps every frame.
-After an example it is fitted again, before the next prediction."""
+After an example the classifier is fitted again, before the next prediction."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ class EyesFeatures(PictureFeatures):
     """Outputs of a frozen net in 2x5 parts, and a grey picture at a quarter of its contrast.
 
     A vector has 2000 bytes. The grey part is for the gallery and for comparing frames. At this
-    contrast it contributes little to distances.
+    contrast the grey part contributes little to distances.
     """
 
     name = "eyes"
