@@ -153,7 +153,7 @@ FAULTS = (
         reasons=("pilot_silent", "link_slow"),
     ),
     Fault(
-        name="messages of the past come after a stop",
+        name="messages from before a stop arrive after it",
         begin=_speak_late,
         end=_speak,
         reasons=("pilot_asked",),
