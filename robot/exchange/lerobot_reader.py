@@ -176,7 +176,7 @@ class LerobotDataset:
             raise RecordingError(f"{self.folder} has no colour camera")
         best = next((n for n in cameras if "front" in n), cameras[0])
         if len(cameras) > 1:
-            report.remark(f"of {len(cameras)} cameras, this one is used: {best}")
+            report.remark(f"the dataset has {len(cameras)} cameras; this camera is used: {best}")
         return best
 
     def _film(self, camera: str, episode: int) -> Callable[[Record], Callable[[], Picture]]:

@@ -10,7 +10,7 @@ label; in a lesson in the opposite direction few do.
 A label that was contradicted often enough loses most of its votes at a view in two cases: its image
 nearest to the view was last taught before the contradictions began; or another label's image is at
 least as near and was taught much later. Both rules apply only when votes are counted and change no
-histogram. So their effect ends if the old label is taught again at such views.
+histogram. So the rules' effect ends if the old label is taught again at such views.
 
 The pilot can also declare a change of mind (`outdate`), which is better evidence. A label whose
 nearest image was taught before the declaration passes its votes to the nearest image taught since.

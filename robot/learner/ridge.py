@@ -33,7 +33,7 @@ Places = NDArray[np.intp]
 Angle = Floats | float
 """An angle and its magnitude, shape (2,); 0 if no angle is learned."""
 _WAITING = 32
-"""Number of pending updates of the inverse that are written together. With more of them, evaluating
+"""Number of pending updates of the inverse that are written together. With more updates, evaluating
 them would take longer than the writing that is saved."""
 _ROUNDED = 1e-5
 """Largest rounding error of an eigenvalue of the inverse, as a share of the largest possible

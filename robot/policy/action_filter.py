@@ -167,7 +167,7 @@ TURN_INERTIA, STRAIGHT_INERTIA = 0.3, 0.1
 """Inertia of turns and of all other moves: the margin by which the votes for another move must
 exceed the votes for the current move.
 
-People begin a turn late and end it late. So at the same view they still drive straight before a
+People begin a turn late and end it late. So at the same view people still drive straight before a
 turn, and still turn during a turn. Votes do not show this, and a robot without inertia ends its
 turns too early. Beginning a turn too late is worse than ending a turn too late, so turns have more
 inertia (docs/explanation/learner.md).

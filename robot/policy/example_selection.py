@@ -8,8 +8,8 @@ An example counts in the context of its own move. The first half second of a mov
 context of the previous move, so that the robot learns when to end that move. After a pause the
 previous move is unknown, so the first examples count in both contexts.
 
-The contexts depend only on the labels and their teaching times. So they are the same when examples
-are learned again after an undo.
+The contexts depend only on the labels and their teaching times. So the contexts are the same when
+examples are learned again after an undo.
 
 A lap that is taught sixteen times does not count sixteen times. If it did, the linear part's
 penalty would lose its effect, and the part would learn the noise of this lap by heart. Images
@@ -39,8 +39,8 @@ from robot.types import Action
 ROOM_S = 0.1
 """Time per learned example of one label, in seconds; others within this time are only counted."""
 EARLY_S = 0.03
-"""Time by which an example may come early, in seconds. At thirty frames a second it is shorter than
-a frame, so that every third frame is learned."""
+"""Time by which an example may come early, in seconds. At thirty frames a second this time is
+shorter than a frame, so that every third frame is learned."""
 
 
 class ExampleRate(PolicyPart):

@@ -86,7 +86,7 @@ class TrainingHistory:
     """Teaches a policy, and can undo the last examples.
 
     Args:
-        policy: The policy that learns. From now on only the history may change it.
+        policy: The policy that learns. From now on only the history may change the policy.
         on_event: Called with every event that changes the learner, in order.
         declared: The body's descriptions of its moves, which are passed to each policy.
     """

@@ -40,8 +40,8 @@ class Policy(Stateful):
         action_filter: Makes the filter that turns votes on single frames into steady driving.
         thins: True if at most ten examples of the same label are learned per second
             (`example_selection.py`).
-        brighten: Returns a view with its grey values multiplied by a factor. If it is given, views
-            are scaled to the brightness of the lesson (`light.py`).
+        brighten: Returns a view with its grey values multiplied by a factor. If given, views are
+            scaled to the brightness of the lesson (`light.py`).
         knows_repeats: True if a view that comes again with its last label is not learned again.
 
     Attributes:

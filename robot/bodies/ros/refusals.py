@@ -133,7 +133,7 @@ def advice_for(refusal: str, *, is_stamped: bool, has_watchdog: bool) -> str:
     if "sensor_msgs" in said and "image" in said:
         return "name a topic of pictures with --image-topic, and leave --image-type out"
     if "already" in said and "type" in said:
-        return "name another topic, or end the node that uses this one"
+        return "name another topic, or end the node that uses this topic"
     if "glob" in said or "not allowed" in said or "not authorized" in said:
         return "allow the topic in rosbridge's own settings (topics_glob)"
     return ""
