@@ -2,8 +2,15 @@ from __future__ import annotations
 
 import pytest
 
-from robot.control.link_governor import LinkGovernor, LinkGovernorConfig, LinkLevel, age_of_link_s
-from robot.types import Action, Mode, StopReason
+from robot.control.camera_timing import CameraState
+from robot.control.link_governor import (
+    LinkGovernor,
+    LinkGovernorConfig,
+    LinkLevel,
+    LinkState,
+    age_of_link_s,
+)
+from robot.types import Action, Mode, PilotCommand, StopReason
 from tests.robot.bench_robot import BenchRobot
 
 
@@ -100,6 +107,57 @@ def test_the_age_counts_the_worse_of_the_two_ways() -> None:
     assert age_of_link_s(0.4, 0.3, phone_s=0.1) == pytest.approx(0.2), "the rest is the phone's"
     assert age_of_link_s(0.4, 0.3, phone_s=9.0) == pytest.approx(0.1), "the way back remains"
     assert age_of_link_s(0.4, 0.3, phone_s=-9.0) == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(
+    ("phone_s", "age_s", "level"),
+    [(None, 0.28, LinkLevel.SLOW), (0.0, 0.28, LinkLevel.CAPPED), (0.1, 0.18, LinkLevel.GOOD)],
+)
+def test_a_command_is_judged_by_the_link_without_camera_and_phone(
+    phone_s: float | None, age_s: float, level: LinkLevel
+) -> None:
+    """The camera took 0.5 s to deliver the picture, and has a period of which 0.05 s are slack.
+
+    The page reports an age of 0.78 s, so the link took 0.28 s; 0.1 s of them may be the phone's.
+    """
+    governor = LinkGovernor()
+    command = PilotCommand(
+        held=Action.FORWARD, frame_id=1, seq=1, frame_age_s=0.78, phone_s=phone_s, received_s=11.28
+    )
+    governor.judge(command, (10.5, 11.0), 11.0, CameraState(slack_s=0.05), 11.28)
+    assert governor.age_s == pytest.approx(age_s)
+    assert governor.level is level
+
+
+def test_a_computer_that_is_late_slows_the_robot_down_until_that_has_faded() -> None:
+    governor = LinkGovernor()
+    governor.note_lateness(0.1, is_to_blame=False)
+    assert governor.state(0.0) == LinkState(level=LinkLevel.GOOD), "at the limit it is not busy"
+    governor.note_lateness(0.2, is_to_blame=False)
+    busy = LinkState(level=LinkLevel.GOOD, is_busy=True, speed_scale=0.5)
+    for _ in range(50):
+        governor.note_lateness(0.0, is_to_blame=True)
+        assert governor.state(0.0) == busy, "it does not fade while the robot stands because of it"
+    for _ in range(6):
+        governor.note_lateness(0.0, is_to_blame=False)
+        assert governor.state(0.0) == busy
+    governor.note_lateness(0.0, is_to_blame=False)
+    assert governor.state(0.0) == LinkState(level=LinkLevel.GOOD)
+
+
+def test_a_blind_pilot_stops_the_robot_after_the_limit_not_at_it() -> None:
+    governor = LinkGovernor()
+    governor.note_seen(1.0)
+    assert not governor.state(1.5).must_stop and governor.state(1.51).must_stop
+    assert not governor.state(1.6, slack_s=0.125).must_stop
+
+
+def test_nothing_is_limited_before_anything_is_known() -> None:
+    state = LinkState()
+    assert (state.is_busy, state.must_stop, state.may_learn, state.speed_scale) == (
+        *(False, False),
+        *(True, 1.0),
+    )
 
 
 def _drive_with_age(robot: BenchRobot, age_s: float, steps: int = 30) -> None:
