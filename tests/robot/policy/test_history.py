@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from robot.coaching.gallery import LearnedImage, images
+from robot.driver import Move
 from robot.policy.history import (
     Edited,
     HistoryEvent,
@@ -348,6 +349,27 @@ def test_a_learner_begins_each_drive_again_after_an_undo() -> None:
     teach(history, xs[:5], first=60)
     assert len(history.undo(5 * STEP_S)) == 5
     assert same_nodes(history.policy.get_state(), by_hand.get_state())
+
+
+def test_a_drive_begins_with_a_reset_policy_also_when_it_is_learned_again() -> None:
+    history = TrainingHistory(make_policy("published-8"))
+    xs = vectors(history.policy, 20)
+    teach(history, xs[:10])
+    with mock.patch.object(Policy, "reset", autospec=True) as reset:
+        history.begin_drive()
+        assert reset.call_count == 1
+        teach(history, xs[10:], first=10)
+        before = reset.call_count
+        assert len(history.undo(5 * STEP_S)) == 5
+        assert reset.call_count > before
+
+
+def test_any_policy_learns_how_the_moves_of_this_body_steer() -> None:
+    declared = [Move("left", steering=-0.25, throttle=0.5)]
+    history = TrainingHistory(make_policy("published-8"), declared=declared)
+    for policy in (history.policy, make_policy("published-4")):
+        history.replace_policy(policy)
+        assert history.policy.kinds.points["left"] == Point(-0.25, 0.5)
 
 
 @crossed(learner=LEARNERS, seconds=[0.5, 5.0, 30.0])
