@@ -49,13 +49,13 @@ class PersistencePart(StartStop):
         """Resume saving, because the data folder is back."""
 
     def end_run(self) -> None:
-        """End the current run, because the robot's setup changes; on the loop's thread."""
+        """End the current run, because the robot's setup changes. Call it on the loop's thread."""
 
     def keep_run(self) -> None:
         """Keep the current run, even if it is empty."""
 
     def write_result(self, of: str, fields: Mapping[str, Any]) -> None:
-        """Add a result to the current run; on the loop's thread."""
+        """Add a result to the current run. Call it on the loop's thread."""
 
 
 class Persistence(StartStop):
@@ -119,13 +119,13 @@ class Persistence(StartStop):
             part.keep_run()
 
     def note_options(self, options: Mapping[str, Any]) -> None:
-        """Save these options with each further run; on the loop's thread."""
+        """Save these options with each further run. Call it on the loop's thread."""
         self.options.update({name: str(value) for name, value in options.items()})
         for part in self._parts.values():
             part.end_run()
 
     def write_result(self, of: str, fields: Mapping[str, Any]) -> None:
-        """Have every part add a result of kind `of` to the current run; on the loop's thread."""
+        """Have each part add a result of kind `of` to the run. Call it on the loop's thread."""
         for part in self._parts.values():
             part.write_result(of, fields)
 

@@ -57,7 +57,7 @@ class Services:
         return await asyncio.wrap_future(self.robot.loop.submit(call))
 
     def note_carried(self) -> None:
-        """Tell the extensions that the robot was moved to another place; on the loop's thread."""
+        """Tell the extensions that the robot was moved elsewhere. Call it on the loop's thread."""
         for extension in self.extensions.values():
             extension.note_carried()
 
@@ -124,7 +124,7 @@ class Extension(StartStop):
         """Stop; may wait for the loop and the disk."""
 
     def note_carried(self) -> None:
-        """Note that the robot was moved to another place; on the loop's thread."""
+        """Note that the robot was moved to another place. Call it on the loop's thread."""
 
     def require_free_model(self) -> None:
         """Raise ConfigurationError while the model in use must not change."""

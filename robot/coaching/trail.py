@@ -65,7 +65,7 @@ class Trail:
         self._n += 1
 
     def begin(self) -> None:
-        """Begin a new trail, on the loop's thread."""
+        """Begin a new trail. Call it on the loop's thread."""
         self._points.clear()
         self._n += 1  # with a new number, clients drop the old points
 

@@ -167,6 +167,6 @@ def _points(path: Path, arrays: dict[str, NDArray[Any]], n_frames: int) -> tuple
     if any(of.shape != (n_frames,) or of.dtype.kind != "f" for of in steered):
         raise RecordingError(f"the recording {path} has an angle or throttle of an unexpected form")
     if any((np.abs(of) > 1.0).any() for of in steered):
-        raise RecordingError(f"the recording {path} has an angle or throttle beyond -1 and 1")
+        raise RecordingError(f"the recording {path} has an angle or throttle outside -1 to 1")
     found = zip(*(of.tolist() for of in steered), strict=True)
     return tuple(None if math.isnan(sum(pair)) else Point(*pair) for pair in found)

@@ -29,7 +29,7 @@ def read_arrays(data: bytes, *, max_bytes: int, only: str | None = None) -> dict
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = archive.infolist()
             if len(members) > _MAX_MEMBERS or len({m.filename for m in members}) < len(members):
-                raise RecordingError("it has too many arrays, or two of one name")
+                raise RecordingError("it has too many arrays, or two with the same name")
             if sum(m.file_size for m in members) > max_bytes:
                 raise RecordingError(f"it unpacks to more than {max_bytes >> 20} MB")
             return {

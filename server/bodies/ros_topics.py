@@ -40,8 +40,8 @@ def run(args: argparse.Namespace) -> int:
     if not found:
         raise DriveError(
             f"no topics were seen in ROS domain {options.domain} within {args.seconds:g} s; is "
-            "ROS_DOMAIN_ID the same on the robot? Name its host with --address, and if this "
-            "computer is in several networks, one with --interface"
+            "ROS_DOMAIN_ID the same on the robot? Give the robot's host with --address; if this "
+            "computer is in several networks, choose one with --interface"
         )
     for line in _table(found):
         print(line)

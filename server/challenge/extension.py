@@ -35,7 +35,7 @@ class ChallengeExtension(Extension):
             self._unsubscribe()
 
     def arm(self) -> None:
-        """Count the robot's next autonomous drive as a try; on the loop's thread. Ticks are
+        """Count the robot's next autonomous drive as a try. Call it on the loop's thread. Ticks are
         observed only after the first call."""
         self.challenge.arm()
         if self._unsubscribe is None:

@@ -158,7 +158,7 @@ def _describe(image: LearnedImage, progress: Progress) -> ImageAnswer:
 
 
 def _explain(loop: ControlLoop) -> tuple[Prediction, Explanation] | None:
-    """Explain the newest proposal; on the loop's thread."""
+    """Explain the newest proposal. Call it on the loop's thread."""
     newest = loop.learning.newest
     if newest is None:
         return None

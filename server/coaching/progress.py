@@ -54,7 +54,7 @@ class Progress:
         self._fetched_s = -math.inf
 
     def note(self, tick: Tick) -> None:
-        """Record one tick, on the loop's thread."""
+        """Record one tick. Call it on the loop's thread."""
         self.readiness.note(tick)
         self.trail.note(tick)
         if tick.prediction is not None and tick.prediction.node is not None:

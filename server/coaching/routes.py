@@ -115,7 +115,7 @@ async def show_readiness(request: Request, pictures: bool = True) -> ReadinessAn
 
 
 def _describe_readiness(readiness: Readiness, has_pictures: bool) -> ReadinessAnswer:
-    """Describe the readiness; on the loop's thread."""
+    """Describe the readiness. Call it on the loop's thread."""
     missing = []
     for gap in readiness.missing():
         png, frame = None, gap.frame

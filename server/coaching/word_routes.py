@@ -73,7 +73,7 @@ async def set_alike(request: Request, body: AlikeWord) -> AlikeChanged:
 
 
 def _alike(history: TrainingHistory) -> AlikeAnswer:
-    """Describe the setting of symmetry; on the loop's thread."""
+    """Describe the setting of symmetry. Call it on the loop's thread."""
     policy, taught = history.policy, history.taught
     pairs = policy.kinds.mirrored().items()
     return AlikeAnswer(

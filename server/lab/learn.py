@@ -106,7 +106,7 @@ def _say(report: Report, policy: Policy, episodes: list[EditedEpisode], seconds:
 
 
 def _driven(policy: Policy, last: EditedEpisode, *, must_be: bool) -> Model | None:
-    """Return the model that the drive made with this learner; None if it was not recorded."""
+    """Return the model that this learner made during the drive; None if none was recorded."""
     episode, notes = last
     after = episode.model_after()
     if after is not None and after.summary.learner == policy.name and not notes.edits:

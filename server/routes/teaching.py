@@ -59,7 +59,7 @@ async def undo(request: Request, body: TrainingUndo) -> dict[str, int | bool]:
 
 
 def _preview(history: TrainingHistory, seconds: float) -> LastExamples:
-    """Describe the examples that undo would remove; on the loop's thread."""
+    """Describe the examples that undo would remove. Call it on the loop's thread."""
     taught = history.last_examples(seconds)
     step = max(1, -(-len(taught) // _STRIP))
     labels = Counter(event.example.label for event in taught)

@@ -81,7 +81,7 @@ class Autosave:
             self.save_if_changed()
 
     def note(self, tick: Tick) -> None:
-        """Process one tick, on the loop's thread."""
+        """Process one tick. Call it on the loop's thread."""
         mode_changed = tick.decision.mode is not self._mode
         self._mode = tick.decision.mode
         is_more_than_teaching = not all(isinstance(e, Taught) for e in tick.history_events)

@@ -57,9 +57,9 @@ class ServerUnderTest:
         return self._process.pid
 
     def ask(self, word: str = "") -> Any:
-        """Return the CPU time of the process and of its serving thread, and the notes of loop and
-        body. After the command `forget`, which drops earlier lessons and notes, return also the
-        memory in use."""
+        """Return the CPU time of the process, that of its serving thread, and the notes of the loop
+        and the body. After the command `forget`, which drops earlier lessons and notes, return also
+        the memory in use."""
         self._line.send(word)
         return self._read()
 

@@ -130,7 +130,7 @@ def test_a_recording_with_impossible_steering_is_refused(wrong: float, tmp_path:
     arrays = dict(np.load(tmp_path / "a.npz"))
     arrays["angle"][2] = wrong
     np.savez(tmp_path / "b.npz", **arrays)
-    with pytest.raises(RecordingError, match="beyond -1 and 1"):
+    with pytest.raises(RecordingError, match="outside -1 to 1"):
         load_recording(tmp_path / "b.npz")
     np.savez(tmp_path / "c.npz", **{**arrays, "angle": arrays["angle"][1:]})
     with pytest.raises(RecordingError, match="unexpected form"):

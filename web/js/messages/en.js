@@ -71,7 +71,7 @@ export default {
   'advice.ready': 'I’m ready. Tap “Drive itself”.',
   'advice.try': 'Let me try! Tap “Drive itself” and keep a finger ready.',
   'advice.trial': 'Ready in {left} s. Touch only if I’m about to bump.',
-  'advice.can': 'I’m ready: {left} s without a mistake. Hands off!',
+  'advice.can': 'I’m ready: I drove {left} s without a mistake. Hands off!',
   'advice.watch': 'Am I about to bump? Touch a direction; I’ll learn from it.',
   'setback.corrected': 'You corrected me, so I start counting again.',
   'setback.pushed': 'I bumped into something, so I start counting again.',

@@ -70,7 +70,7 @@ export default {
   'advice.ready': 'Estoy listo. Toca «Autónomo».',
   'advice.try': '¡Déjame probar! Toca «Autónomo» y ten un dedo preparado.',
   'advice.trial': 'Listo en {left} s. Toca solo si voy a chocar.',
-  'advice.can': '¡Estoy listo! {left} s sin errores. No toques nada.',
+  'advice.can': '¡Estoy listo! He conducido {left} s sin errores. No toques nada.',
   'advice.watch': '¿Voy a chocar? Toca una dirección: así aprendo.',
   'setback.corrected': 'Me has corregido: vuelvo a contar desde cero.',
   'setback.pushed': 'He chocado: vuelvo a contar desde cero.',

@@ -70,7 +70,7 @@ export default {
   'advice.ready': '我准备好了。点“自己开”。',
   'advice.try': '让我试试！点“自己开”，手指准备好。',
   'advice.trial': '再开 {left} 秒就准备好了。快撞上时再按方向。',
-  'advice.can': '我准备好了：{left} 秒没有出错。请放手！',
+  'advice.can': '我准备好了：我已经行驶 {left} 秒没有出错。请放手！',
   'advice.watch': '快撞上了？按一个方向，我会学到。',
   'setback.corrected': '你纠正了我，重新计时。',
   'setback.pushed': '我撞上了，重新计时。',
