@@ -111,6 +111,7 @@ class Readiness:
         self._rare: list[Action] = []  # moves in use that were begun too few times while teaching
         self._examples: Counter[Action] = Counter()
         self._starts: Counter[Action] = Counter()
+        self._shown: set[Action] = set()  # moves that were taught, not only used for corrections
         self._meant_s: dict[Action, float] = defaultdict(float)
         self._try_s = 0.0
         self._last: tuple[float, Action] | None = None
@@ -152,7 +153,9 @@ class Readiness:
                 needed_s = EARLY_S if self._is_covered else TAUGHT_S
                 self._is_taught = self._is_taught or self._taught_s >= needed_s
                 if not event.example.is_intervention:
-                    self._rare = [m for m in self.moves_in_use if self._starts[m] < self._needs(m)]
+                    self._shown.add(event.example.label)
+                    in_use = [move for move in self.moves_in_use if move in self._shown]
+                    self._rare = [move for move in in_use if self._starts[move] < self._needs(move)]
         if tick.decision.driven_by is DrivenBy.ROBOT:
             self._instead = tick.decision.action
             self._note_alone(tick, max(step_s, 0.0))

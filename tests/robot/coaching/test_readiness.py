@@ -132,11 +132,14 @@ def test_corrections_at_new_views_do_not_take_the_early_trial_back() -> None:
     for _ in range(3):
         drive.alone(2.0)
         drive.teach(L, 1.0, is_intervention=True, novelty=2.0)
-    drive.teach(R, 1.0, is_intervention=True)  # a move that was never shown
+    for touch_s in (0.2, 1.0):
+        drive.teach(R, touch_s, is_intervention=True)  # a move that was never shown
+        assert drive.readiness.stage is Stage.TRY and GapKind.TOO_SHORT not in drive.kinds
+        drive.alone(CLEAN_S + 1)
+        assert drive.readiness.stage is Stage.READY
     assert R in drive.readiness.moves_in_use
-    assert drive.readiness.stage is Stage.TRY and GapKind.TOO_SHORT not in drive.kinds
-    drive.alone(CLEAN_S + 1)
-    assert drive.readiness.stage is Stage.READY
+    drive.teach(F, 1.0)
+    assert drive.readiness.stage is Stage.TRY, "R was only a correction, so it is not asked for"
 
 
 def test_a_single_move_is_not_tried_early() -> None:
