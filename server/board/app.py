@@ -72,9 +72,16 @@ _ALL = StopOrder()
 
 
 def create_board_app(
-    config: Config, board: Board, clock: Clock, begin: Callable[[], None] = lambda: None
+    config: Config,
+    board: Board,
+    clock: Clock,
+    begin: Callable[[], None] = lambda: None,
+    lesson: str = "",
 ) -> FastAPI:
-    """Make the application; `begin` adds the robots when the event loop runs."""
+    """Make the application; `begin` adds the robots when the event loop runs.
+
+    The page of lessons opens `lesson` if its address names no lesson.
+    """
     app = FastAPI(
         title="Drivelesson board",
         docs_url=None,
@@ -95,7 +102,7 @@ def create_board_app(
 
     gateway = gateway_type()(config, clock)
     app.state.gateway = gateway
-    _add_routes(app, config, board, clock)
+    _add_routes(app, config, board, clock, lesson)
     app.mount("/", CompressedFiles(config.web), name="web")
 
     @asynccontextmanager
@@ -118,7 +125,9 @@ def create_board_app(
     return app
 
 
-def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> None:
+def _add_routes(
+    app: FastAPI, config: Config, board: Board, clock: Clock, running_lesson: str
+) -> None:
     @app.get("/", include_in_schema=False)
     async def page() -> Response:
         return FileResponse(config.web / "board" / "index.html")
@@ -140,6 +149,11 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
                 kind = "text/markdown; charset=utf-8"
                 return FileResponse(folder / f"{language}.md", media_type=kind)
         raise HTTPException(404, f"The lessons are written in {', '.join(LANGUAGES)}.")
+
+    @app.get("/api/lesson")
+    async def show_lesson() -> dict[str, str]:
+        """Return the lesson with which the class was started; empty if none was named."""
+        return {"lesson": running_lesson}
 
     @app.get("/api/robots")
     async def list_robots() -> dict[str, Any]:

@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
     place["make_model"] = make_model if args.lesson == "fair-data" else None
     with listener, simulated_robots(count, **place, world=world, key=file) as ports:
         listed = [*(RobotAddress(here, port) for port in ports), *listed]
-        serve_board(key, listener, listed, lesson=args.lesson)
+        serve_board(key, listener, listed, lesson=args.lesson or "")
     return 0
 
 

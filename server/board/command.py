@@ -66,7 +66,7 @@ def serve_board(
 
     `listener` is the open socket of the board: a port in use is found before any robot starts.
 
-    The printed address of the lessons opens `lesson`; if it is empty, the list of lessons.
+    The lessons' page opens `lesson`; if it is empty, the first lesson.
     """
     from server.board.app import create_board_app
     from server.board.board import Board
@@ -97,4 +97,4 @@ def serve_board(
         print(f"The robots' codes, to print: {page}/codes", flush=True)
         opened = f"#{lesson}" if lesson else ""
         print(f"The lessons, to project: {page}/lesson{opened}", flush=True)
-        serve(create_board_app(config, board, clock, begin), [listener])
+        serve(create_board_app(config, board, clock, begin, lesson), [listener])

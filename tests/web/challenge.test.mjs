@@ -53,6 +53,22 @@ test('tries from before stay reachable while the robot needs another lesson', as
   assert.equal(known(), true);
 });
 
+test('the result of a try goes when another model is in use, and its robot is offered the challenge anew', async (context) => {
+  context.after(() => mock.timers.reset());
+  const now = { ...NOW };
+  const { store, look } = await open({ readiness: { stage: 'ready' } }, now);
+  now.tries = [TRY];
+  await look();
+  assert.equal(store.state.toast.step.label, 'challenge.next');
+  now.tries = []; // as after “Reset all” on the board
+  store.set({ readiness: { stage: 'teach' } });
+  await look();
+  assert.equal(store.state.toast, null);
+  store.set({ readiness: { stage: 'ready' } });
+  for (let i = 0; i < 4; i += 1) await look();
+  assert.equal(store.state.toast.step.label, 'challenge.open');
+});
+
 test('the next try is armed, and an older reason for standing does not hide what to do', async (context) => {
   context.after(() => mock.timers.reset());
   const now = { ...NOW };

@@ -17,6 +17,7 @@ const find = (id) => /** @type {HTMLElement} */ (document.getElementById(id));
 
 await loadLanguage([(code) => import(`./messages/${code}.js`)]);
 const own = await fetch(`lesson/${language}`);
+const { lesson: running } = await ask('GET', 'api/lesson');
 const text = await (own.ok ? own : await fetch('lesson/en')).text();
 /** @type {Piece[][]} */
 const parts = [];
@@ -77,7 +78,7 @@ function drawForTeacher(piece, [, ...answer]) {
 }
 
 function show() {
-  const at = Math.max(0, LESSONS.indexOf(location.hash.slice(1)));
+  const at = Math.max(0, LESSONS.indexOf(location.hash.slice(1) || running));
   const pieces = parts[at] ?? [];
   const isTold = (/** @type {Piece} */ { kind }) => kind === 'quote';
   links.forEach((link, i) => (i === at ? link.setAttribute('aria-current', 'page') : link.removeAttribute('aria-current')));

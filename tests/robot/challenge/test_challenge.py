@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -12,6 +13,7 @@ import pytest
 from robot.challenge.score import Score
 from robot.challenge.tries import TRIES, TRY_S, Challenge, Ending
 from robot.control.state import Tick
+from robot.policy.history import Replaced
 from robot.types import Action, Decision, DrivenBy, Mode, Pose, Sensors
 
 SPEED_M_S, TURN_RAD_S, STEP_S = 0.2, 1.6, 0.05
@@ -205,6 +207,24 @@ def test_three_tries_and_the_best_is_kept() -> None:
     assert not challenge.is_on, "what nobody has armed is no try"
     challenge.arm()
     assert challenge.tries == () and challenge.best_m is not None
+
+
+@pytest.mark.parametrize("is_on", [False, True])
+def test_another_model_ends_the_challenge(is_on: bool) -> None:
+    challenge = Challenge()
+    challenge.arm()
+    for at_s, pose in poses(_for(10.0, 1.0)):
+        challenge.note(tick(at_s, pose))
+    challenge.note(tick(11.0, None, DrivenBy.PILOT))
+    challenge.is_shown = True
+    challenge.arm()
+    if is_on:
+        challenge.note(tick(12.0, Pose(x_m=0.0, y_m=0.0, heading_rad=0.0)))
+    assert challenge.tries and challenge.is_on is is_on
+    stopped = tick(13.0, None, DrivenBy.NOBODY, mode=Mode.STOPPED)
+    challenge.note(replace(stopped, history_events=(Replaced(policy_name="x"),)))
+    assert (challenge.tries, challenge.best_m, challenge.is_shown) == ((), None, False)
+    assert not challenge.is_on and not challenge.is_armed
 
 
 def test_a_try_ends_after_its_time() -> None:

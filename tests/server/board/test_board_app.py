@@ -62,9 +62,12 @@ class _Served:
 def test_no_request_crashes_the_board_and_other_sites_are_refused() -> None:
     async def scenario(world: ClassWorld) -> Counter[int]:
         await world.until_there(list(world.pupils.values()))
-        app = create_board_app(Config(port=8080, web=WEB), world.board, world.clock)
+        config = Config(port=8080, web=WEB)
+        app = create_board_app(config, world.board, world.clock, lesson="fair-data")
         network = VirtualNetwork({8080: _Served(app, 8080)}, random.Random(1))
         place = ServerPlace(RobotAddress("127.0.0.1", 8080), "")
+        lesson = await network.request(place, "GET", "/api/lesson", {}, b"")
+        assert lesson.json() == {"lesson": "fair-data"}
         seen: Counter[int] = Counter()
         for method, path in PATHS:
             for foreign in ({"host": "evil.example"}, {"origin": "http://evil.example"}):

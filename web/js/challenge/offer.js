@@ -35,6 +35,11 @@ export function offerChallenge(page, noteKnown) {
     const now = /** @type {Challenge | null} */ (await ask('GET', 'api/challenge').catch(() => null));
     hasLooked = true;
     page.store.set({ told: now && tellNow(now) });
+    if (now && before && now.tries.length < before.tries.length) { // another model is in use, or three more tries begin
+      if (page.store.state.toast?.text === said) page.store.set({ toast: null });
+      before = null;
+      isOffered = false;
+    }
     if (!now?.can_measure || !isReady && !now.tries.length && !now.is_armed && !now.is_on) return;
     noteKnown();
     const count = before && now.tries.length > before.tries.length ? now.tries.length : 0;
