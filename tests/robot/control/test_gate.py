@@ -219,11 +219,16 @@ def test_an_emergency_latches_until_it_is_released(mode: Mode) -> None:
     assert gate.start(Mode.TRAIN, 0.2)
 
 
-def test_the_first_reason_of_a_stop_is_kept() -> None:
-    gate = started(Mode.TRAIN)
+def test_the_first_reason_of_a_stop_is_kept_counted_and_told_once() -> None:
+    told: list[Mode] = []
+    gate = Gate(on_stop=lambda: told.append(gate.mode))
+    assert gate.start(Mode.TRAIN, 0.0) and gate.silent_at_s < math.inf
     gate.trip(StopReason.CAMERA_FAULT)
     gate.trip(StopReason.PILOT_GONE)
     assert gate.stop_reason is StopReason.CAMERA_FAULT
+    assert gate.stops == {StopReason.CAMERA_FAULT: 1}
+    assert told == [Mode.STOPPED]
+    assert gate.silent_at_s == math.inf, "nobody needs to be heard while it stands"
 
 
 def test_a_robot_that_never_started_has_no_reason_for_its_stop() -> None:

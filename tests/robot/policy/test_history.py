@@ -16,10 +16,12 @@ from robot.driver import Move
 from robot.policy.history import (
     Edited,
     HistoryEvent,
+    LogEvent,
     Replaced,
     Taught,
     TrainingHistory,
     Undone,
+    replay,
 )
 from robot.policy.part import PolicyPart, TaughtExample
 from robot.policy.policy import Policy
@@ -362,6 +364,29 @@ def test_a_drive_begins_with_a_reset_policy_also_when_it_is_learned_again() -> N
         before = reset.call_count
         assert len(history.undo(5 * STEP_S)) == 5
         assert reset.call_count > before
+
+
+def test_the_word_that_left_and_right_are_alike_is_an_edit() -> None:
+    history = TrainingHistory(make_policy("default-8"))
+    teach(history, vectors(history.policy, 10))
+    history.edit("alike", value=True)
+    assert history.policy.alike
+    assert history.undo_edit() and not history.policy.alike
+
+
+def test_a_change_that_cannot_be_made_again_is_told_or_raised() -> None:
+    policy, refused = make_policy("published-8"), list[LogEvent]()
+    edit = Edited(verb="delete", node_id=99, value=None, at_s=0.0)
+    lesson = Taught(
+        example=Example(frame_id=1, label=Action.STOP, is_intervention=False),
+        x=np.zeros(3),
+        at_s=0.0,
+    )
+    replay(policy, [edit, lesson], lambda event, error: refused.append(event))
+    assert refused == [edit, lesson]
+    replay(policy, [edit])
+    with pytest.raises(ValueError):
+        replay(policy, [lesson])
 
 
 def test_any_policy_learns_how_the_moves_of_this_body_steer() -> None:
