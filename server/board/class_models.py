@@ -1,8 +1,8 @@
 """Saves, resets or hands over the models of all robots of a class at once, with undo.
 
 All robots get the order at the same time, and nothing is lost: a robot saves its model before it
-starts another. Each step is recorded for each robot, so that an order that failed halfway can be
-undone as well.
+starts another. A model without examples is not saved; it is deleted when another takes its place.
+Each step is recorded for each robot, so that an order that failed halfway can be undone as well.
 """
 
 from __future__ import annotations
@@ -50,8 +50,9 @@ class RobotOutcome:
     """The result of an order at one robot.
 
     Attributes:
-        did: The order if the robot carried it out; if not, `undone`, `away` or `failed`.
-        model: The model that was saved or set aside.
+        did: The order if the robot carried it out; if not, `undone`, `away`, `failed`, or `empty`
+            if there was nothing to keep.
+        model: The model that was saved or set aside; empty if it had no examples.
         detail: The failure's cause, in English.
     """
 
@@ -147,7 +148,14 @@ class ClassModels:
             if order is ClassOrder.KEEP:
                 return await self._keep(robot, steps)
             await self._stop(robot)
-            before = name_in(await robot.ask("POST", "/api/models/save", {}))
+            is_empty = robot.state.get("lessons") == 0
+            before: str | None = None
+            if is_empty:
+                before = (await robot.ask("GET", "/api/models")).json().get("current")
+                # the state may be older than a model that was loaded just now
+                is_empty = not before or not await _lessons(robot, before)
+            if not is_empty:
+                before = name_in(await robot.ask("POST", "/api/models/save", {}))
             if order is ClassOrder.LOAD:
                 put = await robot.ask("PUT", f"{_model(name)}/file", data)
                 new = name_in(put)
@@ -157,11 +165,21 @@ class ClassModels:
             lessons = await _lessons(robot, new)
 
             async def go_back() -> None:
-                await robot.ask("POST", f"{_model(before)}/load", {})
+                again = f"{_model(before)}/load" if before else "/api/models"
+                await robot.ask("POST", again, {})
                 if await _lessons(robot, new) == lessons:  # the robot was not taught since then
                     await robot.ask("DELETE", _model(new))
 
             steps.append(go_back)
+            if is_empty and before:
+                deleted = (await robot.ask("DELETE", _model(before))).json()
+
+                async def restore() -> None:
+                    nonlocal before
+                    words = {"undo": deleted.get("undo")}
+                    before = name_in(await robot.ask("POST", "/api/models/restore", words))
+
+                steps.append(restore)
             if order is ClassOrder.HAND_OVER:
                 signed_out = (await robot.ask("DELETE", "/api/class/phones")).json()
 
@@ -169,11 +187,14 @@ class ClassModels:
                     await robot.ask("POST", "/api/class/phones", {"undo": signed_out.get("undo")})
 
                 steps.append(sign_in)
-            return RobotOutcome(robot.number, robot.name, order.value, model=before)
+            saved = "" if is_empty else before or ""
+            return RobotOutcome(robot.number, robot.name, order.value, model=saved)
 
         return act
 
     async def _keep(self, robot: RobotLink, steps: list[Undo]) -> RobotOutcome:
+        if robot.state.get("lessons") == 0:
+            return RobotOutcome(robot.number, robot.name, "empty")
         name = name_in(await robot.ask("POST", "/api/models/save", {}))
         now = datetime.fromtimestamp(self._clock.wall_s())
         wanted = {"name": f"{name[:_LONGEST_NAME]} {now:%Y-%m-%d %H.%M}"}

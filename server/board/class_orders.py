@@ -15,12 +15,15 @@ _ANSWERED_S = PATIENCE_S + 10.0
 """How long the board may take to answer, in seconds: robots that do not answer take longest."""
 _DID = {
     "keep": "kept a copy: {model}",
-    "reset": "starts over; saved before: {model}",
-    "hand_over": "is ready for the next class; saved before: {model}",
+    "reset": "starts over",
+    "hand_over": "is ready for the next class",
+    "empty": "has learned nothing yet, so there is nothing to keep",
     "undone": "is as it was before",
     "away": "did not answer: {detail}",
     "failed": "could not do it: {detail}",
 }
+_SAVED = {"reset": "; saved before: {model}", "hand_over": "; saved before: {model}"}
+"""What follows if the robot's model was saved."""
 _FAILED = ("away", "failed")
 
 
@@ -41,14 +44,15 @@ def give_order(order: str, port: int) -> tuple[bool, list[str]]:
     failed = [one for one in robots if one["did"] in _FAILED]
     lines = []
     for one in [*failed, *(one for one in robots if one not in failed)]:
-        said = _DID[one["did"]].format_map(one).removesuffix(": ")
+        more = _SAVED.get(one["did"], "") if one["model"] else ""
+        said = (_DID[one["did"]] + more).format_map(one).removesuffix(": ")
         name = one["name"] or f"robot {one['number']}"
         lines.append(f"{name}: {said}")
     if not robots:
         lines.append("the board has no robots")
     elif order == "undo" and failed:
         lines.append(f"To undo it on these robots, too: {undo}")
-    elif order != "undo" and len(failed) < len(robots):
+    elif order != "undo" and any(one["did"] == order.replace("-", "_") for one in robots):
         lines.append(f"To undo it: {undo}")
     return bool(robots) and not failed, lines
 

@@ -3,6 +3,7 @@ import { test } from 'node:test';
 
 import { figures, who } from '../../web/board/card.js';
 import { ClassLink } from '../../web/board/class-link.js';
+import { tellOutcome } from '../../web/board/outcome.js';
 import { Panel } from '../../web/board/panel.js';
 import { parsePictures } from '../../web/board/pictures.js';
 import { loadLanguage } from '../../web/js/i18n.js';
@@ -293,4 +294,7 @@ test('a robot that stands is not said to be slow, and what its pilots chose to s
   assert.deepEqual(figures({ ...robot, mode: 'stopped' }), ['challenge 3.3\u00a0m']);
   assert.deepEqual(figures({ ...robot, mode: 'train', shown: {} }), ['computer busy']);
   assert.deepEqual(figures({ ...robot, mode: 'train', shown: {}, busy: false }), ['slow link']);
+  const [saved, empty] = ['Ada', ''].map((model) => tellOutcome({ name: 'Ada', did: 'reset', model, detail: '' }));
+  assert.equal(saved, 'Ada starts over. Its old model is saved: Ada.');
+  assert.equal(empty, 'Ada starts over.', 'a model without examples is not saved');
 });

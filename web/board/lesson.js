@@ -4,6 +4,7 @@ import { ask } from '../js/api.js';
 import { fill, h } from '../js/dom.js';
 import { language, loadLanguage, t } from '../js/i18n.js';
 import { piecesIn } from './markdown.js';
+import { tellOutcome } from './outcome.js';
 
 /** @typedef {import('./markdown.js').Piece} Piece */
 /** @typedef {import('./markdown.js').Word} Word */
@@ -61,7 +62,7 @@ async function giveAll() {
   fill(said, h('li', {}, t('board.wait')));
   try {
     const { robots } = await ask('POST', 'api/models/left-turns', { name: t('board.lesson.model') });
-    fill(said, ...robots.map((/** @type {any} */ one) => h('li', {}, `${t(`board.end.did.${one.did}`, { ...one })} ${one.detail}`)));
+    fill(said, ...robots.map((/** @type {import('./outcome.js').Outcome} */ one) => h('li', {}, `${tellOutcome(one)} ${one.detail}`)));
   } catch (error) {
     fill(said, h('li', {}, error instanceof TypeError ? t('board.board_away') : /** @type {Error} */ (error).message));
   }

@@ -4,9 +4,10 @@ import { ask } from '../js/api.js';
 import { fill, h } from '../js/dom.js';
 import { LANGUAGES, chooseLanguage, language, t } from '../js/i18n.js';
 import { codeOf } from './card.js';
+import { tellOutcome } from './outcome.js';
 
 /** @typedef {import('./class-link.js').Robot} Robot */
-/** @typedef {{number: number, name: string, did: string, model: string, detail: string}} Outcome */
+/** @typedef {import('./outcome.js').Outcome} Outcome */
 
 const COLOURS = ['grey', 'green', 'purple', 'pink', 'brown', 'teal'];
 const ORDERS = ['keep', 'reset', 'hand_over'];
@@ -98,13 +99,13 @@ export class Panel {
       undo.disabled = order === null || order === 'undo';
       const bad = robots.filter(({ did }) => did === 'away' || did === 'failed');
       const good = robots.filter((one) => !bad.includes(one));
-      fill(list, ...[...bad, ...good].map((one) => h('li', { 'data-did': one.did }, t(`board.end.did.${one.did}`, { ...one }), ...(one.detail ? [h('small', {}, ` ${one.detail}`)] : []))));
+      fill(list, ...[...bad, ...good].map((one) => h('li', { 'data-did': one.did }, tellOutcome(one), ...(one.detail ? [h('small', {}, ` ${one.detail}`)] : []))));
     };
     /** @param {string} path @param {object} [words] */
     const give = (path, words = {}) => this.attempt(async () => {
       const told = await ask('POST', path, words);
       show(told);
-      if (path.endsWith('undo')) undo.disabled = (await ask('GET', 'api/models')).order === null;
+      undo.disabled = (await ask('GET', 'api/models')).order === null;
     });
     ask('GET', 'api/models').then(show, () => {});
     const rows = ORDERS.map((order) => h('div', { class: 'row order' },

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from robot.errors import NotFoundError
+from robot.store.models.model import encode_model, take_model
 from robot.types import Mode
 from server.access.pairing import Paired, Pairing
 from server.board.class_models import ClassModels, ClassOrder
@@ -111,6 +112,50 @@ def test_an_orders_result_is_listed_for_each_robot_and_can_be_undone(
         assert models.describe() == {"order": None, "robots": []}
         with pytest.raises(NotFoundError):
             group.undo(models)
+
+
+def test_a_robot_without_examples_saves_nothing_and_never_has_two_empty_models(
+    tmp_path: Path,
+) -> None:
+    group = _Class(tmp_path)
+    with group.server:
+        models = group.meet()
+        group.server.teach(12)
+        given = group.server.persistence.models.read_file(group.server.persistence.autosave.save())
+        group.give(models, ClassOrder.RESET)
+        [link, *_] = group.links
+        link.state = {"mode": "stopped", "lessons": 0}
+        assert group.give(models, ClassOrder.KEEP)[0]["did"] == "empty"
+        for order in (ClassOrder.RESET, ClassOrder.HAND_OVER, ClassOrder.RESET):
+            ours, *_ = group.give(models, order)
+            assert (ours["did"], ours["model"]) == (order.value, "")
+            assert len(group.names()) == 2, "the taught model, and the empty one in use"
+        ours, *_ = group.give(models, ClassOrder.LOAD, given, "left turns")
+        assert ours["model"] == "" and group.names() == ["R1", "left turns"]
+        ours, *_ = group.give(
+            models, ClassOrder.RESET
+        )  # the news of the lesson is still on its way
+        assert ours["model"] == "left turns" and "left turns" in group.names()
+        group.undo(models)
+        assert group.names() == ["R1", "left turns"]
+        for left in (0, 0, 0, 0, 12):
+            [back] = group.undo(models)
+            assert back["did"] == "undone", back
+            assert group.lessons == left
+        assert group.names() == ["R1"]
+
+
+def test_a_robot_that_was_never_taught_saves_nothing_before_a_lesson(tmp_path: Path) -> None:
+    group = _Class(tmp_path)
+    with group.server:
+        models = group.meet()
+        given = encode_model(take_model(group.server.rig.loop.history.policy, {"left": 3}))
+        [link, *_] = group.links
+        link.state = {"mode": "stopped", "lessons": 0}
+        group.give(models, ClassOrder.LOAD, given, "left turns")
+        assert group.names() == ["left turns"]
+        assert group.undo(models)[0]["did"] == "undone"
+        assert group.names() == ["R1"], "an empty model is in use again"
 
 
 def test_later_teaching_survives_an_undo_which_can_be_repeated_for_absent_robots(

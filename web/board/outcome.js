@@ -1,0 +1,12 @@
+// The sentence about the result of an order at one robot.
+
+import { t } from '../js/i18n.js';
+
+/** @typedef {{number: number, name: string, did: string, model: string, detail: string}} Outcome */
+
+/** @param {Outcome} one */
+export function tellOutcome(one) {
+  const did = t(`board.end.did.${one.did}`, { ...one });
+  const isSaved = one.model && one.did !== 'keep'; // a model without examples is not saved
+  return isSaved ? t('board.end.saved', { did, model: one.model }) : did;
+}
