@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import locale
+import os
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     from server.board.class_key import keep_class_key
     from server.board.command import BOARD_HOST, serve_board
     from server.board.discovery import read_list
-    from server.board.ready_lesson import left_turns, name_of_left_turns
+    from server.board.ready_lesson import left_turns, locale_of_computer, name_of_left_turns
     from server.board.simulated_robot import simulated_robots
     from server.board.transport import RobotAddress
     from server.hosting.logs import start_logging
@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
 
     def make_model() -> tuple[str, bytes]:
         print("Making the lesson of left turns ...", flush=True)
-        return name_of_left_turns(locale.getlocale()[0]), left_turns(world)
+        return name_of_left_turns(locale_of_computer(os.environ)), left_turns(world)
 
     place: dict[str, Any] = {"host": args.host, "port": args.port, "data": args.data}
     place["make_model"] = make_model if args.lesson == "fair-data" else None

@@ -6,6 +6,9 @@ version's learner, and no model file is shipped.
 
 from __future__ import annotations
 
+import locale
+import re
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 
@@ -21,9 +24,19 @@ _NEAR_M, _FREE_M = 0.35, 0.5
 """Distances to the wall ahead at which a left turn begins and at which it ends, in metres."""
 
 
-def name_of_left_turns(locale: str | None) -> str:
+def locale_of_computer(environment: Mapping[str, str]) -> str | None:
+    """Return the name of the locale that a person chose.
+
+    The environment is read first: if the system has no files of the locale that the environment
+    names, Python reports another one.
+    """
+    chosen = (environment.get(name) for name in ("LC_ALL", "LC_MESSAGES", "LANG"))
+    return next(filter(None, chosen), None) or locale.getlocale()[0]
+
+
+def name_of_left_turns(locale_name: str | None) -> str:
     """Return the model's name in the language of a locale, such as es_ES or Spanish_Spain."""
-    language = (locale or "").lower().partition("_")[0]
+    language = re.split(r"[_.@]", (locale_name or "").lower())[0]
     return _NAMES.get(language, NAME)
 
 

@@ -10,7 +10,7 @@ from robot.store.folder import Storage
 from robot.store.models.store import ModelStore
 from robot.testing import VirtualClock
 from robot.types import Action
-from server.board.ready_lesson import NAME, left_turns, name_of_left_turns
+from server.board.ready_lesson import NAME, left_turns, locale_of_computer, name_of_left_turns
 
 
 def test_the_ready_made_lesson_has_no_right_turn_and_turns_left_at_a_wall(tmp_path: Path) -> None:
@@ -35,8 +35,11 @@ def test_the_ready_made_lesson_has_no_right_turn_and_turns_left_at_a_wall(tmp_pa
 
 
 def test_the_ready_made_lesson_has_a_name_in_the_language_of_the_computer() -> None:
-    for locale, name in {"es_ES": "solo izquierda", "Spanish_Spain": "solo izquierda"}.items():
-        assert name_of_left_turns(locale) == name
+    for locale in ("es_ES", "es.UTF-8", "es@euro", "Spanish_Spain"):
+        assert name_of_left_turns(locale) == "solo izquierda"
+    environment = {"LC_ALL": "", "LANG": "es_MX.UTF-8"}  # this computer may lack the locale's files
+    assert name_of_left_turns(locale_of_computer(environment)) == "solo izquierda"
+    assert locale_of_computer(environment | {"LC_ALL": "zh_CN.UTF-8"}) == "zh_CN.UTF-8"
     assert name_of_left_turns("zh_CN") == name_of_left_turns("Chinese_China") == "只会左转"
     assert (
         name_of_left_turns(None) == name_of_left_turns("C") == name_of_left_turns("de_DE") == NAME
