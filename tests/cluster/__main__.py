@@ -23,9 +23,10 @@ from tests.cluster.cases import CASES
 from tests.cluster.processes import Cluster, Ended, run_client
 from tests.soak.measured import measure_process
 
-_TRIALS, _WARM = 40, 8
-"""Number of trials of `--speed`, and how many of them only warm up: the first trial of a process
-costs four times as much, because it imports the simulator."""
+_TRIALS, _WARM, _TEACH_S = 20, 4, 240
+"""Number of trials of `--speed`, how many of them only warm up, and the length of the teaching, as
+in the experiments. The first trial of a process costs more, because it imports the simulator; and a
+worker cleans its memory after each trial, which takes a seventh of a trial of half a second."""
 _EARLY, _MOST_GROWTH = 20, 1.1
 
 
@@ -55,7 +56,7 @@ class Watch:
 
 def speed() -> int:
     """Compare two workers of one thread with one process; the results must be equal."""
-    run = partial(run_client, runs=str(_TRIALS), teach="30", most_s=1800.0)
+    run = partial(run_client, runs=str(_TRIALS), teach=str(_TEACH_S), most_s=1800.0)
     with tempfile.TemporaryDirectory() as name, Cluster(Path(name)) as cluster:
         folder = Path(name)
         alone, left, right, workers = (Watch(cluster) for _ in range(4))
