@@ -20,8 +20,8 @@ run: $(VENV)/.demo ## Start the simulated robot and its page (ARGS="--lan" for a
 install: ## Put the command `drivelesson` on your PATH
 	@PYTHON="$(PYTHON)" sh install.sh
 
-# Two more than there are cores: tests of browsers and processes mostly wait.
-JOBS ?= $(shell expr $$(getconf _NPROCESSORS_ONLN) + 2)
+# Four more than there are cores: tests of browsers and processes mostly wait.
+JOBS ?= $(shell expr $$(getconf _NPROCESSORS_ONLN) + 4)
 NPM := $(if $(shell command -v npm),tests/web/node_modules/.made)
 
 test test-brick test-newest test-oldest test-stalls test-windows: export OMP_NUM_THREADS := 1  # see tests/conftest.py
