@@ -150,8 +150,9 @@ class Readiness:
                 self._begin_trial()
             elif isinstance(event, Taught):
                 self._note_taught(event, tick)
-                needed_s = EARLY_S if self._is_covered else TAUGHT_S
-                self._is_taught = self._is_taught or self._taught_s >= needed_s
+                if not self._is_taught:
+                    needed_s = EARLY_S if self._is_covered else TAUGHT_S
+                    self._is_taught = self._taught_s >= needed_s
                 if not event.example.is_intervention:
                     self._shown.add(event.example.label)
                     in_use = [move for move in self.moves_in_use if move in self._shown]
