@@ -148,14 +148,7 @@ class ClassModels:
             if order is ClassOrder.KEEP:
                 return await self._keep(robot, steps)
             await self._stop(robot)
-            is_empty = robot.state.get("lessons") == 0
-            before: str | None = None
-            if is_empty:
-                before = (await robot.ask("GET", "/api/models")).json().get("current")
-                # the state may be older than a model that was loaded just now
-                is_empty = not before or not await _lessons(robot, before)
-            if not is_empty:
-                before = name_in(await robot.ask("POST", "/api/models/save", {}))
+            before, is_empty = await _set_aside(robot)
             if order is ClassOrder.LOAD:
                 put = await robot.ask("PUT", f"{_model(name)}/file", data)
                 new = name_in(put)
@@ -231,9 +224,27 @@ def _model(name: str) -> str:
     return f"/api/models/{quote(name, safe='')}"
 
 
+async def _set_aside(robot: RobotLink) -> tuple[str | None, bool]:
+    """Save the model in use; return its name, and True if it is empty and was not saved.
+
+    The name is None if no model is in use.
+    """
+    if robot.state.get("lessons") == 0:
+        listed = (await robot.ask("GET", "/api/models")).json()
+        name = listed.get("current")
+        # the state may be older than a model that was loaded just now
+        if not name or not _lessons_in(listed, name):
+            return name, True
+    return name_in(await robot.ask("POST", "/api/models/save", {})), False
+
+
 async def _lessons(robot: RobotLink, name: str) -> int | None:
     """Return the number of examples in a model; None if the model is gone."""
-    for model in (await robot.ask("GET", "/api/models")).json().get("models", []):
+    return _lessons_in((await robot.ask("GET", "/api/models")).json(), name)
+
+
+def _lessons_in(listed: dict[str, Any], name: str) -> int | None:
+    for model in listed.get("models", []):
         if isinstance(model, dict) and model.get("name") == name:
             return int(model["lessons"]) if isinstance(model.get("lessons"), int) else None
     return None
