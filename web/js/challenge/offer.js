@@ -18,6 +18,7 @@ export function offerChallenge(page, noteKnown) {
   /** @type {Challenge | null} */
   let before = null;
   let said = '';
+  const takeBack = () => { if (page.store.state.toast?.text === said) page.store.set({ toast: null }); };
   const open = () => { location.hash = 'challenge'; };
   const armNext = () => armTry(page).then(look, open);
   /** @param {string} label @param {() => void} act */
@@ -36,7 +37,7 @@ export function offerChallenge(page, noteKnown) {
     hasLooked = true;
     page.store.set({ told: now && tellNow(now) });
     if (now && before && now.tries.length < before.tries.length) { // another model is in use, or three more tries begin
-      if (page.store.state.toast?.text === said) page.store.set({ toast: null });
+      takeBack();
       before = null;
       isOffered = false;
     }
@@ -44,15 +45,13 @@ export function offerChallenge(page, noteKnown) {
     noteKnown();
     const count = before && now.tries.length > before.tries.length ? now.tries.length : 0;
     const next = count < now.tries_of ? step(t('challenge.next'), armNext) : step(t('screen.challenge'), open);
-    if (now.is_on && page.store.state.toast?.text === said) page.store.set({ toast: null });
+    if (now.is_on) takeBack();
     if (count) page.toast((said = tellTry(now.tries[count - 1], count, now.tries_of)), next, Infinity);
     else if (!isOffered && !now.is_armed && !now.is_on && !now.tries.length && readyFor > LOOKS_FIRST) page.toast((said = t('challenge.offer')), step(t('challenge.open'), open), Infinity);
     isOffered ||= readyFor > LOOKS_FIRST;
     before = now;
   };
-  page.store.watch(['screen'], ({ screen, toast }) => { // the screen says the same
-    if (screen === 'challenge' && toast?.text === said) page.store.set({ toast: null });
-  });
+  page.store.watch(['screen'], ({ screen }) => { if (screen === 'challenge') takeBack(); }); // the screen says the same
   const goOn = () => setTimeout(() => look().finally(goOn), LOOK_MS);
   goOn();
 }
