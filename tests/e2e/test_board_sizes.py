@@ -75,36 +75,31 @@ def school(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveClass]:
         yield running
 
 
-@pytest.mark.parametrize("language", few(["es", "en", "zh"], 1))
-def test_no_stop_moves_whatever_a_robot_says(
-    chromium: Any, school: LiveClass, language: str
-) -> None:
-    context = chromium.new_context(locale=language, has_touch=True)
+@pytest.fixture(params=few(["es", "en", "zh"], 1))
+def board(chromium: Any, school: LiveClass, request: pytest.FixtureRequest) -> Iterator[Any]:
+    """The board's page, in one language on a touch screen."""
+    context = chromium.new_context(locale=request.param, has_touch=True)
     page = context.new_page()
     page.goto(school.address)
     page.locator("#bar .stop.shown").wait_for()
+    yield page
+    context.close()
+
+
+def test_no_stop_moves_whatever_a_robot_says(board: Any) -> None:
     wrong = []
     for width, height in SIZES:
-        page.set_viewport_size({"width": width, "height": height})
-        wrong += [f"{width}x{height}: {fault}" for fault in page.evaluate(_MOVED)]
-    context.close()
+        board.set_viewport_size({"width": width, "height": height})
+        wrong += [f"{width}x{height}: {fault}" for fault in board.evaluate(_MOVED)]
     assert not wrong, "\n".join(wrong)
 
 
-@pytest.mark.parametrize("language", few(["es", "en", "zh"], 1))
-def test_on_every_tablet_stop_all_stands_in_the_first_row(
-    chromium: Any, school: LiveClass, language: str
-) -> None:
-    context = chromium.new_context(locale=language, has_touch=True)
-    page = context.new_page()
-    page.goto(school.address)
-    page.locator("#bar .stop.shown").wait_for()
+def test_on_every_tablet_stop_all_stands_in_the_first_row(board: Any) -> None:
     for width in range(600, 1300, 20):
-        page.set_viewport_size({"width": width, "height": 900})
-        page.wait_for_function("() => new Promise((done) => requestAnimationFrame(() => done(1)))")
-        top = page.locator("#bar .stop.shown").bounding_box()["y"]
+        board.set_viewport_size({"width": width, "height": 900})
+        board.wait_for_function("() => new Promise((done) => requestAnimationFrame(() => done(1)))")
+        top = board.locator("#bar .stop.shown").bounding_box()["y"]
         assert top < 20, f"{width} wide: {top}"
-    context.close()
 
 
 _STOP_LIES_ON_THE_PANEL = """() => innerHeight >= 480 && innerWidth < 700

@@ -177,11 +177,9 @@ def test_a_start_moves_no_file_of_a_recording(store: EpisodeStore, tmp_path: Pat
     assert told(store.open(episode_id)) == wanted
 
 
-@pytest.mark.parametrize("is_taken", [False, True])
-def test_a_kill_separates_no_files_of_a_recording(
-    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_taken: bool
-) -> None:
-    """Killed before any move of a deletion or of a restoration, it is in the list or the trash."""
+@pytest.fixture
+def left(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """The number of files that can still be moved before the program is killed; it may be set."""
     left = [MANY]
 
     def moving(one: Path, target: Path) -> None:
@@ -191,6 +189,14 @@ def test_a_kill_separates_no_files_of_a_recording(
         one.replace(target)
 
     monkeypatch.setattr("robot.store.folder.move", moving)
+    return left
+
+
+@pytest.mark.parametrize("is_taken", [False, True])
+def test_a_kill_separates_no_files_of_a_recording(
+    path: Path, tmp_path: Path, left: list[int], is_taken: bool
+) -> None:
+    """Killed before any move of a deletion or of a restoration, it is in the list or the trash."""
     wanted = list(open_episode(path).frames)
     for is_restored in (False, True):
         for kept in range(4):
@@ -218,17 +224,8 @@ def test_a_kill_separates_no_files_of_a_recording(
 
 
 def test_a_kill_while_it_is_made_compact_loses_nothing(
-    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    path: Path, tmp_path: Path, left: list[int]
 ) -> None:
-    left = [MANY]
-
-    def moving(one: Path, target: Path) -> None:
-        left[0] -= 1
-        if left[0] < 0:
-            raise KeyboardInterrupt
-        one.replace(target)
-
-    monkeypatch.setattr("robot.store.folder.move", moving)
     wanted = list(open_episode(path).frames)
     for kept in range(6):  # mark, first file, notes, parts, new file, and the new file's notes
         root = tmp_path / str(kept)
