@@ -86,6 +86,18 @@ def _own_data_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]
 
 
 @pytest.fixture(scope="session", autouse=True)
+def _own_folder_for_inner_runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """A pytest that a test starts shares no folder with the pytest of another worker.
+
+    Each pytest removes old temporary folders when it ends. Two that do so in one folder at the
+    same time warn of an unclosed `scandir`, and a warning is an error here (pytest 9).
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTEST_DEBUG_TEMPROOT", str(tmp_path_factory.mktemp("inner")))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
 def _authorities_are_read_once() -> Iterator[None]:
     """Each `httpx.get` would read all TLS authorities again: 30 ms, most of a virtual request."""
     before, trust = httpx.HTTPTransport.__init__, ssl.create_default_context()
