@@ -68,7 +68,7 @@ class Camera(StartStop):
 
         @property
         def device(self) -> str:
-            """The device that a search found, such as `C270 (serial number A17)`; else empty."""
+            """The device that a search found, such as `C270 (serial number A17)`, or empty."""
     else:
         device = ""  # not a property: a plugin may set an attribute of this name
 

@@ -32,7 +32,7 @@ class Move:
         label: The button's text: one text, or texts by language (`en`, `es`, `zh`). If a language
             is missing, the English text is used; if it is empty, the text is made from the name.
         icon: The name of a classic move, whose arrow is used, or one or two characters such as
-            "⏩". Empty: the arrow of this move's name, if there is one.
+            "⏩". If empty, the arrow of this move's name is used, if there is one.
         does: The body's motion in this move, as a sentence.
         steering: From -1 (full left) to 1 (full right), for bodies that are steered.
         throttle: From -1 (full speed backward) to 1 (full speed ahead). Give both steering and
@@ -108,7 +108,7 @@ def names(moves: Iterable[Move]) -> tuple[Action, ...]:
 
 
 def describe(wanted: Iterable[Action], declared: Iterable[Move] = ()) -> tuple[Move, ...]:
-    """Return each wanted move as declared, else as the classic move, else made from the name."""
+    """Return the wanted moves. An undeclared move is the classic one, or is made from its name."""
     known = {**CLASSIC, **{move.name: move for move in declared}}
     return tuple(known.get(name) or Move(name) for name in wanted)
 
@@ -209,8 +209,8 @@ class Driver(ABC):
     takes_points: bool = False
     """True for a body that also accepts steering and throttle by degrees: see `send_point`."""
     turns_motors: ClassVar[bool] = False
-    """True if the driver sets each motor and applies `correction.motors`. False: another program,
-    to which the driver sends moves or points, sets the motors and has to reverse them."""
+    """True if the driver sets each motor and applies `correction.motors`. If False, another program
+    gets the driver's moves or points, sets the motors and has to reverse them."""
     correction: Correction = Correction()
     """The differences between this body and what its driver expects; set by `correct`."""
     is_remote: ClassVar[bool] = False
@@ -224,7 +224,7 @@ class Driver(ABC):
 
         @property
         def device(self) -> str:
-            """The device that a search found, such as `'Anna' (00:16:53:00:00:01)`; else empty."""
+            """The device that a search found, such as `'Anna' (00:16:53:00:00:01)`, or empty."""
     else:
         device = ""  # not a property: a plugin may set an attribute of this name
 

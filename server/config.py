@@ -33,7 +33,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Config:
-    """The settings of a running server. Field by field in docs/reference/configuration.md."""
+    """The settings of a running server. See docs/reference/configuration.md for each field."""
 
     host: str = "127.0.0.1"
     port: int = 8000

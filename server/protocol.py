@@ -67,9 +67,9 @@ def _checked(kind: type[Any], least: int, most: int, **default: Any) -> Any:
 class DriveMessage:
     """The move that the pilot holds, and the frame on the screen: command and heartbeat in one.
 
-    `seq` grows. `nonce` is the newest that the page has received. `frame_age_ms` is the page's
-    estimate of the frame's age, and `phone_ms` the part of this age spent on the phone; None if
-    unknown to the page. `steering` and `throttle` are set if the pilot steers by degrees.
+    `seq` grows. `nonce` is the newest nonce that the page has received. `frame_age_ms` is the
+    page's estimate of the frame's age, and `phone_ms` the part of this age spent on the phone; None
+    if unknown to the page. `steering` and `throttle` are set if the pilot steers by degrees.
     """
 
     held: Action | None
@@ -148,8 +148,8 @@ def parse_message(
 ) -> ClientMessage:
     """Parse one message of `/ws/drive` for a robot with these moves, which may accept points.
 
-    An invalid message raises ProtocolError, which names the field and the reason; so do the
-    functions below.
+    An invalid message raises ProtocolError, which names the field and the reason. The functions
+    below raise it too.
     """
     if len(text.encode("utf-8", "replace")) > MAX_DRIVE_MESSAGE_BYTES:
         raise ProtocolError(
@@ -238,7 +238,7 @@ def _read(numbers: list[_Check], message: dict[str, Any], seq: int | None) -> di
 def _check_point(numbers: dict[str, Any], may_be: bool, seq: int | None) -> None:
     for name, other in (("steering", "throttle"), ("throttle", "steering")):
         if name in numbers and not may_be:
-            raise _bad_field(name, "left out: nothing is held, or this robot takes moves only", seq)
+            raise _bad_field(name, "left out if no move is held, or if points are not used", seq)
         if name in numbers and other not in numbers:
             raise _bad_field(other, f"a number when {name} is given", seq)
 
@@ -268,7 +268,7 @@ def parse_picture(message: bytes) -> VideoFrame:
         message
     )
     if kind != _FRAME or encoding >= len(_ENCODINGS):
-        raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "not a frame of a known encoding")
+        raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "this is not a frame of a known encoding")
     return VideoFrame(
         frame_id=frame_id,
         captured_s=captured_ms / 1000,

@@ -1,8 +1,8 @@
 // Caches the page's files at the first visit, so that later the page opens without the robot and says that it is away.
 //
-// A file whose name begins with a hash never changes, so it is fetched only once. The document and the icons are
-// requested from the robot first, so that no old copy hides an update. A robot that does not answer in time counts
-// as away.
+// A file whose name begins with a hash never changes, so it is fetched only once.
+// The document and the icons are requested from the robot first, so that no old copy hides an update.
+// A robot that does not answer in time counts as away.
 
 const HOME = new URL('.', location).pathname; // a proxy may serve several robots, each under a path
 const SHELL = `shell${HOME.slice(0, -1)}`;

@@ -107,7 +107,7 @@ class Readiness:
 
     def _begin(self) -> None:
         self._taught_s = 0.0
-        self._is_taught = False  # for long enough; later views, such as of a trial, change nothing
+        self._is_taught = False  # enough was taught; later views change nothing
         self._rare: list[Action] = []  # moves in use that were begun too few times while teaching
         self._examples: Counter[Action] = Counter()
         self._starts: Counter[Action] = Counter()

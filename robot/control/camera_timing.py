@@ -80,7 +80,7 @@ class CameraTiming:
         self.state = self._judge(USUAL_PERIOD_S, 0.0)
 
     def note(self, captured_s: float, delivered_s: float, *, is_moving: bool) -> None:
-        """Record a new picture, by the times of its capture and of its arrival at the loop.
+        """Record a new picture: the time of its capture, and the time of its arrival at the loop.
 
         While the robot may move (`is_moving`), estimates grow slowly.
         """

@@ -99,9 +99,9 @@ class Gate:
         or if the request is too old; STOPPED is always accepted.
 
         A move that the pilot held before does not count in the new mode. If the newest picture is
-        too old (the camera paused or the computer is busy), the robot stands in the new mode until
-        a fresh picture comes, for `start_patience_s` at most. `proven_s` is a time before which the
-        request cannot have been sent; None means now.
+        too old (the camera paused or the computer is busy), the robot stands still in the new mode
+        until a fresh picture comes, for `start_patience_s` at most. `proven_s` is a time before
+        which the request cannot have been sent; None means now.
         """
         if mode is Mode.STOPPED:
             self.trip(StopReason.PILOT_ASKED)

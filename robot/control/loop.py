@@ -172,7 +172,7 @@ class ControlLoop:
         """Queue a pilot command, and wake the loop if the command changes the held move.
 
         While the robot may move and the camera is slow, every command wakes the loop. With fewer
-        ticks the newest state that the pilot's next command can name would be older.
+        ticks, the pilot's next command could only name an older state.
         """
         held = command.held, command.point
         is_slow = self._timing.state.period_s > self.config.longest_wait_s

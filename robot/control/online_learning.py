@@ -161,9 +161,9 @@ class OnlineLearning:
     ) -> bool:
         """Process the camera's newest frame; return False if there is none or it is not new.
 
-        `delivered_s` is the time at which the frame reached the loop; None: the time at which the
-        frame was taken. The other arguments are passed to `Policy.propose`. Raises CameraError if
-        the frame cannot be decoded; the frame then counts as not seen.
+        `delivered_s` is the time at which the frame reached the loop; None means when it was taken.
+        The other arguments are passed to `Policy.propose`. Raises CameraError if the frame cannot
+        be decoded; the frame then counts as not seen.
         """
         if frame is None or (self.frame is not None and frame.frame_id == self.frame.frame_id):
             return False
@@ -247,10 +247,10 @@ class OnlineLearning:
     def times_of(
         self, frame_id: int | None, seen_id: int | None = None
     ) -> tuple[tuple[float, float], float] | None:
-        """Return when the frame `frame_id` was taken and when it reached the loop; and when the
-        older of `frame_id` and `seen_id` reached the loop. A frame that is no longer remembered
-        gets the times of the oldest remembered frame. None before the first frame, and if no frame
-        is named."""
+        """Return three times: when the frame `frame_id` was taken, when it reached the loop, and
+        when the older of the frames `frame_id` and `seen_id` reached the loop. A frame that is no
+        longer remembered gets the times of the oldest remembered frame. None before the first
+        frame, and if no frame is named."""
         if not self._seen or frame_id is None:
             return None
         newest_id, oldest = next(reversed(self._seen)), next(iter(self._seen.values()))

@@ -20,7 +20,7 @@ class Tick:
     """The events of one tick, and the state of the loop at its end.
 
     `frame` is set if there is a new frame; `frame_id` and `frame_captured_s` belong to the newest
-    frame. `source_age_s` is the camera's. `commands` are the accepted commands; the `refused`
+    frame. `source_age_s` is that of `Camera`. `commands` are the accepted commands; the `refused`
     commands were too old for the gate or named no frame.
     """
 

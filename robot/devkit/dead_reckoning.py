@@ -1,7 +1,8 @@
 """Dead reckoning: estimates a robot's pose from its wheels, relative to its start. Pure.
 
-The estimate uses the wheel encoders if the driver reads them, else the commands to the motors,
-which do not show slip or walls. Both kinds of estimate drift, so the pose is marked as estimated.
+The estimate uses the wheel encoders. If the driver reads no encoders, the estimate uses the
+commands to the motors, which do not show slip or walls. Both kinds of estimate drift, so the pose
+is marked as estimated.
 """
 
 from __future__ import annotations
@@ -45,8 +46,8 @@ class DeadReckoning:
         return self._pose
 
     def _roll(self, now_s: float) -> None:
-        """Add the distances that the wheels have rolled, by the last command, since the last
-        call."""
+        """Add the distances that the wheels have rolled since the last call, as the last command
+        says."""
         until_s = min(now_s, self._told_s + ACTION_TIMEOUT_S)
         seconds = max(until_s - max(self._rolled_s, self._told_s), 0.0)
         left_m, right_m = self._told_m

@@ -47,8 +47,8 @@ class MoveEnder:
 
     A stop is sent `ACTION_TIMEOUT_S` after the last move, minus the latency of stops, and is
     repeated until it succeeds. A stop never waits for a move. If a move's call does not return, the
-    stop is called at the same time on another thread, and once more after that call has returned.
-    But a move waits for a stop.
+    stop is called at the same time on another thread, and once more after that call has returned. A
+    move, however, waits until a stop has ended.
 
     Args:
         send_stop: Stops the body, or raises an error.

@@ -44,8 +44,8 @@ def read_picture(data: bytes, name: str) -> Picture:
     """Check the bytes of a JPEG or PNG by decoding them once.
 
     Raises:
-        RecordingError: If the bytes are not a picture, or it is damaged, or wider or higher than
-            4096 pixels.
+        RecordingError: If the bytes are not a picture, or if the picture is damaged, or wider or
+            higher than 4096 pixels.
         MissingExtraError: If OpenCV is not installed.
     """
     size = _size(data)
@@ -127,7 +127,7 @@ def reduce_picture(picture: Picture, quality: int = 80) -> Picture:
     except cv2.error:
         pixels = None
     if pixels is None:
-        raise RecordingError("its pictures cannot be read as JPEG")
+        raise RecordingError("the camera's pictures cannot be read as JPEG")
     _, small = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, quality])
     height, width = pixels.shape[:2]
     return Picture(encoding=Encoding.JPEG, width=width, height=height, data=small.tobytes())

@@ -2,7 +2,7 @@
 
 Linux assigns new numbers to cameras that are plugged in again, so a number is no identity. A camera
 is identified by its make and serial number. If the serial number is not unique, as with many cheap
-cameras, it is identified by its socket. Written for Python 3.5, because the agent on a brick
+cameras, the socket identifies the camera. Written for Python 3.5, because the agent on a brick
 includes this module.
 """
 

@@ -93,7 +93,7 @@ def _unpack(entries: Iterator[Entry], folder: Path, report: ImportReport) -> Non
             target.parent.mkdir(parents=True, exist_ok=True)
             source = open_entry()
             if source is None:
-                raise ValueError("it is a link: pack the files themselves, as tar -h does")
+                raise ValueError("the entry is a link: pack the files themselves, as tar -h does")
             with source, target.open("wb") as file:
                 while left_bytes >= 0 and (data := source.read(2**20)):
                     left_bytes -= file.write(data)

@@ -251,7 +251,7 @@ def _said_column(role: str, which: str, names: list[str]) -> int:
         return names.index(plain(which))
     known = [name for name in names if name]
     hint = did_you_mean(plain(which), known)
-    raise ValueError(f"it has no column {which!r} for {role}{hint}; columns: 1 to {len(names)}")
+    raise ValueError(f"there is no column {which!r} for {role}{hint}; columns: 1 to {len(names)}")
 
 
 def _of_pictures(sample: list[Cells], width: int) -> list[int]:
@@ -307,7 +307,7 @@ def _by_content(
         [column] = numeric
         if all(row[column].strip().isdecimal() for row in sample):
             raise UnclearColumnsError(
-                f"it has no line of column names, and the whole numbers in column {column + 1} may "
+                f"no line names the columns, and the whole numbers in column {column + 1} may "
                 f"be classes or the steering: choose with --columns label={column + 1} or "
                 f"--columns steering={column + 1}"
             )
@@ -317,7 +317,7 @@ def _by_content(
     elif numeric or texts:
         told = " and ".join(str(i + 1) for i in sorted((*numeric, *texts)))
         raise UnclearColumnsError(
-            f"it has no line of column names, and columns {told} may each be the steering: choose "
+            f"no line names the columns, and columns {told} may each be the steering: choose "
             "one with --columns steering=NUMBER"
         )
 
@@ -332,11 +332,11 @@ def _is_number(text: str) -> bool:
 
 def _check(columns: Mapping[str, int], names: list[str], of_pictures: list[int]) -> None:
     if "picture" not in columns:
-        raise ValueError(f"it has no column {' or '.join(NAMES['picture'][:4])}")
+        raise ValueError(f"there is no column {' or '.join(NAMES['picture'][:4])}")
     if not columns.keys() & set(_MEANT):
         there = [name for name in names if name]
         told = f"; its columns: {', '.join(there)[:200]}" if there else ""
         raise ValueError(
-            f"it has no column for a label, steering, two wheels or velocities{told}; name one "
+            f"there is no column for a label, steering, two wheels or velocities{told}; name one "
             "with --columns label=NAME or --columns steering=NAME"
         )

@@ -163,8 +163,7 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
     error no file is left.
     """
     is_past = 0 < drive.started_at_s <= RealClock().wall_s()
-    # If the time of the drive is unknown, write 0, so that the drive is listed before drives
-    # recorded here.
+    # If the drive's time is unknown, write 0: the list then begins with this drive.
     started_at_s = drive.started_at_s if is_past else 0.0
     run = describe_run(
         episode_id=path.stem,
@@ -239,8 +238,8 @@ def _moves_with(labels: Iterable[Action | None]) -> tuple[Action, ...]:
 
 
 def _declared(shots: Iterable[FrameEvent]) -> tuple[Move, ...]:
-    """Return the moves whose steering or throttle is different on the body that drove, in most
-    pictures."""
+    """Return the moves that, in most pictures, have another steering or throttle than their names
+    imply."""
     said: dict[Action, list[Point]] = {}
     for shot in shots:
         if shot.label is not None and shot.does is not None:

@@ -74,7 +74,7 @@ def read_picture_file(folder: Path, name: str) -> Picture:
     with told_as(RecordingError, "the picture cannot be read", OSError, RuntimeError, ValueError):
         path = (folder / name.replace("\\", "/")).resolve()  # a table may come from Windows
         if not path.is_relative_to(folder.resolve()):
-            raise ValueError(f"it leads out of the folder {folder}")
+            raise ValueError(f"the path leads out of the folder {folder}")
         try:
             data = read_regular(path, _MOST_PICTURE_BYTES)
         except FileNotFoundError:

@@ -80,7 +80,7 @@ class Form:
 
 
 def refusing(path: Path, why: str) -> Source:
-    """Return a source that is recognised but cannot be imported."""
+    """Return a source that is recognised but cannot be imported, for this reason."""
 
     def read(reading: Reading, report: ImportReport) -> Drive:
         raise RecordingError(f"{path} {why}")
@@ -89,7 +89,7 @@ def refusing(path: Path, why: str) -> Source:
 
 
 def _one(is_it: Callable[[Path], bool], read: Callable[..., Drive]) -> Find:
-    """Return a function that finds the single drive at a path with this format."""
+    """Return the `find` of a format in which each path holds one drive."""
 
     def find(path: Path) -> list[Source] | None:
         return [Source(path.name, partial(read, path))] if is_it(path) else None

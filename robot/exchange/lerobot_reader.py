@@ -208,7 +208,7 @@ class LerobotDataset:
         def picture_of(record: Record) -> Callable[[], Picture]:
             at_s = self._seconds(record)
             if at_s is None:
-                raise ValueError("it has no time, so its picture is unknown")
+                raise ValueError("the row has no time, so its picture is unknown")
             return partial(film.at, begin + at_s)
 
         return picture_of
@@ -333,7 +333,7 @@ def _stored(folder: Path, camera: str, record: Record) -> Callable[[], Picture]:
     """Return a function that reads a picture from the table, or from a file that it names."""
     stored = record.get(camera)
     if not isinstance(stored, dict):
-        raise ValueError("it has no picture")
+        raise ValueError("the row has no picture")
     if isinstance(data := stored.get("bytes"), bytes):
         return partial(read_picture, data, "the picture")
     return partial(read_picture_file, folder, str(stored.get("path")))

@@ -68,8 +68,8 @@ def write_npz(episode: Episode, notes: Notes, path: Path) -> int:
     """
     labels, ends, times_s = array("B"), array("q", [0]), array("d")
     points = array("f"), array("f")
-    # Collect the pictures in a file, because they may not fit into memory. The pictures are written
-    # last, because the array's header needs their total length.
+    # Collect the pictures in a file, because they may not fit into memory.
+    # The pictures are written last, because the array's header needs their total length.
     with tempfile.TemporaryFile(dir=path.parent) as pictures:
         for moment in moments(episode, notes, about=()):
             if is_example(moment):

@@ -93,7 +93,7 @@ def _by_table(folder: Path, table: Path, reading: Reading, report: ImportReport)
     def read(place: str, fields: Fields) -> FrameEvent:
         at = next((i for i, field in enumerate(fields) if is_picture_name(field)), None)
         if at is None or len(fields) < at + 3:
-            raise ValueError("it must name a picture, and then the speeds of two wheels")
+            raise ValueError("the line must name a picture, and then the speeds of two wheels")
         left, right = (read_number(of, "a wheel") / FULL_WHEEL for of in fields[at + 1 : at + 3])
         label, point = at_wheels(left, right, reading)
         name = pictures.find(fields[at])

@@ -11,7 +11,7 @@ from robot.types import Action, Point, Sensors
 
 
 class ReplayDriver(ConnectedDriver[bool]):
-    """Has no motors and no sensors. The camera's options name the recording."""
+    """A body without motors and sensors. The camera's options name the recording."""
 
     name: ClassVar[str] = "replay"
     default_camera: ClassVar[str] = "replay"

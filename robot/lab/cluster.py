@@ -64,8 +64,8 @@ def run_on_cluster(
         return
     with _quiet(), contextlib.ExitStack() as stack:
         try:
-            # A Client that cannot connect would wait another 20 s and print a traceback, so try to
-            # connect first.
+            # Try to connect first: a Client that fails would wait another 20 s and print a
+            # traceback.
             asyncio.run(_knock(scheduler))
             client = distributed.Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
         except Exception as error:  # the type of the error depends on the address and the network

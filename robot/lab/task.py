@@ -46,8 +46,7 @@ class Task:
 
     @property
     def files(self) -> dict[str, str]:
-        """The files that parameters name, for example by `idea.py:Name`; maps each parameter's
-        value to its file."""
+        """Maps each parameter that names a file, such as `idea.py:Name`, to this file."""
         found = {}
         for value in self.params.values():
             for file in (value, value.rpartition(":")[0]) if isinstance(value, str) else ():
@@ -58,7 +57,7 @@ class Task:
     def key(self) -> str:
         """Return the key under which the result is saved: a fingerprint of task and program.
 
-        If the program, a library, an idea's file or a recording has changed, the key is another, so
+        If the program, a library, an idea's file or a recording changes, the key changes too. So
         old results are not reused.
         """
         text = json.dumps([self.kind, dict(self.params), identity()], sort_keys=True)

@@ -74,7 +74,7 @@ class Trial(StartStop):
         """Drive for a while in one mode, and return the log.
 
         Args:
-            mode: TRAIN: the pilot drives. AUTONOMOUS: the robot drives.
+            mode: In TRAIN the pilot drives, in AUTONOMOUS the robot.
             supervised: False if the pilot only watches and never takes the wheel.
             until: The drive ends early, after the first tick for which this function returns True.
 

@@ -134,7 +134,7 @@ class Learner(Protocol):
     abilities: Abilities = Abilities()
     """The learner's capabilities beyond learning and predicting."""
     sharpness: float = 1.0
-    """The power to which shares of votes are raised to calibrate them; 1: no calibration."""
+    """The power to which shares of votes are raised to calibrate them; 1 calibrates nothing."""
     mirror: Mirror | None = None
     """If set, left and right are alike: each example is also learned mirrored in this way."""
     last_node_: int | None = None
@@ -166,7 +166,7 @@ class Learner(Protocol):
         """
 
     def explain_in(self, x: Vector, context: int | None) -> Evidence:
-        """Return the prediction in one context; if None, as `explain_one`, without a context."""
+        """Return the prediction in one context. If `context` is None, this is `explain_one`."""
         return self.explain_one(x)
 
     def begin_like(self, earlier: Sequence[State]) -> int:

@@ -26,11 +26,11 @@ class BSOC(Clusters):
 
     Args:
         max_nodes: Maximum number of nodes; the only parameter of the algorithm.
-        group_cost: Factor by which a merge of nodes of two groups (such as labels) costs more. 1:
-            as in the paper, which has no groups.
+        group_cost: Factor by which a merge of nodes of two groups (such as labels) costs more. With
+            1 the clustering is the paper's, which has no groups.
         integer: Compute on pixels in integers only; vectors are then bytes.
-        n_compared: Only with `integer`: number of leading values of a vector that are compared;
-            None: all.
+        n_compared: Only with `integer`: number of leading values of a vector that are compared. If
+            None, all values are compared.
     """
 
     measures_novelty = True

@@ -1,11 +1,11 @@
 """Detects that the pilot has changed his mind and relabels the same views again and again.
 
 A label that is no longer used is no evidence: a pilot who turns round and drives back has not
-changed his mind about the way there. Nor is a single contradiction: at the beginning of a turn the
-same view can have the labels of the turn and of driving straight. So an example contradicts another
-label only if it is clearly nearer to that label's images than to the images of driving straight,
-and its own label's images are no nearer. After a change of mind most examples contradict the old
-label; in a lesson in the opposite direction few do.
+changed his mind about the way there. A single contradiction is no evidence either: at the beginning
+of a turn the same view can have the labels of the turn and of driving straight. So an example
+contradicts another label only if it is clearly nearer to that label's images than to the images of
+driving straight, and its own label's images are no nearer. After a change of mind most examples
+contradict the old label; in a lesson in the opposite direction few do.
 
 A label that was contradicted often enough loses most of its votes at a view in two cases: its image
 nearest to the view was last taught before the contradictions began; or another label's image is at

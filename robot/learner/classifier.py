@@ -68,13 +68,13 @@ class BSOCClassifier(Stateful, Learner):
 
     Args:
         max_nodes: Maximum number of images.
-        group_cost: Factor by which a merge of two labels costs more; 1: as published.
+        group_cost: Factor by which a merge of two labels costs more; 1 as published.
         n_voters: How many of the nearest nodes vote.
-        linear: An online linear part, whose scores are mixed with the votes; None: no linear part.
-            With a `ContextRidge` predictions can depend on the current move.
+        linear: An online linear part, whose scores are mixed with the votes; None for no linear
+            part. With a `ContextRidge` predictions can depend on the current move.
         linear_share: Weight of the linear part in the mixture.
         integer: Compute on the nodes' pixels in integers only; vectors are then bytes.
-        cluster: The clustering; None: a label-aware `BSOC`.
+        cluster: The clustering; if None, a label-aware `BSOC`.
         balance: Extra weight of rare labels, from 0 to 1 (`votes.rarity`).
         novelty_margin: How far beyond the usual distances a view is novel (`Novelty`).
         forgets: True to follow a pilot who relabels the same views (`change_of_mind.py`). This has

@@ -133,7 +133,7 @@ class IntegerImages(Images):
 
     Args:
         max_nodes: Number of rows.
-        n_compared: Number of leading values of a vector that are compared; None: all. The other
+        n_compared: Number of leading values of a vector that are compared; None for all. The other
             values are only averaged: they are for showing the picture, which takes more pixels than
             recognising it.
     """

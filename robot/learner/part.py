@@ -45,7 +45,7 @@ class Value:
     Attributes:
         name: The value's name in a model.
         read: Reads and checks the value.
-        attribute: The part's attribute that holds the value, or a dotted path; empty: `_name`.
+        attribute: The part's attribute that holds the value, or a dotted path; if empty, `_name`.
         is_fixed: True if the value is set when the part is made; a model with another value is
             refused.
     """
@@ -99,7 +99,7 @@ class Array:
             `name+1` means this length plus 1.
         low: The smallest allowed value.
         high: The largest allowed value.
-        attribute: The part's attribute that holds the array, or a dotted path; empty: `_name`.
+        attribute: The part's attribute that holds the array, or a dotted path; if empty, `_name`.
         may_miss: The array is optional: omitted from the model when None or empty.
     """
 

@@ -70,7 +70,7 @@ class LinearPart(Stateful, ABC):
 
         Expected weights are as strong as the penalty, so the frames soon outweigh them.
         """
-        raise ValueError("it cannot begin with other weights")
+        raise ValueError("this linear part cannot begin with other weights")
 
     def begin_angles(self, of_labels: Floats) -> None:
         """Also learn an angle from now on; each earlier frame gets the angle of its label."""
@@ -101,7 +101,7 @@ class LinearPart(Stateful, ABC):
         self, x: Vector, targets: Floats, angle: Angle = 0.0, contexts: Collection[int] = EVERY
     ) -> None:
         """Add the mirror image of a frame; all arguments are already mirrored."""
-        raise ValueError("it does not support mirror images")
+        raise ValueError("this linear part does not support mirror images")
 
     def reflect(self, places: Places, columns: Sequence[int], on: bool) -> None:
         """Add the mirror images of all frames so far, or remove them again.
@@ -111,7 +111,7 @@ class LinearPart(Stateful, ABC):
             columns: The column of each label's mirrored label.
             on: True to add the mirror images.
         """
-        raise ValueError("it does not support mirror images")
+        raise ValueError("this linear part does not support mirror images")
 
 
 class RecursiveRidge(LinearPart):
@@ -123,9 +123,9 @@ class RecursiveRidge(LinearPart):
         n_features: Number of values that are used; a constant is added to them.
         penalty: Weight of the squared coefficients.
         scale: The divisor of the values, so that they lie roughly in [0, 1].
-        alike: Prior covariance of the weights, shape (n_features, n_features), with diagonal 1;
-            None: weights are independent. The prior is only the initial value of the inverse, so it
-            takes no time per frame.
+        alike: Prior covariance of the weights, shape (n_features, n_features), with diagonal 1; if
+            None, the weights are independent. The prior is only the initial value of the inverse,
+            so it takes no time per frame.
     """
 
     knows_mirrors = True
@@ -172,8 +172,7 @@ class RecursiveRidge(LinearPart):
         self._weights[:, columns] += weights
 
     def begin_angles(self, of_labels: Floats) -> None:
-        # Weights are linear in their targets, so this has the same effect as learning angles from
-        # the start.
+        # The weights are linear in the targets, so learning angles from the start gives the same.
         self._angles = self._weights @ np.stack([of_labels, np.abs(of_labels)], axis=1)
 
     def angle(self, x: Vector) -> Floats:

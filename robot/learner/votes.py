@@ -55,7 +55,7 @@ def _weighed(
 
 def angle_terms(angle: Floats | float) -> Floats:
     """Return angle, magnitude and square, shape (..., 3): means and deviations of angles are
-    computed from sums of these."""
+    computed from sums of these terms."""
     return np.stack([angle, np.abs(angle), np.square(angle)], axis=-1)
 
 

@@ -249,7 +249,7 @@ def replay(
     Args:
         policy: The policy that learns.
         events: The changes. An example of unknown teaching time has a negative time.
-        on_refused: Called for a change that fails; None: edits that fail are left out. An edit
+        on_refused: Called for a change that fails; if None, edits that fail are left out. An edit
             fails if its image does not exist or is pinned, because other examples are missing.
     """
     for event in events:

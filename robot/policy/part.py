@@ -31,7 +31,7 @@ class Seen:
         picture: The grey values as they were taken.
         step_s: Time since the previous frame was taken, in seconds.
         in_context: True if the votes depend on the current move.
-        context: The context that the current move belongs to; None: any.
+        context: The context that the current move belongs to; None for any context.
         evidence: The learner's prediction.
         shares: The votes for each move; the filter smooths them.
         action: The proposed move.

@@ -133,10 +133,10 @@ class Policy(Stateful):
             frame_id: The frame's id.
             x: The frame's vector.
             under_way: The move that the robot is making by its own choice, if it drives.
-            at_s: The time at which the frame was taken; None: a tenth of a second after the
+            at_s: The time at which the frame was taken; if None, a tenth of a second after the
                 previous frame.
             bumped: True if a bumper is pressed.
-            by_degrees: True if the body can be driven by degrees; False: no point is proposed.
+            by_degrees: True if the body can be driven by degrees; if False, no point is proposed.
 
         Raises:
             Exception: If the learner fails; the next frame may succeed.
@@ -163,7 +163,7 @@ class Policy(Stateful):
         known = seen.evidence
         confidence = self._chance(seen.shares, seen.action, known.novelty)
         if not math.isfinite(confidence):
-            raise ValueError("its output for the picture is not a number")
+            raise ValueError("the output for the picture is not a number")
         return Prediction(
             frame_id=frame_id,
             action=seen.action,
@@ -301,7 +301,7 @@ class Policy(Stateful):
         return self._mirror() is not None
 
     def set_alike(self, alike: bool) -> None:
-        """True: also learn all past and future examples mirrored. False: no longer do so.
+        """Learn all past and future examples mirrored too, or no longer do so.
 
         Raises:
             ValueError: If the learner, features or moves cannot be mirrored.

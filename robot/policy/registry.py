@@ -45,9 +45,9 @@ class Design:
     action_filter: Callable[[MoveKinds], ActionFilter] = ActionFilter
     is_linear: bool = True
     is_smooth: bool = True
-    """True: the linear part expects similar weights in adjacent cells (`GradientFeatures`)."""
+    """True if the linear part expects similar weights in adjacent cells (`GradientFeatures`)."""
     is_contextual: bool = True
-    """True: the current move is an input of the linear part. False: the move has inertia."""
+    """True if the current move is an input of the linear part; if False, it has inertia."""
     linear_share: float = LINEAR_SHARE
     group_cost: float = GROUP_COST
     n_voters: int = N_VOTERS

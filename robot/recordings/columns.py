@@ -78,10 +78,10 @@ class FrameTable(Mapping[int, FrameEntry]):
         numbers = np.array([self._channels.index(channel) for channel in channels], "<u2")
         if len(table):
             if int(table["channel"].max()) >= len(numbers):
-                raise RecordingError("a picture of an unknown channel")
+                raise RecordingError("a picture belongs to an unknown channel")
             table["channel"] = numbers[table["channel"]]
             if int(table["chunk"].min()) < 0:
-                raise RecordingError("a picture before the beginning of the file")
+                raise RecordingError("a picture is before the file's beginning")
             table["chunk"] += base
         self._table = None
         self._rows += table.tobytes()

@@ -107,7 +107,7 @@ def read_notes(episode: Path) -> Notes:
     try:
         plain = json.loads(read_regular(path, _MOST_BYTES).decode())
         if plain["format"] > FORMAT:
-            raise ValueError("it was written by a newer version of this program")
+            raise ValueError("a newer version of this program wrote the file")
         return Notes(
             title=str(plain["title"]),
             is_protected=bool(plain["protected"]),

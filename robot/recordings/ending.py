@@ -68,7 +68,7 @@ def _end_file(path: Path, earlier: Path | None, rest: Callable[[], None]) -> boo
         with whole_file(path) as copy:
             _copy_what_is_left(path, earlier, copy, rest)
             if not os.path.samestat(status, path.stat()):
-                raise OSError("it was changed meanwhile")
+                raise OSError("another program changed the file")
     except UNREADABLE:
         return False
     return True
@@ -92,7 +92,7 @@ def _copy_what_is_left(
             run = check_run(record.values)
             writer = EpisodeWriter(copy, run, tally=_tally_before(run, earlier))
         elif writer is None:
-            raise RecordingError("a recording of another program")
+            raise RecordingError("the recording was made by another program")
         else:
             writer.write_copy(record)
     if writer is None or cut.lost_bytes is None or cut.lost_bytes > _MOST_LOST_BYTES:

@@ -269,7 +269,7 @@ def _take(episode: Episode, number: int, part: Block | Metadata | Attachment | C
 def check_run(values: dict[str, str]) -> dict[str, str]:
     """Check the metadata of a recording, and return them."""
     if int(values["format"]) > FORMAT:
-        raise RecordingError("it was recorded by a newer version; upgrade Drivelesson")
+        raise RecordingError("a newer version made this recording; upgrade Drivelesson")
     int(values["origin_ns"])
     seconds_in(values.get("started_at_s", "0"))
     from_text(values.get("declared_moves", ""))

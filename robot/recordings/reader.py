@@ -420,7 +420,7 @@ class _Content:
         rows = _rows(data, places)
         for number in set(rows["channel"].tolist()):
             if number not in self.channels:
-                raise RecordingError("a message of an unknown channel")
+                raise RecordingError("a message belongs to an unknown channel")
         yield Block(offset, self.channels, data, rows)
         if trouble is not None:
             raise trouble

@@ -38,8 +38,8 @@ def _held(mark: Path, names: Sequence[str]) -> Iterator[None]:
     lock = FileLock(f"{mark}{_LOCK}", timeout=0)
     told = mark.with_name(mark.name + _NAMES)
     try:
-        # If the folder is read-only, no program can delete files there either. Some network file
-        # systems have no locks.
+        # If the folder is read-only, no program can delete files there either.
+        # Some network file systems have no locks.
         with contextlib.suppress(OSError, NotImplementedError):
             lock.acquire()
             told.write_text(json.dumps(names), encoding="ascii")

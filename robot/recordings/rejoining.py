@@ -37,8 +37,9 @@ def strays(folder: Path) -> Iterator[tuple[Path, str]]:
 
 
 def compacting_mark(path: Path) -> Path:
-    """Return the file that lies next to a recording, and then next to its original in the trash,
-    while it is made compact. A stray mark has the name of an unfinished file and is removed."""
+    """Return the mark of a recording that is being made compact. This file lies next to the
+    recording, and later next to its original in the trash. A stray mark has the name of an
+    unfinished file and is removed."""
     return path.with_name(f".{path.name}.0.part")
 
 

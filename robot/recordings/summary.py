@@ -86,7 +86,7 @@ def _read_head(path: Path) -> dict[str, Any]:
             written_s = max(written_ns for _, written_ns in state_of(path)) / 1e9
             lasted_s = written_s - seconds_in(record.values.get("started_at_s", "0"))
             return _facts(record.values, describe_content(0, {}, lasted_s))
-    raise RecordingError("it has no beginning yet")
+    raise RecordingError("the recording has no beginning yet")
 
 
 def _read_ends(path: Path) -> dict[str, Any]:

@@ -109,8 +109,8 @@ class SimCamera(WorldCamera[SimDriver]):
         self._stirred.set()
 
     def _live(self) -> None:
-        """Take pictures, and after each picture wait for at least the time that it took. So if
-        there are too many robots for the computer, each robot takes fewer pictures, and there is
+        """Take pictures, and after each picture wait at least as long as taking it has lasted. So
+        if there are too many robots for the computer, each robot takes fewer pictures, and there is
         time for a STOP. At rest only the world advances.
         """
         taken_s = last_s = self.clock.now_s()

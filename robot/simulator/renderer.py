@@ -121,8 +121,7 @@ class Renderer:
                     node = self._things[obstacle.name]
                     node.setPos(obstacle.x_m, obstacle.y_m, 0.0)
                     node.setH(math.degrees(obstacle.heading_rad))
-            # The cameras of Panda3D look along the y axis, so subtract a quarter turn from the
-            # heading.
+            # Panda3D's cameras look along the y axis, so subtract a quarter turn.
             self._camera.setPosHpr(
                 pose.x_m + CAMERA_FORWARD_M * math.cos(pose.heading_rad),
                 pose.y_m + CAMERA_FORWARD_M * math.sin(pose.heading_rad),

@@ -185,8 +185,8 @@ class Simulation:
         )
 
     def _add_grain(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        # Shift one block of noise at random for each picture. This looks as good as 57,600 new
-        # random numbers, and is far faster.
+        # Shift one block of noise at random for each picture.
+        # This looks as good as 57,600 new random numbers, and is far faster.
         if self._grain is None:
             rng = np.random.default_rng((self._seed, 3))
             block = rng.normal(0.0, _PIXEL_NOISE, 4 * picture.size).astype(np.int16)

@@ -309,8 +309,8 @@ class Storage:
 
     def _try_longest(self) -> None:
         """Create a file with the longest possible path; Windows allows only 260 characters."""
-        # Use a new folder, because another program may do this at the same time. Do not use
-        # `tempfile`: on Windows it retries endlessly if nothing can be written.
+        # Use a new folder, because another program may do this at the same time.
+        # Do not use `tempfile`: on Windows it retries endlessly if nothing can be written.
         folder = self.trash / uuid4().hex.ljust(_LONGEST_NAME, "n")
         try:
             folder.mkdir()
@@ -321,7 +321,7 @@ class Storage:
             n = len(str(self.trash.absolute())) + 2 + 2 * _LONGEST_NAME + _LONGEST_ENDING
             raise OSError(
                 error.errno,
-                f"a file in it can need a path of {n} characters, which is too long here",
+                f"a file in this folder can need a path of {n} characters, which is too long here",
             ) from error
         finally:
             shutil.rmtree(folder, ignore_errors=True)
@@ -380,7 +380,7 @@ class Storage:
         return [path.name for path in paths_in(self.trash) if _KEY.fullmatch(path.name)]
 
     def restore(self, key: str, folder: Path, ending: str = "") -> list[str]:
-        """Move the files with this ending, or the folder, that one deletion removed back.
+        """Move back what one deletion removed: the files with this ending, or the folder.
 
         Returns their names without the ending. An item whose old name is in use gets a new name.
         Raises NotFoundError if they were restored, deleted for good, or belong to another folder.

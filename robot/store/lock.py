@@ -21,7 +21,7 @@ class FolderLock(StartStop):
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._holder = folder / ".lock.pid"  # for the error's text: filelock empties its own file
+        self._holder = folder / ".lock.pid"  # the id of the process; filelock keeps none
         self._lock: Any = None
 
     def start(self) -> None:

@@ -29,9 +29,9 @@ def read_arrays(data: bytes, *, max_bytes: int, only: str | None = None) -> dict
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = archive.infolist()
             if len(members) > _MAX_MEMBERS or len({m.filename for m in members}) < len(members):
-                raise RecordingError("it has too many arrays, or two with the same name")
+                raise RecordingError("the file has too many arrays, or two with the same name")
             if sum(m.file_size for m in members) > max_bytes:
-                raise RecordingError(f"it unpacks to more than {max_bytes >> 20} MB")
+                raise RecordingError(f"the file unpacks to more than {max_bytes >> 20} MB")
             return {
                 member.filename.removesuffix(".npy"): _read_array(_bytes_of(archive, member, data))
                 for member in members
@@ -40,7 +40,7 @@ def read_arrays(data: bytes, *, max_bytes: int, only: str | None = None) -> dict
     except RecordingError:
         raise
     except Exception as error:  # zipfile, zlib, lzma and numpy raise many types of errors
-        raise RecordingError(f"it is damaged: {error}") from error
+        raise RecordingError(f"the file is damaged: {error}") from error
 
 
 def _bytes_of(archive: zipfile.ZipFile, member: zipfile.ZipInfo, data: bytes) -> memoryview:
@@ -51,7 +51,7 @@ def _bytes_of(archive: zipfile.ZipFile, member: zipfile.ZipInfo, data: bytes) ->
     start = member.header_offset + _LOCAL.size + name_length + extra_length
     part = memoryview(data)[start : start + member.file_size]
     if signature != b"PK\x03\x04" or len(part) != member.file_size:
-        raise RecordingError("it was cut short")
+        raise RecordingError("the file was cut short")
     if zlib.crc32(part) != member.CRC:
         raise RecordingError("a checksum does not match")
     return part
@@ -66,7 +66,7 @@ def _read_array(data: memoryview) -> NDArray[Any]:
         shape, is_fortran, dtype = read_array_header_2_0(file)
     start = file.tell()
     if dtype.hasobject:
-        raise RecordingError("it contains pickled objects, which are never opened")
+        raise RecordingError("the file contains pickled objects, which are never opened")
     if math.prod(shape) * dtype.itemsize != len(data) - start or min(shape, default=0) < 0:
         raise ValueError(f"an array's header says {shape}, but its bytes do not match")
     return np.frombuffer(data, dtype, offset=start).reshape(shape, order="F" if is_fortran else "C")

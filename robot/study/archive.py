@@ -1,4 +1,4 @@
-"""A study's data in one zip, and its table, which any machine can rebuild from the zip.
+"""A study's data in one zip. Any machine can rebuild the study's table from the zip.
 
 Only `rebuild` computes the table. The server packs the result, and `drivelesson study report` calls
 `rebuild` again and compares its result with the packed files.
@@ -69,7 +69,7 @@ def unpack(path: Path) -> tuple[str, dict[str, bytes], dict[str, bytes]]:
     with told_as(ConfigurationError, wrong, Exception), zipfile.ZipFile(path) as archive:
         entries = [info for info in archive.infolist() if not info.is_dir()]
         if sum(info.file_size for info in entries) > _LARGEST_ZIP_MB * 1_000_000:
-            raise ValueError(f"it unpacks to more than {_LARGEST_ZIP_MB} MB")
+            raise ValueError(f"the file unpacks to more than {_LARGEST_ZIP_MB} MB")
         files = {info.filename: archive.read(info) for info in entries}
     if PLAN not in files:
         raise ConfigurationError(f"{path} is not a study: {PLAN} is missing in it")

@@ -3,14 +3,14 @@
 Clients are counted per session, or per address if they have none. A connection is *pending* until
 the guard has read a session on it. Pending connections time out soon and have separate slots, so a
 new connection is accepted and read even when all other slots are taken, because it may be a STOP.
-If the pending slots are full too, the new connection evicts an idle one, else one that has sent
-nothing, else one with an old request.
+If the pending slots are full too, the new connection evicts an idle connection. If none is idle, it
+evicts one that has sent nothing, or else one with an old request.
 
 When no slot is free, the person with the most connections loses one: an idle connection, or the
-least recently used. A flood therefore evicts itself. Connections of the owner, the pilot and the
-teacher are evicted only for each other's. An answer is never cut short for another request: if all
-connections are busy, that request is answered on a pending connection. Nothing here reads a clock:
-the time is an argument.
+least recently used. A flood therefore evicts itself. A connection of the owner, the pilot or the
+teacher is evicted only for another of these three. An answer is never cut short for another
+request: if all connections are busy, that request is answered on a pending connection. Nothing here
+reads a clock: the time is an argument.
 """
 
 from __future__ import annotations
@@ -153,8 +153,8 @@ class ConnectionLimiter:
         def gives(places: list[Slot]) -> bool:
             if places is own and any(one.idle_s < math.inf for one in own):
                 return True
-            # The other client must keep at least as many slots as the newcomer gets, or the two
-            # would evict each other in turns.
+            # The other client must keep at least as many slots as the newcomer gets.
+            # If it kept fewer, the two clients would evict each other in turns.
             has_more = len(places) > len(own) + 1 or (places is own and len(own) == most)
             return (has_more or self._keeps(newcomer)) and any(
                 one.gives_way(before_s) for one in places

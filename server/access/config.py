@@ -94,7 +94,8 @@ class NetworkLimits(Limits):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NetworkConfig(Config):
-    """The settings of a server for a network. Field by field in docs/reference/configuration.md."""
+    """The settings of a server for a network. See docs/reference/configuration.md for each
+    field."""
 
     lan: bool = False
     tls: bool = False

@@ -131,8 +131,8 @@ class _Connection(socket.socket):
     peer: Peer = ("", 0)
 
     def peek(self) -> bytes | None:
-        """Return the waiting bytes without removing them; b"" if the client has left, None if none
-        wait."""
+        """Return the waiting bytes without removing them; b"" if the client has left, None if no
+        bytes wait."""
         try:
             return self.recv(_HEAD, socket.MSG_PEEK)
         except BlockingIOError:

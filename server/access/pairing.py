@@ -216,8 +216,8 @@ class Pairing:
             idle = [name for name in same if not self.is_in_use(name)]
             if not idle:
                 return Refusal(503, "sessions", "Too many browsers are connected.")
-            # If all idle sessions were used, evict the newest: a client that keeps redeeming evicts
-            # itself.
+            # If all idle sessions were used, evict the newest.
+            # A client that keeps redeeming codes then evicts only itself.
             del self._sessions[next((name for name in idle if name in self._unused), idle[-1])]
         self._sessions.pop(hash_of(before), None)
         secret = secrets.token_urlsafe(32)

@@ -1,4 +1,4 @@
-"""`/pair` and `/api/pair`: pairing of browsers. Only with `--lan`."""
+"""`/pair` and `/api/pair`: pairing of browsers, which needs `--lan`."""
 
 from __future__ import annotations
 

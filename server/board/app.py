@@ -254,7 +254,7 @@ async def _hear(websocket: WebSocket, board: Board, onlooker: BoardViewer) -> No
             else:
                 raise ValueError(kind)
         except (ValueError, LookupError, TypeError, ArithmeticError, RecursionError):
-            await websocket.close(1008, "this message makes no sense")
+            await websocket.close(1008, "the message is not valid")
             return
 
 

@@ -120,7 +120,7 @@ class Board:
             robot.stop.press()
 
     def release(self, stops: Mapping[int, str]) -> None:
-        """Release robots: each number with the `stop_id` that the teacher has seen.
+        """Release robots; `stops` maps a robot's number to the `stop_id` that the teacher has seen.
 
         A robot that was stopped again since then stays stopped. NotFoundError for an unknown
         number.

@@ -133,7 +133,7 @@ class ClassModels:
         except RobotError as error:
             return RobotOutcome(robot.number, robot.name, "failed", detail=str(error))
         except UNREADABLE as error:
-            detail = f"its answer makes no sense: {error!r}"[:300]
+            detail = f"the robot's answer is not valid: {error!r}"[:300]
             return RobotOutcome(robot.number, robot.name, "failed", detail=detail)
         finally:
             with suppress(RobotError, *UNREADABLE):
@@ -216,7 +216,7 @@ class ClassModels:
         until_s = self._clock.now_s() + _STOP_S
         while robot.stop.stage is not Stopping.STOPPED:
             if self._clock.now_s() > until_s:
-                raise UnreachableError("it did not stop, so nothing was changed")
+                raise UnreachableError("the robot did not stop, so nothing was changed")
             await self._clock.pause(_LOOK_S)
 
 

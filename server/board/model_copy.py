@@ -47,5 +47,5 @@ def name_in(answer: HttpAnswer) -> str:
     """Return the model's name in a robot's answer; UnreachableError if the name is missing."""
     name = answer.json().get("name")
     if not isinstance(name, str):
-        raise UnreachableError("its answer makes no sense")
+        raise UnreachableError("the robot's answer is not valid")
     return name

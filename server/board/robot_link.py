@@ -135,7 +135,7 @@ class RobotLink:
                 except RobotError as error:
                     self._lose(Status.AWAY, str(error))
                 except UNREADABLE as error:
-                    self._lose(Status.AWAY, f"its answer makes no sense: {error!r}"[:300])
+                    self._lose(Status.AWAY, f"the robot's answer is not valid: {error!r}"[:300])
                 was_there, self._was_there = self._was_there, False
                 longest_s = _STARTING_RETRY_S if self._is_starting else _LONGEST_RETRY_S
                 retry_s = _RETRY_S if was_there else min(2 * retry_s, longest_s)
@@ -223,7 +223,7 @@ class RobotLink:
                 await channel.send(json.dumps(words))
             await self._clock.pause(PING_EVERY_S)
             if self._clock.now_s() - self._heard_s > SILENCE_S:
-                raise UnreachableError("it has fallen silent")
+                raise UnreachableError("the robot has fallen silent")
 
     async def _invite(self) -> None:
         """Renew the QR code's token before it expires."""
@@ -250,7 +250,7 @@ class RobotLink:
     async def _take_pictures(self, channel: Any) -> None:
         while True:
             message = await channel.recv()
-            with told_as(UnreachableError, "its picture makes no sense", ProtocolError):
+            with told_as(UnreachableError, "the robot sent an invalid picture", ProtocolError):
                 picture = parse_picture(message if isinstance(message, bytes) else b"")
             # the robot sends the next picture after this acknowledgement
             await self._at_leisure.wait()

@@ -113,7 +113,7 @@ class RobotStop:
         self._on_change()
 
     def note_state(self, number: int | None, *, is_stopped: bool) -> None:
-        """Note a state from the robot, which may be older than the last command."""
+        """Note a state from the robot. The state may be older than the last command."""
         self.number = max(self.number or 0, number or 0) or None
         if not is_stopped:
             self.is_release_refused = False
@@ -152,8 +152,7 @@ class RobotStop:
                 self._on_change()
             with contextlib.suppress(UnreachableError):
                 async with within():
-                    # The open connection may be dead without an error, so send the stop on a new
-                    # connection.
+                    # Send the stop on a new connection: the open one may be dead without an error.
                     answer = await self._session.send("POST", "/api/stop")
                 stopped = answer.json()
                 if stopped.get("emergency") is True and self.stage is not None:

@@ -75,20 +75,20 @@ class TeacherSession:
         answer = await self.send("POST", "/api/class/hello", {"nonce": nonce})
         if answer.status in (401, 404):
             raise WrongClassError(
-                Status.NO_CLASS, "it is in no class: start it with --class-key FILE"
+                Status.NO_CLASS, "the robot is in no class: start it with --class-key FILE"
             )
         if answer.status != 200:
             raise UnreachableError(_sentence(answer))
         offer = answer.json()
         robot_nonce, proof = (str(offer.get(name, ""))[:_LONGEST] for name in ("nonce", "proof"))
         if not self.key.accepts(proof, "robot", nonce, robot_nonce, place.endpoint):
-            raise WrongClassError(Status.NOT_OURS, "it has another class key")
+            raise WrongClassError(Status.NOT_OURS, "the robot has another class key")
         own = self.key.prove("board", nonce, robot_nonce, place.endpoint)
         words = {"board_nonce": nonce, "nonce": robot_nonce, "proof": own}
         answer = await self.send("POST", "/api/class/join", words)
         secret = answer.json().get("secret")
         if answer.status != 200 or not isinstance(secret, str):
-            raise WrongClassError(Status.NOT_OURS, "it does not admit this board")
+            raise WrongClassError(Status.NOT_OURS, "the robot does not admit this board")
         self._secret = secret
 
     async def ask(self, method: str, path: str, body: Any = None) -> HttpAnswer:
@@ -98,7 +98,7 @@ class TeacherSession:
             RefusedError: If the robot refuses, with the robot's own sentence.
         """
         if not self.is_open:
-            raise UnreachableError("it is not connected")
+            raise UnreachableError("the robot is not connected")
         answer = await self.send(method, path, body)
         if answer.status >= 400:
             if answer.status == 401:
@@ -128,7 +128,7 @@ class TeacherSession:
     @property
     def _there(self) -> ServerPlace:
         if self.place is None:
-            raise UnreachableError("it is not connected")
+            raise UnreachableError("the robot is not connected")
         return self.place
 
     @property

@@ -145,7 +145,7 @@ class NetworkTransport:
                 while part := await reader.read(1 << 16):
                     data += part
                     if len(data) > most:
-                        raise UnreachableError("its answer is too large")
+                        raise UnreachableError("the robot's answer is too large")
             whole: Any = SimpleNamespace(makefile=lambda _: io.BytesIO(data))
             response = http.client.HTTPResponse(whole, method=method)
             response.begin()
@@ -202,9 +202,9 @@ async def within(patience_s: float | None = 5.0) -> AsyncIterator[None]:
     except UnreachableError:
         raise
     except TimeoutError as error:
-        raise UnreachableError("it does not answer in time") from error
+        raise UnreachableError("the robot does not answer in time") from error
     except http.client.IncompleteRead as error:
-        raise UnreachableError("it ended in the middle of its answer") from error
+        raise UnreachableError("the robot's answer ended in the middle") from error
     except _ENDS as error:
         number = getattr(error, "errno", None) or 0
         words = getattr(error, "strerror", None) or str(error) or type(error).__name__

@@ -167,6 +167,6 @@ def keep(file: Path, values: Mapping[str, float]) -> None:
         if made != wanted:
             lines = "; ".join(f"{name} = {value}" for name, value in values.items())
             raise ValueError(
-                f"it cannot be changed automatically; set these values in it yourself: {lines}"
+                f"the file cannot be changed automatically; set these values yourself: {lines}"
             )
         write_whole(file, (head + rest).encode())

@@ -1,6 +1,6 @@
 """Settings from a file and from the environment, as defaults for the command line.
 
-The command line overrides the environment, the environment the file, and the file the defaults.
+The command line overrides the environment. The environment overrides the file.
 """
 
 from __future__ import annotations

@@ -227,7 +227,7 @@ class Hub:
             raise ProtocolError(ErrorCode.NEWER_STOP, sentence)
         holder = self.stop_held_by
         if holder is not None and client.role is not holder:
-            raise ProtocolError(ErrorCode.STOP_HELD, f"only the {holder.value} can release it")
+            raise ProtocolError(ErrorCode.STOP_HELD, f"only the {holder.value} may release STOP")
         if not client.role.holds_stop:
             self._require_wheel(client)
         self.stop_held_by = None

@@ -29,9 +29,9 @@ class ImageEdit(RawValue):
 
 @dataclass
 class ImageAnswer:
-    """One learned image; `taught_at_s` and `episode` if its last example is remembered.
+    """One learned image. `taught_at_s` and `episode` are set if its last example is remembered.
 
-    `angle` is the mean steering of the image's frames, if steered by degrees.
+    `angle` is the mean steering of the image's frames, if they were steered by degrees.
     """
 
     taught_at_s: float | None

@@ -42,8 +42,8 @@ def open_socket(host: str, port: int) -> socket.socket:
         # With SO_REUSEADDR on Windows, two programs would share the port.
         exclusive = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
         listener.setsockopt(socket.SOL_SOCKET, exclusive, 1)
-        # On Linux connections inherit these options: small messages are sent immediately, and the
-        # connection to a peer that acknowledges nothing is closed.
+        # On Linux, connections inherit these options: one sends small messages immediately,
+        # and one closes the connection to a peer that acknowledges nothing.
         listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         if hasattr(socket, "TCP_USER_TIMEOUT"):
             listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _DEAD_PEER_MS)

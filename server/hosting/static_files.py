@@ -44,8 +44,7 @@ class PageFiles(CompressedFiles):
         path = "index.html" if path == "." else path
         response = await super().get_response(path, scope)
         if path == "index.html":
-            # Without a referrer a form has no origin, so its STOP would be refused as another
-            # site's.
+            # Without a referrer a form has no origin, so the server would refuse its STOP.
             response.headers["referrer-policy"] = "same-origin"
             # Answers without a body need this header too: their headers replace the cached ones.
             html = (Path(self.directory or "") / "index.html").read_text("utf-8")

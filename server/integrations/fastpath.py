@@ -65,8 +65,8 @@ def make_protocol() -> type[Any] | None:
 
         def handle_cont(self, event: Frame) -> None:
             super().handle_cont(event)
-            # Join the frames, so that endless empty frames use no memory. Older versions of uvicorn
-            # do this by themselves.
+            # Join the frames, so that endless empty frames use no memory.
+            # Older versions of uvicorn do this by themselves.
             self.frames = [b"".join(getattr(self, "frames", ()))]
 
         def handle_events(self) -> None:
@@ -91,8 +91,7 @@ def make_protocol() -> type[Any] | None:
             return message
 
         def shutdown(self) -> None:
-            # If the client is just leaving, uvicorn raises an error and would then not end the
-            # application.
+            # If the client is leaving, uvicorn raises an error and would not end the application.
             if not self.transport.is_closing():
                 super().shutdown()
 

@@ -68,8 +68,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    # Use one thread per process: more threads would sum in another order, which changes the last
-    # digit, and would not be faster.
+    # Use one thread per process.
+    # More threads would not be faster, and would change the last digit of sums.
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[variable] = "1"
     from robot.lab.report import write_html

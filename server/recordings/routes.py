@@ -246,8 +246,7 @@ async def _sent(paths: Sequence[Path], blocks: Iterator[bytes]) -> AsyncIterator
 async def _sent_separately(path: Path) -> AsyncIterator[bytes]:
     """Yield a recording as one file, which a separate process joins."""
     with reading([path]), contextlib.closing(SeparateWork(join_recording, path)) as blocks:
-        # Use the default executor: unlike a thread of the pool, its thread does not delay the
-        # shutdown.
+        # Use the default executor, because a thread of the pool would delay the shutdown.
         loop = asyncio.get_running_loop()
         while block := await loop.run_in_executor(None, next, blocks, b""):
             yield block
@@ -289,7 +288,7 @@ def show_timeline(
 ) -> EpisodeTimeline:
     """Return label, prediction and driver of each picture, or of `count` evenly spaced pictures.
 
-    With `first` and `last`, only the pictures in this range.
+    With `first` and `last`, return only the pictures in this range.
     """
     episode, notes = store.open(episode_id), store.notes(episode_id)
     between = None if first is None or last is None else (first, last)

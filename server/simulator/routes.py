@@ -76,7 +76,7 @@ def show_world(request: Request) -> WorldAnswer:
 async def change_world(request: Request, body: WorldChange) -> WorldAnswer:
     """Carry a simulated robot to the start of another world; it keeps its model.
 
-    409 unless the robot is stopped, and while the model in use must not change.
+    Answers 409 unless the robot is stopped, and also while the model in use must not change.
     """
     services = services_of(request)
     driver: Any = services.robot.driver

@@ -329,8 +329,7 @@ class Conductor(StartStop):
         session, event_log = self._session(), self._log
         assert event_log is not None
         wall_s = self._clock.wall_s()
-        # Log the event on the loop's thread, so that no event is lost if the wait for a stalled
-        # loop times out.
+        # Log on the loop's thread: no event is lost if the wait for a stalled loop times out.
         making = self._loop.submit(lambda: event_log.note([session.make(event, wall_s, **fields)]))
         self._clock.result(making, PATIENCE_S)
 

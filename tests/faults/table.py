@@ -270,7 +270,7 @@ _BODIES_INTRODUCTION = [
     "",
     "- `ev3-stock` and `lego-education`: a message takes up to 50 ms around the fault, because",
     "  LEGO's firmware cannot detect a late command.",
-    "- `ev3-remote`: messages have no delay. Its agent refuses late commands, as the agent's",
+    "- `ev3-remote`: messages have no delay. The brick refuses late commands, as its agent's",
     "  own tests show.",
     "- `ev3`: messages have no delay, because they are sent over the motors' cables.",
     "- `ros`: its base has no time limit of its own.",

@@ -1,5 +1,6 @@
 // The subset of Markdown that the lessons use: headings, paragraphs, quotes, lists, tables, bold, emphasis and code.
-// Links lead to documents that the board does not serve, so only their text is shown. Pure.
+// Links lead to documents that the board does not serve, so only their text is shown.
+// Pure.
 
 /** @typedef {{kind: 'text' | 'strong' | 'em' | 'code', text: string}} Word */
 /**

@@ -1,4 +1,5 @@
-// The websocket of a phone that is the robot's camera: it sends only the newest picture, within a window.
+// The websocket of a phone that is the robot's camera.
+// It sends only the newest picture, and at most two pictures before the robot acknowledges one of them.
 // Nothing here uses the document; tests replace the browser's WebSocket.
 
 const HEADER_BYTES = 16;

@@ -53,7 +53,7 @@ export function urgentAdvice(page) {
   if (elsewhere) return elsewhere;
   if (page.wheelAsked) return { key: 'wheel_asked', step: 'yield', level: 'ask' };
   if (robot.fault) return { key: 'fault', values: { fault: robot.fault }, level: 'stop' };
-  // The lead is over, so the reason why the robot stands does not matter.
+  // The lead is over, so it does not matter why the robot stands still.
   if (page.lead?.isOver) return page.lead.ask(robot);
   // The lead's text already says what to choose.
   if (page.localStop === 'wheel' && robot.mode === 'stopped' && !page.lead) return { key: 'local.wheel', level: 'ask' };

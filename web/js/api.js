@@ -51,7 +51,7 @@ export async function ask(method, path, body, patienceMs = method === 'GET' ? AN
     if (isPage) throw new Refused(answer.status, `${answer.status} text/html`, null);
     if (answer.ok) {
       const told = await answer.json();
-      // After the screen's own message, because the person must read both.
+      // This message follows the screen's own message, because the person must read both.
       if (told?.kept === false) setTimeout(() => dispatchEvent(new Event(NOT_KEPT)));
       return told;
     }

@@ -1,5 +1,5 @@
-// Celebrates the moment at which the robot can drive alone: the panel jumps, and three notes sound. There is
-// no movement if the person prefers less motion (drive.css), and no notes if sound is off.
+// Celebrates the moment at which the robot can drive alone: the panel jumps, and three notes sound.
+// There is no movement if the person prefers less motion (drive.css), and no notes if sound is off.
 
 const NOTES_HZ = [523, 659, 784];
 const NOTE_S = 0.14;

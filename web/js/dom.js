@@ -1,5 +1,5 @@
-// Builds elements without a framework. The page's policy forbids inline styles, so sizes that depend on data
-// are set through `element.style`, which is allowed.
+// Builds elements without a framework.
+// The page's policy forbids inline styles but allows `element.style`, which sets sizes that depend on data.
 
 /**
  * @template {keyof HTMLElementTagNameMap} T

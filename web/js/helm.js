@@ -1,7 +1,6 @@
 // The held move from any input device, sent on every change and every 100 ms.
 //
-// The heartbeat runs on the page's main thread on purpose: a page that hangs falls silent, and
-// the robot stops.
+// The heartbeat runs on the page's main thread on purpose: a page that hangs falls silent, and the robot stops.
 
 import { moveOf, reachOf } from './points.js';
 import { encodeDrive } from './protocol.js';

@@ -46,8 +46,8 @@ async function start() {
   addEventListener(NOT_KEPT, () => page.tellNotKept());
   new Router(page).start();
   listenForStop({ stop: () => page.stop(), isDriving: () => page.isDriving(), mayMove: () => page.helm.mayBeMoving });
-  // On a computer the page waits for the keyboard's code. Few phones have a keyboard, so there the code is
-  // loaded after the first picture.
+  // On a computer the page waits for the keyboard's code.
+  // Few phones have a keyboard, so there the code is loaded after the first picture.
   if (store.state.hasKeys) await persist(() => listen(page));
   const way = new WayFinder({
     askState: () => ask('GET', 'api/state', undefined, WHY_MS),

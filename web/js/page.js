@@ -159,7 +159,7 @@ export class Page {
       wheelAsked: robot.you_are_pilot && robot.wheel_asked === true,
       ...(robot.you_are_pilot ? { wheelWaiting: false } : {}),
     });
-    // After the state is shown, because its proposal may still be the previous model's.
+    // This comes after the state is shown, because its proposal may still be the previous model's.
     if (before && (robot.lessons < before.lessons || (robot.mode === 'stopped' && robot.lessons !== before.lessons))) this.beginEra();
     this.followHint(robot);
     this.drawCurve(robot);
@@ -287,7 +287,7 @@ export class Page {
     this.endStop();
     this.isReleasing = true;
     const own = await this.stopping;
-    // A request of ours, which repeats the STOP that is shown, may have counted as the next one.
+    // Our own request, which repeats the STOP that is shown, may have counted as the next STOP.
     if (this.isReleasing) this.connection.send(encodeRelease(own === shown + 1 ? own : shown));
     this.isReleasing = false;
   }

@@ -1,5 +1,5 @@
-// Draws the newest picture. A picture that arrives during drawing replaces the waiting one, so a slow phone
-// skips pictures and no queue grows.
+// Draws the newest picture.
+// A picture that arrives during drawing replaces the waiting one, so a slow phone skips pictures and no queue grows.
 //
 // Used in a worker with a transferred canvas, or on the page if there is no worker.
 
@@ -44,7 +44,7 @@ export class Painter {
       this.owesAnswer = false;
       const bitmap = await this.around.decode(picture).catch(() => null);
       if (bitmap) this.draw(bitmap);
-      // A broken picture is acknowledged too, because otherwise the next would never come.
+      // A broken picture is acknowledged too. Without that, the next picture would never come.
       if (owesAnswer) this.around.acknowledge(picture.frameId);
       if (bitmap) this.around.shown({ frame: picture.frameId, capturedMs: picture.capturedMs, arrivedMs, nonce: picture.nonce ?? 0 });
     }

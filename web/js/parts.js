@@ -1,5 +1,5 @@
-// The extensions' parts of the page. Each extension registers its part in `extension.js` in its folder;
-// web/js/extensions.js lists these modules.
+// The extensions' parts of the page.
+// Each extension registers its part in `extension.js` in its folder; web/js/extensions.js lists these modules.
 
 /**
  * @typedef {object} PartScreen

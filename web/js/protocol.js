@@ -106,7 +106,7 @@ export function parsePicture(message) {
   const view = new DataView(message);
   const encoding = ENCODINGS[view.getUint8(1)];
   if (view.getUint8(0) !== FRAME || !encoding) {
-    throw new ProtocolError('unknown_type', 'not a frame of a known encoding');
+    throw new ProtocolError('unknown_type', 'this is not a frame of a known encoding');
   }
   return {
     frameId: view.getUint32(8, true),

@@ -1,9 +1,9 @@
 // A tap's request for a mode, until the robot is in this mode.
 //
-// A start proves that it is fresh (docs/reference/protocol.md, "Freshness"). Right after connecting, and
-// after a pause, the page may have no proof, or only one that is too old. Then it waits for the next picture
-// and sends the request with that picture's nonce, while the tap is young. So nobody has to tap twice, and
-// nothing starts that the person no longer expects.
+// A start proves that it is fresh (docs/reference/protocol.md, "Freshness").
+// Right after connecting, and after a pause, the page may have no proof, or only one that is too old.
+// Then it waits for the next picture and sends the request with that picture's nonce, while the tap is young.
+// So nobody has to tap twice, and nothing starts that the person no longer expects.
 
 import { encodeMode } from './protocol.js';
 

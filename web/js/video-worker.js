@@ -1,8 +1,8 @@
-// Receives, decodes, draws and acknowledges pictures in a worker, so that the page's main thread has time for
-// touches and for the heartbeat.
+// Receives, decodes, draws and acknowledges pictures in a worker.
+// So the page's main thread has time for touches and for the heartbeat.
 //
-// The page posts `{canvas, originMs}` once, then `{open: url}` or `{close: true}`; it receives `'ready'`,
-// `{shown}` for each drawn picture, and `{closed: true}` when the socket ends.
+// The page posts `{canvas, originMs}` once, and then `{open: url}` or `{close: true}`.
+// The page receives `'ready'`, `{shown}` for each drawn picture, and `{closed: true}` when the socket ends.
 
 import { Painter } from './painter.js';
 import { encodeAcknowledgement, parsePicture } from './protocol.js';

@@ -1,5 +1,5 @@
-// Finds out why there is no link, from the answers to plain requests while the websockets do not open. The
-// page never claims that an unreachable robot stands, because somebody else may drive it.
+// Finds out why there is no link, from the answers to plain requests while the websockets do not open.
+// The page never claims that an unreachable robot stands still, because somebody else may drive it.
 
 /** Connections that repeatedly end within this time are cut by the network. */
 const CUT_MS = 20_000;

@@ -1,6 +1,6 @@
 // Exchanges the one-time token after the # of the address, or a typed token, for a cookie.
-// Browsers send the part after the # to no server, so it appears in no log. This page contains its own
-// sentences, because an unpaired browser gets no other file of the program.
+// Browsers send the part after the # to no server, so it appears in no log.
+// This page contains its own sentences, because an unpaired browser gets no other file of the program.
 
 /** Time for which a sentence is shown before the robot's page opens. */
 const READ_MS = 6000;

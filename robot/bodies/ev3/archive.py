@@ -56,8 +56,7 @@ def release() -> str:
 def make_agent() -> bytes:
     """Return the archive; the same sources give the same bytes."""
     contents = {name: file.read_text() for name, file in agent_sources().items()}
-    # The `__init__.py` files of the parent packages may need a newer Python, so empty files replace
-    # them.
+    # The parent packages' `__init__.py` may need a newer Python, so empty files replace them.
     parents = {parent for name in contents for parent in list(Path(name).parents)[:-1]}
     empty = {f"{parent.as_posix()}/__init__.py": "" for parent in parents}
     contents = {"__main__.py": MAIN} | empty | {n: t for n, t in contents.items() if n not in empty}

@@ -177,7 +177,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
                     most = math.floor(1000 * value * top / abs(asked)) / 1000
                     raise ConfigurationError(
                         f"--{name.replace('_', '-')} {value} asks the motor at {port} for "
-                        f"{abs(asked):.0f} degrees a second; it reaches {top:.0f} at most: "
+                        f"{abs(asked):.0f} degrees a second, but it reaches only {top:.0f}; "
                         f"choose {most} or less"
                     )
 

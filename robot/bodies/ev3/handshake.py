@@ -43,7 +43,7 @@ class BrickConnection:
         hello = self._next_message()
         if hello["hello"] != PROTOCOL:
             raise ValueError(
-                f"it has protocol version {hello['hello']}, but this program has {PROTOCOL}"
+                f"the brick has protocol version {hello['hello']}, but this program has {PROTOCOL}"
             )
         theirs, ours = str(hello["nonce"]), secrets.token_hex(16)
         proof = prove(secret, "controller", theirs, ours)
@@ -52,7 +52,7 @@ class BrickConnection:
         if "refused" in verdict:
             advice = "stop the other server first"
             if "secret" in verdict["refused"]:
-                advice = f"give --brick-secret, or make a new one with: {_renew(host)}"
+                advice = f"give --brick-secret, or make a new secret with: {_renew(host)}"
             raise DriveError(f"the brick at {host} refuses: {verdict['refused']}; {advice}")
         if not is_proof(verdict["proof"], secret, "agent", theirs, ours):
             raise DriveError(
@@ -133,5 +133,5 @@ def kept_secret(host: str) -> str:
     except OSError:
         raise DriveError(
             f"no secret is known for the brick at {host}; "
-            f"make one with: {_renew(host)}, or give --brick-secret"
+            f"give --brick-secret, or make a secret with: {_renew(host)}"
         ) from None

@@ -196,7 +196,7 @@ class BrickLink:
                         self._take_picture(body)
             except TimeoutError:
                 if self.clock.now_s() - self._received_s > GONE_S:
-                    raise OSError(f"it sent nothing for {GONE_S:.0f} s") from None
+                    raise OSError(f"the brick sent nothing for {GONE_S:.0f} s") from None
 
     def _take_message(self, message: dict[str, Any]) -> None:
         if "t" in message:

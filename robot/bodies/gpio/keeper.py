@@ -100,12 +100,12 @@ def outlive(work: Callable[[], None]) -> None:
 
 
 def main() -> None:
-    # Ignore these signals, which are for the robot's program. This process ends after that program,
-    # and stops the motors first.
+    # Ignore these signals, which are for the robot's program.
+    # This process ends after that program, and stops the motors first.
     for quiet in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
         signal.signal(quiet, signal.SIG_IGN)
-    # Import the module before forking, so that each child starts immediately. If gpiozero is
-    # missing, the child reports this.
+    # Import the module before forking, so that each child starts immediately.
+    # If gpiozero is missing, the child reports this.
     with contextlib.suppress(ImportError):
         import gpiozero  # noqa: F401
     outlive(lambda: hold(json.loads(sys.argv[1])))

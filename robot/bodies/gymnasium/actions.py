@@ -140,9 +140,9 @@ def moves_of(name: str, env: Any, table: str = "") -> dict[Move, Any]:
 def steering_of(table: Mapping[Move, Any], space: Any) -> Callable[[Point], Any] | None:
     """Return the function from a point to an action, for a box of fractions; None for other spaces.
 
-    Steering interpolates between the move ahead and the turns, throttle between coasting and the
-    moves ahead and back. Also returns None if the table has no move ahead, or has no turn to one of
-    the sides.
+    Steering interpolates between the move ahead and the turns. Throttle interpolates between
+    coasting and the moves ahead and back. Also returns None if the table has no move ahead, or has
+    no turn to one of the sides.
     """
     if _kind_of(space) != "Box" or not np.issubdtype(space.dtype, np.floating):
         return None

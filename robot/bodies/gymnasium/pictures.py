@@ -47,8 +47,8 @@ class _Found(NamedTuple):
 def picture_in(seen: Any, space: Any = None) -> Pixels | None:
     """Return the picture in an observation; None if there is none.
 
-    If there are several, pictures with colours come first, then those with a picture's name, then
-    the largest.
+    Of several pictures, one with colours is preferred, then one with a picture's name, then the
+    largest.
 
     Args:
         seen: An observation, or a rendering; in a list of frames the newest counts.

@@ -49,7 +49,7 @@ class Answer(HTTPResponse):
                 raise
             self._is_silent = True
         if not head.strip():
-            raise ConnectionError("it closed the connection without an answer")
+            raise ConnectionError("the camera closed the connection without an answer")
         picture = _START.search(head)
         end = picture.start() if picture else len(head)
         if head.lstrip().startswith(b"--"):  # the answer has no head: the stream begins immediately
@@ -132,7 +132,7 @@ class PictureFinder:
         if self.n_whole:
             return None
         if self._n_cut:
-            return "its pictures are cut off or damaged; choose smaller ones, or a lower rate"
+            return "its pictures are cut off or damaged; choose smaller pictures, or a lower rate"
         if self.has_begun:
             return "a picture began but did not end; choose smaller pictures in its settings"
         if not self._received:

@@ -62,8 +62,8 @@ class Picamera2Camera(WatchedCamera):
         with told_as(CameraError, f"{module} refuses {asked}", Exception):
             device.configure(
                 device.create_video_configuration(
-                    # The library names formats from the last byte to the first, so this format is
-                    # red, green, blue in memory.
+                    # The library names formats backwards, so in memory this format is red, green,
+                    # blue.
                     main={"size": (options.width, options.height), "format": "BGR888"},
                     controls={"FrameRate": options.frame_rate},
                     buffer_count=3,

@@ -92,7 +92,9 @@ class HubLine(ReconnectingLink):
         if self._client is None:
             raise ConnectionError(self.trouble)
         if not self._runs:
-            raise ConnectionError("its program has ended; press its button to start it again")
+            raise ConnectionError(
+                "the hub's program has ended; press the hub's button to start it again"
+            )
         self._send_one(self._write(self._client, message)).result(SEND_S)
 
     # On the thread -----------------------------------------------------------------------------

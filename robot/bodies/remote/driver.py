@@ -137,7 +137,7 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         for_ms = round(1000 * ACTION_TIMEOUT_S)
         order = Order(action, for_ms, speed_scale, self._seq, report.ms, point)
         self._exchange(self.hello if self._is_other else self._encode(order, report.nonce))
-        # a report that answers an earlier order does not confirm this one
+        # a report about an earlier order does not confirm the newest order
         if self._heard_s > heard_s:
             is_obeyed = self._report is not None and self._report.seq > report.seq
             self._disobeyed = 0 if is_obeyed else self._disobeyed + 1

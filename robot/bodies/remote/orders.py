@@ -27,7 +27,7 @@ from MicroPython's json, also `ovf` from Arduino's print."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BodyReport:
-    """A robot's report: which start of which robot it comes from, and the values of the sensors.
+    """A robot's report: the robot, its current start, and the values of its sensors.
 
     `nonce` is new at each start of the robot, and empty if nobody else can send on the transport.
     `seq` is the number of the last obeyed order, and `ms` the time on the robot's clock.
@@ -45,7 +45,8 @@ class BodyReport:
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """One order: a move, its duration, its share of full speed, and the newest report before it.
+    """One order: a move, its duration, its share of full speed, and the newest report before the
+    order.
 
     `seq` counts the orders; `seen_ms` is the body's time in its newest report.
     """

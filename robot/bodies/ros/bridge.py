@@ -167,7 +167,8 @@ class RosBridge(ReconnectingConnection, Topics):
 
 
 def _let_fail(task: asyncio.Future[None]) -> None:
-    """Retrieve the error of a task that nobody awaits, because the connection has ended."""
+    """Retrieve the error of a task. Nobody awaits the task any more, because the connection has
+    ended."""
     if not task.cancelled():
         task.exception()
 

@@ -150,7 +150,7 @@ class Participant:
             elif found._config != config:
                 raise DriveError(
                     f"this program takes part in ROS domain {domain} already, with another "
-                    "--address, --peers or --interface; give robot and camera the same"
+                    "--address, --peers or --interface; give robot and camera the same options"
                 )
             found._users += 1
             return found

@@ -1,5 +1,5 @@
-"""ROS 2 messages over DDS. On the wire types are named `pkg::msg::dds_::Name_`, and topics
-`rt/...`.
+"""ROS 2 messages over DDS. On the wire, types are named `pkg::msg::dds_::Name_`, and topics are
+named `rt/...`.
 
 Fields and their order: github.com/ros2/common_interfaces, rcl_interfaces (builtin_interfaces).
 In this module annotations are types, not strings: cyclonedds 11.0.1 does not find `str` in strings.

@@ -52,7 +52,8 @@ class Topics(ABC):
 
     @abstractmethod
     def publish(self, topic: str, message: Message, ends: End | None = None) -> None:
-        """Publish one message and wait until it is sent. Publish the `End` when its time has come.
+        """Publish one message and wait until it is sent. When the time of the `End` has come,
+        publish the `End`.
 
         Raises:
             OSError: If the message cannot be sent now; the message is then never sent.

@@ -52,7 +52,7 @@ DISCRETE = 1
 
 
 class CaptureError(Exception):
-    """A camera is missing or refuses; the message names it and the remedy."""
+    """A camera is missing or refuses. The message names the camera and the remedy."""
 
 
 class Video:
@@ -159,8 +159,8 @@ class Video:
         return self._fd
 
     def read(self) -> Optional[VideoFrame]:
-        """Return the newest waiting picture and drop older ones; None if none waits. OSError if the
-        camera is gone."""
+        """Return the newest waiting picture and drop older ones; None if no picture waits. OSError
+        if the camera is gone."""
         newest = None
         while True:
             buffer = self._buffer(0)

@@ -89,7 +89,7 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
             if not np.array_equal(given, self.classes_):
                 raise ValueError(
                     f"classes={given.tolist()} differ from the first call's, "
-                    f"{self.classes_.tolist()}; give the same classes, or leave classes out"
+                    f"{self.classes_.tolist()}; pass the same classes again, or omit this argument"
                 )
         if unknown := sorted(set(ys.tolist()) - set(given.tolist()), key=str):
             raise ValueError(

@@ -158,8 +158,8 @@ class ConvolutionalNetwork:
         self._moments = [(np.zeros_like(w), np.zeros_like(w)) for w in self.weights]
 
     def _forward(self, xs: Floats) -> tuple[list[tuple[Floats, Floats]], Floats]:
-        """Return the outputs, and before them for each layer its input, shape (n, values), and its
-        windows with a one for the bias."""
+        """Return the layers, and then the outputs. A layer is its input, shape (n, values), and the
+        windows of this input, each with a one for the bias."""
         layers: list[tuple[Floats, Floats]] = []
         values: Floats = xs
         for places, weights in zip(self._places, self.weights, strict=True):

@@ -42,8 +42,7 @@ class Network:
             self._net: Any = cv2.dnn.readNetFromONNX(file)
         self.usual: Floats = usual[:, None, None]
         self.spread: Floats = spread[:, None, None]
-        # OpenCV's net stores its input, so two threads that use one net at the same time would mix
-        # up their pictures.
+        # OpenCV's net stores its input, so two threads must not use one net at the same time.
         self._lock = threading.Lock()
 
     def run(self, rgb: NDArray[np.uint8]) -> Floats:

@@ -122,8 +122,8 @@ def _target(world: World, pose: Pose) -> Target | None:
 
 
 def _ways_m(ranges: NDArray[np.float64], bearings_rad: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the distance that the body can drive until it meets each point; infinite if it does
-    not."""
+    """Return the distance that the body can drive until it meets each point; infinite for a point
+    that it never meets."""
     aside, ahead = ranges * np.sin(bearings_rad), ranges * np.cos(bearings_rad)
     edge = np.sqrt(np.maximum(RADIUS_M**2 - aside**2, 0.0))
     is_in_the_way = (ahead > 0) & (np.abs(aside) < RADIUS_M + _MARGIN_M)

@@ -93,7 +93,7 @@ def _describe_vector(x: Vector) -> PlainEvent:
 def _read_vector(plain: PlainEvent) -> Vector:
     dtype = np.dtype(str(plain["dtype"]))
     if dtype.kind not in "fiu":
-        raise ValueError(f"a vector of {dtype}")
+        raise ValueError(f"a vector must hold numbers, not {dtype}")
     with told_as(ValueError, "a vector is damaged", binascii.Error):
         raw = base64.b64decode(plain["data"], validate=True)
     return np.frombuffer(raw, dtype).reshape([int(size) for size in plain["shape"]])

@@ -14,7 +14,7 @@ checkpoint, which contains the complete learner. A new part begins after every u
 another model is loaded, and when the previous part has become long. So replay only learns the
 examples of the last part; the part before it is also kept.
 
-Threads: `note` runs on the loop's thread, `sync` on the disk's thread, the rest on the journal's.
+Threads: `note` runs on the loop's thread, `sync` on the disk's, and all else on the journal's.
 """
 
 from __future__ import annotations

@@ -124,7 +124,7 @@ def decode_model(data: bytes, *, max_bytes: int = MAX_BYTES) -> Model:
     with told_as(RecordingError, "the model's description is damaged", *UNREADABLE):
         described = meta["state"]
         if not isinstance(described["labels"], list):
-            raise ValueError("its labels are not a list")
+            raise ValueError("the model's labels are not a list")
         state = State(
             kind=str(described["kind"]),
             params=dict(described["params"]),
@@ -183,13 +183,13 @@ def _unpack(data: bytes, max_bytes: int, only: str | None = None) -> dict[str, N
 def _read_meta(raw: NDArray[Any] | None) -> dict[str, Any]:
     with told_as(RecordingError, "this is not a model, or a damaged one", *UNREADABLE):
         if raw is None or raw.dtype != np.uint8:
-            raise ValueError("it has no metadata")
+            raise ValueError("the model has no metadata")
         meta = json.loads(raw.tobytes())
         # A lone surrogate can be neither shown nor sent.
         json.dumps(meta, ensure_ascii=False).encode()
         is_known = isinstance(meta["format"], int) and meta["format"] >= 1
         if not is_known or not isinstance(meta["state"]["params"], dict):
-            raise ValueError("its metadata have an unknown form")
+            raise ValueError("the model's metadata have an unknown form")
     if meta["format"] > FORMAT:
         raise RecordingError(
             f"this model has format {meta['format']}, but this version reads formats up to "
@@ -213,7 +213,7 @@ def _summary(meta: dict[str, Any]) -> ModelSummary:
 
 def _finite(number: float) -> float:
     if not math.isfinite(number):
-        raise ValueError("its time is not finite")
+        raise ValueError("the model's time is not finite")
     return number
 
 

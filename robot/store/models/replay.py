@@ -118,7 +118,7 @@ def _unpack(body: bytes) -> bytes:
     packed = zlib.decompressobj()
     data = packed.decompress(body, MAX_BYTES)
     if packed.unconsumed_tail:
-        raise ValueError("it unpacks to too many bytes")
+        raise ValueError("the journal unpacks to too many bytes")
     return data
 
 
@@ -128,14 +128,12 @@ def _rebuild(run: _Run, store: ModelStore) -> Recovered | None:
     if missing:
         log.warning("%d records of the journal are missing", len(missing))
     numbers = [number for number in sorted(run.events) if number > change]
-    # A run without changes contains only the loaded model, which may be older than models that were
-    # restored since.
+    # A run without changes holds only the loaded model. Models restored since may be newer.
     if not numbers and (is_file or _is_saved(model, name, store, among_all=run.last <= _LOADED)):
         return None
     return Recovered(
         model=_learn_on(model, run, numbers),
-        # If the model is missing, it was renamed after the checkpoint, or was deleted and none is
-        # current.
+        # A missing model was renamed after the checkpoint, or was deleted and none is current.
         name=name if name is None or name in store.names() else store.current,
         replayed=len(numbers),
     )

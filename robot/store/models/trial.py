@@ -64,7 +64,7 @@ def _drive(policy: Policy) -> None:
         for under_way in (None, next(moves)):
             shown = policy.propose(i, x, under_way=under_way, at_s=at_s)
             values = [shown.confidence, shown.novelty, *shown.probabilities.values()]
-            _demand(all(map(math.isfinite, values)), "its output for a picture is not a number")
+            _demand(all(map(math.isfinite, values)), "the output for a picture is not a number")
         policy.learn(x, policy.moves[i % len(policy.moves)], at_s)
         if _MACHINE.now_s() > until_s:
             break

@@ -113,7 +113,7 @@ class VirtualNetwork:
             raise UnreachableError("connection refused")
         if fault == "silent":
             await asyncio.sleep(PATIENCE_S)
-            raise UnreachableError("it does not answer in time")
+            raise UnreachableError("the robot does not answer in time")
         if fault == "slow":
             await asyncio.sleep(self._dice.uniform(0.02, 0.1))
         if fault == "refuses":
@@ -128,7 +128,7 @@ class VirtualNetwork:
         data = b"".join(exchange.chunks)
         if fault == "half":
             if path.endswith("/file") and method == "GET":
-                raise UnreachableError("it ended in the middle of its answer")
+                raise UnreachableError("the robot's answer ended in the middle")
             data = data[: len(data) // 2]
         return HttpAnswer(exchange.status or 500, data)
 

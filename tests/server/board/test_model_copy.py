@@ -40,7 +40,7 @@ class _Robots:
         )
         if step == self.step and port == (1 if STEPS[step] == "source" else 2):
             if self.fault in ("gone", "half"):
-                raise UnreachableError("it ended in the middle of its answer")
+                raise UnreachableError("the robot's answer ended in the middle")
             if self.fault == "late":
                 raise TimeoutError
             if self.fault == "refused":

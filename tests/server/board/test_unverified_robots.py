@@ -129,4 +129,4 @@ def test_a_robot_whose_name_is_never_resolved_is_shown_with_a_reason(
         return world.board.strangers.describe()
 
     [lost] = in_class(scenario, robots=1, is_told=False)["some"]
-    assert (lost["status"], lost["detail"]) == ("away", "it does not answer in time")
+    assert (lost["status"], lost["detail"]) == ("away", "the robot does not answer in time")

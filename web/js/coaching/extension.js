@@ -1,4 +1,4 @@
-// What the robot has learned, why it would do what it does, how the teaching goes, and its undo.
+// Screens that show what the robot has learned, explain its choices, rate the teaching, and undo teaching.
 
 import { fetchWords } from '../i18n.js';
 import { register } from '../parts.js';

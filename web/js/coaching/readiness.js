@@ -1,6 +1,7 @@
-// Is the robot ready to drive alone, and what is missing? The robot decides (docs/reference/http.md); this
-// module requests the readiness while the page is visible, and puts it into sentences. Requests are cheap:
-// without pictures, and only while something changes.
+// Tells the pilot whether the robot is ready to drive alone, and what is missing.
+// The robot decides (docs/reference/http.md).
+// This module asks the robot while the page is visible, and puts its answers into sentences.
+// A request is cheap: it carries no pictures, and is sent only while something changes.
 
 import { ask } from '../api.js';
 import { percent, t } from '../i18n.js';

@@ -1,5 +1,6 @@
-// <why-screen>: why would it do that? It shows the learned image that decides, the robot's current picture,
-// and the areas in which the two are most alike.
+// <why-screen>: why would it do that?
+// It shows the learned image that decides and the robot's current picture.
+// It marks the areas in which the two are most alike.
 
 import { ask } from '../api.js';
 import { append, fill, h, icon, say, svg } from '../dom.js';

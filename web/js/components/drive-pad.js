@@ -1,8 +1,8 @@
 // <drive-pad>: the directions to hold, Undo, and the emergency stop.
 //
-// Each finger is tracked separately and may slide from one direction to another; a finger that slides off the
-// pad lets go. After a stop, a call or a turned screen, a finger must be lifted and pressed again; small
-// movements do not count.
+// Each finger is tracked separately and may slide from one direction to another.
+// A finger that slides off the pad lets go.
+// After a stop, a call or a turned screen, a finger must be lifted and pressed again; small movements do not count.
 
 import { append, fill, h, hasLetGo, icon } from '../dom.js';
 import { t } from '../i18n.js';

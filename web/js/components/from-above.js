@@ -1,6 +1,7 @@
-// The world from above: the room, the robot's path in amber (the pilot drove) and blue (the robot drove), and
-// the places where it asked, pushed and was corrected. A path is exact if the robot knows its place; otherwise it
-// is an estimate from the wheels' counts, and labelled as an estimate.
+// The world from above: the room, the robot's path, and the places where the robot asked, pushed and was corrected.
+// The path is amber where the pilot drove, and blue where the robot drove.
+// A path is exact if the robot knows its place.
+// If it does not, the path is estimated from the wheels' counts, and labelled so.
 
 import { ask } from '../api.js';
 import { fill, h, svg } from '../dom.js';

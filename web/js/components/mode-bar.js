@@ -1,7 +1,8 @@
 // <mode-bar>: the buttons "Stop", "Teach" and "Drive itself"; the button to press now is lit.
 //
-// A button that becomes disabled keeps the focus. Arrow keys move the focus, as in any group of choices, but
-// choose nothing, so that no robot starts by accident. After a tap, arrow keys drive.
+// A button that becomes disabled keeps the focus.
+// Arrow keys move the focus, as in any group of choices, but choose nothing, so that no robot starts by accident.
+// After a tap, arrow keys drive.
 
 import { modeToPress } from '../advice.js';
 import { append, h } from '../dom.js';

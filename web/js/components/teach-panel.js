@@ -1,5 +1,5 @@
-// <teach-panel>: the robot's agreement, the number of examples, and the only place for messages: urgent
-// advice, or else the most useful advice.
+// <teach-panel>: the robot's agreement, the number of examples, and the only place for messages.
+// If no advice is urgent, the most useful advice is shown.
 
 import { append, fill, h, say, settle, svg } from '../dom.js';
 import { urgentAdvice, whatToSay } from '../advice.js';

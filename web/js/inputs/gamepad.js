@@ -1,7 +1,7 @@
-// A game controller: the cross or the left stick drives, the second button (B, circle) stops. If the robot
-// accepts degrees, the stick steers by degrees, and a pulled trigger sets the throttle. If the browser does not
-// know a pad's layout, the pad drives after a person has shown its directions. Of several pads, the one that was
-// touched last drives.
+// A game controller: the cross or the left stick drives, the second button (B, circle) stops.
+// If the robot accepts degrees, the stick steers by degrees, and a pulled trigger sets the throttle.
+// If the browser does not know a pad's layout, the pad drives after a person has shown its directions.
+// Of several pads, the one that was touched last drives.
 
 import { REST, beyond, fromStick } from '../points.js';
 import { DIRECTIONS, PULLED, PadChoice, RestedPad, valuesOf } from './pad-rest.js';

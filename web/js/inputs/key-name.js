@@ -1,8 +1,9 @@
 // Identifies a key by its position (`code`), its character (`key`), and its old number (`keyCode`).
 //
-// Any of the three may be missing: browsers on Android and televisions send no `code`, an input method sends
-// no `key`. A stop counts if any of the three means stop. The page needs this module before the keyboard
-// drives.
+// Any of the three may be missing.
+// Browsers on Android and televisions send no `code`, and input methods send no `key`.
+// A stop counts if any of the three means stop.
+// The page needs this module before the keyboard drives.
 
 /** @typedef {{code?: string, key?: string, keyCode?: number, location?: number, repeat?: boolean}} Key  the fields of a KeyboardEvent that are used here */
 

@@ -1,5 +1,7 @@
-// Decides which inputs of a game pad count. An axis, a trigger or a button counts once it was seen at rest,
-// so a pedal that rests at one end, a worn stick or an untouched throttle moves nothing. Pure.
+// Decides which inputs of a game pad count.
+// An axis, a trigger or a button counts once it was seen at rest.
+// So a pedal that rests at one end, a worn stick or an untouched throttle moves nothing.
+// Pure.
 
 import { REST } from '../points.js';
 

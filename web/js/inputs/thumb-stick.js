@@ -1,6 +1,8 @@
-// A thumb stick for steering by degrees. Its base does not move. It is released like a key: when the finger
-// is lifted, is cancelled by the browser, or leaves the stick. It is also released when the window's size
-// changes, for example on a turned screen, because nobody pushed the stick in its new direction.
+// A thumb stick for steering by degrees.
+// Its base does not move.
+// It is released like a key: when the finger is lifted, is cancelled by the browser, or leaves the stick.
+// A change of the window's size, for example on a turned screen, also releases the stick.
+// Nobody has pushed the stick in its new direction.
 
 import { h, hasLetGo, svg } from '../dom.js';
 import { t } from '../i18n.js';

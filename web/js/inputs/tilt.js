@@ -1,5 +1,6 @@
-// Tilting the phone drives while a thumb rests on the pad. The phone's position when the thumb was pressed
-// counts as upright. Browsers allow the sensor only on secure pages.
+// Tilting the phone drives while a thumb rests on the pad.
+// The phone's position when the thumb was pressed counts as upright.
+// Browsers allow the sensor only on secure pages.
 
 import { fromStick } from '../points.js';
 

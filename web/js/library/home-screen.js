@@ -1,4 +1,4 @@
-// <home-screen>: the models saved on this robot, and what other extensions add about its past.
+// <home-screen>: the models saved on this robot, and parts that other extensions add, such as recordings.
 
 import { ask } from '../api.js';
 import { append, fill, h, icon } from '../dom.js';

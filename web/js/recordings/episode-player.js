@@ -1,5 +1,5 @@
-// A recording's player, with the held moves, the robot's proposals and the sonar on one time axis, and tools
-// to edit parts of it.
+// A recording's player, with tools to edit parts of the recording.
+// One time axis shows the held moves, the robot's proposals and the sonar.
 
 import { ask, askLong, inOrder } from '../api.js';
 import { append, fill, h, icon, say, settle, svg } from '../dom.js';

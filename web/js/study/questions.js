@@ -1,5 +1,6 @@
-// The questions after a part of a study. They use native radios, sliders and fields, so that keyboards and
-// screen readers work. Each answer is sent at once, so a reload loses none.
+// The questions after a part of a study.
+// They use native radios, sliders and fields, so that keyboards and screen readers work.
+// Each answer is sent immediately, so a reload loses none.
 
 import { ask } from '../api.js';
 import { h, say } from '../dom.js';

@@ -1,5 +1,5 @@
-// <study-screen>: a guided trial of one person, and studies with participants. Without a session the screen
-// is for the researcher; during a session it leads the participant.
+// <study-screen>: a guided trial of one person, and studies with participants.
+// Without a session the screen is for the researcher; during a session it leads the participant.
 
 import { ask } from '../api.js';
 import { minutes } from '../components/teach-panel.js';

@@ -54,11 +54,11 @@ class Caller:
         """
         data = self.line.recv(65536 if self.has_joined else max(BEFORE_JOINING.values()))
         if not data:
-            raise EOFError("it closed the connection")
+            raise EOFError("the client closed the connection")
         for _, body in self._unpacker.take(data):
             message = json.loads(body.decode())
             if not isinstance(message, dict):
-                raise ValueError("not a message of this protocol")
+                raise ValueError("this is not a message of the agent's protocol")
             yield message
 
     def proves(self, message: Dict[str, Any], secret: str) -> bool:
@@ -84,7 +84,7 @@ class Caller:
 
     def _queue(self, data: bytes) -> None:
         if len(self.outbox) + len(data) > LARGEST_OUTBOX:
-            raise EOFError("it does not read what is sent to it")
+            raise EOFError("the client does not read its messages")
         self.outbox += data
 
     def flush(self) -> None:

@@ -25,7 +25,8 @@ so that the brick can be switched off."""
 
 
 class Console:
-    """Buttons, lights and screen under one root folder; takes them over when first shown."""
+    """Buttons, lights and screen under one root folder. The first `show` takes over lights and
+    screen."""
 
     def __init__(self, root: str) -> None:
         self._root = root

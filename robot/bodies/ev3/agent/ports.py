@@ -9,7 +9,8 @@ try:
 except ImportError:  # the agent's archive includes only modules for Python 3.5
 
     class DriveError(Exception):  # type: ignore[no-redef]
-        """A motor, sensor or camera is missing or failed; the message names it and the remedy."""
+        """A motor, sensor or camera is missing or failed. The message names the device and the
+        remedy."""
 
 
 class DevicePort:

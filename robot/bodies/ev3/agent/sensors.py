@@ -20,10 +20,11 @@ BATTERY_S = 5.0
 
 
 class SensorGroup:
-    """Sensors of one kind. `wanted` is "auto" for all that are found, "none", or a list of ports.
+    """Sensors of one kind. `wanted` is "auto" for all sensors that are found, "none", or a list of
+    ports.
 
-    The sensors are in the order of the named ports, else sorted by port. `most` limits their
-    number.
+    The sensors have the order of the named ports. Without named ports they are sorted by port.
+    `most` limits the number of sensors.
     """
 
     def __init__(

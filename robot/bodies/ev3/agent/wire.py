@@ -97,7 +97,7 @@ class Unpacker:
         while len(self._waiting) >= HEAD.size:
             kind, size = HEAD.unpack_from(self._waiting)
             if size > self._largest.get(kind, -1):
-                raise ValueError("not a message of this protocol")
+                raise ValueError("this is not a message of the agent's protocol")
             end = HEAD.size + size + (MAC_SIZE if self._seal is not None else 0)
             if len(self._waiting) < end:
                 return
@@ -105,5 +105,5 @@ class Unpacker:
             del self._waiting[:end]
             head, body, mac = whole[: HEAD.size], whole[HEAD.size : rest], whole[rest:]
             if self._seal is not None and not hmac.compare_digest(mac, self._seal.mac(head, body)):
-                raise ValueError("a message that was changed, repeated or sent by somebody else")
+                raise ValueError("a message was changed, repeated or sent by somebody else")
             yield kind, body
