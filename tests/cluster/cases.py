@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from tests.cluster.processes import Cluster, Ended, run_client
 
@@ -21,7 +22,7 @@ def case(function: Case) -> Case:
     return function
 
 
-def plain(folder: Path, expected: str, *workers: str, **client: str) -> tuple[Ended, str]:
+def plain(folder: Path, expected: str, *workers: str, **client: Any) -> tuple[Ended, str]:
     """Run with these workers from the beginning; `expected` is `equal`, or part of the sentence."""
     with Cluster(folder) as cluster:
         for kind in workers:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 
 class Slope(NamedTuple):
@@ -21,7 +21,7 @@ class Slope(NamedTuple):
         return abs(self.hourly) <= self.margin
 
 
-def slope(times_s: Sequence[float], values: Sequence[float]) -> Slope:
+def slope(times_s: ArrayLike, values: ArrayLike) -> Slope:
     """Fit a line by least squares; correlated neighbours widen the interval (Bartlett)."""
     t, y = np.asarray(times_s, float) / 3600, np.asarray(values, float)
     if len(t) < 4 or np.ptp(t) == 0:
