@@ -157,7 +157,8 @@ def _add_routes(
 
     @app.get("/api/robots")
     async def list_robots() -> dict[str, Any]:
-        return {"robots": board.describe(), "strangers": board.strangers.describe()}
+        strangers = board.strangers.describe()
+        return {"robots": board.describe(), "strangers": strangers, "code": board.code}
 
     @app.post(STOP_PATH)
     async def stop(body: StopOrder = _ALL) -> dict[str, Any]:

@@ -44,6 +44,7 @@ class Board:
         robots: The robots of the class, which the teacher named or which proved the key. No robot
             is ever removed.
         strangers: The other announced robots.
+        code: The token on the printed cards, for phones that cannot scan.
     """
 
     def __init__(
@@ -53,7 +54,7 @@ class Board:
         clock: Clock,
         picture_every_s: float = PICTURE_EVERY_S,
     ) -> None:
-        self._clock = clock
+        self._clock, self.code = clock, key.code
         self._meet = partial(TeacherSession, key=key, transport=transport)
         self._picture_every_s = picture_every_s
         self.robots: dict[int, RobotLink] = {}

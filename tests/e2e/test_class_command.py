@@ -178,6 +178,8 @@ def test_from_the_paper_to_ctrl_c(chromium: Any, delivered: Path, tmp_path: Path
         paper.goto(f"{board}/codes")
         codes = read_paper(paper)
         assert [code.split("/pair#")[0] for code in codes] == [one["address"] for one in shown]
+        for card, code in zip(paper.locator("article").all_inner_texts(), codes, strict=True):
+            assert code.split("#")[1] in card.replace("-", ""), "a phone that cannot scan needs it"
 
         # All pupils scan, teach, and hand over at the same time.
         for code in codes:

@@ -25,8 +25,8 @@ wifi.addEventListener('change', () => {
 });
 find('print').addEventListener('click', () => window.print());
 
-/** @param {Robot} robot */
-function draw({ number, name, address, status, detail, colour }) {
+/** @param {Robot} robot @param {string} token  for a phone that cannot scan */
+function draw({ number, name, address, status, detail, colour }, token) {
   const code = status === 'there'
     ? h('img', { class: 'code', alt: t('board.code_of', { name }), src: `api/robots/${number}/qr.svg?printed=true` })
     : h('p', { class: 'code' }, `${t(`board.status.${status}`)} ${detail}`);
@@ -35,16 +35,16 @@ function draw({ number, name, address, status, detail, colour }) {
   return h('article', { 'data-colour': colour ?? 'grey' },
     h('h2', {}, h('img', { alt: '', src: 'icons/face.svg' }), name, h('small', {}, t(`board.colour.${colour ?? 'grey'}`))),
     code, h('ol', {}, ...steps.map((step) => h('li', {}, step))),
-    h('p', {}, t('board.card_nothing')), h('p', {}, address));
+    h('p', {}, t('board.card_nothing')), h('p', {}, address), h('p', {}, t('board.card_token', { token: token.match(/.{1,4}/g)?.join('-') ?? '' })));
 }
 
 /** Robots start one after the other, so changes are drawn until the page is closed. */
 let shown = '';
 for (;;) {
-  /** @type {{robots: Robot[]}} */
-  const { robots } = await ask('GET', 'api/robots').catch(() => ({ robots: [] }));
+  /** @type {{robots: Robot[], code: string}} */
+  const { robots, code } = await ask('GET', 'api/robots').catch(() => ({ robots: [], code: '' }));
   const now = JSON.stringify([wifi.value, ...robots.map(({ number, name, address, status, colour }) => [number, name, address, status, colour])]);
-  if (robots.length && now !== shown) fill(find('codes'), ...robots.map(draw));
+  if (robots.length && now !== shown) fill(find('codes'), ...robots.map((robot) => draw(robot, code)));
   if (robots.length) shown = now;
   await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
 }

@@ -9,18 +9,18 @@ const READ_MS = 6000;
 const WORDS = {
   en: {
     title: 'Let this browser in',
-    ask: 'Type the token that the robot’s terminal shows.',
+    ask: 'Type the token from the robot’s terminal, or from the robot’s card.',
     token: 'Token',
     pair: 'Pair',
     wait: 'One moment …',
-    wrong: 'This token is wrong or already used. The terminal shows the newest one.',
+    wrong: 'This token is wrong or already used. The terminal shows the newest token.',
     not_kept: 'Paired, but the robot could not save this: after a restart of the robot, pair again.',
     later: 'Too many wrong tokens. Wait a minute, then try again.',
     away: 'The robot does not answer. Is the phone on the same network?',
   },
   es: {
     title: 'Dar acceso a este navegador',
-    ask: 'Escribe el código que muestra el terminal del robot.',
+    ask: 'Escribe el código que muestra el terminal del robot o su tarjeta.',
     token: 'Código',
     pair: 'Vincular',
     wait: 'Un momento…',
@@ -31,7 +31,7 @@ const WORDS = {
   },
   zh: {
     title: '允许此浏览器进入',
-    ask: '请输入机器人终端上显示的配对码。',
+    ask: '请输入机器人终端上或卡片上的配对码。',
     token: '配对码',
     pair: '配对',
     wait: '请稍候……',

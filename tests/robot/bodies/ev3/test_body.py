@@ -190,8 +190,8 @@ def test_a_motor_that_cannot_be_reset_is_one_clear_line(brick: FakeBrick, name: 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"forward_speed_mps": 0.5}, r"--forward-speed-mps 0.5 .* outB .* 1050 at most: choose"),
-        ({"turn_rate_deg_s": 300}, r"--turn-rate-deg-s 300 .* outB .* 1050 at most: choose"),
+        ({"forward_speed_mps": 0.5}, r"--forward-speed-mps 0.5 .* outB .* only 1050; choose"),
+        ({"turn_rate_deg_s": 300}, r"--turn-rate-deg-s 300 .* outB .* only 1050; choose"),
         ({"turn_rate_deg_s": 300, "turn_by": "forward"}, r"--turn-rate-deg-s .* outC .* choose"),
         ({"wheel_diameter_m": 0.01}, r"--forward-speed-mps 0.16 .* choose"),
     ],

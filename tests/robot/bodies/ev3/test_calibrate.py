@@ -80,9 +80,7 @@ def test_a_measure_is_found_however_it_is_spelled_and_no_line_goes(
 def test_a_file_whose_lines_cannot_be_told_apart_stays_as_it_is(head: str, tmp_path: Path) -> None:
     file = tmp_path / "drivelesson.toml"
     file.write_text(head, "utf-8")
-    with pytest.raises(
-        ConfigurationError, match=r"set these values in it yourself: track_m = 0\.12$"
-    ):
+    with pytest.raises(ConfigurationError, match=r"set these values yourself: track_m = 0\.12$"):
         keep(file, {"track_m": 0.12})
     assert file.read_text("utf-8") == head
 
