@@ -24,6 +24,9 @@ from robot.types import Encoding, Frame
 
 _SMALLEST_HEIGHT_PX = 480
 _BAR_PX = 56
+_BAR, _TEXT, _NO_COLOUR = 37, 218, 128
+"""Brightness of the bar and of its text, and the colour difference of grey, as H.264 stores them:
+black is 16, and white is 235."""
 SUFFIXES = (".mp4", ".mov", ".mkv")
 """Suffixes of films: containers that support H.264."""
 H264, AV1 = "libx264", "libsvtav1"
@@ -49,27 +52,48 @@ def write_film(
     one every `key_every` pictures. Raises RecordingError if there are no pictures, or if the
     pictures differ in size or have only one row or column.
     """
+    frames = map(_to_frame, pictures)
+    options = {"crf": str(crf), "preset": preset}
+    return _encode(frames, path, fps, options, key_every=key_every or fps, codec=codec)
+
+
+def _to_frame(picture: Pixels) -> Any:
+    even = picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]
+    if not even.size:
+        raise RecordingError("a film needs pictures of at least two pixels a side")
+    return _of_pixels(even)
+
+
+def _of_pixels(pixels: Pixels) -> Any:
+    # FFmpeg converts pixels quickly only if blue comes first
+    return need(*AV).VideoFrame.from_numpy_buffer(swap_red_and_blue(pixels), format="bgr24")
+
+
+def _encode(
+    frames: Iterable[Any],
+    path: Path,
+    fps: int,
+    options: dict[str, str],
+    *,
+    key_every: int,
+    codec: str = H264,
+) -> int:
+    """Write video frames of one even size; return their number."""
     av = need(*AV)
     count, stream = 0, None
     # without this setting the AV1 encoder logs to the terminal
     os.environ.setdefault("SVT_LOG", "1")
     path.parent.mkdir(parents=True, exist_ok=True)
     with av.open(str(path), "w", options={"movflags": "faststart"}) as container:
-        for picture in pictures:
-            even = picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]
-            if not even.size:
-                raise RecordingError("a film needs pictures of at least two pixels a side")
+        for frame in frames:
             if stream is None:
-                stream = container.add_stream(
-                    codec, rate=fps, options={"crf": str(crf), "preset": preset}
-                )
-                stream.height, stream.width = even.shape[:2]
+                stream = container.add_stream(codec, rate=fps, options=options)
+                stream.height, stream.width = frame.height, frame.width
                 stream.pix_fmt = "yuv420p"
-                stream.codec_context.gop_size = key_every or fps
+                stream.codec_context.gop_size = key_every
                 stream.codec_context.max_b_frames = 0
-            elif even.shape[:2] != (stream.height, stream.width):
+            elif (frame.height, frame.width) != (stream.height, stream.width):
                 raise RecordingError("the pictures of a film must all have one size")
-            frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(even), format="rgb24")
             frame.pts, frame.time_base = count, Fraction(1, fps)
             container.mux(stream.encode(frame))
             count += 1
@@ -172,32 +196,56 @@ def write_look(episode: Episode, notes: Notes, path: Path, *, fps: int | None = 
     line = make_timeline(array("d", episode.frames.captured_s - episode.start_s))
     rate = fps or line.fps
 
-    def pictures() -> Iterable[Pixels]:
+    def frames() -> Iterable[Any]:
         size: tuple[int, int] | None = None
         for index, same in groupby(chain.from_iterable(line.evenly(rate))):
             moment = next(moment for place, moment in found if place == index)
             if not moment.is_deleted:
                 frame = episode.frame(moment.frame_id)
                 size = size or (frame.width, frame.height)
-                picture = _caption(of_size(frame, size), moment)
+                shown = _captioned(of_size(frame, size), moment)
                 for _ in same:
-                    yield picture
+                    yield shown
 
-    return write_film(pictures(), path, rate, crf=23, preset="ultrafast")
+    options = {"crf": "23", "preset": "ultrafast"}
+    return _encode(frames(), path, rate, options, key_every=rate)
 
 
-def _caption(picture: Pixels, moment: EpisodeFrame) -> Pixels:
+def _captioned(picture: Pixels, moment: EpisodeFrame) -> Any:
+    """Return a video frame: the picture, enlarged to at least 480 rows, above a bar of text.
+
+    FFmpeg enlarges the picture while it converts the colours. The text is grey, so it is drawn in
+    the brightness only. Both save most of the time of a film of small pictures.
+    """
     import cv2
 
+    av = need(*AV)
     scale = max(1, -(-_SMALLEST_HEIGHT_PX // picture.shape[0]))
-    large = picture.repeat(scale, axis=0).repeat(scale, axis=1)
-    bar: Pixels = np.full((_BAR_PX, large.shape[1], 3), 24, np.uint8)
+    height, width = (side * scale // 2 * 2 for side in picture.shape[:2])
+    interpolation = None if scale == 1 else "POINT"
+    large = _of_pixels(picture).reformat(width, height, "yuv420p", interpolation=interpolation)
+    shown = av.VideoFrame(width, height + _BAR_PX, "yuv420p")
+    planes = _planes(shown)
+    for plane, of, blank in zip(
+        planes, _planes(large), (_BAR, _NO_COLOUR, _NO_COLOUR), strict=True
+    ):
+        plane[: len(of)] = of
+        plane[len(of) :] = blank
     sure = "" if moment.confidence is None else f" {moment.confidence:.0%}"
     texts = (
         f"{moment.at_s:6.1f} s  pilot: {moment.label or '-'}",
         f"robot: {moment.predicted or '-'}{sure}   drives: {moment.driven_by or '-'}",
     )
-    font, light = cv2.FONT_HERSHEY_SIMPLEX, (235, 235, 235)
+    font, bar = cv2.FONT_HERSHEY_SIMPLEX, planes[0][height:]
     for row, text in enumerate(texts):
-        cv2.putText(bar, text, (10, 22 + 24 * row), font, 0.6, light, 1, cv2.LINE_AA)
-    return np.vstack((large, bar))
+        cv2.putText(bar, text, (10, 22 + 24 * row), font, 0.6, _TEXT, 1, cv2.LINE_AA)
+    return shown
+
+
+def _planes(frame: Any) -> list[Pixels]:
+    """Return the brightness and the two colour differences of a video frame, shape (rows,
+    columns), to read and to write."""
+    return [
+        np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)[:, : plane.width]
+        for plane in frame.planes
+    ]

@@ -16,7 +16,7 @@ from mcap.reader import make_reader
 from robot.devkit.pictures import Picture
 from robot.errors import RecordingError
 from robot.exchange.drive import ImportReport, write_episode
-from robot.exchange.film import to_jpeg, write_film, write_look
+from robot.exchange.film import _BAR_PX, _captioned, to_jpeg, write_film, write_look
 from robot.exchange.folder import write_folder
 from robot.exchange.lerobot import CAMERA, write_lerobot
 from robot.exchange.npz import write_npz
@@ -26,7 +26,7 @@ from robot.exchange.sources import find_drives
 from robot.exchange.tub import write_tub
 from robot.policy.image import to_rgb
 from robot.policy.registry import make_policy
-from robot.recordings.editing import write_edited
+from robot.recordings.editing import EpisodeFrame, write_edited
 from robot.recordings.edits import Edit, Notes, trim
 from robot.recordings.episode import Episode, open_episode, taught_frames
 from robot.recordings.teaching import learn_again
@@ -215,7 +215,23 @@ def test_a_film_to_look_at_plays(episode: Episode, tmp_path: Path) -> None:
     count = write_look(episode, Notes(), tmp_path / "film.mp4")
     shown = decoded(tmp_path / "film.mp4")
     assert len(shown) == count == len(episode.frames)
-    assert shown[0].shape[0] >= 480
+    for frame_id, picture in zip(episode.frames, shown, strict=True):
+        seen, bar = np.split(picture.astype(int), [480])
+        taken = to_rgb(episode.frame(frame_id)).repeat(4, axis=0).repeat(4, axis=1)
+        assert np.abs(seen - taken).mean() < 6
+        assert np.abs(bar[:, -50:] - 24).max() < 6
+        assert bar[:, :200].max() > 200
+
+
+@pytest.mark.parametrize(("height", "width"), [(1, 1), (161, 213), (479, 641), (240, 320)])
+def test_a_film_shows_the_colours_of_pictures_of_any_size(height: int, width: int) -> None:
+    """Pictures of odd sizes, enlarged by odd and even factors."""
+    colour = np.array([200, 40, 90], np.uint8)
+    picture = np.broadcast_to(colour, (height, width, 3))
+    moment = EpisodeFrame(frame_id=1, at_s=0.0, label=None, is_relabelled=False, is_deleted=False)
+    shown = _captioned(picture, moment).to_ndarray(format="rgb24")
+    assert shown.shape[0] >= 480 and not shown.shape[0] % 2 and not shown.shape[1] % 2
+    assert np.abs(shown[:-_BAR_PX].astype(int) - colour).max() < 5
 
 
 def test_a_recording_without_pictures_makes_no_film(episode: Episode, tmp_path: Path) -> None:
