@@ -47,6 +47,7 @@ MODEL_BEFORE, MODEL_AFTER = "model_before.npz", "model_after.npz"
 """Names of the attachments: the learner's model at the beginning and at the end."""
 
 Fields = dict[str, Any]
+Messages = list[tuple[Topic, Fields]]
 
 _TEXT = {"type": "string"}
 _MAYBE_TEXT = {"type": ["string", "null"]}
@@ -152,7 +153,7 @@ def describe_tick(
     *,
     is_shown: bool,
     is_begun: bool,
-) -> list[tuple[Topic, Fields]]:
+) -> Messages:
     """Return the messages of one tick.
 
     Args:
@@ -163,13 +164,13 @@ def describe_tick(
         is_begun: True if the mode has changed.
     """
     decision, seen = tick.decision, tick.prediction
-    found: list[tuple[Topic, Fields]] = []
+    found: Messages = []
     if is_begun:
         now = {"mode": decision.mode, "stop_reason": decision.stop_reason}
         found.append((Topic.MODE, now))
     if is_shown:
         found.append((Topic.SENSORS, describe_sensors(tick.sensors)))
-        if seen is not None and tick.frame is not None and seen.frame_id == tick.frame.frame_id:
+        if seen is not None and seen.frame_id == tick.frame_id:
             found.append((Topic.PREDICTION, describe_prediction(seen)))
     found += [(Topic.COMMAND, describe_command(command)) for command in tick.commands]
     if decision.mode is not Mode.STOPPED:

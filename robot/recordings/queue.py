@@ -8,12 +8,15 @@ import shutil
 import threading
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from robot.clock import Clock
-from robot.recordings.messages import CONTINUES, Fields, Topic
+from robot.control.state import Tick
+from robot.policy.history import HistoryEvent, Taught
+from robot.recordings.messages import CONTINUES, Messages, describe_tick
 from robot.recordings.parts import part_path, parts_folder
 from robot.recordings.writer import EpisodeWriter, describe_part
 from robot.store.disk import Announce
@@ -23,6 +26,8 @@ from robot.store.presence import require_present
 from robot.types import Frame
 
 log = logging.getLogger(__name__)
+_KEPT_IDS = 512
+"""An example's picture is looked up among this number of the latest recorded pictures."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,6 +77,7 @@ class RecordingQueue:
         self._clock = clock
         self._lock = threading.Lock()
         self._jobs: deque[tuple[int, Callable[..., None], tuple[Any, ...]]] = deque()
+        self._kept_ids: deque[int] = deque(maxlen=_KEPT_IDS)
         self._writer: EpisodeWriter | None = None
         self._run: Mapping[str, str] = {}
         self._part, self._part_began_s = 0, 0.0
@@ -88,23 +94,38 @@ class RecordingQueue:
     # Called on the loop's thread ---------------------------------------------------------------
 
     def begin(self, run: Mapping[str, str], model: Model | None) -> None:
+        self._kept_ids.clear()
         self._put(0, self._begin, run, model, self.lost.copy(), must_go=True)
 
     def end(self, model: Model | None, *, is_kept: bool) -> None:
         """End the recording; `model` is the learner's current state, None if unknown."""
         self._put(0, self._end, model, is_kept, must_go=True)
 
-    def write_frame(self, frame: Frame) -> bool:
-        """Queue a picture; return False if there is no room for it."""
-        is_kept = self._put(len(frame.data), self._write, EpisodeWriter.write_frame, frame)
-        if not is_kept:
-            self.lost["frames"] += 1
-        return is_kept
+    def write_tick(
+        self, tick: Tick, frames: Sequence[Frame], events: Sequence[HistoryEvent], **shown: bool
+    ) -> None:
+        """Queue pictures and the messages of a tick; `shown` is passed to `describe_tick`."""
+        for frame in frames:
+            self.write_frame(frame)
+        taught = [event.example.frame_id for event in events if isinstance(event, Taught)]
+        lost = [frame_id for frame_id in taught if frame_id not in self._kept_ids]
+        bare = replace(tick, frame=None)  # dropped pictures must not use memory
+        self.write_messages(tick.now_s, partial(describe_tick, bare, events, lost, **shown))
 
-    def write_messages(self, now_s: float, messages: Sequence[tuple[Topic, Fields]]) -> None:
-        """Queue messages of one time, or drop them all if there is no room."""
-        if messages and not self._put(0, self._write, _write_messages, now_s, messages):
-            self.lost["messages"] += len(messages)
+    def write_frame(self, frame: Frame) -> None:
+        """Queue a picture once, or drop it if there is no room."""
+        if frame.frame_id in self._kept_ids:
+            return
+        if self._put(len(frame.data), self._write, EpisodeWriter.write_frame, frame):
+            self._kept_ids.append(frame.frame_id)
+        else:
+            self.lost["frames"] += 1
+
+    def write_messages(self, now_s: float, describe: Callable[[], Messages]) -> None:
+        """Queue messages of one time, or drop them all if there is no room. The disk's thread calls
+        `describe`."""
+        if not self._put(0, self._write, _write_messages, now_s, describe):
+            self.lost["messages"] += len(describe())
 
     def _put(self, size: int, job: Callable[..., None], *what: Any, must_go: bool = False) -> bool:
         """Queue a job; return False if the queue is full. Never waits for the disk."""
@@ -247,8 +268,6 @@ class RecordingQueue:
         self.refuse(sentence)
 
 
-def _write_messages(
-    writer: EpisodeWriter, now_s: float, messages: Sequence[tuple[Topic, Fields]]
-) -> None:
-    for topic, fields in messages:
+def _write_messages(writer: EpisodeWriter, now_s: float, describe: Callable[[], Messages]) -> None:
+    for topic, fields in describe():
         writer.write_message(topic, now_s, fields)

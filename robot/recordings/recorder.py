@@ -21,17 +21,13 @@ from robot.control.state import Tick
 from robot.errors import MissingExtraError
 from robot.policy.history import HistoryEvent, Replaced, Taught, Undone
 from robot.recordings.ending import end_cut_recordings
-from robot.recordings.marks import FrameMarks
-from robot.recordings.messages import Fields, Topic, describe_tick
+from robot.recordings.messages import Fields, Messages, Topic
 from robot.recordings.queue import RecorderConfig, RecordingQueue
 from robot.recordings.reader import require_mcap
 from robot.recordings.writer import describe_run
 from robot.store.disk import Announce, DiskThread, no_announcement
 from robot.store.models.model import Model, take_model
 from robot.types import Action, Frame, Mode
-
-_KEPT_IDS = 512
-"""An example's picture is looked up among this number of the latest recorded pictures."""
 
 
 class Recorder:
@@ -70,8 +66,8 @@ class Recorder:
         self._mode = Mode.STOPPED
         self._moved_s = 0.0
         self._lead: deque[Frame] = deque(maxlen=self._config.lead_frames)
-        self._kept: deque[int] = deque(maxlen=_KEPT_IDS)
-        self._taught = FrameMarks()
+        self._n_taught = 0
+        """Number of examples in the recording that were not undone."""
 
     def start(self) -> None:
         """Start recording. If the library `mcap` is missing, nothing is recorded and `fault` says
@@ -132,7 +128,8 @@ class Recorder:
         """Add an extension's result to the current recording; drop it if there is no recording."""
         if self._is_open:
             now_s = self._loop.clock.now_s()
-            self.queue.write_messages(now_s, [(Topic.RESULT, {"of": of, **fields})])
+            result: Messages = [(Topic.RESULT, {"of": of, **fields})]
+            self.queue.write_messages(now_s, lambda: result)
 
     def keep(self) -> None:
         """Keep the current recording in any case."""
@@ -172,25 +169,19 @@ class Recorder:
             **self._about,
         )
         self.queue.begin(run, self._base)
-        self._is_open, self._is_kept = True, False
-        self._kept.clear()
-        self._taught = FrameMarks()
+        self._is_open, self._is_kept, self._n_taught = True, False, 0
 
     def _record(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> None:
-        is_shown = tick.frame is not None and tick.now_s - self._moved_s <= self._config.trail_s
-        if is_shown:
-            while self._lead:  # commands may label earlier pictures, so keep those
-                self._keep(self._lead.popleft())
+        frames: list[Frame] = []
         if tick.frame is not None:
-            (self._keep if is_shown else self._remember)(tick.frame)
-        taught = [event for event in events if isinstance(event, Taught)]
-        lost = [e.example.frame_id for e in taught if e.example.frame_id not in self._kept]
-        messages = describe_tick(
-            tick, events, lost, is_shown=is_shown, is_begun=tick.decision.mode is not self._mode
-        )
-        self.queue.write_messages(tick.now_s, messages)
-        for event in taught:
-            self._taught.set_taught(event.example.frame_id, 1, event.at_s)
+            if tick.now_s - self._moved_s <= self._config.trail_s:
+                frames = [*self._lead, tick.frame]  # commands may label earlier pictures
+                self._lead.clear()
+            else:
+                self._remember(tick.frame)
+        is_begun = tick.decision.mode is not self._mode
+        if frames or is_begun or events or tick.decision.mode is not Mode.STOPPED:
+            self.queue.write_tick(tick, frames, events, is_shown=bool(frames), is_begun=is_begun)
         is_drive = tick.sent != Action.STOP and self._config.keeps_drives
         self._is_kept |= is_drive or bool(events)
 
@@ -200,17 +191,14 @@ class Recorder:
             # drop the oldest of large pictures, which would fill the queue
             self._lead.popleft()
 
-    def _keep(self, frame: Frame) -> None:
-        if frame.frame_id not in self._kept and self.queue.write_frame(frame):
-            self._kept.append(frame.frame_id)
-
     def _end_if_due(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> None:
         """End the recording after a pause, or if an undo removed examples of an earlier
         recording."""
-        reached_back = any(
-            isinstance(event, Undone) and not all(self._taught[i] for i in event.frame_ids)
-            for event in events
-        )
+        for event in events:
+            self._n_taught += isinstance(event, Taught)
+            if isinstance(event, Undone):
+                self._n_taught -= len(event.frame_ids)
+        reached_back = self._n_taught < 0  # an undo drops the last examples
         is_pause = tick.now_s - self._moved_s >= self._config.pause_s and not events
         if reached_back or is_pause:
             self.finish()

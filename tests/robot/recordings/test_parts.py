@@ -377,7 +377,7 @@ def test_the_recorder_keeps_nothing_of_earlier_parts(tmp_path: Path) -> None:
             event = Taught(example=example, x=np.zeros(0), at_s=now_s)
             taught.set_taught(frame_id, 1, now_s)
             queue.write_frame(jpeg_frame(frame_id, now_s, bytes(300)))
-            queue.write_messages(now_s, [(Topic.LESSON, describe_event(event))])
+            queue.write_messages(now_s, lambda event=event: [(Topic.LESSON, describe_event(event))])
             if number % 20 == 0:
                 queue.write_waiting()
                 if number % 200 == 0:
