@@ -102,6 +102,8 @@ class TrainingHistory:
         self.changes = 0
         """Number of changes of the learner; it never decreases. Any thread may read it, because a
         change is counted before the request that makes it is answered."""
+        self.edits = 0
+        """Number of changes that are not examples; it never decreases."""
         self.drives = 0
         """Number of drives begun after an example was taught; it never decreases."""
         self._begin(policy, Counter())
@@ -219,6 +221,7 @@ class TrainingHistory:
 
     def _tell(self, event: HistoryEvent) -> None:
         self.changes += 1
+        self.edits += not isinstance(event, Taught)
         self._on_event(event)
 
     def _rebuild_without(self, dropped: list[Taught] | list[Edited]) -> None:

@@ -1,8 +1,8 @@
 """Saves the learner automatically, and loads the saved model at the next start.
 
-The loop's thread only notes that a save is due; the disk's thread copies the learner and writes the
-copy. A save is due after every change of mode, undo or edit; every ten seconds of teaching; and at
-the end. The journal contains the changes between two saves.
+The disk's thread copies the learner between two ticks, and writes the copy. A save is due after
+every change of mode, undo or edit; every ten seconds of teaching; and at the end. The journal
+contains the changes between two saves.
 """
 
 from __future__ import annotations
@@ -10,12 +10,11 @@ from __future__ import annotations
 import logging
 from collections import Counter
 from collections.abc import Callable, Collection
+from functools import partial
 
 from robot.control.loop import ControlLoop
-from robot.control.state import Tick
 from robot.driver import CLASSIC
 from robot.errors import ConfigurationError, RobotError
-from robot.policy.history import Taught
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.store.disk import Announce, no_announcement
@@ -59,9 +58,8 @@ class Autosave:
         """Name of the model in use; None until the learner is taught."""
         self.lock = self._clock.lock()
         """Held while the model in use is saved or replaced."""
-        self._is_due = False
         self._unsubscribe: Callable[[], None] | None = None
-        self._mode = Mode.STOPPED
+        self._seen = (Mode.STOPPED, 0)  # the mode and the number of edits at the last check
         self._saved_changes = loop.history.changes
         self._saved_s = 0.0
 
@@ -71,7 +69,8 @@ class Autosave:
         return self._loop.history.changes != self._saved_changes
 
     def start(self) -> None:
-        self._unsubscribe = self._loop.subscribe(self.note)
+        note = partial(self._journal.note, self._loop.history, lambda: (self.name, self._place))
+        self._unsubscribe = self._loop.subscribe(note)
 
     def stop(self) -> None:
         """Save once more and end. Call this while the loop still runs. Idempotent."""
@@ -80,20 +79,13 @@ class Autosave:
             unsubscribe()
             self.save_if_changed()
 
-    def note(self, tick: Tick) -> None:
-        """Process one tick. Call it on the loop's thread."""
-        mode_changed = tick.decision.mode is not self._mode
-        self._mode = tick.decision.mode
-        is_more_than_teaching = not all(isinstance(e, Taught) for e in tick.history_events)
-        is_due = mode_changed or is_more_than_teaching or tick.now_s - self._saved_s >= SAVE_EVERY_S
-        if is_due and self.has_unsaved:
-            self._saved_s = tick.now_s
-            self._is_due = True
-        self._journal.note(tick, self._loop.history, self.name, self._place)
-
     def save_if_due(self) -> None:
-        if self._is_due:
-            self._is_due = False
+        """Check whether a save is due, and save. Call it on the disk's thread."""
+        now_s, before = self._clock.now_s(), self._seen
+        self._seen = self._loop.mode, self._loop.history.edits
+        is_due = self._seen != before or now_s - self._saved_s >= SAVE_EVERY_S
+        if is_due and self.has_unsaved:
+            self._saved_s = now_s
             self.save_if_changed()
 
     def save_if_changed(self) -> None:

@@ -129,7 +129,10 @@ class Journal:
 
     # Called on the loop's thread ---------------------------------------------------------------
 
-    def note(self, tick: Tick, history: TrainingHistory, name: str | None, place: str = "") -> None:
+    def note(
+        self, history: TrainingHistory, in_use: Callable[[], tuple[str | None, str]], tick: Tick
+    ) -> None:
+        """Process one tick; `in_use` returns the model's name and place."""
         events, must = tick.history_events, self._needs_checkpoint
         drives, self._drives = self._drives, history.drives
         if drives != history.drives and not must:
@@ -141,6 +144,7 @@ class Journal:
         if must or not all(isinstance(event, Taught | Edited) for event in events):
             self._try_again_s = tick.now_s + _TRY_AGAIN_S
             self._needs_checkpoint = False
+            name, place = in_use()
             head = {"kind": "checkpoint", "change": history.changes, "name": name}
             self._put((head, self.copy(history, place)))
             return
