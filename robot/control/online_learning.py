@@ -137,7 +137,7 @@ class OnlineLearning:
     def __init__(self, policy: Policy, clock: Clock, declared: Collection[Move] = ()) -> None:
         self._clock = clock
         self._events: list[HistoryEvent] = []
-        self.history = TrainingHistory(policy, self._note_event, declared)
+        self.history = TrainingHistory(policy, self._note_events, declared)
         self.fault: str | None = None
         self.failure: str | None = None
         self.error: Exception | None = None
@@ -218,25 +218,26 @@ class OnlineLearning:
         self, commands: Sequence[PilotCommand], *, is_intervention: bool, may_learn: bool
     ) -> None:
         """Learn the frames that the commands label; if `may_learn` is False, skip them."""
+        lessons: list[tuple[Example, Vector, float]] = []
         for command in commands:
-            for frame_id, label, point in list(self._labeller.label(command, self._seen)):
-                if may_learn:
-                    self._learn_one(frame_id, label, point, is_intervention)
+            for frame_id, label, point in self._labeller.label(command, self._seen):
+                seen = self._seen[frame_id]
+                differs = is_intervention and seen.differs(label, point)
+                example = Example(
+                    frame_id=frame_id, label=label, is_intervention=differs, point=point
+                )
+                lessons.append((example, seen.x, seen.captured_s))
+        step = self.history.batch or max(len(lessons), 1)
+        for first in range(0, len(lessons) if may_learn else 0, step):
+            with self._guarded():
+                self._teach(lessons[first : first + step])
 
-    def _learn_one(
-        self, frame_id: int, label: Action, point: Point | None, is_intervention: bool
-    ) -> None:
-        seen, started_s = self._seen[frame_id], self._clock.now_s()
-        example = Example(
-            frame_id=frame_id,
-            label=label,
-            is_intervention=is_intervention and seen.differs(label, point),
-            point=point,
-        )
-        with self._guarded():
-            self.history.teach(example, seen.x, seen.captured_s)
-            self._note_time("learn", started_s)
-            self.agreement.add(self.history.teaching_s, is_right=seen.predicted is label)
+    def _teach(self, batch: Sequence[tuple[Example, Vector, float]]) -> None:
+        started_s = self._clock.now_s()
+        for event in self.history.teach_all(batch):
+            predicted = self._seen[event.example.frame_id].predicted
+            self.agreement.add(event.at_s, is_right=predicted is event.example.label)
+        self._note_time("learn", started_s, len(batch))
 
     def reset(self) -> None:
         """Forget the state of the drive that ends."""
@@ -279,14 +280,15 @@ class OnlineLearning:
             return self._rate_before_hz
         return (len(times_s) - 1) / (times_s[-1] - times_s[0])
 
-    def _note_event(self, event: HistoryEvent) -> None:
-        self._events.append(event)
-        if isinstance(event, Replaced):
-            self.agreement = Agreement()
-            self.fault = self.failure = self.error = None
-        elif isinstance(event, Undone):
-            self.agreement.drop_after(self.history.teaching_s)
+    def _note_events(self, events: Sequence[HistoryEvent]) -> None:
+        self._events += events
+        for event in events:
+            if isinstance(event, Replaced):
+                self.agreement = Agreement()
+                self.fault = self.failure = self.error = None
+            elif isinstance(event, Undone):
+                self.agreement.drop_after(self.history.teaching_s)
 
-    def _note_time(self, name: str, started_s: float) -> None:
+    def _note_time(self, name: str, started_s: float, n: int = 1) -> None:
         before, taken_s = self.timings[name], self._clock.now_s() - started_s
-        self.timings[name] = Timing(before.count + 1, before.total_s + taken_s)
+        self.timings[name] = Timing(before.count + n, before.total_s + taken_s)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import contextlib
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -87,18 +87,18 @@ class TrainingHistory:
 
     Args:
         policy: The policy that learns. From now on only the history may change the policy.
-        on_event: Called with every event that changes the learner, in order.
+        on_events: Called with the events that change the learner, in order.
         declared: The body's descriptions of its moves, which are passed to each policy.
     """
 
     def __init__(
         self,
         policy: Policy,
-        on_event: Callable[[HistoryEvent], None] | None = None,
+        on_events: Callable[[Sequence[HistoryEvent]], None] | None = None,
         declared: Collection[Move] = (),
     ) -> None:
         self.declared = declared
-        self._on_event = on_event or (lambda event: None)
+        self._on_events = on_events or (lambda events: None)
         self.changes = 0
         """Number of changes of the learner; it never decreases. Any thread may read it, because a
         change is counted before the request that makes it is answered."""
@@ -132,19 +132,32 @@ class TrainingHistory:
         """Number of examples that the learner has learned."""
         return self.taught.total()
 
+    @property
+    def batch(self) -> int | None:
+        """Largest number of examples for `teach_all`: one for plugins, which may refuse an example;
+        None: any number."""
+        return None if self._is_ours else 1
+
     def teach(self, example: Example, x: Vector, captured_s: float) -> None:
         """Teach the policy one labelled frame that was taken at `captured_s`. If the policy or a
         plugin raises an error, nothing changes."""
-        step_s = captured_s - self._last_example_s if self._last_example_s is not None else 0.0
-        teaching_s = self.teaching_s + min(max(step_s, 0.0), _LONGEST_STEP_S)
-        event = Taught(example=example, x=x, at_s=teaching_s)
+        self.teach_all([(example, x, captured_s)])
+
+    def teach_all(self, lessons: Iterable[tuple[Example, Vector, float]]) -> Sequence[Taught]:
+        """Teach several frames in order, with the same result as `teach`; return the events."""
+        last_s, at_s, events = self._last_example_s, self.teaching_s, []
+        for example, x, captured_s in lessons:
+            step_s = captured_s - last_s if last_s is not None else 0.0
+            last_s, at_s = captured_s, at_s + min(max(step_s, 0.0), _LONGEST_STEP_S)
+            events.append(Taught(example=example, x=x, at_s=at_s))
         with self._as_before_if_refused():
-            _make(self.policy, event)
-        self._last_example_s, self.teaching_s = captured_s, teaching_s
-        self.taught[example.label] += 1
-        self._record(event)
+            self.policy.learn_all([(e.x, e.example.label, e.at_s, e.example.point) for e in events])
+        self._last_example_s, self.teaching_s = last_s, at_s
+        self.taught.update(event.example.label for event in events)
+        self._record(events)
         if self.teaching_s - self._snapshots[-1].at_s >= SNAPSHOT_EVERY_S:
             self._take_snapshot()
+        return events
 
     def begin_drive(self) -> None:
         """Reset the policy, because one drive ends here and the next will begin."""
@@ -165,7 +178,7 @@ class TrainingHistory:
         event = Edited(verb=verb, node_id=node_id, value=value, at_s=self.teaching_s)
         with self._as_before_if_refused():
             _make(self.policy, event)
-        self._record(event)
+        self._record([event])
 
     def last_examples(self, seconds: float) -> list[Taught]:
         """Return the examples of the last `seconds`, which `undo` would drop, oldest first."""
@@ -214,15 +227,15 @@ class TrainingHistory:
                 self.policy.restore(before)
             raise
 
-    def _record(self, event: Taught | Edited) -> None:
-        self._snapshots[-1].events.append(event)
+    def _record(self, events: Sequence[Taught | Edited]) -> None:
+        self._snapshots[-1].events.extend(events)
         self._is_drive_new = False
-        self._tell(event)
+        self._tell(*events)
 
-    def _tell(self, event: HistoryEvent) -> None:
-        self.changes += 1
-        self.edits += not isinstance(event, Taught)
-        self._on_event(event)
+    def _tell(self, *events: HistoryEvent) -> None:
+        self.changes += len(events)
+        self.edits += sum(not isinstance(event, Taught) for event in events)
+        self._on_events(events)
 
     def _rebuild_without(self, dropped: list[Taught] | list[Edited]) -> None:
         """Restore a snapshot from before the first dropped event, and learn the later events that

@@ -182,39 +182,49 @@ class Policy(Stateful):
     def learn(
         self, x: Vector, label: Action, at_s: float | None = None, point: Point | None = None
     ) -> None:
-        """Learn one example.
+        """Learn one example; arguments and errors as for `learn_all`."""
+        self.learn_all([(x, label, at_s, point)])
+
+    def learn_all(
+        self, examples: Sequence[tuple[Vector, Action, float | None, Point | None]]
+    ) -> None:
+        """Learn examples in order; the result does not depend on the number of calls.
 
         If times are given, at most ten examples per second are learned while the label stays the
         same; the others are only counted (`example_selection.py`).
 
         Args:
-            x: The frame's vector.
-            label: The move.
-            at_s: The frame's teaching time in seconds. None if unknown; the example is then learned
-                independently of earlier examples.
-            point: The point, if the pilot steered by degrees.
+            examples: For each example the frame's vector; the move; the frame's teaching time in
+                seconds (None if unknown: the example is then learned independently of earlier
+                examples); and the point, if the pilot steered by degrees.
 
         Raises:
-            ValueError: If `label` is not one of `moves`, a value of `point` is not from -1 to 1, or
-                `x` cannot be learned; nothing changes.
+            ValueError: If a label is not one of `moves`, a value of a point is not from -1 to 1, or
+                a vector cannot be learned; nothing changes if there is one example.
         """
-        self._check_move(label)
-        if len(x) != self._n_values:  # check before any part is changed
-            checked_vector(x, self._n_values)
-        if point is not None and not all(-1.0 <= share <= 1.0 for share in point):
-            raise ValueError(f"steering and throttle must lie in [-1, 1], not {tuple(point)}")
-        lesson = TaughtExample(
-            number=self.n_seen + 1,
-            x=x,
-            picture=self.features.grey(x),
-            label=label if isinstance(label, Action) else Action(label),
-            at_s=at_s,
-            point=point,
-        )
+        n_values = self._n_values
+        for x, label, _, point in examples:  # check before any part is changed
+            self._check_move(label)
+            if len(x) != n_values:
+                n_values = checked_vector(x, n_values).size
+            if point is not None and not all(-1.0 <= share <= 1.0 for share in point):
+                raise ValueError(f"steering and throttle must lie in [-1, 1], not {tuple(point)}")
+        lessons = [
+            TaughtExample(
+                number=number,
+                x=x,
+                picture=self.features.grey(x),
+                label=label if isinstance(label, Action) else Action(label),
+                at_s=at_s,
+                point=point,
+            )
+            for number, (x, label, at_s, point) in enumerate(examples, self.n_seen + 1)
+        ]
         for part in self._learning:
-            if lesson.is_learned or part.counts_all:
-                part.on_example(lesson)
-        self.n_seen, self._n_values = self.n_seen + 1, len(x)
+            for lesson in lessons:
+                if lesson.is_learned or part.counts_all:
+                    part.on_example(lesson)
+        self.n_seen, self._n_values = self.n_seen + len(lessons), n_values
 
     def _check_move(self, label: Action) -> None:
         if label not in self.moves:

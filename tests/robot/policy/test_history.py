@@ -264,7 +264,7 @@ def test_an_undo_is_as_exact_after_the_log_was_shortened() -> None:
 
 def test_teaching_time_begins_at_zero_and_undo_turns_it_back() -> None:
     told: list[HistoryEvent] = []
-    history = TrainingHistory(make_policy("published-8"), told.append)
+    history = TrainingHistory(make_policy("published-8"), told.extend)
     xs = vectors(history.policy, 3)
     teach(history, xs[:2], first=100)
     history.undo(5.0)
@@ -275,7 +275,7 @@ def test_teaching_time_begins_at_zero_and_undo_turns_it_back() -> None:
 
 def test_each_change_is_counted_once_and_told() -> None:
     told: list[HistoryEvent] = []
-    history = TrainingHistory(make_policy("published-8"), told.append)
+    history = TrainingHistory(make_policy("published-8"), told.extend)
     assert history.changes == 0
     teach(history, vectors(history.policy, 3))
     history.edit("pin", images(history.policy)[0].node_id, True)

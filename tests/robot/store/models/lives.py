@@ -114,7 +114,7 @@ class Life(BenchRobot):
         recovered = recover(storage.journal, self.store, declared)
         self.recovered = recovered is not None
         self.journal.open_boot(newest_boot(self.store))
-        self.loop.subscribe(self.autosave.note)
+        self.autosave.start()
         if recovered is not None:
             self.autosave.adopt(recovered)
         self.autosave.load_last()
