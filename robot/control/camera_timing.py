@@ -78,6 +78,8 @@ class CameraTiming:
         self._ages_s: deque[float] = deque(maxlen=self._WINDOW)
         self._captured_s = self._noted_s = math.inf  # infinite until there is a picture
         self.state = self._judge(USUAL_PERIOD_S, 0.0)
+        self.fault: str | None = None
+        """Sentence for a camera that delivers pictures, but too few of them to drive by."""
 
     def note(self, captured_s: float, delivered_s: float, *, is_moving: bool) -> None:
         """Record a new picture: the time of its capture, and the time of its arrival at the loop.
@@ -94,19 +96,15 @@ class CameraTiming:
         growth_s = self.config.growth_s_per_s * elapsed_s if is_moving else math.inf
         before = self.state
         period_s = _typical(self._periods_s) if self._periods_s else before.period_s
+        self.fault = None
+        if len(self._periods_s) >= 2 and period_s >= SLOW_PERIOD_S:
+            self.fault = (
+                f"The camera gives only one picture every {period_s:.1f} s, so the robot stands or "
+                "creeps. Check its light, its connection, and what else runs on its device."
+            )
         self.state = self._judge(
             min(period_s, before.period_s + growth_s),
             min(_quantile(self._ages_s, self._AGE_QUANTILE), before.delivery_age_s + growth_s),
-        )
-
-    @property
-    def fault(self) -> str | None:
-        """Sentence for a camera that delivers pictures, but too few of them to drive by."""
-        if len(self._periods_s) < 2 or (period_s := _typical(self._periods_s)) < SLOW_PERIOD_S:
-            return None
-        return (
-            f"The camera gives only one picture every {period_s:.1f} s, so the robot stands or "
-            "creeps. Check its light, its connection, and what else runs on its device."
         )
 
     def pause(self) -> None:

@@ -249,18 +249,18 @@ class ControlLoop:
                 sensors=sensors,
                 link=link,
                 source_age_s=self._camera.source_age_s,
-                fault=self._steady.show(
-                    self._camera.fault or self._fault or self._slow_camera(),
-                    now_s,
-                    may_move=decision.mode is not Mode.STOPPED,
-                ),
+                fault=self._shown_fault(now_s, may_move=decision.mode is not Mode.STOPPED),
                 cycle_s=self.clock.now_s() - started_s,
             )
         )
 
-    def _slow_camera(self) -> str | None:
-        """Return the sentence for a camera that delivers too few pictures."""
-        return None if self._camera.world_waits or self.is_resting else self._timing.fault
+    def _shown_fault(self, now_s: float, *, may_move: bool) -> str | None:
+        """Return the sentence to show for the present fault, or for one that has just ended."""
+        fault = self._camera.fault or self._fault
+        if not fault and not self._camera.world_waits and not self.is_resting:
+            fault = self._timing.fault
+        is_well = fault is None and self._steady.shown is None
+        return None if is_well else self._steady.show(fault, now_s, may_move=may_move)
 
     def _is_held_up(self, seconds: float) -> bool:
         """Stop if the computer was held up for `seconds`, because the last decision is outdated."""
@@ -299,7 +299,7 @@ class ControlLoop:
     def _look(self, now_s: float) -> Frame | None:
         """Process the newest frame; return the frame if it is new."""
         last, frame = self.state, self._camera.latest()
-        if not self._is_due(frame):
+        if self._rest_every_s and not self._is_due(frame):
             return None
         delivered_s = max(now_s, self.clock.now_s())
         is_robots = last.decision.driven_by is DrivenBy.ROBOT

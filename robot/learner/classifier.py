@@ -21,9 +21,8 @@ from robot.learner.base import (
     State,
     Vector,
 )
-from robot.learner.bsoc import BSOC
+from robot.learner.bsoc import BSOC, MOST_FRAMES, Clusters
 from robot.learner.change_of_mind import ChangeOfMind
-from robot.learner.clusters import MOST_FRAMES, Clusters
 from robot.learner.part import Array, Stateful, Value
 from robot.learner.published import PublishedBSOC
 from robot.learner.ridge import EVERY, MIRRORED, LinearPart, RecursiveRidge
@@ -188,16 +187,15 @@ class BSOCClassifier(Stateful, Learner):
         self._know(y)
         if self.mirror is not None:
             self._know(self.mirror.labels.get(y, y))
-        if self._mind is not None:  # `note` uses the distances before any merge
-            distances, taught = cluster.last_distances_, cluster.last_touched_
-            owners = self._counted(len(distances)).owners
-            self._mind.note(column, distances, owners, taught, cluster.n_trained_)
-        self._counts = None
+        distances, taught = cluster.last_distances_, cluster.last_touched_  # before any merge
+        owners, self._counts = self._counted(len(distances)).owners, None
         if cluster.last_merge_ is not None:
             kept, removed = cluster.last_merge_
             for sums in self._sums():
                 sums[kept] += sums[removed]
                 sums[removed] = 0
+        if self._mind is not None:
+            self._mind.note(column, distances, owners, taught, cluster.n_trained_)
         self._histograms[node, column] += 1
         self.n_seen_ += 1
         self.last_node_ = int(cluster.names[node])
@@ -265,27 +263,27 @@ class BSOCClassifier(Stateful, Learner):
         cluster, linear, mind = self.cluster, self.linear, self._mind
         if cluster.n_nodes_ == 0:
             raise NotFittedError("nothing was learned yet")
-        distances, histograms = cluster.distances(x), self._histograms[: cluster.n_nodes_]
+        counted, histograms = self._counted(cluster.n_nodes_), self._histograms[: cluster.n_nodes_]
+        per_label, owners = counted.per_label, counted.owners
+        if self.mirror is not None and self.balance:
+            per_label = per_label + MIRRORED * per_label[self._columns(self.mirror)]
+        distances, touched = cluster.distances(x), cluster.touched_
         shares = votes.nearest_nodes(distances, histograms, self.n_voters)
+        rarity = votes.rarity(per_label, self.balance) if self.balance else 1.0
         if linear is not None:
             is_known = context is not None and linear.knows_contexts
             share = max(self.linear_share, CONTEXT_SHARE) if is_known else self.linear_share
             scores = np.maximum(linear.scores(x, context), 0.0)
             shares = share * scores + (1.0 - share) * shares
-        counted = self._counted(cluster.n_nodes_)
-        if self.balance:
-            per_label = counted.per_label
-            if self.mirror is not None:
-                per_label = per_label + MIRRORED * per_label[self._columns(self.mirror)]
-            shares = shares * votes.rarity(per_label, self.balance)
+        shares = shares * rarity
         if mind is not None:
-            shares = mind.applied(shares, distances, counted.owners, cluster.touched_)
+            shares = mind.applied(shares, distances, owners, touched)
         total = float(shares.sum())
         shares = shares / total if total > 0.0 else np.full(shares.size, 1.0 / shares.size)
-        node = int(distances.argmin())
+        node, sums = int(distances.argmin()), self._node_angles
         listed = shares.tolist()
         best = listed.index(max(listed))
-        angle, size, spread = self._angle(x, distances)
+        angle, size, spread = (None,) * 3 if sums is None else self._angle(x, distances, sums)
         return Evidence(
             label=self.labels_[best],
             probabilities=dict(zip(self.labels_, listed, strict=True)),
@@ -298,13 +296,12 @@ class BSOCClassifier(Stateful, Learner):
             spread=spread,
         )
 
-    def _angle(self, x: Vector, distances: votes.Distances) -> tuple[float | None, ...]:
-        """Return angle, magnitude and standard deviation, mixed like the votes; None if no angle
-        was learned."""
-        if self._node_angles is None:
-            return None, None, None
+    def _angle(
+        self, x: Vector, distances: votes.Distances, sums: votes.Floats
+    ) -> tuple[float | None, ...]:
+        """Return angle, magnitude and standard deviation, mixed like the votes."""
         frames = self._histograms[: distances.size].sum(axis=1)
-        both, spread = votes.mean_angle(distances, self._node_angles, frames, self.n_voters)
+        both, spread = votes.mean_angle(distances, sums, frames, self.n_voters)
         linear = None if self.linear is None else self.linear.angle(x)
         if linear is not None:
             both = both + self.linear_share * (linear - both)

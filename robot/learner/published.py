@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.base import Vector, checked_vector
-from robot.learner.clusters import SHARED, Clusters
+from robot.learner.bsoc import SHARED, Clusters
 from robot.learner.images import checked_bytes
 from robot.learner.part import MOST_VALUES, Array, Value
 

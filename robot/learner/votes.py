@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from robot.learner.part import Array, Stateful
 
+_DOUBT = 0.5
+"""How fast confidence falls with novelty above 1: at novelty 3 half of the confidence is left."""
 Floats = NDArray[np.float64]
 Distances = NDArray[np.float32] | NDArray[np.float64]
 
@@ -87,6 +89,15 @@ def chance(votes: Sequence[float], best: int, sharpness: float) -> float:
     powers = [vote**sharpness for vote in votes]  # for few numbers a list is faster than numpy
     total = sum(powers)
     return powers[best] / total if total > 0 else 0.0
+
+
+def doubted(votes: Sequence[float], best: int, sharpness: float, novelty: float) -> float:
+    """Return `chance`, lower on an unknown view, where it is near a guess's."""
+    certain = chance(votes, best, sharpness)
+    if novelty <= 1.0:
+        return certain
+    guess = 1.0 / sum(vote > 0.0 for vote in votes)
+    return guess + (certain - guess) / (1.0 + _DOUBT * (novelty - 1.0))
 
 
 def rarity(counts: NDArray[np.int64] | Floats, power: float) -> Floats:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from robot.learner import votes
@@ -13,14 +13,10 @@ from robot.learner.values import count, flag
 from robot.policy.action_filter import ActionFilter
 from robot.policy.example_selection import ExampleRate, MoveContext, Repeats
 from robot.policy.features import Features
-from robot.policy.light import LightAdaptation
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import USUAL_STEP_S, PolicyPart, Seen, TaughtExample
-from robot.policy.recognition import Degrees, Recognition
+from robot.policy.recognition import Degrees, LightAdaptation, Recognition
 from robot.types import DEFAULT_MOVES, Action, Frame, Point, Prediction
-
-_DOUBT = 0.5
-"""How fast confidence falls with novelty above 1: at novelty 3 half of the confidence is left."""
 
 
 class Policy(Stateful):
@@ -41,7 +37,7 @@ class Policy(Stateful):
         thins: True if at most ten examples of the same label are learned per second
             (`example_selection.py`).
         brighten: Returns a view with its grey values multiplied by a factor. If given, views are
-            scaled to the brightness of the lesson (`light.py`).
+            scaled to the brightness of the lesson (`LightAdaptation`).
         knows_repeats: True if a view that comes again with its last label is not learned again.
 
     Attributes:
@@ -161,7 +157,8 @@ class Policy(Stateful):
         except NotFittedError:
             return Prediction(frame_id=frame_id)
         known = seen.evidence
-        confidence = self._chance(seen.shares, seen.action, known.novelty)
+        listed, best = list(seen.shares.values()), list(seen.shares).index(seen.action)
+        confidence = votes.doubted(listed, best, self.learner.sharpness, known.novelty)
         if not math.isfinite(confidence):
             raise ValueError("the output for the picture is not a number")
         return Prediction(
@@ -343,13 +340,3 @@ class Policy(Stateful):
         usual = self.usual_point(label) if self.learner.abilities.angles else None
         steered = () if usual is None else (usual.steering,)
         self.learner.relabel_node(node_id, Action(label), *steered)
-
-    def _chance(self, shares: Mapping[Action, float], action: Action, novelty: float) -> float:
-        """Return the probability that the action is right. On an unknown view this is near a
-        guess's."""
-        listed, sharpness = list(shares.values()), self.learner.sharpness
-        chance = votes.chance(listed, list(shares).index(action), sharpness)
-        if novelty <= 1.0:
-            return chance
-        guess = 1.0 / sum(share > 0.0 for share in shares.values())
-        return guess + (chance - guess) / (1.0 + _DOUBT * (novelty - 1.0))

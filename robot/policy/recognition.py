@@ -1,4 +1,8 @@
-"""Gets the learner's votes for the moves on a frame, and computes the steering of a move.
+"""Adapts a view to the light, gets the learner's votes on it, and computes the steering of a move.
+
+Directions of gradients hardly change with the light, but grey values do. So each view is scaled to
+the brightness of the lesson. The light is measured as the mean brightness of some seconds of
+driving, because a dark corner hardly changes this mean.
 
 A learned angle is a mean. If an obstacle can be passed on either side, the mean leads into the
 obstacle. So the move determines the side, and the angle only the amount of steering. The angle must
@@ -12,17 +16,17 @@ Before the first point is taught no steering is stored and no point is proposed.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot.driver import side_of
-from robot.learner.base import Learner
-from robot.learner.clusters import MOST_FRAMES
+from robot.learner.base import Learner, Vector
+from robot.learner.bsoc import MOST_FRAMES
 from robot.learner.part import Array, Value
-from robot.learner.values import Names, count, demand, table
+from robot.learner.values import Names, count, demand, number, table
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import PolicyPart, Seen, TaughtExample
 from robot.types import Action, Point
@@ -120,6 +124,54 @@ class Degrees(PolicyPart):
     def faults(self) -> Iterator[str]:
         if self._sums is not None and (np.abs(self._sums[:, 1:]) > self._sums[:, :1]).any():
             yield "its moves were steered further than any body can"
+
+
+ANOTHER_LIGHT = 1.5
+"""Factor of brightness, up or down, from which the light counts as changed. Smaller differences are
+due to the view."""
+SECONDS = 3.0
+"""Driving time over which the brightness is averaged, in seconds."""
+EXAMPLES = 600.0
+"""Number of examples over which the lesson's brightness is averaged."""
+
+
+class LightAdaptation(PolicyPart):
+    """Compares a drive's brightness with that of the examples, in constant time per frame.
+
+    Args:
+        brighten: Returns a view with its grey values multiplied by a factor.
+    """
+
+    fields = (Value("taught", number(0.0, 255.0)), Value("examples", number(0.0, EXAMPLES)))
+
+    def __init__(self, brighten: Callable[[Vector, float], Vector]) -> None:
+        self._brighten = brighten
+        self._taught = self._examples = 0.0
+        self._driven: float | None = None
+
+    def on_frame(self, seen: Seen) -> None:
+        brightness = _brightness(seen.picture)
+        driven = brightness if self._driven is None else self._driven
+        driven += (1.0 - math.exp(-seen.step_s / SECONDS)) * (brightness - driven)
+        self._driven = driven
+        gain = self._taught / max(driven, 1.0)
+        if self._examples and not 1.0 / ANOTHER_LIGHT <= gain <= ANOTHER_LIGHT:
+            seen.x = self._brighten(seen.x, gain)
+
+    def on_example(self, lesson: TaughtExample) -> None:
+        self._examples = min(self._examples + 1.0, EXAMPLES)
+        self._taught += (_brightness(lesson.picture) - self._taught) / self._examples
+
+    def reset(self) -> None:
+        self._driven = None
+
+    def restored(self) -> None:
+        self.reset()
+
+
+def _brightness(picture: NDArray[np.uint8]) -> float:
+    """Return the mean grey value; `mean()` takes twice as long."""
+    return float(picture.sum()) / max(picture.size, 1)
 
 
 class Recognition(PolicyPart):

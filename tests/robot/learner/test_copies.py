@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from robot.learner import BSOCClassifier
-from robot.learner.clusters import CACHED_FROM
+from robot.learner.bsoc import CACHED_FROM
 from robot.learner.ridge import RecursiveRidge
 from tests.kit.sizes import crossed
 

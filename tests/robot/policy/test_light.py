@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from robot.policy.light import ANOTHER_LIGHT, LightAdaptation
+from robot.policy.recognition import ANOTHER_LIGHT, LightAdaptation
 from robot.policy.registry import make_policy
 from robot.types import Action, Frame
 from tests.kit.frames import frame_of
