@@ -32,13 +32,7 @@ _P = TypeVar("_P", bound="PersistencePart")
 
 
 class PersistencePart(StartStop):
-    """An extension's part that saves data of a robot's runs; started last and stopped first.
-
-    Attributes:
-        run: The name under which the current run is saved; None while no run is saved.
-    """
-
-    run: str | None = None
+    """An extension's part that saves data of a robot's runs; started last and stopped first."""
 
     def __init__(self, kept: Persistence, rig: Rig) -> None: ...
 
@@ -61,6 +55,9 @@ class PersistencePart(StartStop):
 class Persistence(StartStop):
     """Starts and stops autosave and the extensions' parts, unless the storage has a `fault`.
 
+    Attributes:
+        run: The name under which a part saves the current run; None while no run is saved.
+
     Args:
         name: The robot's name, which new models get.
         options: The options with which the robot was started, saved with each run.
@@ -78,6 +75,7 @@ class Persistence(StartStop):
         settings: Mapping[str, Any] | None = None,
     ) -> None:
         self.storage = storage
+        self.run: str | None = None
         self.robot_name, self.settings = name, settings or {}
         self.options = dict(options or {})
         self.announce = announce
@@ -107,11 +105,6 @@ class Persistence(StartStop):
     def part(self, kind: type[_P]) -> _P:
         """Return an extension's part; KeyError if the extension is not installed."""
         return cast(_P, self._parts[kind])
-
-    @property
-    def run(self) -> str | None:
-        """The name under which the current run is saved; None while no run is saved."""
-        return next((part.run for part in self._parts.values() if part.run), None)
 
     def keep_run(self) -> None:
         """Have every part keep the current run, even if it is empty."""

@@ -18,7 +18,7 @@ class CoachingExtension(Extension):
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
         self._loop = services.robot.loop
         self.progress = Progress(self._loop, services.persistence)
-        self._unsubscribe: Callable[[], None] = lambda: None
+        self._subscriptions: list[Callable[[], None]] = []
 
     @property
     def routers(self) -> Sequence[APIRouter]:
@@ -31,10 +31,11 @@ class CoachingExtension(Extension):
         return routes.router, gallery_routes.router, word_routes.router
 
     def start(self) -> None:
-        self._unsubscribe = self._loop.subscribe(self.progress.note)
+        self._subscriptions = [self._loop.subscribe(one) for one in self.progress.listeners]
 
     def stop(self) -> None:
-        self._unsubscribe()
+        for unsubscribe in self._subscriptions:
+            unsubscribe()
 
     def note_carried(self) -> None:
         self.progress.trail.begin()

@@ -39,13 +39,14 @@ class Mark:
 
 
 class Progress:
-    """Tracks one robot's training; the server subscribes it to the loop's ticks."""
+    """Tracks one robot's training. `listeners` are subscribed to the loop's ticks."""
 
     def __init__(self, loop: ControlLoop, persistence: Persistence | None = None) -> None:
         self._loop = loop
         self._persistence = persistence
         self.readiness = Readiness()
         self.trail = Trail()
+        self.listeners = self.readiness.note, self.trail.note, self.note
         self._marks: list[Mark] = []
         self._gallery: list[LearnedImage] = []
         self._seen: dict[int, LearnedImage] = {}
@@ -55,8 +56,6 @@ class Progress:
 
     def note(self, tick: Tick) -> None:
         """Record one tick. Call it on the loop's thread."""
-        self.readiness.note(tick)
-        self.trail.note(tick)
         if tick.prediction is not None and tick.prediction.node is not None:
             self._newest = max(self._newest, tick.prediction.node)
         if not tick.history_events:

@@ -34,20 +34,21 @@ class Recordings(PersistencePart):
             robot=kept.robot_name,
             declared_moves=describe(rig.driver.moves, rig.driver.declared_moves),
             options=kept.options,
-            announce=kept.announce,
+            announce=self._announce,
             config=RecorderConfig(keeps_drives=kept.settings.get("keep_drives", True)),
             disk=kept.disk,
         )
-        self._storage = kept.storage
-        self.episodes = EpisodeStore(kept.storage, lambda: self.run, _write_edited)
+        self._kept = kept
+        queue = self.recorder.queue
+        self.episodes = EpisodeStore(kept.storage, lambda: queue.episode_id, _write_edited)
 
-    @property
-    def run(self) -> str | None:  # type: ignore[override]
-        """Id of the episode that is being recorded; None if no episode is."""
-        return self.recorder.queue.episode_id
+    def _announce(self, name: str, **fields: Any) -> None:
+        """Set the run's name, because a recording began or ended, and announce the event."""
+        self._kept.run = self.recorder.queue.episode_id
+        self._kept.announce(name, **fields)
 
     def start(self) -> None:
-        rejoin(self._storage)
+        rejoin(self._kept.storage)
         self.recorder.start()
 
     def stop(self) -> None:
