@@ -167,13 +167,14 @@ class OnlineLearning:
         """
         if frame is None or (self.frame is not None and frame.frame_id == self.frame.frame_id):
             return False
-        x = self.history.policy.extract(frame)
+        policy = self.history.policy
+        x = policy.features.extract(frame)
         self.frame = frame
         self._frame_times_s.append(frame.captured_s)
         started_s = self._clock.now_s()
         prediction = Prediction(frame_id=frame.frame_id)  # stays empty if the learner fails
-        with self._guarded():
-            prediction = self.history.policy.propose(
+        try:
+            prediction = policy.propose(
                 frame.frame_id,
                 x,
                 under_way=under_way,
@@ -182,6 +183,8 @@ class OnlineLearning:
                 by_degrees=by_degrees,
             )
             self.fault = None
+        except Exception as error:
+            self._note_failure(error)
         self.prediction = prediction
         self._note_time("propose", started_s)
         self._seen[frame.frame_id] = _Seen(
@@ -201,11 +204,14 @@ class OnlineLearning:
         try:
             yield
         except Exception as error:
-            fault = f"The learner failed, and proposes nothing: {str(error) or repr(error)}"[:300]
-            if fault != self.failure:  # log the fault once, not thirty times a second
-                log.error("the learner failed", exc_info=error)
-            self.fault = self.failure = fault
-            self.error = error
+            self._note_failure(error)
+
+    def _note_failure(self, error: Exception) -> None:
+        fault = f"The learner failed, and proposes nothing: {str(error) or repr(error)}"[:300]
+        if fault != self.failure:  # log the fault once, not thirty times a second
+            log.error("the learner failed", exc_info=error)
+        self.fault = self.failure = fault
+        self.error = error
 
     @property
     def newest(self) -> tuple[Vector, Prediction] | None:
@@ -227,7 +233,7 @@ class OnlineLearning:
                     frame_id=frame_id, label=label, is_intervention=differs, point=point
                 )
                 lessons.append((example, seen.x, seen.captured_s))
-        step = self.history.batch or max(len(lessons), 1)
+        step = self.history.batch
         for first in range(0, len(lessons) if may_learn else 0, step):
             with self._guarded():
                 self._teach(lessons[first : first + step])

@@ -327,8 +327,8 @@ class BSOC(Clusters):
         self.n_trained_ = name + 1
         if size < self.max_nodes:
             self.n_nodes_ = size + 1
-            self._images.put(size)
             self._place(size, np.append(distances, np.float32(0.0)), group, name)
+            self._images.put(size)
             return int(self._distances[size, : size + 1].argmin())
         weights = distances * self._masses
         self._make_dear(weights, group)
@@ -338,8 +338,9 @@ class BSOC(Clusters):
         least, kept, removed = self._edges.smallest()
         # On a tie merge the pair with the lower indices; the new frame's index is the highest.
         if least < weights[nearest] or (least == weights[nearest] and kept <= nearest):
-            self._merge(kept, removed, distances)
+            counts = self._merge(kept, removed, distances)
             self._place(removed, distances, group, name)
+            self._images.merge(kept, removed, *counts)
         else:
             self._absorb(nearest, distances)
         return int(distances.argmin())
@@ -361,13 +362,14 @@ class BSOC(Clusters):
         count = int(self._counts[node])
         share = 1.0 / (count + 1)
         row = self._blended(self._distances[node], distances, share, float(distances[node]))
-        self._images.absorb(node, count)
         self._counts[node] = self._masses[node] = count + 1
         self._set_row(node, row)
         distances[node] *= (1.0 - share) ** 2
+        self._images.absorb(node, count)
 
-    def _merge(self, kept: int, removed: int, distances: Floats) -> None:
-        """Merge one node into another; updates `distances` of the measured frame."""
+    def _merge(self, kept: int, removed: int, distances: Floats) -> tuple[int, int]:
+        """Merge one node into another, except its image; updates `distances` of the measured
+        frame. Return how many frames each node had."""
         count, other = int(self._counts[kept]), int(self._counts[removed])
         share = other / (count + other)
         between = float(self._distances[kept, removed])
@@ -375,7 +377,6 @@ class BSOC(Clusters):
         one, two = float(distances[kept]), float(distances[removed])
         distances[kept] = one + share * (two - one) - share * (1.0 - share) * between
         distances[removed] = 0.0
-        self._images.merge(kept, removed, count, other)
         self._counts[kept] = self._masses[kept] = count + other
         if other > count:
             self.names[kept] = self.names[removed]
@@ -383,6 +384,7 @@ class BSOC(Clusters):
         self._touched[kept] = max(self._touched[kept], self._touched[removed])
         self._set_row(kept, row)
         self.last_merge_ = kept, removed
+        return count, other
 
     def _blended(self, one: Floats, two: Floats, share: float, between: float) -> Floats:
         """Lance-Williams: d(k, ij) = wi d(k, i) + wj d(k, j) - wi wj d(i, j)."""
@@ -393,7 +395,7 @@ class BSOC(Clusters):
         return row
 
     def _place(self, node: int, distances: Floats, group: int, name: int) -> None:
-        """Make a node of the measured frame, which is already the node's image."""
+        """Make a node of the measured frame; the caller stores its image."""
         self._counts[node] = self._masses[node] = 1
         self._groups[node] = group
         self.names[node] = name

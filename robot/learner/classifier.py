@@ -51,6 +51,8 @@ class _Counted:
     @cached_property
     def owners(self) -> NDArray[np.int64]:
         """Return the label with the most votes of each node, shape (n,); -1 without votes."""
+        if not self._histograms.size:  # nothing was learned
+            return np.full(self.n, -1)
         most = self._histograms.argmax(axis=1)
         has_votes = self._histograms[np.arange(self.n), most] > 0
         return np.where(has_votes, most, -1)
@@ -182,19 +184,20 @@ class BSOCClassifier(Stateful, Learner):
             least = self.linear.n_features
             raise ValueError(f"the vector has {np.size(x)} values; the linear part needs {least}")
         column = self.labels_.index(y) if y in self.labels_ else len(self.labels_)
-        cluster = self.cluster
+        cluster, owners = self.cluster, self._counted(self.cluster.n_nodes_).owners
         node = cluster.train(x, column)
-        self._know(y)
-        if self.mirror is not None:
-            self._know(self.mirror.labels.get(y, y))
-        distances, taught = cluster.last_distances_, cluster.last_touched_  # before any merge
-        owners, self._counts = self._counted(len(distances)).owners, None
+        for label in (y,) if self.mirror is None else (y, self.mirror.labels.get(y, y)):
+            if label not in self.labels_:
+                self._know(label)
+        self._counts = None
         if cluster.last_merge_ is not None:
             kept, removed = cluster.last_merge_
             for sums in self._sums():
                 sums[kept] += sums[removed]
                 sums[removed] = 0
         if self._mind is not None:
+            # The distances and `owners` are from before any merge.
+            distances, taught = cluster.last_distances_, cluster.last_touched_
             self._mind.note(column, distances, owners, taught, cluster.n_trained_)
         self._histograms[node, column] += 1
         self.n_seen_ += 1
@@ -267,7 +270,7 @@ class BSOCClassifier(Stateful, Learner):
         per_label, owners = counted.per_label, counted.owners
         if self.mirror is not None and self.balance:
             per_label = per_label + MIRRORED * per_label[self._columns(self.mirror)]
-        distances, touched = cluster.distances(x), cluster.touched_
+        touched, distances = cluster.touched_, cluster.distances(x)
         shares = votes.nearest_nodes(distances, histograms, self.n_voters)
         rarity = votes.rarity(per_label, self.balance) if self.balance else 1.0
         if linear is not None:

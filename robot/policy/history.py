@@ -23,6 +23,8 @@ SNAPSHOT_EVERY_S = 10.0
 """Teaching time between snapshots, in seconds: an undo relearns at most this much more."""
 UNDO_HORIZON_S = 35.0
 """Teaching time that can be undone, in seconds."""
+MOST_EXAMPLES = 64
+"""Largest number of examples that are taught at once."""
 _LONGEST_STEP_S = 0.5
 """Longest gap between two examples that counts as teaching, in seconds; a longer one is a pause."""
 
@@ -113,6 +115,9 @@ class TrainingHistory:
         self._is_ours = all(
             type(part).__module__.startswith("robot.") for part in (policy.learner, policy.features)
         )
+        self.batch = MOST_EXAMPLES if self._is_ours else 1
+        """Largest number of examples for `teach_all`: one for plugins, which may refuse an
+        example."""
         policy.kinds.describe(self.declared)
         self.taught = taught
         self._is_drive_new = True
@@ -131,12 +136,6 @@ class TrainingHistory:
     def n_examples(self) -> int:
         """Number of examples that the learner has learned."""
         return self.taught.total()
-
-    @property
-    def batch(self) -> int | None:
-        """Largest number of examples for `teach_all`: one for plugins, which may refuse an example;
-        None: any number."""
-        return None if self._is_ours else 1
 
     def teach(self, example: Example, x: Vector, captured_s: float) -> None:
         """Teach the policy one labelled frame that was taken at `captured_s`. If the policy or a

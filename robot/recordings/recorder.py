@@ -117,12 +117,14 @@ class Recorder:
             self.queue.fault = None
         if not self._is_open and (is_moving or events):
             self._open(now_s)
+        is_over = self._is_over(tick, events)
         if self._is_open:
             self._record(tick, events)
         elif tick.frame is not None:
             self._remember(tick.frame)
         self._mode = mode
-        self._end_if_due(tick, events)
+        if is_over:
+            self.finish()
 
     def write_result(self, of: str, fields: Fields) -> None:
         """Add an extension's result to the current recording; drop it if there is no recording."""
@@ -191,17 +193,15 @@ class Recorder:
             # drop the oldest of large pictures, which would fill the queue
             self._lead.popleft()
 
-    def _end_if_due(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> None:
-        """End the recording after a pause, or if an undo removed examples of an earlier
-        recording."""
+    def _is_over(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> bool:
+        """Return True after a pause, and if an undo removed examples of an earlier recording."""
         for event in events:
             self._n_taught += isinstance(event, Taught)
             if isinstance(event, Undone):
                 self._n_taught -= len(event.frame_ids)
         reached_back = self._n_taught < 0  # an undo drops the last examples
         is_pause = tick.now_s - self._moved_s >= self._config.pause_s and not events
-        if reached_back or is_pause:
-            self.finish()
+        return reached_back or is_pause
 
     def _close(self, final: Model | None) -> None:
         self.queue.end(final, is_kept=self._is_kept)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot.learner import clusters
+from robot.learner import bsoc
 from robot.learner.bsoc import BSOC
 from robot.learner.published import PublishedBSOC
 from tests.robot.learner import paper
@@ -126,7 +126,7 @@ def test_a_row_cache_finds_the_same_pairs(monkeypatch):
     rng = np.random.default_rng(5)
     xs = rng.integers(0, 4, (300, 4)).astype(np.float32)
     plain = BSOC(20)
-    monkeypatch.setattr(clusters, "CACHED_FROM", 1)
+    monkeypatch.setattr(bsoc, "CACHED_FROM", 1)
     cached = BSOC(20)
     for i, x in enumerate(xs):
         assert plain.train(x) == cached.train(x)

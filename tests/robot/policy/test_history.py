@@ -47,6 +47,32 @@ def teach(history: TrainingHistory, xs: list[np.ndarray], first: int = 0) -> Non
         history.teach(example, x, captured_s=i * STEP_S)
 
 
+@pytest.mark.parametrize("learner", ["published-8", "default-8", "integer-8"])
+def test_lessons_taught_together_leave_the_same_learner_bit_for_bit(learner: str) -> None:
+    """Batches of 1 to 5, at thirty frames a second, with pauses, points, turns and an undo."""
+    one, many = (TrainingHistory(make_policy(learner)) for _ in range(2))
+    random, at_s, lessons = np.random.default_rng(7), 0.0, []
+    for i, x in enumerate(3 * vectors(one.policy, 50)):
+        at_s += 2.0 if i % 40 == 39 else 1 / 30
+        label = MOVES[i // 13 % 3]
+        point = Point(0.1 * (i % 7), 0.5) if i > 70 else None
+        example = Example(frame_id=i, label=label, is_intervention=i % 5 == 0, point=point)
+        lessons.append((example, x, at_s))
+    while lessons:
+        size = random.integers(1, 6)
+        batch, lessons = lessons[:size], lessons[size:]
+        told = many.teach_all(batch)
+        for example, x, captured_s in batch:
+            one.teach(example, x, captured_s)
+        assert [event.at_s for event in told][-1] == one.teaching_s == many.teaching_s
+    for seconds in (0.0, 1.3):
+        assert [e.frame_id for e in one.undo(seconds)] == [e.frame_id for e in many.undo(seconds)]
+        here, there = one.policy.get_state(), many.policy.get_state()
+        assert here.params == there.params and here.arrays.keys() == there.arrays.keys()
+        for name, array in here.arrays.items():
+            np.testing.assert_array_equal(array, there.arrays[name])
+
+
 def test_undo_can_be_repeated_back_to_the_beginning() -> None:
     history = TrainingHistory(make_policy("published-8"))
     fresh = history.policy.get_state()
