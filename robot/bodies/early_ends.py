@@ -14,7 +14,8 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
-from robot.clock import Clock, Worker
+from robot.clock import Worker
+from robot.control.loop import ControlLoop
 from robot.control.state import Tick
 from robot.errors import UNREADABLE
 from robot.store.folder import write_whole
@@ -47,22 +48,27 @@ class EarlyEnds:
         self._wanted: bool | None = None
         self._due, self._ending = threading.Event(), False
         self._thread: Worker | None = None
+        self._loop: ControlLoop | None = None
+        self._unsubscribe: list[Callable[[], None]] = []
 
     @property
     def is_weak(self) -> bool:
         """True if the number of early ends is so high that a person should know."""
         return self.count >= ENOUGH
 
-    def start(self, clock: Clock) -> None:
-        """Write markers on a separate thread, so that a slow disk does not block the loop."""
+    def start(self, loop: ControlLoop) -> None:
+        """Follow a loop: its changes of mode, and all its ticks while a drive has just begun. Write
+        markers on a separate thread, so that a slow disk does not block the loop."""
 
         def work() -> None:
             while not self._ending:
-                clock.wait(self._due, None)
+                loop.clock.wait(self._due, None)
                 self._due.clear()
                 self.write()
 
-        self._thread = clock.start_thread(work, "early-ends")
+        self._thread = loop.clock.start_thread(work, "early-ends")
+        self._loop = loop
+        self._unsubscribe = [loop.subscribe(self.note, modes_only=True)]
 
     def note(self, tick: Tick) -> None:
         """Process a tick. Call it on the loop's thread."""
@@ -84,6 +90,10 @@ class EarlyEnds:
 
     def _mark(self, is_marked: bool) -> None:
         self._is_marked, self._moves_s = is_marked, None
+        if is_marked and self._loop is not None:
+            self._unsubscribe.append(self._loop.subscribe(self.note))
+        elif len(self._unsubscribe) > 1:
+            self._unsubscribe.pop()()
         self._wanted = is_marked
         self._due.set()
 
@@ -100,6 +110,8 @@ class EarlyEnds:
 
     def close(self) -> None:
         """End normally; this does not count as an early end."""
+        for unsubscribe in self._unsubscribe:
+            unsubscribe()
         self._ending = True
         self._due.set()
         if self._thread is not None:

@@ -117,7 +117,7 @@ class ControlLoop:
         self._steady = SteadyFault()
         self._last_mode = Mode.TRAIN
         self._epoch = object()
-        self._listeners: list[Callable[[Tick], None]] = []
+        self._listeners: dict[object, tuple[Callable[[Tick], None], bool]] = {}
         self._enough_every_s = self._rest_every_s = 0.0
         self._stirred_s = clock.now_s()
         self.state = self._summed_up(Tick(now_s=clock.now_s(), decision=self._gate.stand()), None)
@@ -125,13 +125,16 @@ class ControlLoop:
 
     # Requests from other threads -------------------------------------------------------------
 
-    def subscribe(self, listener: Callable[[Tick], None]) -> Callable[[], None]:
-        """Call `listener`, which must be quick, after each tick. Return a function that ends
-        this."""
-        self._listeners = [*self._listeners, listener]
+    def subscribe(
+        self, listener: Callable[[Tick], None], *, modes_only: bool = False
+    ) -> Callable[[], None]:
+        """Call `listener`, which must be quick, after each tick, or with `modes_only` after each
+        change of mode. Return a function that ends this."""
+        key = object()
+        self._listeners[key] = listener, modes_only
 
         def unsubscribe() -> None:
-            self._listeners = [other for other in self._listeners if other is not listener]
+            self._listeners.pop(key, None)
 
         return unsubscribe
 
@@ -384,10 +387,12 @@ class ControlLoop:
         """Pass the tick to all listeners; then complete the requests."""
         try:
             before, self.state = self.state, self._summed_up(tick, self.state)
-            if tick.decision.mode is not before.decision.mode:
+            is_same = tick.decision.mode is before.decision.mode
+            if not is_same:
                 self._ask("show", tick.decision.mode)
-            for listener in self._listeners:
-                listener(self.state)
+            for listener, modes_only in tuple(self._listeners.values()):
+                if not (modes_only and is_same):
+                    listener(self.state)
         except Exception as error:  # a listener's error also stops the robot
             self._break_down(error)
         finally:

@@ -241,7 +241,9 @@ class ActionFilter(PolicyPart):
             self._stall_detector.look(seen, pace)
             urge = self._watch(under_way, seen.at_s, ALLOWANCE * pace.debt_limit_s)
         futile = self._stall_detector.futile
-        barred = self._barred_side(seen.at_s)
+        # A quick pilot alternates to steer, but a robot that cannot go straight alternates in vain.
+        limit_s = TO_AND_FRO_S if futile else pace.to_and_fro_s
+        barred = self._headway.barred_side(seen.at_s, limit_s)
         allowed = [action for action in shares if turns.get(action) != barred or barred is None]
         fruitful = [action for action in allowed if action not in futile and shares[action] > 0.0]
         if futile and not fruitful:
@@ -264,16 +266,6 @@ class ActionFilter(PolicyPart):
     def _point(self) -> Point | None:
         """The last point driven by degrees; it is computed after the move is chosen."""
         return None if self._last is None else self._last.point
-
-    def _barred_side(self, at_s: float) -> float | None:
-        """Return the side to which the robot must not turn, because it has just changed sides
-        twice."""
-        side, sides_s, pace = self._headway.side, self._headway.sides_s, self.pace
-        # A quick pilot alternates to steer, but a robot that cannot go straight alternates in vain.
-        limit_s = TO_AND_FRO_S if self._stall_detector.futile else pace.to_and_fro_s
-        if side is None or len(sides_s) < 2 or at_s - sides_s[0] > limit_s:
-            return None
-        return -side
 
     def _watch(self, under_way: Action | None, at_s: float, allowed_s: float) -> float:
         """Update the clock and `needs_help`; return how many votes each turn loses."""

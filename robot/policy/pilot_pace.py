@@ -160,6 +160,13 @@ class Headway:
                 self.sides_s = [*self.sides_s[-1:], at_s]
             self.side = side
 
+    def barred_side(self, at_s: float, limit_s: float) -> float | None:
+        """Return the side to which the robot must not turn, because it has just changed sides
+        twice."""
+        if self.side is None or len(self.sides_s) < 2 or at_s - self.sides_s[0] > limit_s:
+            return None
+        return -self.side
+
     @property
     def clock(self) -> tuple[float, float, float | None]:
         """The debt, the time driven straight with effect, and the time of the last `note`."""

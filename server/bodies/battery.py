@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from robot.bodies.early_ends import EarlyEnds
@@ -19,7 +19,6 @@ class BatteryExtension(Extension):
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
         self._services = services
         self._ends: EarlyEnds | None = None
-        self._unsubscribe: Callable[[], None] = lambda: None
 
     def start(self) -> None:
         kept, robot, hub = self._services.persistence, self._services.robot, self._services.hub
@@ -30,10 +29,8 @@ class BatteryExtension(Extension):
             log.warning("ended %d times when a drive began: check the battery", ends.count)
             hub.announce("check_battery", detail=str(ends.count))
         self._ends = ends
-        ends.start(robot.clock)
-        self._unsubscribe = robot.loop.subscribe(ends.note)
+        ends.start(robot.loop)
 
     def stop(self) -> None:
-        self._unsubscribe()
         if self._ends is not None:
             self._ends.close()
