@@ -103,12 +103,14 @@ class ControlLoop:
         self.speed_share = 1.0
         self.error: Exception | None = None
         self._driver, self._camera = driver, camera
+        button = getattr(driver.take_button, "__func__", None)
+        self._has_buttons = button is not Driver.take_button
         self._gate = Gate(self.config.gate, on_stop=self._forget_drive)
         self._link = LinkGovernor(self.config.governor)
         self._timing = CameraTiming(self.config.gate.frame_timeout_s, self.config.camera)
         self._mailbox = Mailbox()
         self.submit, self.wake = self._mailbox.put, self._mailbox.wake
-        self._world_s = camera.world_s if camera.world_waits else lambda at_s: at_s
+        self._world_s = camera.world_s if camera.world_waits else float
         """Converts a time to the world's clock, by which the gate and the link governor work."""
         self._commands: list[tuple[PilotCommand, PilotCommand]] = []
         """The commands of this tick, as received, and with times of the world's clock."""
@@ -181,7 +183,7 @@ class ControlLoop:
         is_slow = self._timing.state.period_s > self.config.longest_wait_s
         is_news = held != self._asked or (is_slow and self._gate.mode is not Mode.STOPPED)
         self._asked = held
-        self.submit(lambda: self._note(command), is_news=is_news)
+        self._mailbox.note(lambda: self._note(command), is_news=is_news)
 
     def set_mode(
         self, mode: Mode, *, proven_s: float | None = None, frame_id: int | None = None
@@ -226,7 +228,8 @@ class ControlLoop:
         try:
             self._is_held_up(now_s - self.state.now_s)
             self._mailbox.serve()
-            self._heed_button()
+            if self._has_buttons:
+                self._heed_button()
             link = self._link.state(world_s + _STANDS_S, self._timing.state.sight_slack_s)
             taken, refused = self._receive(link, world_s)
             frame = self._look(now_s)
@@ -396,7 +399,8 @@ class ControlLoop:
         except Exception as error:  # a listener's error also stops the robot
             self._break_down(error)
         finally:
-            self._mailbox.answer()
+            if self._mailbox.answers:
+                self._mailbox.answer()
         self._rest_or_not(tick.now_s)
         return self.state
 

@@ -18,16 +18,12 @@ class Mailbox:
 
     def __init__(self) -> None:
         self.wake = threading.Event()
-        self._requests: deque[tuple[Future[Any], Callable[[], Any]]] = deque()
-        self._answers: list[Callable[[], None]] = []
+        self._requests: deque[tuple[Future[Any] | None, Callable[[], Any]]] = deque()
+        self.answers: list[Callable[[], None]] = []
+        """The results of the requests of this tick, until `answer` is called."""
 
-    def put(
-        self, request: Callable[[], _T], *, is_urgent: bool = False, is_news: bool = True
-    ) -> Future[_T]:
+    def put(self, request: Callable[[], _T], *, is_urgent: bool = False) -> Future[_T]:
         """Queue a request to be run on the loop's thread; an urgent request runs before all others.
-
-        With `is_news` False the request does not wake the loop but runs in the next tick, at most
-        50 ms later.
 
         Everything that reads or changes the training history is put here: undo, edits, saving,
         replacing. The future is done at the end of the tick that ran the request, after the state
@@ -36,9 +32,15 @@ class Mailbox:
         future: Future[_T] = Future()
         add = self._requests.appendleft if is_urgent else self._requests.append
         add((future, request))
+        self.wake.set()
+        return future
+
+    def note(self, request: Callable[[], None], *, is_news: bool) -> None:
+        """Queue a request without an answer, which must not raise. With `is_news` False it does not
+        wake the loop but runs in the next tick, at most 50 ms later."""
+        self._requests.append((None, request))
         if is_news:
             self.wake.set()
-        return future
 
     def serve(self) -> None:
         """Run all requests in order, including requests that are queued while others run.
@@ -47,15 +49,18 @@ class Mailbox:
         """
         while self._requests:
             future, request = self._requests.popleft()
+            if future is None:
+                request()
+                continue
             if not future.set_running_or_notify_cancel():  # the caller cancelled the request
                 continue
             try:
-                self._answers.append(partial(future.set_result, request()))
+                self.answers.append(partial(future.set_result, request()))
             except Exception as error:  # pass the error to the caller; the loop goes on
-                self._answers.append(partial(future.set_exception, error))
+                self.answers.append(partial(future.set_exception, error))
 
     def answer(self) -> None:
         """Complete the futures of the requests that were run, because the tick is over."""
-        answers, self._answers = self._answers, []
+        answers, self.answers = self.answers, []
         for answer in answers:
             answer()

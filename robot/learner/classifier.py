@@ -22,7 +22,6 @@ from robot.learner.base import (
     Vector,
 )
 from robot.learner.bsoc import BSOC, MOST_FRAMES, Clusters
-from robot.learner.change_of_mind import ChangeOfMind
 from robot.learner.part import Array, Stateful, Value
 from robot.learner.published import PublishedBSOC
 from robot.learner.ridge import EVERY, MIRRORED, LinearPart, RecursiveRidge
@@ -78,7 +77,7 @@ class BSOCClassifier(Stateful, Learner):
         cluster: The clustering; if None, a label-aware `BSOC`.
         balance: Extra weight of rare labels, from 0 to 1 (`votes.rarity`).
         novelty_margin: How far beyond the usual distances a view is novel (`Novelty`).
-        forgets: True to follow a pilot who relabels the same views (`change_of_mind.py`). This has
+        forgets: True to follow a pilot who relabels the same views (`votes.ChangeOfMind`). This has
             no effect with a clustering that measures no novelty.
 
     Example:
@@ -132,7 +131,7 @@ class BSOCClassifier(Stateful, Learner):
         )
         self.balance = balance
         self.novelty_ = votes.Novelty(margin=novelty_margin)
-        self._mind = ChangeOfMind() if forgets and cluster.measures_novelty else None
+        self._mind = votes.ChangeOfMind() if forgets and cluster.measures_novelty else None
         self._histograms = np.zeros((max_nodes, 0), np.int64)
         self._counts: _Counted | None = None
         # For each node the sums of its frames' `angle_terms`; angles are from -1 to 1.
@@ -192,9 +191,10 @@ class BSOCClassifier(Stateful, Learner):
         self._counts = None
         if cluster.last_merge_ is not None:
             kept, removed = cluster.last_merge_
-            for sums in self._sums():
-                sums[kept] += sums[removed]
-                sums[removed] = 0
+            for sums in (self._histograms, self._node_angles):
+                if sums is not None:
+                    sums[kept] += sums[removed]
+                    sums[removed] = 0
         if self._mind is not None:
             # The distances and `owners` are from before any merge.
             distances, taught = cluster.last_distances_, cluster.last_touched_
@@ -271,14 +271,14 @@ class BSOCClassifier(Stateful, Learner):
         if self.mirror is not None and self.balance:
             per_label = per_label + MIRRORED * per_label[self._columns(self.mirror)]
         touched, distances = cluster.touched_, cluster.distances(x)
+        scores = np.maximum(linear.scores(x, context), 0.0) if linear is not None else np.zeros(0)
         shares = votes.nearest_nodes(distances, histograms, self.n_voters)
-        rarity = votes.rarity(per_label, self.balance) if self.balance else 1.0
         if linear is not None:
             is_known = context is not None and linear.knows_contexts
             share = max(self.linear_share, CONTEXT_SHARE) if is_known else self.linear_share
-            scores = np.maximum(linear.scores(x, context), 0.0)
             shares = share * scores + (1.0 - share) * shares
-        shares = shares * rarity
+        if self.balance:
+            shares = shares * votes.rarity(per_label, self.balance)
         if mind is not None:
             shares = mind.applied(shares, distances, owners, touched)
         total = float(shares.sum())

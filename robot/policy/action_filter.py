@@ -239,7 +239,13 @@ class ActionFilter(PolicyPart):
         urge = 0.0
         if self._gives_up:  # checked only if needed: comparing pictures is slow
             self._stall_detector.look(seen, pace)
-            urge = self._watch(under_way, seen.at_s, ALLOWANCE * pace.debt_limit_s)
+            if under_way is None or (self.needs_help and seen.at_s >= self._asks_until_s):
+                if self.needs_help:
+                    self._stall_detector.lift()
+                self.needs_help = False  # the pilot drives away, or the robot tries again
+                self._headway.reset()
+            else:
+                urge = self._watch(under_way, seen.at_s, ALLOWANCE * pace.debt_limit_s)
         futile = self._stall_detector.futile
         # A quick pilot alternates to steer, but a robot that cannot go straight alternates in vain.
         limit_s = TO_AND_FRO_S if futile else pace.to_and_fro_s
@@ -267,14 +273,8 @@ class ActionFilter(PolicyPart):
         """The last point driven by degrees; it is computed after the move is chosen."""
         return None if self._last is None else self._last.point
 
-    def _watch(self, under_way: Action | None, at_s: float, allowed_s: float) -> float:
+    def _watch(self, under_way: Action, at_s: float, allowed_s: float) -> float:
         """Update the clock and `needs_help`; return how many votes each turn loses."""
-        if under_way is None or (self.needs_help and at_s >= self._asks_until_s):
-            if self.needs_help:
-                self._stall_detector.lift()
-            self.needs_help = False  # the pilot drives away, or the robot tries again
-            self._headway.reset()
-            return 0.0
         is_stalled = self._stall_detector.is_stalled
         self._headway.note(under_way, at_s, self._point, is_stalled=is_stalled)
         debt_s = self._headway.debt_s

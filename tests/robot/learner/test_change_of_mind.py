@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot.learner.change_of_mind import ENOUGH, MOST_A_TURN, ChangeOfMind
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.ridge import RecursiveRidge
+from robot.learner.votes import ENOUGH, MOST_A_TURN, ChangeOfMind
 from tests.kit.sizes import crossed, examples
 
 FORWARD, LEFT, RIGHT = range(3)

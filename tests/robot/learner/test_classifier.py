@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from robot.learner.base import NotFittedError
-from robot.learner.change_of_mind import ENOUGH, LATER
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.ridge import RecursiveRidge
+from robot.learner.votes import ENOUGH, LATER
 from tests.kit.sizes import crossed
 from tests.robot.learner import paper
 
