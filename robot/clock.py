@@ -22,7 +22,7 @@ Worker = threading.Thread
 class Clock:
     """Monotonic seconds since an arbitrary start, and all ways to wait.
 
-    This is the machine's clock. Jumps of the wall clock do not affect it.
+    The base class uses the machine's clock. Jumps of the wall clock do not affect it.
     """
 
     def now_s(self) -> float:

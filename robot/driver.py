@@ -148,8 +148,9 @@ def move_at(point: Point, moves: Iterable[Move], threshold: float = TURNS_BEYOND
 
 
 class Correction:
-    """A correction of the orders to a body. This one changes nothing; an extension may set another
-    correction for a body that is built or wired differently from what its driver expects."""
+    """A correction of the orders to a body. The base class changes nothing. An extension may set
+    another correction for a body that is built or wired differently from what its driver
+    expects."""
 
     @property
     def signs(self) -> tuple[float, float]:

@@ -95,7 +95,7 @@ class Mode(StrEnum):
 
 
 class DrivenBy(StrEnum):
-    """Who chose the current action."""
+    """The source of the current action."""
 
     NOBODY = "nobody"
     PILOT = "pilot"

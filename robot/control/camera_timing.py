@@ -61,8 +61,8 @@ class CameraState:
 class CameraTiming:
     """Estimates a camera's period and the age at which its pictures arrive.
 
-    `state` holds the estimates and limits, as one frozen value. Its timeout is never less than
-    `shortest_timeout_s`.
+    `state` holds the estimates and limits, as one frozen value. The timeout in `state` is never
+    less than `shortest_timeout_s`.
     """
 
     _WINDOW = 15

@@ -91,8 +91,8 @@ def read(kind: type[_M], plain: Any, where: str = "") -> _M:
 def reader(kind: Any, declared: Any, base: type[BaseModel] = BaseModel) -> Callable[[Any], Any]:
     """Return a function that reads one value. The function converts text unless `base` is strict.
 
-    Its ConfigurationError is the end of a sentence after a name: "must be a number above 0, not
-    'x'".
+    The function's ConfigurationError is the end of a sentence after a name: "must be a number above
+    0, not 'x'".
     """
     model = create_model("Value", __base__=base, value=(kind, declared))
     return partial(_read_value, model, kind_of(kind))

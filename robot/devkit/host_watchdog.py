@@ -1,7 +1,7 @@
 """Ends the moves of bodies without a watchdog: a thread on the robot's computer sends the stop.
 
-This is weaker than a watchdog on the body, because it fails together with the program, its computer
-or the link. So if a body can end its moves by itself in some way, use that way instead.
+Such a thread is weaker than a watchdog on the body, because it fails together with the program, the
+computer or the link. So if a body can end its moves by itself in some way, use that way instead.
 """
 
 from __future__ import annotations

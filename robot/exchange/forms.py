@@ -45,7 +45,7 @@ class Source(NamedTuple):
 
     The function raises RecordingError if no picture can be used, or MissingExtraError. The pictures
     themselves are read only when the drive is written. `copy` is set for recordings of this
-    program. It is then used instead of the function, and writes the drive to a path.
+    program. `copy` is then used instead of the function, and writes the drive to a path.
     """
 
     name: str

@@ -2,7 +2,8 @@
 
 Frames may also have the steering (`angle`) and the `throttle`; if these are NaN, only the label
 counts. Because people steer by tapping, a recording may also contain the mean angle over a moment
-(`angle_mean`), from which its labels were made. This angle then counts instead of `angle`.
+(`angle_mean`), from which its labels were made. If there is an `angle_mean`, it counts instead of
+`angle`.
 """
 
 from __future__ import annotations

@@ -90,8 +90,8 @@ def make_timeline(stamps_s: Sequence[object]) -> Timeline:
 
 
 def _plain(stamps_s: NDArray[np.float64]) -> Timeline | None:
-    """Return the time line of stamps that need no repair; None if the stamps need repair. This
-    saves an object for each stamp."""
+    """Return the time line of stamps that need no repair; None if the stamps need repair. Without
+    repairs no object for each stamp is needed."""
     steps_s = np.diff(stamps_s)
     is_plain = len(steps_s) > 0 and bool(np.all((steps_s > 0) & (steps_s <= _LONGEST_PAUSE_S)))
     if not is_plain or max(-stamps_s[0], stamps_s[-1]) >= _MOST_S:
@@ -116,7 +116,7 @@ def _seconds(stamp: object) -> float | None:
 
 
 def _filled(read: list[float | None], first_s: float) -> tuple[list[float], int]:
-    """Replace each missing stamp, and each stamp that alone is out of order, by the stamp before
+    """Replace each missing stamp, and each single stamp that is out of order, by the stamp before
     it."""
     filled, before_s, outliers = [], first_s, 0
     known = [index for index, stamp in enumerate(read) if stamp is not None]

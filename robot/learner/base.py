@@ -82,12 +82,12 @@ class Abilities:
     """Capabilities of a learner beyond learning and predicting.
 
     Attributes:
-        images: It stores images that `nodes` lists and that can be relabelled and deleted.
+        images: The learner stores images that `nodes` lists and that can be relabelled and deleted.
         pinning: An image can be pinned, so that it is not merged.
         novelty: `Evidence.novelty` measures how far a view is from all learned views.
-        contexts: Its prediction can depend on the current move: `learn_in`, `explain_in`.
-        angles: It learns an angle with the label: `begin_angles`.
-        mirrors: It can also learn each example mirrored: `reflect`.
+        contexts: The prediction can depend on the current move: `learn_in`, `explain_in`.
+        angles: The learner can learn an angle with the label: `begin_angles`.
+        mirrors: The learner can also learn each example mirrored: `reflect`.
     """
 
     images: bool = False

@@ -141,9 +141,9 @@ class Novelty(Stateful):
     """Compares a view's distance with those of earlier examples.
 
     Before an example is learned, its distance from the nearest node without recent examples is
-    measured. Such distances are typical when the robot passes a place again. Their median is
-    novelty 0; a little more than their 98th percentile is novelty 1. Old examples count less,
-    because distances shrink as the nodes cover the surroundings.
+    measured. Such distances are typical when the robot passes a place again. The median of these
+    distances is novelty 0; a little more than their 98th percentile is novelty 1. Old examples
+    count less, because distances shrink as the nodes cover the surroundings.
 
     Args:
         margin: Share of the median by which the border lies beyond the percentile.

@@ -31,8 +31,8 @@ class ChangeMeter:
     """Measures the change of the picture within a tenth of a second, and its usual value while
     driving straight.
 
-    Turns are not measured: a quick turn changes the picture so much that driving straight would
-    look like standing still.
+    Turns are not measured: compared with the change in a quick turn, driving straight would look
+    like standing still.
 
     Attributes:
         changes: The latest changes while driving straight; their median is the usual change.

@@ -303,8 +303,8 @@ class Policy(Stateful):
 
     @property
     def can_be_alike(self) -> bool:
-        """True if `set_alike` is supported: the learner and the features can mirror, and there is a
-        turn with a counterpart."""
+        """True if `set_alike` is supported. Learner and features must be able to mirror, and one
+        turn must have a counterpart."""
         return self._mirror() is not None
 
     def set_alike(self, alike: bool) -> None:

@@ -22,7 +22,9 @@ class SimOptions(Options):
     world: str = option("box", "a world's name, or the path of a TOML file")
     seed: int = option(1, "seed of the start, the floor and the noise", range=(0, 2**32 - 1))
     hue: int = option(
-        -1, "hue of the walls, in degrees of the colour wheel; -1: as they are", range=(-1, 359)
+        -1,
+        "hue of the walls, in degrees of the colour wheel; -1 keeps the colours",
+        range=(-1, 359),
     )
 
 

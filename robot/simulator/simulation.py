@@ -141,8 +141,8 @@ class Simulation:
     def render_large(self) -> NDArray[np.uint8]:
         """Return the view of the last `render` at twice the resolution and without noise.
 
-        For people: shape (240, 320, 3), RGB. This affects neither the random state nor the results
-        of `render`.
+        For people: shape (240, 320, 3), RGB. The call affects neither the random state nor the
+        results of `render`.
         """
         if self._renderer is None:
             raise RuntimeError("render_large enlarges the last render: call render first")

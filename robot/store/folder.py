@@ -103,7 +103,8 @@ def _readme() -> str:
 def default_root() -> Path:
     """Return the default data folder.
 
-    This is the value of DRIVELESSON_DATA if this variable is set, else the user's data folder.
+    The default is the value of DRIVELESSON_DATA if this variable is set, else the user's data
+    folder.
     """
     chosen = os.environ.get("DRIVELESSON_DATA")
     if chosen:

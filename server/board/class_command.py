@@ -15,7 +15,7 @@ MOST = 60
 PORT = 8080
 """The board's port, if no other is named."""
 ORDERS = ("keep", "reset", "hand-over", "undo")
-"""What all robots can be told to do at the end of a lesson."""
+"""The orders to all robots at the end of a lesson."""
 LESSONS = {"teach-it": "box", "fool-it": "box", "fair-data": "box"}
 """The lessons in `docs/lessons`, each with the place in which its simulated robots begin."""
 

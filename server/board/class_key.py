@@ -64,7 +64,7 @@ def new_nonce() -> str:
 
 
 def endpoint(address: str, port: int) -> str:
-    """Return an address and port as proofs contain them, without an interface's name."""
+    """Return an address and port in the form for proofs, without an interface's name."""
     return f"{address.partition('%')[0].removeprefix('::ffff:').lower()}:{port}"
 
 

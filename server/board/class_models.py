@@ -33,7 +33,7 @@ Undo = Callable[[], Awaitable[None]]
 
 
 class ClassOrder(StrEnum):
-    """What all robots are to do."""
+    """An order to all robots of a class."""
 
     KEEP = "keep"
     """Save a dated copy of the model in use, and continue with the model."""

@@ -23,7 +23,7 @@ _DID = {
     "failed": "could not do it: {detail}",
 }
 _SAVED = {"reset": "; saved before: {model}", "hand_over": "; saved before: {model}"}
-"""What follows if the robot's model was saved."""
+"""The rest of the sentence if the robot's model was saved."""
 _FAILED = ("away", "failed")
 
 

@@ -76,7 +76,9 @@ def _measure(services: Services, ages: FrameAges) -> Iterator[Any]:
     yield _many(Counter, "messages_refused_total", text, "code", refused)
     text = "Requests and websockets refused"
     yield _many(Counter, "requests_refused_total", text, "reason", turned_away)
-    times = Summary("drivelesson_learner_seconds", "What the learner's work took", labels=["work"])
+    times = Summary(
+        "drivelesson_learner_seconds", "Time that the learner's work took", labels=["work"]
+    )
     for work, timing in state.learner_times.items():
         times.add_metric([work], timing.count, timing.total_s)
     yield times

@@ -158,8 +158,8 @@ def _direction(across: int, down: NDArray[np.int32]) -> NDArray[np.int32]:
 def _small_at_half_contrast(frame: Frame) -> NDArray[np.int16]:
     """Return 40x30 grey values from 0 to 127, shape (30, 40).
 
-    In a picture of 160x120, the middle four pixels of each 4x4 block are averaged. This takes a
-    quarter of the time for all sixteen, with results as good (docs/explanation/learner.md). In
+    In a picture of 160x120, the middle four pixels of each 4x4 block are averaged. Four pixels take
+    a quarter of the time for all sixteen, with results as good (docs/explanation/learner.md). In
     other sizes, whole areas are averaged.
     """
     grey = image.to_grey(frame)

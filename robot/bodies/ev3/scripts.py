@@ -150,7 +150,7 @@ for folder in var/lib/drivelesson proc sys dev; do
   umount -l "$home/root/$folder" 2>/dev/null || true
 done
 if [ -d "$home/incoming/root" ]; then
-  # Whatever is still mounted must not be deleted with the old userland.
+  # Folders that are still mounted must not be deleted with the old userland.
   if mount | grep -q " $home/root/"; then echo 'restart the brick and try again' >&2; exit 1; fi
   rm -rf "$home/root.old"
   if [ -d "$home/root" ]; then mv "$home/root" "$home/root.old"; fi

@@ -35,7 +35,7 @@ class GpioOptions(Options):
     servo_ends: str = option(
         "-1,1", "the servo's values at full left and full right; 1,-1 if it turns the other way"
     )
-    bumper_pin: str = option("", "pin of a bumper's switch to ground; empty: none")
+    bumper_pin: str = option("", "pin of a bumper's switch to ground; empty for no bumper")
     straight_speed: float = option(
         0.6, "speed straight ahead, as a share of the motors' full speed", range=(0.01, 1.0)
     )

@@ -3,8 +3,8 @@
 `python -m robot.bodies.gpio.keeper JSON` reads orders from the socket that is its standard input,
 and answers each order with a report on this socket. If the program that set a pin is killed or
 hangs, the pin keeps its level. So the process that owns the pins does nothing else: no camera, no
-learner, no network. Its parent process does even less: it waits, and replaces the process if it is
-killed.
+learner, no network. The parent of this process does even less: it waits, and replaces the process
+if it is killed.
 """
 
 from __future__ import annotations

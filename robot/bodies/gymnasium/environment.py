@@ -49,8 +49,8 @@ def read_options(text: str) -> dict[str, Any]:
 
 
 def render_without_a_screen() -> None:
-    """If there is no screen, let libraries draw in memory. This changes no environment variable
-    that is already set. On macOS and Windows there is always a screen."""
+    """If there is no screen, let libraries draw in memory. Environment variables that are already
+    set do not change. On macOS and Windows there is always a screen."""
     if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
         return
     gl = "osmesa" if find_library("OSMesa") and not find_library("EGL") else "egl"

@@ -60,9 +60,9 @@ class RosOptions(TransportOptions):
     )
     turn_rate_deg_s: float = option(45.0, "degrees a second at full steering", range=(0.1, 720.0))
     body_moves: str = moves_option("forward,left,right,backward,spin_left,spin_right")
-    odometry_topic: str = option("", "topic of nav_msgs/Odometry, as /odom; empty: none")
-    range_topic: str = option("", "topic of sensor_msgs/Range, a distance ahead; empty: none")
-    advice_topic: str = option("", "topic for the learner's proposals, as JSON text; empty: none")
+    odometry_topic: str = option("", "topic of nav_msgs/Odometry, such as /odom; empty for none")
+    range_topic: str = option("", "topic of sensor_msgs/Range, a distance ahead; empty for none")
+    advice_topic: str = option("", "topic of the learner's proposals (JSON text); empty for none")
 
     def check(self) -> None:
         self.check_transport()

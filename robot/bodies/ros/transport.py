@@ -34,7 +34,7 @@ class TransportOptions(Options):
     )
     domain: int = option(0, "dds: the robot's ROS_DOMAIN_ID", range=(0, MOST_DOMAINS))
     interface: str = option(
-        "", "dds: network interface, by name or address; empty: the computer's first"
+        "", "dds: network interface, by name or address; if empty, the first one"
     )
     peers: str = option("", "dds: more HOSTs of the robot, separated by commas")
 

@@ -114,7 +114,8 @@ class Journal:
         return JournalPosition(run=self.run, boot=self.boot, change=change)
 
     def start(self, after: int = 0) -> None:
-        """Start writing. This start gets a number above `after`, which a model's file contains."""
+        """Start writing. The number of this start is above `after`, which is a number from a
+        model's file."""
         self.open_boot(after)
         self._thread.start()
 

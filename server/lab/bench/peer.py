@@ -1,6 +1,6 @@
 """The comparison for the link benchmark: uvicorn's plain websocket, which pushes ready bytes.
 
-The peer makes no pictures, reads no acknowledgements and has no limits. It runs in a separate
+The peer makes no pictures, reads no acknowledgements and has no limits. The peer runs in a separate
 process, in turns with the product.
 """
 

@@ -158,7 +158,8 @@ def _serving_cpu_s() -> float:
 
 
 def _memory() -> dict[str, int]:
-    """Return the blocks of Python's objects, and the resident bytes after free memory is returned.
+    """Return the number of Python's memory blocks, and the resident bytes after free memory was
+    given back.
 
     The amount of free memory that the allocator retains is random.
     """

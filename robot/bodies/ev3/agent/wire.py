@@ -1,11 +1,11 @@
 """The wire format between an agent and its controller: framing, mutual proof, sealed messages.
 Pure.
 
-A message is one byte for its kind, four for its length, then JSON or a picture. Both sides prove
-that they know the shared secret, by an HMAC-SHA256 over both sides' nonces. After these proofs each
-message ends in a MAC. The MAC's key is only for this connection and direction. The MAC covers the
-message and a counter that both sides keep. So nobody else can send, replay, drop or reorder
-messages, on this connection or a later one.
+A message is one byte for its kind, four for its length, then JSON or a picture. Agent and
+controller prove that they know the shared secret, by an HMAC-SHA256 over the nonces of both. After
+these proofs each message ends in a MAC. The MAC's key is only for this connection and direction.
+The MAC covers the message and a counter that both sides keep. So nobody else can send, replay, drop
+or reorder messages, on this connection or a later one.
 """
 
 import hmac
