@@ -13,7 +13,7 @@ from robot.types import Encoding, Frame, StartStop
 
 
 class Mounting:
-    """How a camera is mounted. By default it is upright; an extension may set another mounting."""
+    """How a camera is mounted: upright by default. An extension may set another mounting."""
 
     def upright(self, picture: Frame) -> Frame:
         """Return the picture as if the camera stood upright."""

@@ -146,8 +146,9 @@ class Frame:
 class Pose:
     """The robot's position and heading, in metres and radians.
 
-    In a virtual world this is the true pose, in the world's coordinates. For a real robot it is an
-    estimate from the wheels, relative to the pose at the time of connecting; the estimate drifts.
+    In a virtual world the pose is the true one, in the world's coordinates. For a real robot the
+    pose is an estimate from the wheels, relative to the pose at the time of connecting; the
+    estimate drifts.
     """
 
     x_m: float

@@ -125,8 +125,8 @@ class Persistence(StartStop):
     def start(self) -> None:
         """Lock the folder, recover from a power cut, and start saving.
 
-        `autosave.load_last` loads the last model. If nothing can be saved, this is only reported,
-        and the robot drives. ConfigurationError if another program uses the folder.
+        `autosave.load_last` loads the last model. If nothing can be saved, the fault is only
+        reported, and the robot drives. ConfigurationError if another program uses the folder.
         """
         if self.storage.fault is not None:
             for part in self._parts.values():

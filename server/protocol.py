@@ -149,7 +149,7 @@ def parse_message(
     """Parse one message of `/ws/drive` for a robot with these moves, which may accept points.
 
     An invalid message raises ProtocolError, which names the field and the reason. The functions
-    below raise it too.
+    below raise this error too.
     """
     if len(text.encode("utf-8", "replace")) > MAX_DRIVE_MESSAGE_BYTES:
         raise ProtocolError(
@@ -183,7 +183,7 @@ def parse_message(
 
 
 def is_stop(text: str) -> bool:
-    """True if this is an emergency stop, which no limit may delay; cheap for other messages."""
+    """True for an emergency stop, which no limit may delay; cheap for other messages."""
     if len(text) > MAX_DRIVE_MESSAGE_BYTES or '"stop"' not in text:
         return False
     try:

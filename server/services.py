@@ -33,7 +33,7 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Services:
-    """The parts of one server. Routes get them from `services_of(request)`.
+    """The parts of one server. Routes get these parts from `services_of(request)`.
 
     The caller starts and stops robot and persistence. Without persistence nothing is saved.
     """

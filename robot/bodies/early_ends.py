@@ -71,7 +71,7 @@ class EarlyEnds:
         self._unsubscribe = [loop.subscribe(self.note, modes_only=True)]
 
     def note(self, tick: Tick) -> None:
-        """Process a tick. Call it on the loop's thread."""
+        """Process a tick, on the loop's thread."""
         is_on, now_s = tick.decision.mode is not Mode.STOPPED, tick.now_s
         is_recent = self._borne_s is not None and now_s - self._borne_s < _AGAIN_S
         if is_on and not self._is_marked and not is_recent:

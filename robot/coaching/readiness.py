@@ -129,7 +129,7 @@ class Readiness:
 
     def note_carried(self) -> None:
         """Begin a new trial, because the robot was moved to another place. The robot has not driven
-        there yet, and the gaps lie elsewhere. Call it on the loop's thread."""
+        there yet, and the gaps lie elsewhere. Call this on the loop's thread."""
         self._gaps.clear()
         self._begin_trial()
 

@@ -127,8 +127,8 @@ class CameraTiming:
 
 
 def _typical(periods_s: deque[float]) -> float:
-    """Return the time-weighted lower quartile of the periods. Lost pictures do not lengthen it, but
-    pauses between bursts of pictures do."""
+    """Return the time-weighted lower quartile of the periods. Lost pictures do not lengthen this
+    quartile, but pauses between bursts of pictures do."""
     ordered = sorted(periods_s)
     passed_s = list(accumulate(ordered))
     return ordered[bisect_left(passed_s, passed_s[-1] / 4)]

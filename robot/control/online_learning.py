@@ -1,9 +1,9 @@
 """Perception and online learning: predicts a move for each new frame, and learns the pilot's moves.
 
 A command contains the held move and the frame that the pilot was looking at. This frame gets the
-move as its label. The frames between it and the previous command's frame get the move that was held
-before, because a change is always sent immediately. The labelled frame is not quite the newest one,
-so the feature vectors of the last frames are kept.
+move as its label. The frames between this frame and the previous command's frame get the move that
+was held before, because a change is always sent immediately. The labelled frame is not quite the
+newest one, so the feature vectors of the last frames are kept.
 """
 
 from __future__ import annotations

@@ -145,7 +145,7 @@ def read_steered(folder: Path, reading: Reading, report: ImportReport) -> Drive:
     """Read pictures whose names contain a number and the steering.
 
     The dash before the steering may be a minus or only a separator. All names together show which
-    it is; raises RecordingError if they do not.
+    of the two the dash is; raises RecordingError if they do not.
     """
     paths = files_ending(folder, *PICTURES)
     named = _steered_names(paths)

@@ -11,13 +11,13 @@ previous move is unknown, so the first examples count in both contexts.
 The contexts depend only on the labels and their teaching times. So the contexts are the same when
 examples are learned again after an undo.
 
-A lap that is taught sixteen times does not count sixteen times. If it did, the linear part's
-penalty would lose its effect, and the part would learn the noise of this lap by heart. Images
-averaged over sixteen times as many frames would adapt too slowly to new views. So a view that comes
-again with its last label is counted, but not learned again. A new view is learned in full, and so
-is a view whose label is not the same as the last time. A view is recognised by a sketch: 128 fixed
-pairs of feature values are compared, and the results are hashed to 64 bits (binary features as in
-BRIEF, Calonder et al. 2010).
+A lap that is taught sixteen times does not count sixteen times. If such a lap counted sixteen
+times, the linear part's penalty would lose its effect, and the part would learn the noise of this
+lap by heart. Images averaged over sixteen times as many frames would adapt too slowly to new views.
+So a view that comes again with its last label is counted, but not learned again. A new view is
+learned in full, and so is a view whose label is not the same as the last time. A view is recognised
+by a sketch: 128 fixed pairs of feature values are compared, and the results are hashed to 64 bits
+(binary features as in BRIEF, Calonder et al. 2010).
 """
 
 from __future__ import annotations

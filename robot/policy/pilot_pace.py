@@ -103,8 +103,8 @@ class Headway:
     """Measures progress, of the pilot or of the robot, as a debt of turning and pushing in seconds.
 
     Turning to either side, and pushing without effect, increase the debt by their duration. Driving
-    straight with effect reduces it by four times its duration, but not below 0. A curve by degrees
-    counts partly as turning and partly as driving straight. The part that counts as driving
+    straight with effect reduces the debt by four times the duration, but not below 0. A curve by
+    degrees counts partly as turning and partly as driving straight. The part that counts as driving
     straight grows with the distance from full lock. Changes from one side to the other are
     remembered until the debt is paid.
 

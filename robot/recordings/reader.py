@@ -1,8 +1,8 @@
 """Reads MCAP files that may be truncated, damaged or malicious.
 
 Impossible lengths are rejected before memory is allocated for them, chunks are unpacked within
-bounds, and reading stops at the first invalid record. All records before it are valid, so a
-truncated episode is readable up to where it was cut. Layout: mcap.dev/spec. The library `mcap`
+bounds, and reading stops at the first invalid record. All records before the invalid record are
+valid, so a truncated episode is readable up to the cut. Layout: mcap.dev/spec. The library `mcap`
 parses only the content of single records, because it trusts lengths and does not detect truncated
 files.
 """

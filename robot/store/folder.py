@@ -208,7 +208,7 @@ def set_aside(path: Path, ending: str = ".set-aside") -> str:
 def move_aside(path: Path, targets: Iterable[Path]) -> Path:
     """Move a file or folder to the first of these targets that is free; return its path.
 
-    If it cannot be renamed, it stays in place. Never raises OSError.
+    A file that cannot be renamed stays in place. Never raises OSError.
     """
     target = next((place for place in targets if not os.path.lexists(place)), path)
     with contextlib.suppress(OSError):

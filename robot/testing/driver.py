@@ -17,7 +17,7 @@ class FakeDriver(Driver):
 
     Attributes:
         sent: Every action sent, with its speed scale.
-        takes_points: Set this to True for a body that is driven by degrees.
+        takes_points: True for a body that is driven by degrees; tests set this.
         point: The point that was sent last; None after a move, or if no order was sent.
         changes: The times (seconds of `clock`) at which the action changed, with the new actions.
         moved_s: The time at which the last move was received.

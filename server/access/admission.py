@@ -240,7 +240,7 @@ class AdmissionControl:
         a websocket.
 
         False if all connections of the session are busy: this request is then answered with 429. A
-        websocket instead evicts the least recently used connection.
+        request for a websocket instead evicts the least recently used connection.
         """
         place = self.connections.get(peer)
         if place is None:
@@ -271,7 +271,7 @@ class AdmissionControl:
         return not is_refused
 
     def may_log(self, person: str, reason: str, now_s: float) -> bool:
-        """False if this was called for the same person and reason within the last minute."""
+        """False if the method was called for the same person and reason within the last minute."""
         return self._paces.allows(f"{reason} {person}", now_s, per_second=1 / _LOG_S, burst=1)
 
     def is_idle(self, peer: Peer) -> bool:

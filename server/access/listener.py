@@ -67,8 +67,8 @@ class AdmissionListener(socket.socket):
         """Accept the next connection, a waiting STOP first; see `socket.socket.accept`.
 
         Raises:
-            BlockingIOError: If no connection waits, or enough were accepted for now: they must be
-                read before later connections can evict them.
+            BlockingIOError: If no connection waits, or enough were accepted for now: accepted
+                connections must be read before later ones can evict them.
         """
         if not self._waiting:
             self._gather()

@@ -162,7 +162,7 @@ class Pairing:
     def invite(self, now_s: float) -> tuple[str, float]:
         """Return a token for any number of pilots, and its validity in seconds.
 
-        The board shows it as a QR code that several phones can scan.
+        The board shows the token as a QR code that several phones can scan.
         """
         token = _new_token()
         self._invitations.append((token.replace("-", ""), now_s + INVITATION_S))
@@ -195,12 +195,12 @@ class Pairing:
         self._save()
 
     def is_owner(self, name: str) -> bool:
-        """True if this is the first pilot that the terminal paired."""
+        """True for the session of the first pilot that the terminal paired."""
         return name in self._sessions and self._sessions[name].owner
 
     def forget(self, secret: str) -> bool:
-        """End a session; False if it could not be deleted from the disk, so that a restart brings
-        it back."""
+        """End a session; False if the disk still has the session, so that a restart brings it
+        back."""
         known = self._sessions.pop(hash_of(secret), None)
         return self._save() if known is not None else self._is_saved or self._save()
 

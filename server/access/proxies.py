@@ -1,7 +1,7 @@
 """Restores requests that came through a proxy to the form in which the client sent them.
 
 The addresses that people open are configured (`--behind-proxy`). A proxy's headers select one of
-these addresses and name the client. The headers are ignored unless they come from a trusted proxy.
+these addresses and name the client. Headers that do not come from a trusted proxy are ignored.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ def _hops(said: dict[str, str]) -> list[list[_Hop]]:
         clients, hosts, schemes = (
             [one.strip() for one in said.get(name, "").split(",")] for name in SPOKEN[1:]
         )
-        # If proxies replace this header instead of appending to it, its list is shorter.
+        # The list is shorter if proxies replace this header instead of appending to it.
         kinds.append(
             [
                 _hop(client, hosts[max(-n, -len(hosts))], schemes[max(-n, -len(schemes))])

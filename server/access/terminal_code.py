@@ -64,7 +64,7 @@ def draw_qr(text: str, terminal: Terminal | None = None) -> str:
 
     Args:
         text: The code's content, for example an address.
-        terminal: The terminal that shows it; by default standard output.
+        terminal: The terminal that shows the code; by default standard output.
     """
     terminal = terminal or Terminal.of(sys.stdout, os.environ, sys.platform)
     try:

@@ -45,7 +45,7 @@ _FLAGS = sum(  # these flags exist only on Windows
 class SimulatedRobot:
     """One simulated robot.
 
-    The robot's number decides its name, colour and room, unless a teacher changed them: then its
+    The robot's number decides its name, colour and room. If a teacher changed these, the robot's
     folder contains them.
     """
 

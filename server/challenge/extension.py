@@ -35,8 +35,8 @@ class ChallengeExtension(Extension):
             self._unsubscribe()
 
     def arm(self) -> None:
-        """Count the robot's next autonomous drive as a try. Call it on the loop's thread. Ticks are
-        observed only after the first call."""
+        """Count the robot's next autonomous drive as a try. Call this on the loop's thread. Ticks
+        are observed only after the first call."""
         self.challenge.arm()
         if self._unsubscribe is None:
             self._unsubscribe = self._loop.subscribe(self._note)

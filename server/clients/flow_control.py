@@ -28,9 +28,9 @@ class VideoWindow:
     by one when frames had to be skipped, and falls back to one when the delay has grown as well.
     After a failed probe the window backs off by a factor of four.
 
-    On a fast link, acknowledgements arrive long before the next frame. Then only every third frame
-    requests an acknowledgement; the others are *quiet*. Quiet frames save both ends a third of
-    their work, and a phone's radio two packets of three.
+    On a fast link, acknowledgements arrive long before the next frame. On such a link only every
+    third frame requests an acknowledgement; the other frames are *quiet*. Quiet frames save both
+    ends a third of their work, and a phone's radio two packets of three.
     """
 
     LARGEST = 4
@@ -133,7 +133,7 @@ class VideoWindow:
 class PictureSize:
     """Gives a viewer the camera's larger pictures only while the viewer draws them in time.
 
-    After each failure it backs off by a factor of four.
+    After each failure the size backs off by a factor of four.
     """
 
     _GOOD_S, _LATE_S = 0.06, 0.12

@@ -51,7 +51,7 @@ class Lease:
     def give_up(self, client: str, now_s: float) -> bool:
         """Take the wheel from a client that yields or has disconnected; True if it had the wheel.
 
-        The next waiting client gets it.
+        The next waiting client gets the wheel.
         """
         was_owner = self.owner == client
         if client in self._line:

@@ -39,7 +39,8 @@ class Encoder:
 
     @cached_property
     def _compress(self) -> Encode | None:
-        """Compress with OpenCV, which is imported at the first call: JPEG frames never need it."""
+        """Compress with OpenCV, imported at the first call, because JPEG frames never need
+        OpenCV."""
         try:
             return jpeg_encoder(self._quality)
         except MissingExtraError:

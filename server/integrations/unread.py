@@ -38,10 +38,10 @@ class Room:
         """Return True if most of a frame of `n_bytes` is read, or if that is unknown.
 
         A client holds at most two unread frames, because its system may receive the first without a
-        smaller window. Called every 10 ms while it returns False. Some systems reduce their window
-        permanently although nothing is unread. So a frame is sometimes sent although the window
-        seems too small: if the window is afterwards at least as large as before, the client has
-        read the frame, and this window counts as its largest.
+        smaller window. The caller repeats the call every 10 ms while the answer is False. Some
+        systems reduce their window permanently although nothing is unread. So a frame is sometimes
+        sent although the window seems too small: if the window is afterwards at least as large as
+        before, the client has read the frame, and this window counts as its largest.
         """
         measured = self._measure()
         if measured is None:

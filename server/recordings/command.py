@@ -71,7 +71,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     text = "list all episodes, the newest first"
     listed = add("list", list_episodes, text, of_one=False, changes=False)
     listed.add_argument("--search", metavar="TEXT", help=_SEARCH_HELP)
-    text = "show one as a timeline: labels, and what the robot proposed"
+    text = "show one as a timeline of labels and proposals"
     add("show", show, text, changes=False)
     for verb, text in _RANGED.items():
         ranged = add(verb, edit, text, of_one=verb != "delete")

@@ -116,7 +116,7 @@ export class Page {
     if (this.isStopping) this.connection.say('stop'); // a request may wait behind data of the dead link
     declare(hello.declared_moves ?? []);
     const [before, device] = [this.devices.drive_fault, hello.device];
-    // After a restart it may be another device of the same name.
+    // After a restart the robot's device may be another one of the same name.
     if (device && device !== before) this.toast(t(before ? 'device_other' : 'device_now', { device, before: before ?? '' }));
     this.devices = { drive_fault: device ?? before, camera_fault: hello.camera_device };
     this.beginEra();

@@ -2,7 +2,7 @@
 //
 // A start proves that it is fresh (docs/reference/protocol.md, "Freshness").
 // Right after connecting, and after a pause, the page may have no proof, or only one that is too old.
-// Then it waits for the next picture and sends the request with that picture's nonce, while the tap is young.
+// The page then waits for the next picture and sends the request with its nonce, while the tap is young.
 // So nobody has to tap twice, and nothing starts that the person no longer expects.
 
 import { encodeMode } from './protocol.js';

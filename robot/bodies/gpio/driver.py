@@ -124,7 +124,7 @@ class GpioDriver(ReportingDriver):
         """Return the settings for the process that owns the pins, including corrections."""
         left, right = self.correction.signs
         # A car has one motor, which has the first sign.
-        # The servo is reversed by `--servo-ends` instead.
+        # The option `--servo-ends` reverses the servo.
         signs = (min(left, right), 1.0) if self.options.is_car else (left, right)
         return {**self.options.settings(), "signs": signs}
 

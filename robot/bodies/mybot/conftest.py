@@ -1,4 +1,4 @@
-"""A stand-in for mybot on this machine. Tests can ask it whether it moves."""
+"""A stand-in for mybot on this machine. Tests can ask the stand-in whether it moves."""
 
 from __future__ import annotations
 

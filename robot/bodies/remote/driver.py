@@ -88,8 +88,8 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         return self._report is not None and self._report.takes_points
 
     def _encode(self, order: Order, nonce: str) -> bytes:
-        """Encode one order. The base class encodes it as words of one line, for transports that
-        nobody else can use."""
+        """Encode one order. The base class encodes the order as words of one line, for transports
+        that nobody else can use."""
         return encode_plain_order(order)
 
     def _parse(self, data: bytes) -> BodyReport | None:

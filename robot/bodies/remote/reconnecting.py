@@ -68,7 +68,7 @@ class ReconnectingConnection(ABC):
 
         Raises:
             ConnectionError: If the message is refused or the connection was closed. The future may
-                also raise it.
+                also raise this error.
         """
         before = self._sending.get(key)
         if before is not None and not before.done():

@@ -20,7 +20,7 @@ class Endpoint:
     Attributes:
         topic, kind: Topic and type by their ROS names.
         publishes: True for a publisher.
-        seen_s: The time at which it was discovered.
+        seen_s: The time at which the endpoint was discovered.
     """
 
     topic: str

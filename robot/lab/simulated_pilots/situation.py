@@ -1,7 +1,7 @@
 """Describes what a pilot sees on the screen, by a few numbers instead of a picture.
 
 A person sees in the frame where there is room. A simulated pilot instead gets numbers from the
-simulated world, as they were when the frame was taken.
+simulated world at the time when the frame was taken.
 """
 
 from __future__ import annotations

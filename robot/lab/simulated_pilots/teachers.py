@@ -83,8 +83,8 @@ class Wanderer:
     free.
 
     Args:
-        turns: If there is one turn, the teacher always turns this way. If there are two, it chooses
-            the shorter turn and keeps to it until the way is free.
+        turns: If there is one turn, the teacher always turns this way. If there are two turns, the
+            teacher chooses the shorter one and keeps to it until the way is free.
     """
 
     LONG_TURN_S = 8.0

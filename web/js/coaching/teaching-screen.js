@@ -1,4 +1,4 @@
-// <teaching-screen>: am I teaching well? It shows the agreement over the examples, and the share of each move.
+// <teaching-screen>: the screen "Am I teaching well?", with the agreement and the share of each move.
 
 import { ask } from '../api.js';
 import { append, fill, h, icon, say, svg } from '../dom.js';

@@ -1,6 +1,6 @@
-// <why-screen>: why would it do that?
-// It shows the learned image that decides and the robot's current picture.
-// It marks the areas in which the two are most alike.
+// <why-screen>: the screen "Why?" explains the robot's current proposal.
+// The screen shows the learned image that decides and the robot's current picture.
+// The areas in which the image and the picture are most alike are marked.
 
 import { ask } from '../api.js';
 import { append, fill, h, icon, say, svg } from '../dom.js';

@@ -1,7 +1,7 @@
 // The world from above: the room, the robot's path, and the places where the robot asked, pushed and was corrected.
 // The path is amber where the pilot drove, and blue where the robot drove.
 // A path is exact if the robot knows its place.
-// If it does not, the path is estimated from the wheels' counts, and labelled so.
+// If the robot does not know its place, the path is estimated from the wheels' counts, and labelled as an estimate.
 
 import { ask } from '../api.js';
 import { fill, h, svg } from '../dom.js';

@@ -81,7 +81,7 @@ export class VideoView extends HTMLElement {
     this.page?.look(shown);
     if (!this.dataset.frames) performance.mark('first-frame');
     this.frames += 1;
-    // Change it rarely, because each change of an attribute makes the browser render the whole page.
+    // Change the attribute rarely, because each change makes the browser render the whole page.
     if (this.frames === 1 || this.frames % 15 === 0) this.dataset.frames = String(this.frames);
   }
 

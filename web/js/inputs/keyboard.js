@@ -1,6 +1,6 @@
 // Arrows and WASD drive while held.
 // By degrees, a key steers further the longer it is held.
-// The digits 1 to 9 drive the robot's moves in its order.
+// The digits 1 to 9 drive the robot's moves, in the order of the robot's list.
 //
 // If it is unclear which key was released, all keys count as released.
 

@@ -1,5 +1,5 @@
 // The keys that stop a robot that may be moving.
-// They act wherever the focus is, before any button, list or dialog gets the key.
+// The keys act wherever the focus is, before any button, list or dialog gets the key.
 // In a text field on a screen without the picture, space writes.
 
 import { stopOf } from './key-name.js';

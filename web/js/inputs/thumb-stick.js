@@ -1,6 +1,6 @@
 // A thumb stick for steering by degrees.
-// Its base does not move.
-// It is released like a key: when the finger is lifted, is cancelled by the browser, or leaves the stick.
+// The base of the stick does not move.
+// The stick is released like a key: when the finger is lifted, is cancelled by the browser, or leaves the stick.
 // A change of the window's size, for example on a turned screen, also releases the stick.
 // Nobody has pushed the stick in its new direction.
 

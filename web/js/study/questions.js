@@ -1,5 +1,5 @@
 // The questions after a part of a study.
-// They use native radios, sliders and fields, so that keyboards and screen readers work.
+// The questions use native radios, sliders and fields, so that keyboards and screen readers work.
 // Each answer is sent immediately, so a reload loses none.
 
 import { ask } from '../api.js';

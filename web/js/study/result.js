@@ -18,7 +18,7 @@ const WHO = /** @type {const} */ (['pilot', 'robot']);
 /** @param {Outcome} outcome @returns {HTMLElement[]} */
 export function drawOutcome(outcome) {
   const { ssd } = outcome;
-  // The map loads last, so it is at the end.
+  // The map loads last, so the map is at the end.
   const map = h('figure', { class: 'panel chart map' });
   drawRecordings(map, outcome.recordings).catch(() => {}); // without recordings there is no path to draw
   return [

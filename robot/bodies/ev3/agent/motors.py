@@ -1,4 +1,4 @@
-"""Two tacho motors. Every move is timed: the kernel ends it even if this program dies."""
+"""Two tacho motors. Every move is timed: the kernel ends the move even if this program dies."""
 
 import sys
 import time
@@ -148,7 +148,7 @@ class MotorPair:
             raise self._lost(error) from error
 
     def close(self) -> None:
-        """Close the devices. The next `run` finds them again."""
+        """Close the devices. The next `run` finds the motors again."""
         for motor in self._ports:
             motor.close()
         self._ports, self._speeds, self._time_ms = [], [None, None], 0

@@ -44,7 +44,7 @@ class DevicePort:
         self._files[name] = self._device.set_attr_raw(self._files.get(name), name, text)
 
     def close(self) -> None:
-        """Close the attribute files. The next use opens them again."""
+        """Close the attribute files. The next use opens the files again."""
         for file in self._files.values():
             file.close()
         self._files.clear()

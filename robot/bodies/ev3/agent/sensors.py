@@ -23,8 +23,8 @@ class SensorGroup:
     """Sensors of one kind. `wanted` is "auto" for all sensors that are found, "none", or a list of
     ports.
 
-    The sensors have the order of the named ports. Without named ports they are sorted by port.
-    `most` limits the number of sensors.
+    The sensors have the order of the named ports. If no port is named, the sensors are sorted by
+    port. `most` limits the number of sensors.
     """
 
     def __init__(
