@@ -10,20 +10,21 @@ from __future__ import annotations
 import contextlib
 import logging
 import math
+import threading
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
 
 from robot.camera import Camera
 from robot.clock import Clock
 from robot.control.camera_timing import CameraTiming, CameraTimingConfig
 from robot.control.gate import Gate, GateConfig
 from robot.control.link_governor import LinkGovernor, LinkGovernorConfig, LinkState
-from robot.control.mailbox import Mailbox
 from robot.control.online_learning import OnlineLearning
-from robot.control.state import LATE_CYCLE_S, Tick
-from robot.control.steady_fault import SteadyFault
+from robot.control.state import LATE_CYCLE_S, SteadyFault, Tick
 from robot.control.watchdog import Watchdog
 from robot.driver import BodyButton, Driver
 from robot.errors import CameraError, DriveError, PluginErrors, RobotError
@@ -41,6 +42,7 @@ from robot.types import (
 )
 
 log = logging.getLogger(__name__)
+_T = TypeVar("_T")
 _Commands = list[PilotCommand]
 _STANDS_S = 0.04
 """Upper bound of tick time plus actuator latency, in seconds. Stops come this much earlier, so that
@@ -68,6 +70,59 @@ class LoopConfig:
     stall_s: float = 0.3
     """Gap between two ticks after which the robot stops, because commands received in the gap are
     stale: the computer slept, or the process was held up."""
+
+
+class Mailbox:
+    """Requests that any thread queues, and that the loop's thread runs between two ticks. `wake` is
+    set when a request is due now."""
+
+    def __init__(self) -> None:
+        self.wake = threading.Event()
+        self._requests: deque[tuple[Future[Any] | None, Callable[[], Any]]] = deque()
+        self.answers: list[Callable[[], None]] = []
+
+    def put(self, request: Callable[[], _T], *, is_urgent: bool = False) -> Future[_T]:
+        """Queue a request to be run on the loop's thread; an urgent request runs before all others.
+
+        Everything that reads or changes the training history is put here: undo, edits, saving,
+        replacing. The future is done at the end of the tick that ran the request, after the state
+        was published and every listener was called.
+        """
+        future: Future[_T] = Future()
+        add = self._requests.appendleft if is_urgent else self._requests.append
+        add((future, request))
+        self.wake.set()
+        return future
+
+    def note(self, request: Callable[[], None], *, is_news: bool) -> None:
+        """Queue a request without an answer, which must not raise. With `is_news` False it does not
+        wake the loop but runs in the next tick, at most 50 ms later."""
+        self._requests.append((None, request))
+        if is_news:
+            self.wake.set()
+
+    def serve(self) -> None:
+        """Run all requests in order, including requests that are queued while others run.
+
+        The results are held back until `answer` is called.
+        """
+        while self._requests:
+            future, request = self._requests.popleft()
+            if future is None:
+                request()
+                continue
+            if not future.set_running_or_notify_cancel():  # the caller cancelled the request
+                continue
+            try:
+                self.answers.append(partial(future.set_result, request()))
+            except Exception as error:  # pass the error to the caller; the loop goes on
+                self.answers.append(partial(future.set_exception, error))
+
+    def answer(self) -> None:
+        """Complete the futures of the requests that were run, because the tick is over."""
+        answers, self.answers = self.answers, []
+        for answer in answers:
+            answer()
 
 
 class ControlLoop:
@@ -103,8 +158,7 @@ class ControlLoop:
         self.speed_share = 1.0
         self.error: Exception | None = None
         self._driver, self._camera = driver, camera
-        button = getattr(driver.take_button, "__func__", None)
-        self._has_buttons = button is not Driver.take_button
+        self._has_buttons = getattr(driver.take_button, "__func__", 0) is not Driver.take_button
         self._gate = Gate(self.config.gate, on_stop=self._forget_drive)
         self._link = LinkGovernor(self.config.governor)
         self._timing = CameraTiming(self.config.gate.frame_timeout_s, self.config.camera)

@@ -235,15 +235,12 @@ class OnlineLearning:
                 lessons.append((example, seen.x, seen.captured_s))
         step = self.history.batch
         for first in range(0, len(lessons) if may_learn else 0, step):
+            batch, started_s = lessons[first : first + step], self._clock.now_s()
             with self._guarded():
-                self._teach(lessons[first : first + step])
-
-    def _teach(self, batch: Sequence[tuple[Example, Vector, float]]) -> None:
-        started_s = self._clock.now_s()
-        for event in self.history.teach_all(batch):
-            predicted = self._seen[event.example.frame_id].predicted
-            self.agreement.add(event.at_s, is_right=predicted is event.example.label)
-        self._note_time("learn", started_s, len(batch))
+                for event in self.history.teach_all(batch):
+                    predicted = self._seen[event.example.frame_id].predicted
+                    self.agreement.add(event.at_s, is_right=predicted is event.example.label)
+                self._note_time("learn", started_s, len(batch))
 
     def reset(self) -> None:
         """Forget the state of the drive that ends."""

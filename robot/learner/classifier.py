@@ -21,7 +21,8 @@ from robot.learner.base import (
     State,
     Vector,
 )
-from robot.learner.bsoc import BSOC, MOST_FRAMES, Clusters
+from robot.learner.bsoc import BSOC
+from robot.learner.clusters import MOST_FRAMES, Clusters
 from robot.learner.part import Array, Stateful, Value
 from robot.learner.published import PublishedBSOC
 from robot.learner.ridge import EVERY, MIRRORED, LinearPart, RecursiveRidge

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.base import Vector, checked_vector
-from robot.learner.bsoc import SHARED, Clusters
-from robot.learner.images import checked_bytes
+from robot.learner.bsoc import Edges
+from robot.learner.clusters import SHARED, Clusters
+from robot.learner.integer_images import checked_bytes
 from robot.learner.part import MOST_VALUES, Array, Value
 
 
@@ -31,7 +32,7 @@ class PublishedBSOC(Clusters):
     measures_novelty = False
 
     def __init__(self, max_nodes: int, *, integer: bool = False) -> None:
-        super().__init__(max_nodes, max_nodes + 1, np.float64)
+        super().__init__(max_nodes, max_nodes + 1, Edges, np.float64)
         self.integer = integer
         self._dtype: type[Any] = np.int32 if integer else np.float64
         # The sums of many frames need 64 bits.

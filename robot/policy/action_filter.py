@@ -230,8 +230,6 @@ class ActionFilter(PolicyPart):
         seen.action = self._choose(seen)
         seen.is_stalled, seen.needs_help = self._stall_detector.is_stalled, self.needs_help
         self._last = seen
-        if self._gives_up:
-            self._headway.turn(seen.action, seen.at_s)
 
     def _choose(self, seen: Seen) -> Action:
         """Return the best move that is not barred; on a tie, the first."""
@@ -239,6 +237,8 @@ class ActionFilter(PolicyPart):
         urge = 0.0
         if self._gives_up:  # checked only if needed: comparing pictures is slow
             self._stall_detector.look(seen, pace)
+            if self._last is not None:
+                self._headway.turn(self._last.action, self._last.at_s)
             if under_way is None or (self.needs_help and seen.at_s >= self._asks_until_s):
                 if self.needs_help:
                     self._stall_detector.lift()

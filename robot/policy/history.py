@@ -23,8 +23,6 @@ SNAPSHOT_EVERY_S = 10.0
 """Teaching time between snapshots, in seconds: an undo relearns at most this much more."""
 UNDO_HORIZON_S = 35.0
 """Teaching time that can be undone, in seconds."""
-MOST_EXAMPLES = 64
-"""Largest number of examples that are taught at once."""
 _LONGEST_STEP_S = 0.5
 """Longest gap between two examples that counts as teaching, in seconds; a longer one is a pause."""
 
@@ -115,9 +113,8 @@ class TrainingHistory:
         self._is_ours = all(
             type(part).__module__.startswith("robot.") for part in (policy.learner, policy.features)
         )
-        self.batch = MOST_EXAMPLES if self._is_ours else 1
-        """Largest number of examples for `teach_all`: one for plugins, which may refuse an
-        example."""
+        self.batch = 64 if self._is_ours else 1
+        """Most examples for `teach_all`: only one for a plugin, which may refuse examples."""
         policy.kinds.describe(self.declared)
         self.taught = taught
         self._is_drive_new = True
@@ -138,8 +135,7 @@ class TrainingHistory:
         return self.taught.total()
 
     def teach(self, example: Example, x: Vector, captured_s: float) -> None:
-        """Teach the policy one labelled frame that was taken at `captured_s`. If the policy or a
-        plugin raises an error, nothing changes."""
+        """Teach one labelled frame, taken at `captured_s`. After an error nothing has changed."""
         self.teach_all([(example, x, captured_s)])
 
     def teach_all(self, lessons: Iterable[tuple[Example, Vector, float]]) -> Sequence[Taught]:

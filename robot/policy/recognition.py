@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from robot.driver import side_of
 from robot.learner.base import Learner, Vector
-from robot.learner.bsoc import MOST_FRAMES
+from robot.learner.clusters import MOST_FRAMES
 from robot.learner.part import Array, Value
 from robot.learner.values import Names, count, demand, number, table
 from robot.policy.move_kinds import MoveKinds
@@ -165,8 +165,7 @@ class LightAdaptation(PolicyPart):
     def reset(self) -> None:
         self._driven = None
 
-    def restored(self) -> None:
-        self.reset()
+    restored = reset
 
 
 def _brightness(picture: NDArray[np.uint8]) -> float:
@@ -192,10 +191,7 @@ class Recognition(PolicyPart):
         self.taught: dict[int, int] = {}
 
     def on_frame(self, seen: Seen) -> None:
-        if seen.context is None:
-            seen.evidence = self._learner.explain_one(seen.x)
-        else:
-            seen.evidence = self._learner.explain_in(seen.x, seen.context)
+        seen.evidence = self._learner.explain_in(seen.x, seen.context)
         known = seen.evidence.probabilities
         seen.shares = {
             move: max(known[move], _LEAST) if move in known else 0.0 for move in self._moves

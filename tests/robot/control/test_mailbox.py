@@ -7,7 +7,7 @@ from functools import partial
 
 import pytest
 
-from robot.control.mailbox import Mailbox
+from robot.control.loop import Mailbox
 
 
 def test_requests_run_in_the_order_in_which_they_came_an_urgent_one_first() -> None:

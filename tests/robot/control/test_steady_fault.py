@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import random
 
-from robot.control.steady_fault import STEADY_S, SteadyFault
+from robot.control.state import STEADY_S, SteadyFault
 from robot.devkit.freshness import Freshness
 
 _TICK_S = 0.05
