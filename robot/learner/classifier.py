@@ -114,7 +114,7 @@ class BSOCClassifier(Stateful, Learner):
         if n_voters < 1:
             raise ValueError(f"n_voters must be at least 1, not {n_voters}")
         self.max_nodes, self.n_voters = max_nodes, n_voters
-        if cluster is None:  # not `not cluster`: an empty clustering is false
+        if cluster is None:  # compare with None, because an empty clustering is false
             cluster = BSOC(max_nodes, group_cost=group_cost, integer=integer)
         self.cluster = cluster
         self.labels_: list[Label] = []

@@ -96,7 +96,7 @@ def chance(votes: Sequence[float], best: int, sharpness: float) -> float:
 
 
 def doubted(votes: Sequence[float], best: int, sharpness: float, novelty: float) -> float:
-    """Return `chance`, lower on an unknown view, where it is near a guess's."""
+    """Return `chance`, reduced on an unknown view to nearly that of a guess."""
     certain = chance(votes, best, sharpness)
     if novelty <= 1.0:
         return certain

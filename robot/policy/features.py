@@ -109,7 +109,7 @@ class GradientFeatures(PictureFeatures):
     """Energy below which a cell counts as plain: one grey level per sample."""
 
     def extract(self, frame: Frame) -> Vector:
-        """Return shape (1584,), uint8: 6x8 cells of 8 bins, then 30x40 pixels halved."""
+        """Return shape (1584,), uint8: 6x8 cells of 8 bins, then 30x40 halved pixels."""
         grey = image.at_common_scale(image.to_grey(frame), *COMMON_SIDES)
         small = image.shrink(grey, THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT)
         return np.concatenate([self._histograms(grey), small.ravel() >> 1])

@@ -107,7 +107,7 @@ class Gateway:
         return AccessRules(names=frozenset(loopback_names(self.config)), public=public, open=open)
 
     def explain(self, refusal: Refusal, scope: Scope, headers: dict[str, str]) -> Response:
-        """Return the answer that says why a request is refused; `headers` are the answer's."""
+        """Return the answer that says why a request is refused; `headers` go into this answer."""
         told = {"error": refusal.reason, "detail": refusal.sentence}
         return JSONResponse(told, refusal.status, headers)
 

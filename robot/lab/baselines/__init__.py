@@ -29,8 +29,8 @@ class Rival:
         features: What the learner sees. With gradients, the features of the default learner, it
             also gets the action filter of the default learner, for a fair comparison. With grey
             values or colours the learner gets no filter.
-        is_eager: True if the learner is fitted again after every example. If False, it is fitted
-            again whenever there are a tenth more examples.
+        is_eager: True if the learner is fitted again after every example. If False, the learner is
+            fitted again whenever there are a tenth more examples.
         is_angular: True if the learner learns only the angle, by regression.
     """
 

@@ -198,7 +198,7 @@ class Autosave:
         def replace() -> int:
             self._check_stopped()
             self._loop.history.replace_policy(policy, taught)
-            # Set it on the loop's thread, so that the journal's next entries name the new model.
+            # Set the name on the loop's thread, so that the journal's next entries have it.
             self.name, self._place = name, model.summary.place
             return self._loop.history.changes
 
