@@ -38,8 +38,7 @@ class Clock:
         time.sleep(seconds)
 
     def wait(self, event: threading.Event, timeout_s: float | None = None) -> bool:
-        """Block this thread until `event` is set or the time is up; return True if `event` is
-        set."""
+        """Block this thread until `event` is set or the time is up; return whether it is set."""
         return event.wait(timeout_s)
 
     def result(self, future: Future[_T], timeout_s: float | None = None) -> _T:

@@ -278,8 +278,7 @@ class Driver(ABC):
         """
 
     def send_point(self, point: Point, *, speed_scale: float = 1.0) -> Action:
-        """Drive at a point for at most `ACTION_TIMEOUT_S`; return the move that the point counts
-        as.
+        """Drive at a point for at most `ACTION_TIMEOUT_S`; return the move that it counts as.
 
         The point of a declared move drives like this move; a point between two moves drives in
         between. A body that does not accept points drives the move.

@@ -159,8 +159,7 @@ class DriverThread(Driver):
     # On the thread -----------------------------------------------------------------------------
 
     def step(self) -> bool:
-        """Do the most urgent request: stop, drive, sense or show; return False if there is
-        none."""
+        """Do the most urgent request: stop, drive, sense or show. Return False without requests."""
         now_s = self._clock.now_s()
         with self._lock:
             request = self._choose(now_s)

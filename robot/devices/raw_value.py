@@ -138,8 +138,7 @@ def _description(kind: type[BaseModel], name: str) -> str | None:
 
 
 def _is_same(given: Any, read: Any) -> bool:
-    """True if pydantic 1 converted nothing except integers to floats. A lone surrogate is
-    refused."""
+    """True if pydantic 1 converted only integers to floats. A lone surrogate is refused."""
     if isinstance(given, list):
         return all(map(_is_same, given, read))
     if isinstance(given, str):

@@ -69,9 +69,8 @@ class FolderKind:
     """An extension's folder in the data folder.
 
     Attributes:
-        about: Lines about the folder's content for README.txt. If empty, the folder is created when
-            needed.
-        reads: Matches the paths in the folder that the program reads; paths of folders end with a
+        about: Lines about the folder's content for README.txt. If empty, it is created when needed.
+        reads: Matches the paths that the program reads in the folder; a folder's path ends with a
             slash.
         files: The extension's files next to the folder.
         secrets: The names of those files and folders that only the owner may read.
@@ -416,7 +415,7 @@ class Storage:
         return sum(map(size_below, self._ours_in_trash()))
 
     def empty_trash(self, older_than_days: float = 0.0) -> int:
-        """Delete the trash's items older than `older_than_days` for good; return the bytes
+        """Delete items of the trash that are older than `older_than_days`; return the bytes
         freed."""
         places = self._ours_in_trash()
         if older_than_days:

@@ -12,8 +12,7 @@ from robot.types import StartStop
 
 
 class FolderLock(StartStop):
-    """Locks a folder for this process. The system releases the lock when the process ends, for any
-    reason.
+    """Locks a folder for this process. When the process ends, the system releases the lock.
 
     Start and stop the lock on the same thread, and keep a reference to it, because garbage
     collection releases the lock.
@@ -25,8 +24,7 @@ class FolderLock(StartStop):
         self._lock: Any = None
 
     def start(self) -> None:
-        """Lock the folder. If this fails, the error names the process that holds the lock, or the
-        fault."""
+        """Lock the folder. The error names the process that holds the lock, or the fault."""
         if self._lock is not None:
             return
         from filelock import FileLock, Timeout

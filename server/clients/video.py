@@ -39,8 +39,7 @@ class Encoder:
 
     @cached_property
     def _compress(self) -> Encode | None:
-        """Compress with OpenCV, imported at the first call, because JPEG frames never need
-        OpenCV."""
+        """Compress with OpenCV, which is imported at the first call: JPEG frames do not need it."""
         try:
             return jpeg_encoder(self._quality)
         except MissingExtraError:

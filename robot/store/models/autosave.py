@@ -102,8 +102,7 @@ class Autosave:
             self.announce("model_not_saved", detail=str(error) or type(error).__name__)
 
     def save(self, place: str | None = None) -> str:
-        """Save the learner's current state, with a new place if one is given; return the model's
-        name."""
+        """Save the learner's state, with a new place if one is given; return the model's name."""
         with self.lock:
             place = self._place if place is None else place
             copied = self._loop.submit(lambda: self._journal.copy(self._loop.history, place))
@@ -119,8 +118,7 @@ class Autosave:
             return name
 
     def load_last(self, learner: str | None = None) -> str | None:
-        """Load the model used last, else the newest valid model; return its name, or None if there
-        is none."""
+        """Load the model used last, else the newest valid model; return its name, or None."""
         self.save_if_changed()
         if self.has_unsaved:
             return self.name

@@ -101,8 +101,7 @@ def take_model(
 
 
 def encode_model(model: Model, *, is_packed: bool = False) -> bytes:
-    """Return the model as the bytes of an `.npz` file; `is_packed` makes it smaller, but takes
-    longer."""
+    """Return the bytes of an `.npz` file; `is_packed` makes it smaller, but takes longer."""
     state = model.state
     arrays = {f"state.{name}": array for name, array in state.arrays.items()}
     labels = [str(label) for label in state.labels]
