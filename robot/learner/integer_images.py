@@ -28,8 +28,8 @@ class IntegerImages(Images):
     Args:
         max_nodes: Number of rows.
         n_compared: Number of leading values of a vector that are compared; None for all. The other
-            values are only averaged: they are for showing the picture, which takes more pixels than
-            recognising it.
+            values are only averaged: they are for people who look at the picture, which takes more
+            pixels than recognising a view.
     """
 
     fields = (Array("sums", np.int32, ("max_nodes", "d"), high=2**30),)
