@@ -18,9 +18,14 @@ _LONGEST_GAP_S = 0.25
 """Longest step of the world after a pause, in seconds. So after the machine was suspended the world
 continues almost from where it was."""
 
-_LONGEST_PERIOD_S, _USUAL_FRAMES = 0.1, 10
-"""Longest period of pictures on a busy computer, in seconds (longer only if the chosen frame rate
-is lower); and the number of pictures over which the rendering time is averaged."""
+_USUAL_FRAMES = 10
+"""Number of pictures over which the time that a picture takes, and the lateness, are averaged."""
+_PER_TAKING, _PER_TAKING_S = 2, 0.1
+_PER_LATENESS, _LONGEST_PERIOD_S = 6, 0.2
+"""The period is at least the time that a picture takes, times the first number, plus the lateness
+of the camera's thread, times the second; each has an upper bound in seconds, and a chosen frame
+rate may be lower. All robots of a computer see the same lateness, so all take the same number of
+pictures. The lateness stays near 20 ms, because a command and a STOP pass several threads."""
 _RESTING_STEP_S = 1.0
 """Period at which the world advances while no picture is needed, in seconds."""
 _EARLY_S = 0.01
@@ -109,12 +114,11 @@ class SimCamera(WorldCamera[SimDriver]):
         self._stirred.set()
 
     def _live(self) -> None:
-        """Take pictures, and after each picture wait at least as long as taking it has lasted. So
-        if there are too many robots for the computer, each robot takes fewer pictures, and there is
-        time for a STOP. At rest only the world advances.
+        """Take pictures. If there are too many robots for the computer, each robot takes fewer
+        pictures, so that commands and a STOP are not late. At rest only the world advances.
         """
         taken_s = last_s = self.clock.now_s()
-        due_s, takes_s = last_s + self._period_s, 0.0
+        due_s, least_s = last_s + self._period_s, 0.0
         while True:
             self.clock.wait(self._stirred, max(0.0, due_s - self.clock.now_s()))
             self._stirred.clear()
@@ -131,6 +135,8 @@ class SimCamera(WorldCamera[SimDriver]):
                 continue
             self._take()
             taken_s = now_s
-            takes_s += (self.clock.now_s() - min(due_s, now_s) - takes_s) / _USUAL_FRAMES
-            period_s = max(self._period_s, min(2 * takes_s, _LONGEST_PERIOD_S))
-            due_s = max(due_s + period_s, now_s)
+            late_s = min(max(0.0, now_s - due_s), _LONGEST_PERIOD_S)
+            wanted_s = min(_PER_TAKING * (self.clock.now_s() - now_s), _PER_TAKING_S)
+            wanted_s += _PER_LATENESS * late_s
+            least_s += (wanted_s - least_s) / _USUAL_FRAMES
+            due_s = max(due_s + max(self._period_s, min(least_s, _LONGEST_PERIOD_S)), now_s)

@@ -34,6 +34,9 @@ _GOLDEN_DEG = 137.508
 """Step between hues in degrees: the golden angle keeps any number of hues distinct."""
 _HUES_DEG = {"green": 130, "purple": 259, "pink": 324, "brown": 28, "teal": 176}
 """Hues of the board's colours in degrees; a robot gets the colour nearest to its walls' hue."""
+_AT_A_TIME = 4
+"""Number of forked robots per CPU core that start at the same time: each waits four fifths of that
+time until its name is announced."""
 RATE_HZ, PER_CORE_HZ = 30, 150
 """Maximum frame rate of one robot, and of all robots together per CPU core, in Hz."""
 _FLAGS = sum(  # these flags exist only on Windows
@@ -170,22 +173,23 @@ def simulated_robots(
         for robot in robots:
             robot.keep_model(name, file)
     cores = os.cpu_count() or 1
+    does_fork = sys.platform == "linux" and count > 1
     # starting more robots at the same time would block the board
-    starting = ThreadPoolExecutor(cores)
+    starting = ThreadPoolExecutor(cores * (_AT_A_TIME if does_fork else 1))
     nurseries: list[Nursery] = []
     begun, asked = itertools.count(1), itertools.count(1)
     are_up: list[bool] = []
 
     def begin() -> None:
         """Start all robots while the board already answers."""
-        if sys.platform == "linux" and count > 1:
+        if does_fork:
             nurseries.append(Nursery(data, world))
         picture_s = next((one.picture_s for one in nurseries), None) or 1 / PER_CORE_HZ
         rate_hz = max(1, min(RATE_HZ, int(cores / picture_s / max(1, count))))
         if rate_hz < RATE_HZ:
             text = (
                 "%d robots on %d cores: %d pictures a second each (a picture takes %.1f ms of a "
-                "core)"
+                "core), and fewer while other programs are busy"
             )
             log.warning(text, count, cores, rate_hz, 1000 * picture_s)
         for robot in robots:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import random
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -137,21 +138,38 @@ def test_nobody_looks_and_nothing_is_made_for_the_eye() -> None:
     driver.simulation.close()
 
 
-@pytest.mark.parametrize(("takes_s", "rate_hz"), [(0.005, 30.0), (0.03, 16.7), (0.08, 10.0)])
+@pytest.mark.parametrize(
+    ("takes_s", "late_s", "rate_hz"),
+    [
+        (0.005, 0.0, 30.0),
+        (0.03, 0.0, 16.7),
+        (0.08, 0.0, 10.0),
+        (0.005, 0.005, 25.0),
+        (0.005, 0.015, 10.0),
+        (0.08, 0.1, 5.0),
+    ],
+)
 def test_on_a_busy_computer_pictures_are_fewer(
-    monkeypatch: pytest.MonkeyPatch, takes_s: float, rate_hz: float
+    monkeypatch: pytest.MonkeyPatch, takes_s: float, late_s: float, rate_hz: float
 ) -> None:
     clock = VirtualClock()
     driver, camera = watched(clock)
-    render = driver.simulation.render
+    render, wait = driver.simulation.render, clock.wait
+
+    def wait_too_long(event: threading.Event, timeout_s: float | None) -> bool:
+        is_set = wait(event, timeout_s)
+        if event is camera._stirred:
+            clock.sleep(late_s)
+        return is_set
 
     def take_long() -> object:
         clock.sleep(takes_s)
         return render()
 
     monkeypatch.setattr(driver.simulation, "render", take_long)
+    monkeypatch.setattr(clock, "wait", wait_too_long)
     camera.start()
-    clock.sleep(3.0)
+    clock.sleep(4.0)
     before = camera._last_frame_id
     clock.sleep(4.0)
     camera.stop()

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 from pathlib import Path
+from urllib.request import urlopen
 
 import pytest
 
 pytest.importorskip("panda3d")
 
+from server.board.class_key import keep_class_key
 from server.board.nursery import Nursery
+from tests.kit.wait import wait_until
 
 pytestmark = [
     pytest.mark.realtime,
@@ -19,7 +23,10 @@ pytestmark = [
 ]
 
 
-def test_each_robot_can_end_separately_and_all_end_with_the_class(tmp_path: Path) -> None:
+def test_each_robot_can_end_separately_and_all_end_with_the_class(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONPROFILEIMPORTTIME", "1")  # each import writes a line
     nursery = Nursery(tmp_path, "box")
     assert nursery.picture_s is not None and 0 < nursery.picture_s < 1
 
@@ -27,7 +34,10 @@ def test_each_robot_can_end_separately_and_all_end_with_the_class(tmp_path: Path
     assert mistaken is not None and mistaken.wait()
     assert "unknown robot 'nobody'" in (tmp_path / "log.txt").read_text()
 
-    common = ["--port", "0", "--no-page", "--data"]
+    keep_class_key(tmp_path / "class.key")
+    common = ["--lan", "--host", "127.0.0.1", "--port", "0", "--no-page"]
+    common += ["--class-key", str(tmp_path / "class.key"), "--data"]
+    log = tmp_path / "two.txt"
     killed, stays = (
         nursery.start([*common, str(tmp_path / name)], tmp_path / f"{name}.txt")
         for name in ("one", "two")
@@ -36,6 +46,13 @@ def test_each_robot_can_end_separately_and_all_end_with_the_class(tmp_path: Path
     _, pid, other = nursery._ended
     os.kill(pid, signal.SIGKILL)
     assert killed.wait() and not stays.is_set()
+
+    wait_until(lambda: "To watch" in log.read_text(), "the robot serves", 60)
+    address = re.findall(r"http://127.0.0.1:\d+", log.read_text())[0]
+    with urlopen(address + "/healthz", timeout=60) as answer:
+        assert answer.status == 200
+    own = re.findall(r"^import time:.*\| +((?:robot|server)\..*)", log.read_text(), re.MULTILINE)
+    assert not own, "each robot imports these modules by itself"
 
     nursery.end()
     nursery.wait()
