@@ -82,7 +82,7 @@ def record(data: Path, pictures: int) -> None:
                 "x": None,
             },
         }
-        queue.write_messages(now_s, list(said.items()))
+        queue.write_messages(now_s, lambda said=said: list(said.items()))
         if number % 6 == 0:
             clock.sleep(now_s - clock.now_s())
             queue.write_waiting()
