@@ -51,8 +51,12 @@ def test_clients_get_the_wheel_in_the_order_of_their_requests() -> None:
         assert not lease.take(client, 0.1)
     assert not lease.join("new", 2.0), "it has lapsed, but others wait"
     assert lease.take("b", 2.0), "the first who asked"
-    assert not lease.give_up("c", 2.1)
+    assert not lease.give_up("d", 2.1)
     assert lease.give_up("b", 2.2)
-    assert lease.owner == "d"
-    assert lease.give_up("d", 2.3)
+    assert lease.owner == "c"
+    lease.take("b", 2.3)
+    assert not lease.pass_on_if_lapsed(3.7), "c has had the wheel since 2.2"
+    assert lease.pass_on_if_lapsed(3.8)
+    assert lease.owner == "b"
+    assert lease.give_up("b", 3.9)
     assert lease.owner is None
