@@ -42,9 +42,9 @@ class Explanation:
     Attributes:
         image: The image.
         present: The view that the learner sees, shape (30, 40).
-        alike: How much more similar the view is to this image than to the learned images on
-            average, from 0 to 1, for each cell of the picture, shape (6, 8). All 0 if there is only
-            one image.
+        alike: For each cell of the picture, from 0 to 1, shape (6, 8): how much more similar the
+            view is to this image than to the learned images on average. All 0 if there is only one
+            image.
     """
 
     image: LearnedImage

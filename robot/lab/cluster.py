@@ -87,9 +87,9 @@ def run_packed(packed: bytes) -> Outcome:
 def _tidy_up() -> None:
     """Free what a trial leaves on a worker, so that its memory does not grow with each trial.
 
-    In a process with as many objects as Dask's, Python rarely collects trials with cycles, of some
-    MB each. Dask also keeps samples of the stacks of the last thousand seconds; versions without
-    them are left alone.
+    A trial has reference cycles and some MB. In a process with as many objects as Dask's, Python
+    rarely collects such cycles. Dask also keeps samples of the stacks of the last thousand seconds;
+    versions without them are left alone.
     """
     gc.collect()
     with contextlib.suppress(AttributeError, ValueError):

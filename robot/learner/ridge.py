@@ -218,7 +218,7 @@ class RecursiveRidge(LinearPart):
         direction = self._solve(single)
         rest = 1.0 + weight * float(single @ direction)
         if weight < 0.0 and -weight * float(direction @ direction) > rest * self._most:
-            return  # some removed frames were not learned here: negative rest
+            return  # the rest is negative if some removed frames were not learned here
         gain = weight / rest
         step = np.multiply(direction, gain, dtype=np.float64)[:, None]
         self._weights += step.dot((targets - z.dot(self._weights))[None])  # faster than np.outer

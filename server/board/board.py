@@ -23,7 +23,7 @@ class BoardViewer:
     """One open page of the board, with its unsent news and the newest pictures.
 
     Attributes:
-        due: Set when there is something to send; it wakes the page's task.
+        due: Set when there is something to send, to wake the page's task.
         may_send: Set while the page waits for pictures, because it has drawn all pictures that were
             sent.
     """

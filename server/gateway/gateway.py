@@ -130,8 +130,8 @@ class Gateway:
         """Return the session that a request's own address proves, or why it proves none.
 
         Returns:
-            None for an address that names no key. Called again while a stream lasts, it returns a
-            refusal once the key is no longer valid.
+            None for an address that names no key. A call while a stream lasts returns a refusal
+            once the key is no longer valid.
         """
         return None
 
