@@ -1,8 +1,9 @@
 """A fast path through uvicorn for video: frames are written directly, without ASGI and its tasks.
 
 At 16 viewers and 30 frames a second ASGI costs two task switches and a pause of reading for each
-frame. The fast path avoids both (`drivelesson bench link`). If uvicorn is too old for sans-I/O
-websockets, frames go through ASGI, with the same behaviour at a higher cost.
+frame. The fast path avoids both (`drivelesson bench link`). Short messages, such as
+acknowledgements and commands, are also read without the parser of websockets. If uvicorn is too old
+for sans-I/O websockets, frames go through ASGI, with the same behaviour at a higher cost.
 """
 
 from __future__ import annotations
@@ -19,6 +20,12 @@ if TYPE_CHECKING:
 FRAME_S, BURST_S = 0.004, 3.0
 """Rate limit of received frames: seconds per frame, and the burst allowed, in seconds. Frames
 beyond the limit stay unread, so that the network holds them back."""
+_SHORT_BYTES = 125
+"""Longest message whose frame has the shortest header (RFC 6455, section 5.2), in bytes."""
+_HEAD_BYTES = 6
+"""Size of that header with its mask, in bytes."""
+_TEXT, _BINARY = 0x81, 0x82
+"""First byte of a frame that is a complete text or binary message."""
 
 
 def make_protocol() -> type[Any] | None:
@@ -27,7 +34,8 @@ def make_protocol() -> type[Any] | None:
         from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
     except ImportError:
         return None
-    from websockets.frames import Frame, Opcode
+    from websockets.frames import Frame, Opcode, apply_mask
+    from websockets.protocol import State
 
     class FastPathProtocol(WebSocketsSansIOProtocol):
         """Uvicorn's own protocol, with the fast path."""
@@ -51,6 +59,35 @@ def make_protocol() -> type[Any] | None:
                 scope: dict[str, Any] = self.scope  # type: ignore[assignment]
                 scope["extensions"] = {**scope["extensions"], DIRECT: self}
 
+        def data_received(self, data: bytes) -> None:
+            message = self._short_message(data)
+            if message is None:
+                super().data_received(data)
+                return
+            if data[0] == _TEXT:
+                self.on_text(message.decode("utf-8", "replace"))  # type: ignore[misc]
+            else:
+                self.on_bytes(message)  # type: ignore[misc]
+            self._note_frames(1)
+
+        def _short_message(self, data: bytes) -> bytes | None:
+            """Return the message if `data` is exactly one frame with one short message, and
+            nothing of an earlier frame or message waits; otherwise None."""
+            size = len(data) - _HEAD_BYTES
+            if not 0 <= size <= _SHORT_BYTES or data[1] != 0x80 | size:
+                return None
+            first, conn = data[0], self.conn
+            if not ((first == _BINARY and self.on_bytes) or (first == _TEXT and self.on_text)):
+                return None
+            if conn.state is not State.OPEN or getattr(conn, "current_size", 0) is not None:
+                return None
+            step = conn.parser
+            while (inner := getattr(step, "gi_yieldfrom", None)) is not None:
+                step = inner
+            if getattr(step, "__name__", "") != "at_eof":  # the parser waits amid a frame
+                return None
+            return apply_mask(data[_HEAD_BYTES:], data[2:_HEAD_BYTES])
+
         def handle_bytes(self, event: Frame) -> None:
             if self.on_bytes is not None and event.fin:
                 self.on_bytes(bytes(event.data))
@@ -72,6 +109,10 @@ def make_protocol() -> type[Any] | None:
         def handle_events(self) -> None:
             n_frames = len(self.conn.events)
             super().handle_events()
+            self._note_frames(n_frames)
+
+        def _note_frames(self, n_frames: int) -> None:
+            """Stop reading for a while if frames come faster than the limit."""
             now_s = self.loop.time()
             self._read_s = max(self._read_s, now_s - BURST_S) + n_frames * FRAME_S
             if self._read_s > now_s:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import random
 import socket
 from types import SimpleNamespace
 from typing import Any
@@ -71,6 +72,9 @@ class Line(asyncio.Transport):
     def write(self, data: Any) -> None:
         pass
 
+    def close(self) -> None:
+        pass
+
     def pause_reading(self) -> None:
         self.is_read = False
 
@@ -81,11 +85,12 @@ class Line(asyncio.Transport):
 PING, STOP_TEXT = bytes([0x89, 0x80, 0, 0, 0, 0]), '{"type":"stop"}'
 BEGUN, MORE, LAST = (bytes([first, 0x80, 0, 0, 0, 0]) for first in (0x01, 0x00, 0x80))
 FLOODS = {
-    "pings": (b"", PING),
-    "pongs": (b"", bytes([0x8A]) + PING[1:]),
-    "texts": (b"", bytes([0x81]) + PING[1:]),
-    "one message in parts for ever": (BEGUN, MORE),
-    "messages in two parts": (b"", BEGUN + LAST),
+    "pings": (b"", PING, 300),
+    "pongs": (b"", bytes([0x8A]) + PING[1:], 300),
+    "texts": (b"", bytes([0x81]) + PING[1:], 300),
+    "texts, each in a packet": (b"", bytes([0x81]) + PING[1:], 1),
+    "one message in parts for ever": (BEGUN, MORE, 300),
+    "messages in two parts": (b"", BEGUN + LAST, 300),
 }
 
 
@@ -96,12 +101,12 @@ def test_a_flooding_client_is_read_no_faster_than_a_page_needs(flood: str) -> No
     asyncio.run(flood_for_a_minute(*FLOODS[flood]))
 
 
-async def flood_for_a_minute(first: bytes, again: bytes) -> None:
+async def connected(line: Line) -> tuple[Any, list[str | bytes]]:
+    """Return a protocol that has shaken hands, and the list of the messages that it hears."""
     protocol_type = make_protocol()
     if protocol_type is None:
         pytest.skip("this uvicorn has no fast path")
     config, state = uvicorn.Config(accept_and_wait, ws_ping_interval=None), ServerState()
-    line = Line()
     config.load()
     protocol = protocol_type(config=config, server_state=state, app_state={})
     protocol.connection_made(line)
@@ -110,8 +115,62 @@ async def flood_for_a_minute(first: bytes, again: bytes) -> None:
     protocol.data_received((head + key).encode())
     while not protocol.handshake_complete:
         await asyncio.sleep(0)
-    heard: list[str] = []
-    protocol.on_text = heard.append
+    heard: list[str | bytes] = []
+    protocol.on_text = protocol.on_bytes = heard.append
+    return protocol, heard
+
+
+def masked(first: int, data: bytes, rng: random.Random) -> bytes:
+    """Return a client's frame."""
+    size = len(data)
+    length = bytes([0x80 | size]) if size < 126 else bytes([0xFE]) + size.to_bytes(2, "big")
+    mask = rng.randbytes(4)
+    return bytes([first]) + length + mask + bytes(b ^ mask[i % 4] for i, b in enumerate(data))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_messages_are_heard_alike_however_the_network_cuts_them(seed: int) -> None:
+    """Short messages are read past the parser only if nothing waits in it."""
+    asyncio.run(cut_at_random(random.Random(seed)))
+
+
+async def cut_at_random(rng: random.Random) -> None:
+    protocol, heard = await connected(Line())
+    frames, sent = [], []
+    for _ in range(40):
+        data = rng.randbytes(rng.choice((0, 1, 8, 124, 125, 126, 300))).hex().encode()
+        data = data[: rng.choice((0, 8, 125, 126, 400))]
+        kind = rng.choice((0x81, 0x82, 0x82, 0x81, 0x89))
+        if kind != 0x89:
+            sent.append(data.decode() if kind == 0x81 else data)
+        frames.append(masked(kind, data[:125] if kind == 0x89 else data, rng))
+    while frames:
+        piece = b"".join(frames[: (n := rng.choice((1, 1, 1, 2, 3)))])
+        frames = frames[n:]
+        cuts = sorted(
+            rng.sample(range(1, len(piece)), min(len(piece) - 1, rng.choice((0, 0, 1, 3))))
+        )
+        for start, stop in zip((0, *cuts), (*cuts, len(piece)), strict=True):
+            protocol.data_received(piece[start:stop])
+    assert heard == sent
+    posing = masked(0x81, b"a part that looks like a message", rng)
+    frame = bytes([0x82, 0xFE, 0, 4 * len(posing), 0, 0, 0, 0]) + 4 * posing
+    for start in range(8 - len(posing), len(frame), len(posing)):
+        protocol.data_received(frame[max(0, start) : start + len(posing)])
+    frame = masked(0x82, bytes(300), rng)
+    protocol.data_received(frame[:132])  # as long as a message of 126 bytes with a short header
+    protocol.data_received(frame[132:])
+    sent += [4 * posing, bytes(300)]
+    assert heard == sent
+    protocol.data_received(BEGUN)  # a message in parts, interrupted by another message
+    protocol.data_received(masked(0x81, b"amid", rng))
+    protocol.data_received(masked(0x81, b"after the error", rng))
+    assert heard == sent
+
+
+async def flood_for_a_minute(first: bytes, again: bytes, n_at_a_time: int) -> None:
+    line = Line()
+    protocol, heard = await connected(line)
 
     stop = bytes([0x81, 0x80 | len(STOP_TEXT), 0, 0, 0, 0]) + STOP_TEXT.encode()
     now_s = began_s = protocol.loop.time()
@@ -122,7 +181,7 @@ async def flood_for_a_minute(first: bytes, again: bytes) -> None:
     protocol.data_received(700 * PING + stop)
     assert heard == [STOP_TEXT], "a burst is read whole"
 
-    n_frames, piece = 0, again * 300
+    n_frames, piece = 0, again * n_at_a_time
     protocol.data_received(first)
     while now_s < began_s + 60.0:
         while line.is_read:
