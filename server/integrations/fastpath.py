@@ -34,7 +34,7 @@ def make_protocol() -> type[Any] | None:
         from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
     except ImportError:
         return None
-    from websockets.frames import Frame, Opcode, apply_mask
+    from websockets.frames import Frame, Opcode
     from websockets.protocol import State
 
     class FastPathProtocol(WebSocketsSansIOProtocol):
@@ -86,7 +86,9 @@ def make_protocol() -> type[Any] | None:
                 step = inner
             if getattr(step, "__name__", "") != "at_eof":  # the parser waits amid a frame
                 return None
-            return apply_mask(data[_HEAD_BYTES:], data[2:_HEAD_BYTES])
+            mask = (data[2:_HEAD_BYTES] * (size // 4 + 1))[:size]
+            masked = int.from_bytes(data[_HEAD_BYTES:], "big")
+            return (masked ^ int.from_bytes(mask, "big")).to_bytes(size, "big")
 
         def handle_bytes(self, event: Frame) -> None:
             if self.on_bytes is not None and event.fin:

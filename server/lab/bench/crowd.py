@@ -20,7 +20,7 @@ from typing import Any
 from robot.study.table import Table
 from server.cli.parser import whole
 from server.lab.bench import link
-from server.lab.bench.report import add_usual, percentiles, report
+from server.lab.bench.report import TOO_BUSY, add_usual, percentiles, report
 from server.lab.bench.subject import ServerUnderTest
 
 _TURNS = 4
@@ -40,7 +40,9 @@ def run(args: argparse.Namespace) -> int:
     greedy = asyncio.run(_measure_greedy(args.greedy, args.seconds, args.rate))
     watched = asyncio.run(_measure_watched(args.viewers, args.seconds, args.rate))
     alone, together = greedy["without"], greedy["with"]
-    ratio = f"{greedy['ratio']} of that alone (asked: {_ASKED_RATIO}), {greedy['stops']} stops"
+    ratio = (
+        f"{greedy['ratio'] or '-'} of that alone (asked: {_ASKED_RATIO}), {greedy['stops']} stops"
+    )
     loop = Table(
         title=f"The loop's period, ms; p99 {ratio}",
         columns=("who reads", *alone),
@@ -50,6 +52,7 @@ def run(args: argparse.Namespace) -> int:
         title=f"{args.viewers} viewers and a pilot",
         columns=tuple(watched),
         rows=(tuple(watched.values()),),
+        note=f"\n{TOO_BUSY}" if None in (greedy["ratio"], *watched.values()) else "",
     )
     return report(args, {"greedy": greedy, "watched": watched}, loop, crowd)
 
@@ -80,7 +83,7 @@ async def _measure_greedy(count: int, seconds: float, rate_hz: float) -> dict[st
     return {
         "without": alone,
         "with": together,
-        "ratio": round(together["p99"] / alone["p99"], 2),
+        "ratio": round(together["p99"] / alone["p99"], 2) if all(periods_s) else None,
         "stops": stops,
     }
 

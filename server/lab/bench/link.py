@@ -7,7 +7,6 @@ import asyncio
 import contextlib
 import itertools
 import json
-import math
 import sys
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
@@ -15,7 +14,7 @@ from typing import Any
 
 from robot.study.table import Cell, Table
 from server.cli.parser import several, whole
-from server.lab.bench.report import add_usual, in_turns, percentiles, report
+from server.lab.bench.report import TOO_BUSY, add_usual, in_turns, percentiles, report
 from server.lab.bench.subject import ServerUnderTest
 from server.protocol import encode_acknowledgement, parse_picture
 
@@ -85,7 +84,6 @@ async def _measure_viewers(count: int, seconds: float, rate_hz: float) -> dict[s
             ages_s = [age for viewer in viewers for age in ages_since(busy["start_s"], viewer)]
         await asyncio.sleep(_SETTLE_S)
         idle_after = await subject.watch(min(seconds, 2.0))
-    n_frames = len(ages_s) or math.nan  # NaN means that the server was too busy to show a picture
     shares = [spent["serving_s"] / spent["lasted_s"] for spent in (idle, busy, idle_after)]
     framed_s = busy["serving_s"] - min(shares[0], shares[2]) * busy["lasted_s"]
     return {
@@ -93,8 +91,10 @@ async def _measure_viewers(count: int, seconds: float, rate_hz: float) -> dict[s
         "frames_per_second": round(len(ages_s) / busy["lasted_s"] / count, 2),
         "bytes": busy["bytes"],
         "latency_ms": percentiles(ages_s),
-        "cpu_us_per_frame": round(1e6 * framed_s / n_frames, 1),
-        "process_cpu_us_per_frame": round(1e6 * busy["process_s"] / n_frames, 1),
+        "cpu_us_per_frame": round(1e6 * framed_s / len(ages_s), 1) if ages_s else None,
+        "process_cpu_us_per_frame": (
+            round(1e6 * busy["process_s"] / len(ages_s), 1) if ages_s else None
+        ),
         "serving_cpu_share": round(shares[1], 4),
         "serving_cpu_share_idle_before": round(shares[0], 4),
         "serving_cpu_share_idle_after": round(shares[2], 4),
@@ -243,5 +243,8 @@ def _table(result: dict[str, Any]) -> Table:
         *("viewers", "frames/s", "p50 ms", "p95", "p99", "CPU us/frame", "process"),
         *("loop Hz", "late"),
     )
-    note = f"\ncommand to drive, ms: {result['commands']['wire_to_drive_ms']}"
+    times = result["commands"]["wire_to_drive_ms"]
+    note = "\ncommand to drive, ms: " + ", ".join(f"{k} {v or '-'}" for k, v in times.items())
+    if None in (*times.values(), *(cell for row in rows for cell in row)):
+        note += "\n" + TOO_BUSY
     return Table(title="Pictures over loopback", columns=columns, rows=rows, note=note)

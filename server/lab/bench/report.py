@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import os
 import statistics
 from collections.abc import Sequence
@@ -49,11 +48,15 @@ def report(args: argparse.Namespace, figures: Any, *tables: Table) -> int:
     return 0
 
 
-def percentiles(seconds: Sequence[float]) -> dict[str, float]:
-    """Return the 50th, 95th and 99th percentiles of times, in milliseconds."""
-    known = seconds or [math.nan]  # NaN means that the server was too busy to show a picture
-    found = 1000 * np.percentile(known, (50, 95, 99), method="inverted_cdf")
-    return dict(zip(("p50", "p95", "p99"), found.round(2).tolist(), strict=True))
+TOO_BUSY = "The computer was too busy for the figures that are missing (-): close other programs."
+
+
+def percentiles(seconds: Sequence[float]) -> dict[str, Any]:
+    """Return the 50th, 95th and 99th percentiles of times, in milliseconds; None if there are no
+    times."""
+    found = 1000 * np.percentile(seconds or [0.0], (50, 95, 99), method="inverted_cdf")
+    known = found.round(2).tolist() if seconds else 3 * [None]
+    return dict(zip(("p50", "p95", "p99"), known, strict=True))
 
 
 def in_turns(own: Sequence[float], peer: Sequence[float]) -> dict[str, Any]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-import math
 from collections.abc import AsyncIterator
 from pathlib import Path
 
@@ -13,6 +12,7 @@ import pytest
 
 from server.__main__ import main
 from server.lab.bench import link
+from server.lab.bench.report import TOO_BUSY, percentiles
 from tests.kit.sizes import IS_FULL
 
 
@@ -65,7 +65,10 @@ def test_a_rate_at_which_no_picture_arrived_has_no_times(monkeypatch: pytest.Mon
     monkeypatch.setattr(link, "_SETTLE_S", 0.0)
     found = asyncio.run(link._measure_viewers(3, 0.5, 0.1))
     assert found["frames_per_second"] == 0.0
-    assert math.isnan(found["cpu_us_per_frame"]) and math.isnan(found["latency_ms"]["p50"])
+    assert found["cpu_us_per_frame"] is None and found["latency_ms"]["p50"] is None
+    commands = {"wire_to_drive_ms": percentiles([])}
+    text = link._table({"viewers": [found], "commands": commands}).as_text()
+    assert TOO_BUSY in text and "nan" not in text and "None" not in text
 
 
 def test_an_unknown_benchmark_is_refused() -> None:
