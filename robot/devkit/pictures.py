@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import struct
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
@@ -22,7 +23,9 @@ time."""
 _READABLE_SOF = (0xC0, 0xC1, 0xC2)
 """JPEG kinds that decoders read: baseline, extended, progressive. Not 0xC3, which is lossless."""
 _PNG = b"\x89PNG\r\n\x1a\n"
-_JPEG = b"\xff\xd8\xff"
+_JPEG, _SCAN = b"\xff\xd8\xff", b"\xff\xda"
+_HEAD_BYTES = 4096
+"""Bytes at the beginning of a JPEG in which its first scan usually starts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,6 +76,15 @@ def read_picture(data: bytes, name: str) -> Picture:
 
 def _size(data: bytes) -> tuple[int, int] | None:
     """Read width and height from the header, without decoding the picture."""
+    head = data[:_HEAD_BYTES]
+    end = head.find(_SCAN)
+    known = _size_in(head[:end]) if end > 0 else None
+    return known or _size_in.__wrapped__(data)
+
+
+@lru_cache(maxsize=16)
+def _size_in(data: bytes) -> tuple[int, int] | None:
+    """Read width and height; cached, because the headers of a camera's pictures are equal."""
     if not data.startswith((_PNG, _JPEG)):
         return None
     imagesize = need("imagesize", "reading pictures", "camera")
@@ -139,4 +151,4 @@ def _has_end(data: bytes) -> bool:
     if data.startswith(_PNG):
         return b"IEND" in data
     # the end marker must follow the start of the last scan
-    return data.rfind(b"\xff\xd9") > data.rfind(b"\xff\xda")
+    return data.rfind(b"\xff\xd9") > data.rfind(_SCAN)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median, mode
 from typing import Any, TypeVar
@@ -108,7 +108,15 @@ class FrameEvent:
 
     def frame(self, frame_id: int, captured_s: float) -> Frame:
         """Read the picture as a camera's frame; raises RecordingError if it is damaged."""
-        return Frame(frame_id=frame_id, captured_s=captured_s, **asdict(self.picture()))
+        picture = self.picture()
+        return Frame(
+            frame_id=frame_id,
+            captured_s=captured_s,
+            width=picture.width,
+            height=picture.height,
+            encoding=picture.encoding,
+            data=picture.data,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,7 +195,8 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
                 continue
             writer.write_frame(frame)
             _write_label(writer, shot, frame.frame_id, t_s)
-            drive.report.labels.update([shot.label] if shot.label else [])
+            if shot.label:
+                drive.report.labels[shot.label] += 1
             on_shot()
         if not writer.frames:
             why = drive.report.why_nothing()

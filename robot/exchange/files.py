@@ -22,6 +22,7 @@ _MOST_TEXT_BYTES, _MOST_PICTURE_BYTES = 64 * 2**20, 32 * 2**20
 PICTURES = (".jpg", ".jpeg", ".png")
 """Suffixes of readable pictures, in lower case."""
 _MOST_PICTURES = 2_000_000
+_OPENS_NO_LINK, _SIGNS_OF_PATHS = hasattr(os, "O_NOFOLLOW"), "/\\:"
 
 
 def files_ending(folder: Path, *suffixes: str) -> list[Path]:
@@ -70,16 +71,30 @@ def parse(text: str) -> Any:
 def read_picture_file(folder: Path, name: str) -> Picture:
     """Read a picture of a folder by an untrusted name. Raises RecordingError if the name leads out
     of the folder, or the file is missing, not a picture, or too large."""
+    return read_picture(_read_plain(folder, name) or _read_resolved(folder, name), "the picture")
+
+
+def _read_plain(folder: Path, name: str) -> bytes | None:
+    """Read a file directly in the folder, if it is no link; this is the usual case, and takes a
+    fifth of the time. Return None for any other name or file."""
+    if not _OPENS_NO_LINK or any(sign in name for sign in _SIGNS_OF_PATHS):
+        return None
+    try:
+        return read_regular(f"{folder}{os.sep}{name}", _MOST_PICTURE_BYTES)
+    except (OSError, ValueError):
+        return None
+
+
+def _read_resolved(folder: Path, name: str) -> bytes:
     # Resolving a loop of symbolic links raises RuntimeError.
     with told_as(RecordingError, "the picture cannot be read", OSError, RuntimeError, ValueError):
         path = (folder / name.replace("\\", "/")).resolve()  # a table may come from Windows
         if not path.is_relative_to(folder.resolve()):
             raise ValueError(f"the path leads out of the folder {folder}")
         try:
-            data = read_regular(path, _MOST_PICTURE_BYTES)
+            return read_regular(path, _MOST_PICTURE_BYTES)
         except FileNotFoundError:
             raise RecordingError("the picture is missing") from None
-    return read_picture(data, "the picture")
 
 
 class Pictures:

@@ -58,7 +58,7 @@ class FrameTable(Mapping[int, FrameEntry]):
         for name, source in (("id", "sequence"), *((n, n) for n in ("log_ns", "start", "stop"))):
             table[name] = rows[source]
         table["chunk"] = block.offset
-        for number in np.unique(rows["channel"]).tolist():
+        for number in _different(rows["channel"]):
             channel = block.channels[number]
             if channel not in self._channels:
                 self._channels.append(channel)
@@ -131,7 +131,7 @@ class FrameTable(Mapping[int, FrameEntry]):
     @property
     def sizes(self) -> set[tuple[int, int]]:
         """The widths and heights of the pictures, in pixels, from the channels."""
-        return {_size(self._channels[n]) for n in np.unique(self.table["channel"]).tolist()}
+        return {_size(self._channels[n]) for n in _different(self.table["channel"])}
 
     def rank(self, frame_id: int) -> int | None:
         """Return the index of the picture in the recording, from 0; None if it is missing."""
@@ -156,6 +156,11 @@ class FrameTable(Mapping[int, FrameEntry]):
 
     def __len__(self) -> int:
         return len(self.table)
+
+
+def _different(numbers: NDArray[np.unsignedinteger]) -> list[int]:
+    """Return the different numbers, in ascending order. `np.unique` would import a large module."""
+    return np.flatnonzero(np.bincount(numbers)).tolist()
 
 
 @cache

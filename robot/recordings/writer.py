@@ -143,10 +143,13 @@ class EpisodeWriter:
         """Add one picture with the camera's bytes; its id is the message's sequence number."""
         stamp_ns = self._to_ns(frame.captured_s)
         data = encode_image(frame, stamp_ns)
+        self.tally.note_frame(frame.frame_id)
         self._add(camera_channel(frame), stamp_ns, data, frame.frame_id)
 
     def write_message(self, topic: Topic, now_s: float, fields: Fields) -> None:
         stamp_ns = self._to_ns(now_s)
+        if topic == Topic.LESSON:
+            self.tally.note(read_event(fields))
         self._add(json_channel(topic), stamp_ns, to_json(fields))
         if topic == Topic.SENSORS and fields["pose"]:
             self._add(pose_channel(), stamp_ns, encode_pose(fields["pose"], stamp_ns))
@@ -159,6 +162,10 @@ class EpisodeWriter:
             if record.name != INDEX:
                 self._attach(record.name, record.data)
         else:
+            if record.topic == Topic.CAMERA:
+                self.tally.note_frame(record.sequence)
+            elif record.topic == Topic.LESSON:
+                self.tally.note(read_event(json.loads(record.data)))
             self._add(record.channel, record.log_ns, record.data, record.sequence)
 
     def flush(self) -> None:
@@ -225,10 +232,6 @@ class EpisodeWriter:
 
     def _add(self, channel: MessageChannel, stamp_ns: int, data: bytes, sequence: int = 0) -> None:
         self.tally.note_time(stamp_ns)
-        if channel.topic == Topic.CAMERA:
-            self.tally.note_frame(sequence)
-        elif channel.topic == Topic.LESSON:
-            self.tally.note(read_event(json.loads(data)))
         self._writer.add_message(self._channel(channel), stamp_ns, data, stamp_ns, sequence)
         if self._written.waiting:
             self._follow()

@@ -100,16 +100,16 @@ def read_records(path: Path) -> Iterator[bytes]:
         at += 1 if payload is None else _HEAD.size + len(payload)
 
 
-def read_regular(path: Path, max_bytes: int) -> bytes:
+def read_regular(path: Path | str, max_bytes: int) -> bytes:
     """Return the bytes of a regular file, without waiting for a pipe or following a link."""
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     handle = os.open(path, flags | getattr(os, "O_BINARY", 0))
     with os.fdopen(handle, "rb") as file:
         status = os.fstat(handle)
         if not stat.S_ISREG(status.st_mode):
-            raise OSError(f"{path.name} is not a regular file")
+            raise OSError(f"{Path(path).name} is not a regular file")
         if status.st_size > max_bytes:
-            raise OSError(f"{path.name} has more than {max_bytes >> 20} MB")
+            raise OSError(f"{Path(path).name} has more than {max_bytes >> 20} MB")
         return file.read(status.st_size)  # a buffer of `max_bytes` may take a second to create
 
 

@@ -72,17 +72,20 @@ def read_event(plain: PlainEvent) -> HistoryEvent:
         raise ValueError(f"unknown event {kind!r}")
 
 
-def to_json(fields: PlainEvent) -> bytes:
-    """Return the fields as JSON. The fields must not contain infinite numbers, which JSON cannot
-    represent."""
-    return json.dumps(fields, separators=(",", ":"), default=to_plain).encode()
-
-
 def to_plain(value: Any) -> Any:
     """Convert a NumPy value to a plain value that JSON can represent."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     raise TypeError(f"cannot serialize a {type(value).__name__}")
+
+
+_encode = json.JSONEncoder(separators=(",", ":"), default=to_plain).encode
+
+
+def to_json(fields: PlainEvent) -> bytes:
+    """Return the fields as JSON. The fields must not contain infinite numbers, which JSON cannot
+    represent."""
+    return _encode(fields).encode()
 
 
 def _describe_vector(x: Vector) -> PlainEvent:

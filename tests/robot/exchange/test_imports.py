@@ -233,12 +233,22 @@ def test_an_image_that_is_no_image_is_refused(tmp_path: Path, data: bytes) -> No
     refused(tub, tmp_path, "picture|pixels")
 
 
+def test_a_link_to_a_picture_of_the_tub_is_read(tmp_path: Path) -> None:
+    tub = tub_2(tmp_path / "tub", [{"user/angle": 0.0, "cam/image_array": "link.jpg"}])
+    (tub / "images" / "deep").mkdir()
+    (tub / "images" / "deep" / "a.jpg").write_bytes(jpeg(1))
+    (tub / "images" / "link.jpg").symlink_to("deep/a.jpg")
+    assert imported(tub, tmp_path) == [Action.FORWARD]
+
+
 @pytest.mark.parametrize("turn", range(1, 9))
-def test_a_picture_that_its_camera_says_to_turn_is_whole(turn: int) -> None:
-    """imagesize 1.4 returns the sides as stored, so that turned pictures seemed damaged."""
+@pytest.mark.parametrize("preview", [b"", jpeg(1)])
+def test_a_picture_that_its_camera_says_to_turn_is_whole(turn: int, preview: bytes) -> None:
+    """imagesize 1.4 returns the sides as stored, so that turned pictures seemed damaged. A preview
+    in the header has sides and scans of its own."""
     jpeg = cv2.imencode(".jpg", np.zeros((120, 160, 3), np.uint8))[1].tobytes()
     entry = struct.pack("<HHIHH", 0x112, 3, 1, turn, 0)  # the orientation, one short number
-    exif = b"Exif\0\0II*\0" + struct.pack("<IH", 8, 1) + entry + bytes(4)
+    exif = b"Exif\0\0II*\0" + struct.pack("<IH", 8, 1) + entry + bytes(4) + preview
     marked = jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + jpeg[2:]
     picture = read_picture(marked, "x")
     assert (picture.width, picture.height) == ((160, 120) if turn < 5 else (120, 160))
