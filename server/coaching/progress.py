@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import asyncio
 import math
-from bisect import bisect_left
+from array import array
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from robot.coaching.gallery import LearnedImage, images
@@ -38,6 +40,47 @@ class Mark:
     episode: str | None
 
 
+class _Curve:
+    """At most `_MARKS` marks in ascending order, as columns, because an EV3 has 64 MB. Never
+    changed: the loop's thread makes a new curve while others read the old one."""
+
+    def __init__(
+        self,
+        n_examples: Iterable[int] = (),
+        agreement: Iterable[float] = (),
+        at_s: Iterable[float] = (),
+        episodes: tuple[str | None, ...] = (),
+    ) -> None:
+        self._n_examples = array("L", n_examples)
+        self._agreement, self._at_s = array("d", agreement), array("d", at_s)
+        self._episodes = episodes
+
+    def __len__(self) -> int:
+        return len(self._n_examples)
+
+    def __getitem__(self, index: int) -> Mark:
+        numbers = self._n_examples[index], self._agreement[index], self._at_s[index]
+        return Mark(*numbers, self._episodes[index])
+
+    def with_mark(self, mark: Mark) -> _Curve:
+        return _Curve(
+            self._n_examples[1 - _MARKS :] + array("L", (mark.n_examples,)),
+            self._agreement[1 - _MARKS :] + array("d", (mark.agreement,)),
+            self._at_s[1 - _MARKS :] + array("d", (mark.at_s,)),
+            (*self._episodes[1 - _MARKS :], mark.episode),
+        )
+
+    def until(self, n_examples: int) -> _Curve:
+        """Return the curve up to this number of examples."""
+        end = bisect_right(self._n_examples, n_examples)
+        columns = self._n_examples[:end], self._agreement[:end], self._at_s[:end]
+        return _Curve(*columns, self._episodes[:end])
+
+    def place(self, example: int) -> int:
+        """Return the index of the first mark at or after an example."""
+        return bisect_left(self._n_examples, example)
+
+
 class Progress:
     """Tracks one robot's training. `listeners` are subscribed to the loop's ticks."""
 
@@ -47,7 +90,7 @@ class Progress:
         self.readiness = Readiness()
         self.trail = Trail()
         self.listeners = self.readiness.note, self.trail.note, self.note
-        self._marks: list[Mark] = []
+        self._marks = _Curve()
         self._gallery: list[LearnedImage] = []
         self._seen: dict[int, LearnedImage] = {}
         self._newest = -1  # the id of the newest image in any answer so far
@@ -64,11 +107,11 @@ class Progress:
         n_examples = self._loop.history.policy.n_seen
         for event in tick.history_events:
             if isinstance(event, Replaced):
-                self._marks = []
+                self._marks = _Curve()
                 # A new learner numbers its images from the start again.
                 self._seen, self._newest = {}, -1
             elif isinstance(event, Undone):
-                self._marks = [mark for mark in self._marks if mark.n_examples <= n_examples]
+                self._marks = self._marks.until(n_examples)
             elif isinstance(event, Taught):
                 self._mark(n_examples)
 
@@ -79,18 +122,18 @@ class Progress:
             return
         run = self._persistence.run if self._persistence is not None else None
         mark = Mark(n_examples, agreement, self._loop.clock.wall_s(), run)
-        self._marks = [*self._marks[-_MARKS:], mark]
+        self._marks = self._marks.with_mark(mark)
 
     def history(self) -> list[Mark]:
         """Return at most `_POINTS` marks, spread over the whole training, oldest first."""
         marks = self._marks
         step = max(1, -(-len(marks) // _POINTS))
-        return marks[::-1][::step][::-1]
+        return [marks[index] for index in range(len(marks) - 1, -1, -step)][::-1]
 
     def mark_of(self, example: int) -> Mark | None:
         """Return the mark that covers an example; None if it was taught in an earlier run."""
         marks = self._marks
-        at = bisect_left(marks, example, key=lambda mark: mark.n_examples)
+        at = marks.place(example)
         if example < 1 or at == len(marks):
             return None
         is_covered = at > 0 or marks[0].n_examples - example < MARK_EVERY
