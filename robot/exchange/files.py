@@ -19,6 +19,7 @@ from robot.store.records import read_regular
 from robot.types import Encoding, Frame
 
 _MOST_TEXT_BYTES, _MOST_PICTURE_BYTES = 64 * 2**20, 32 * 2**20
+_HEAD_BYTES = 256 * 2**10
 PICTURES = (".jpg", ".jpeg", ".png")
 """Suffixes of readable pictures, in lower case."""
 _MOST_PICTURES = 2_000_000
@@ -58,6 +59,17 @@ def read_text(path: Path) -> str:
     if is_too_large:
         raise RecordingError(f"{path} is too large")
     return text
+
+
+def read_head(path: Path) -> str:
+    """Read the whole lines at the beginning of a text file, up to 256 kB; raises as `read_text`."""
+    with (
+        told_as(RecordingError, f"{path} cannot be read", OSError, ValueError),
+        path.open("rb") as file,
+    ):
+        data = file.read(_HEAD_BYTES)
+    text = data.decode("utf-8-sig", errors="replace")
+    return text if len(data) < _HEAD_BYTES else text[: text.rfind("\n") + 1] or text
 
 
 def parse(text: str) -> Any:

@@ -11,7 +11,7 @@ from robot.driver import CLASSIC, Move, names
 from robot.errors import RecordingError, told_as
 from robot.exchange.columns import Cells, ColumnTable, UnclearColumnsError, read_table_file
 from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
-from robot.exchange.files import Pictures, read_picture_file, read_text
+from robot.exchange.files import Pictures, read_head, read_picture_file, read_text
 from robot.exchange.folder import MOVES
 from robot.exchange.reading import Reading
 from robot.exchange.stamps import seconds_in_name, seconds_of
@@ -88,7 +88,7 @@ def read_table(path: Path, reading: Reading, report: ImportReport) -> Drive:
 def names_pictures(path: Path) -> bool:
     """True if a table names pictures in its first lines."""
     try:
-        head = "\n".join([*read_text(path).splitlines()[:50], ""])
+        head = "\n".join([*read_head(path).splitlines()[:50], ""])
         table = read_table_file(head, path.name, Reading(), ImportReport())
     except RecordingError as error:
         return isinstance(error.__cause__, UnclearColumnsError)

@@ -12,8 +12,10 @@ import pytest
 
 from robot.errors import RecordingError
 from robot.exchange.drive import ImportReport, write_episode
+from robot.exchange.files import read_head
 from robot.exchange.reading import Reading
 from robot.exchange.sources import find_drives, unpacked
+from robot.exchange.table import names_pictures
 from robot.recordings.episode import open_episode
 from robot.recordings.messages import Topic
 from robot.types import Action
@@ -186,3 +188,14 @@ def test_a_recording_of_another_robot_is_the_same_and_an_import(tmp_path: Path) 
     assert back.attachments == given.attachments and not back.damage
     assert all(back.frame(i) == given.frame(i) for i in given.frames)
     assert sum(report.labels.values()) == len(taught_labels(given)) > 0
+
+
+def test_the_kind_of_a_text_is_found_from_its_first_lines(tmp_path: Path) -> None:
+    """A list may have any length, and a log beside pictures, too."""
+    path = tmp_path / "list.txt"
+    for text in ("1.jpg 0.5", "1.jpg 0.5\n" * 10**5, "x" * 10**6):
+        path.write_text(text)
+        head = read_head(path)
+        assert text.startswith(head) and 0 < len(head) <= 2**18
+        assert "\n" not in text or head.endswith("\n")
+        assert names_pictures(path) == text.startswith("1.jpg")
