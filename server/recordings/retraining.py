@@ -144,7 +144,8 @@ def retrain(
     learner: str,
     wall_s: float,
 ) -> None:
-    """Train an empty learner; tell the share of the work that is done, and at last the result."""
+    """Train an empty learner. Pass the finished share of the work to `tell`, and at the end the
+    result."""
     episodes = [(open_episode(path), notes) for path, notes in edited]
     unedited = [(episode, Notes()) for episode, _ in episodes]
     # Begin with the largest possible number of steps.

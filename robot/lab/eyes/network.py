@@ -1,8 +1,8 @@
 """EfficientNet-Lite0 up to its eighth block, run by OpenCV from a file beside this module.
 
-Source: Tan and Le (2019), and Google's "Lite" variants of 2020: ReLU6, no squeeze and excitation.
-Normalisation is folded into the filters before it, so that the net has only convolutions.
-NOTICE.txt says where the weights come from.
+Source: Tan and Le (2019), and Google's "Lite" variants of 2020, with ReLU6 and without squeeze and
+excitation. Normalisation is folded into the filters before it, so that the net has only
+convolutions. NOTICE.txt says where the weights come from.
 """
 
 from __future__ import annotations

@@ -82,7 +82,7 @@ class SocketLine(BrickLine):
 
     def _read(self, count: int) -> bytes:
         if count > MAX_MESSAGE:
-            raise ValueError("a reply of an unexpected length")
+            raise ValueError("the brick sent a reply of a wrong length")
         data = b""
         while len(data) < count:
             part = self._device.recv(count - len(data))
