@@ -168,7 +168,7 @@ class OnlineLearning:
         if frame is None or (self.frame is not None and frame.frame_id == self.frame.frame_id):
             return False
         policy = self.history.policy
-        x = policy.features.extract(frame)
+        x = policy.extract(frame)
         self.frame = frame
         self._frame_times_s.append(frame.captured_s)
         started_s = self._clock.now_s()

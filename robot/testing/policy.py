@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -41,12 +42,12 @@ class FakePolicy(Policy):
             point=self.point,
         )
 
-    def learn(
-        self, x: Vector, label: Action, at_s: float | None = None, point: Point | None = None
+    def learn_all(
+        self, examples: Sequence[tuple[Vector, Action, float | None, Point | None]]
     ) -> None:
-        if self.first is None:
-            self.first, self.point = label, point
-        self.n_seen += 1
+        if self.first is None and examples:
+            _, self.first, _, self.point = examples[0]
+        self.n_seen += len(examples)
 
     def get_state(self) -> State:
         return State(kind="fake", params={"first": self.first, "lessons": self.n_seen})

@@ -8,9 +8,12 @@ import pytest
 from robot.policy.registry import make_policy
 from robot.types import Action
 
-pytest.importorskip("minisom", reason="NOT TESTED: the extra rivals is not installed")
-pytest.importorskip("minigng", reason="NOT TESTED: the extra rivals is not installed")
-pytest.importorskip("sklearn", reason="NOT TESTED: the extra rivals is not installed")
+
+@pytest.fixture(scope="module", autouse=True)
+def _rivals() -> None:
+    """The libraries take two seconds to import, so only the worker that runs these tests does."""
+    for library in ("minisom", "minigng", "sklearn"):
+        pytest.importorskip(library, reason="NOT TESTED: the extra rivals is not installed")
 
 
 def pictures(n: int) -> list[tuple[np.ndarray, Action]]:
