@@ -30,6 +30,8 @@ FIELD_OF_VIEW_DEG = (62.0, 48.5)
 _Point = tuple[float, float, float]
 _Quad = tuple[tuple[_Point, _Point, _Point, _Point], Colour]
 _FLOOR_PX = 512
+_FLOOR_ROWS = 16
+"""Number of rows of the floor that are computed at the same time."""
 _CYLINDER_SIDES = 16
 
 
@@ -250,17 +252,21 @@ def _floor_pixels(world: World, rng: np.random.Generator) -> NDArray[np.uint8]:
     """Return the floor's texture: speckles for a carpet, squares for tiles."""
     colours = np.array(world.floor_colours, np.float64)
     if world.floor_pattern == "plain":
-        picked = np.zeros((_FLOOR_PX, _FLOOR_PX), np.int64)
+        picked = np.zeros((_FLOOR_PX, _FLOOR_PX), np.uint8)
     elif world.floor_pattern == "tiles":
         tile_m = 0.30
         across = (np.arange(_FLOOR_PX) / _FLOOR_PX * world.width_m / tile_m).astype(np.int64)
         along = (np.arange(_FLOOR_PX) / _FLOOR_PX * world.depth_m / tile_m).astype(np.int64)
-        picked = (across[None, :] + along[:, None]) % len(colours)
+        picked = ((across[None, :] + along[:, None]) % len(colours)).astype(np.uint8)
     else:
-        coarse = rng.integers(0, len(colours), (_FLOOR_PX // 8, _FLOOR_PX // 8))
+        coarse = rng.integers(0, len(colours), (_FLOOR_PX // 8, _FLOOR_PX // 8)).astype(np.uint8)
         picked = coarse.repeat(8, axis=0).repeat(8, axis=1)
-    grain = rng.normal(0.0, 9.0, (_FLOOR_PX, _FLOOR_PX, 1))
-    pixels: NDArray[np.uint8] = (colours[picked] + grain).clip(0, 255).astype(np.uint8)
+    pixels = np.empty((_FLOOR_PX, _FLOOR_PX, 3), np.uint8)
+    # Large temporary arrays would remain in the process's memory.
+    for first in range(0, _FLOOR_PX, _FLOOR_ROWS):
+        rows = slice(first, first + _FLOOR_ROWS)
+        grain = rng.normal(0.0, 9.0, (_FLOOR_ROWS, _FLOOR_PX, 1))
+        pixels[rows] = (colours[picked[rows]] + grain).clip(0, 255)
     return pixels
 
 

@@ -189,7 +189,8 @@ class Simulation:
         # This looks as good as 57,600 new random numbers, and is far faster.
         if self._grain is None:
             rng = np.random.default_rng((self._seed, 3))
-            block = rng.normal(0.0, _PIXEL_NOISE, 4 * picture.size).astype(np.int16)
+            parts = (rng.normal(0.0, _PIXEL_NOISE, picture.size).astype(np.int16) for _ in range(4))
+            block = np.concatenate(list(parts))
             self._grain = block, np.empty(picture.shape, np.int16)
         block, noisy = self._grain
         start = int(self._pixel_rng.integers(0, 3 * picture.size))

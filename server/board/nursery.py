@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import gc
 import json
+import math
 import os
 import queue
 import random
@@ -33,10 +34,13 @@ END_S = 15.0
 BELOW = 5
 """Niceness of the robots: the board and the browsers have priority."""
 _POLL_S = 1.0
-_COLD = 5.0
+_COLD = 6.0
 """Factor by which a picture costs more in a class than in a loop in one process, because caches are
 cold, sockets and the disk add time, and a tenth of the computer stays free for a STOP. Measured
 with thirty robots on two cores."""
+_BATCHES, _BATCH = 5, 20
+"""Number of batches of pictures by which this computer is measured, and the pictures of a batch.
+The fastest batch counts, because other programs only slow a batch down."""
 _MODULES = (
     *("anyio._backends._asyncio", "cv2", "encodings.ascii", "encodings.idna"),
     *("encodings.utf_8_sig", "fastapi.telemetry._runtime", "filelock", "google.protobuf"),
@@ -189,9 +193,9 @@ def measure_picture_s(world: str) -> float:
     camera = SimCamera(body, SimCameraOptions(), clock)
     loop = ControlLoop(body, camera, make_policy("default-32"), clock)
     moves = (Action.FORWARD, Action.LEFT, Action.FORWARD, Action.RIGHT)
-    start_s, pictures = 0.0, 40
-    for number in range(2 * pictures):
-        if number == pictures:
+    least_s, start_s = math.inf, 0.0
+    for number in range(_BATCHES * _BATCH):
+        if number % _BATCH == 0:
             start_s = time.thread_time()
         body.advance(0.1)
         frame, now_s = camera.take_jpeg(), clock.now_s()
@@ -202,7 +206,9 @@ def measure_picture_s(world: str) -> float:
             PilotCommand(held=held, frame_id=frame.frame_id, seq=number + 1, received_s=now_s)
         )
         loop.tick(now_s)
-    return (time.thread_time() - start_s) / pictures
+        if number % _BATCH == _BATCH - 1:
+            least_s = min(least_s, time.thread_time() - start_s)
+    return least_s / _BATCH
 
 
 def _measure_apart(world: str) -> float | None:
@@ -228,10 +234,12 @@ def _run(world: str, life: int) -> None:
     for name in _MODULES:
         with contextlib.suppress(ImportError):
             importlib.import_module(name)
+    from robot.policy.registry import make_policy
     from server.hosting.serving import websocket_protocol
     from server.routes import routers
     from server.services import installed
 
+    make_policy("default-32")  # keeps its constants, like each of the next calls
     websocket_protocol()
     installed()
     routers()
