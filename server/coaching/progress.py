@@ -10,7 +10,6 @@ import asyncio
 import math
 from array import array
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 from robot.coaching.gallery import LearnedImage, images
@@ -41,19 +40,12 @@ class Mark:
 
 
 class _Curve:
-    """At most `_MARKS` marks in ascending order, as columns, because an EV3 has 64 MB. Never
-    changed: the loop's thread makes a new curve while others read the old one."""
+    """Marks in ascending order, as columns, because an EV3 has 64 MB. Marks are only added, so one
+    thread may add while others read."""
 
-    def __init__(
-        self,
-        n_examples: Iterable[int] = (),
-        agreement: Iterable[float] = (),
-        at_s: Iterable[float] = (),
-        episodes: tuple[str | None, ...] = (),
-    ) -> None:
-        self._n_examples = array("L", n_examples)
-        self._agreement, self._at_s = array("d", agreement), array("d", at_s)
-        self._episodes = episodes
+    def __init__(self) -> None:
+        self._n_examples, self._agreement, self._at_s = array("L"), array("d"), array("d")
+        self._episodes: list[str | None] = []
 
     def __len__(self) -> int:
         return len(self._n_examples)
@@ -62,19 +54,22 @@ class _Curve:
         numbers = self._n_examples[index], self._agreement[index], self._at_s[index]
         return Mark(*numbers, self._episodes[index])
 
-    def with_mark(self, mark: Mark) -> _Curve:
-        return _Curve(
-            self._n_examples[1 - _MARKS :] + array("L", (mark.n_examples,)),
-            self._agreement[1 - _MARKS :] + array("d", (mark.agreement,)),
-            self._at_s[1 - _MARKS :] + array("d", (mark.at_s,)),
-            (*self._episodes[1 - _MARKS :], mark.episode),
-        )
+    def add(self, mark: Mark) -> None:
+        self._episodes.append(mark.episode)
+        self._at_s.append(mark.at_s)
+        self._agreement.append(mark.agreement)
+        self._n_examples.append(mark.n_examples)  # the last column, which has the length
+
+    def part(self, first: int, end: int) -> _Curve:
+        """Return these marks as a new curve."""
+        curve = _Curve()
+        for index in range(first, end):
+            curve.add(self[index])
+        return curve
 
     def until(self, n_examples: int) -> _Curve:
-        """Return the curve up to this number of examples."""
-        end = bisect_right(self._n_examples, n_examples)
-        columns = self._n_examples[:end], self._agreement[:end], self._at_s[:end]
-        return _Curve(*columns, self._episodes[:end])
+        """Return the marks up to this number of examples as a new curve."""
+        return self.part(0, bisect_right(self._n_examples, n_examples))
 
     def place(self, example: int) -> int:
         """Return the index of the first mark at or after an example."""
@@ -121,8 +116,9 @@ class Progress:
         if agreement is None or n_examples - last < MARK_EVERY:
             return
         run = self._persistence.run if self._persistence is not None else None
-        mark = Mark(n_examples, agreement, self._loop.clock.wall_s(), run)
-        self._marks = self._marks.with_mark(mark)
+        if len(self._marks) >= _MARKS + _POINTS:
+            self._marks = self._marks.part(_POINTS, len(self._marks))
+        self._marks.add(Mark(n_examples, agreement, self._loop.clock.wall_s(), run))
 
     def history(self) -> list[Mark]:
         """Return at most `_POINTS` marks, spread over the whole training, oldest first."""
@@ -133,8 +129,8 @@ class Progress:
     def mark_of(self, example: int) -> Mark | None:
         """Return the mark that covers an example; None if it was taught in an earlier run."""
         marks = self._marks
-        at = marks.place(example)
-        if example < 1 or at == len(marks):
+        count, at = len(marks), marks.place(example)
+        if example < 1 or at >= count:
             return None
         is_covered = at > 0 or marks[0].n_examples - example < MARK_EVERY
         return marks[at] if is_covered else None
