@@ -191,7 +191,10 @@ class Recognition(PolicyPart):
         self.taught: dict[int, int] = {}
 
     def on_frame(self, seen: Seen) -> None:
-        seen.evidence = self._learner.explain_in(seen.x, seen.context)
+        if seen.context is None:  # a plugin may override only one of the two
+            seen.evidence = self._learner.explain_one(seen.x)
+        else:
+            seen.evidence = self._learner.explain_in(seen.x, seen.context)
         known = seen.evidence.probabilities
         seen.shares = {
             move: max(known[move], _LEAST) if move in known else 0.0 for move in self._moves

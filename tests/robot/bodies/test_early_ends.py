@@ -9,7 +9,8 @@ import pytest
 
 from robot.bodies.early_ends import SOON_S, EarlyEnds
 from robot.control.state import Tick
-from robot.types import Action, Decision, DrivenBy, Mode
+from robot.types import Action, Decision, DrivenBy, Mode, StopReason
+from tests.robot.bench_robot import BenchRobot
 
 
 def tick(now_s: float, mode: Mode, sent: Action = Action.STOP) -> Tick:
@@ -68,6 +69,25 @@ def test_an_update_between_two_brown_outs_hides_none_of_them(tmp_path: Path) -> 
     assert EarlyEnds(file).count == 1
     run(file, drives_s=0.2, ends_well=False)
     assert EarlyEnds(file).is_weak
+
+
+def test_it_hears_each_tick_only_until_the_drive_has_lasted(tmp_path: Path) -> None:
+    file, robot = tmp_path / "mark.json", BenchRobot()
+    run(file, drives_s=0.2, ends_well=False)
+    ends, heard = EarlyEnds(file), []
+    note = ends.note
+    ends.note = lambda tick: [heard.append(tick.now_s), note(tick)]  # type: ignore[assignment]
+    ends.start(robot.loop)
+    robot.start(Mode.TRAIN)
+    began_s = robot.clock.now_s()
+    for scene in range(round(10 * SOON_S) + 20):
+        robot.step(scene, Action.FORWARD, 0.1)
+    assert ends.count == 0, "borne"
+    assert SOON_S <= heard[-1] - began_s < SOON_S + 0.5 and len(heard) > 40
+    robot.loop.trip(StopReason.PILOT_ASKED)
+    robot.tick()
+    ends.close()
+    assert not robot.loop._listeners and EarlyEnds(file).count == 0
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"early_ends": -5, "drive_began": 1}', "{", "null"])

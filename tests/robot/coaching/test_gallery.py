@@ -22,7 +22,7 @@ def policy():
 
 def use(policy, node, number):
     says = Evidence(label="forward", probabilities={}, confidence=1.0, node=node)
-    policy.learner.explain_in = lambda x, context: says
+    policy.learner.explain_one = lambda x: says
     policy.recognition.on_frame(Seen(number=number, x=NOTHING, picture=NOTHING))
 
 
