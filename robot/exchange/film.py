@@ -65,8 +65,7 @@ def _to_frame(picture: Pixels) -> Any:
 
 
 def _of_pixels(pixels: Pixels) -> Any:
-    # FFmpeg converts pixels quickly only if blue comes first
-    return need(*AV).VideoFrame.from_numpy_buffer(swap_red_and_blue(pixels), format="bgr24")
+    return need(*AV).VideoFrame.from_numpy_buffer(np.ascontiguousarray(pixels), format="rgb24")
 
 
 def _encode(
@@ -222,8 +221,7 @@ def _captioned(picture: Pixels, moment: EpisodeFrame) -> Any:
     av = need(*AV)
     scale = max(1, -(-_SMALLEST_HEIGHT_PX // picture.shape[0]))
     height, width = (side * scale // 2 * 2 for side in picture.shape[:2])
-    interpolation = None if scale == 1 else "POINT"
-    large = _of_pixels(picture).reformat(width, height, "yuv420p", interpolation=interpolation)
+    large = _of_pixels(picture).reformat(width, height, "yuv420p", interpolation="POINT")
     shown = av.VideoFrame(width, height + _BAR_PX, "yuv420p")
     planes = _planes(shown)
     for plane, of, blank in zip(

@@ -227,7 +227,7 @@ def test_a_film_to_look_at_plays(episode: Episode, tmp_path: Path) -> None:
 def test_a_film_shows_the_colours_of_pictures_of_any_size(height: int, width: int) -> None:
     """Pictures of odd sizes, enlarged by odd and even factors."""
     colour = np.array([200, 40, 90], np.uint8)
-    picture = np.broadcast_to(colour, (height, width, 3))
+    picture = np.full((height, width, 3), colour)
     moment = EpisodeFrame(frame_id=1, at_s=0.0, label=None, is_relabelled=False, is_deleted=False)
     shown = _captioned(picture, moment).to_ndarray(format="rgb24")
     assert shown.shape[0] >= 480 and not shown.shape[0] % 2 and not shown.shape[1] % 2
