@@ -136,6 +136,7 @@ class Nursery:
 
 def _serve(words: Sequence[str], log: str, life: int) -> int:
     """Run a robot until it or the class ends."""
+    gc.enable()
     os.setsid()
     os.nice(BELOW)
     random.seed()
@@ -231,6 +232,8 @@ def _run(world: str, life: int) -> None:
     """Import, fork robots until the input ends, and wait until they have ended."""
     import importlib
 
+    # Collected memory is filled by each robot's own objects, which copies the pages around it.
+    gc.disable()
     for name in _MODULES:
         with contextlib.suppress(ImportError):
             importlib.import_module(name)
@@ -243,7 +246,6 @@ def _run(world: str, life: int) -> None:
     websocket_protocol()
     installed()
     routers()
-    gc.collect()
     gc.freeze()
     _say(picture_s=_measure_apart(world))
     clock = RealClock()
