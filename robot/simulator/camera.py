@@ -21,11 +21,12 @@ continues almost from where it was."""
 _USUAL_FRAMES = 10
 """Number of pictures over which the time that a picture takes, and the lateness, are averaged."""
 _PER_TAKING, _PER_TAKING_S = 2, 0.1
-_PER_LATENESS, _LONGEST_PERIOD_S = 6, 0.2
-"""The period is at least the time that a picture takes, times the first number, plus the lateness
-of the camera's thread, times the second; each has an upper bound in seconds, and a chosen frame
-rate may be lower. All robots of a computer see the same lateness, so all take the same number of
-pictures. The lateness stays near 20 ms, because a command and a STOP pass several threads."""
+_USUALLY_LATE_S, _PER_LATENESS, _LONGEST_PERIOD_S = 0.01, 8, 0.2
+"""The period is at least the time from when a picture is due until it is taken, times the first
+number, up to the second (s). For each second by which the thread is later than usual, the period
+grows further by the fourth number, up to the last (s); a chosen frame rate may be lower. Timers of
+some systems are 8 ms late on average. All robots of a computer see the same lateness, so all take
+the same number of pictures, and the lateness stays near 20 ms: a command passes several threads."""
 _RESTING_STEP_S = 1.0
 """Period at which the world advances while no picture is needed, in seconds."""
 _EARLY_S = 0.01
@@ -136,7 +137,7 @@ class SimCamera(WorldCamera[SimDriver]):
             self._take()
             taken_s = now_s
             late_s = min(max(0.0, now_s - due_s), _LONGEST_PERIOD_S)
-            wanted_s = min(_PER_TAKING * (self.clock.now_s() - now_s), _PER_TAKING_S)
-            wanted_s += _PER_LATENESS * late_s
+            wanted_s = min(_PER_TAKING * (self.clock.now_s() - now_s + late_s), _PER_TAKING_S)
+            wanted_s += _PER_LATENESS * max(0.0, late_s - _USUALLY_LATE_S)
             least_s += (wanted_s - least_s) / _USUAL_FRAMES
             due_s = max(due_s + max(self._period_s, min(least_s, _LONGEST_PERIOD_S)), now_s)
