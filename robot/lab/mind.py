@@ -107,8 +107,8 @@ def ask(policy: Policy, world: str, seed: int, seconds: float) -> dict[str, int]
     Returns:
         `blocked`: number of views on which the pilot turns RIGHT because the way ahead is blocked;
         `right` and `left`: number of these views on which the policy would turn to that side;
-        `turning` and `turning_right`: the numbers of all views on which the pilot turns, and of
-            those on which the policy would turn right.
+        `turning`: number of all views on which the pilot turns, to either side;
+        `turning_right`: number of these views on which the policy would turn RIGHT.
     """
     policy.reset()
     pilot = HABITS["right"].pilot(f"asked {seed}")

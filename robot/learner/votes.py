@@ -350,7 +350,7 @@ class ChangeOfMind(Stateful):
 
     @property
     def _kept_taken_up(self) -> NDArray[np.int64]:
-        """How often each label was started, and the last label; 0 if there is none."""
+        """How often each label began, and then the last label plus 1, or 0 without a last label."""
         return np.append(self._taken_up, self._last + 1)
 
     @_kept_taken_up.setter

@@ -161,8 +161,8 @@ class EyeExtension(Extension):
         self._is_used = isinstance(services.robot.camera, PhoneCamera)
         if self._is_used and not self._gateway.is_secure:
             raise ConfigurationError(
-                "phones allow the camera on https pages only: --camera phone --lan needs --tls, "
-                "and --behind-proxy an https address"
+                "phones allow the camera on https pages only: add --tls to --lan, or give "
+                "--behind-proxy an https address"
             )
 
     def greet(self) -> list[str]:

@@ -10,10 +10,11 @@ from robot.store.folder import Storage, composed
 
 
 def erase(storage: Storage, names: Collection[str], *paths: Path) -> list[str]:
-    """Permanently delete everything with one of these names, all copies, and the given files.
+    """Permanently delete the data with these names and all their copies, and the given files.
 
-    The names are names of models, recordings and exports without file extensions; the trash is
-    included. The given files are deleted last, so that an interrupted deletion can be repeated.
+    The names are names of models, recordings and exports without file extensions. Data in the trash
+    is deleted, too. The given files are deleted last, so that an interrupted deletion can be
+    repeated.
     Returns the deleted paths within the data folder; raises OSError if a deletion fails.
     """
     folders = (folder for folder in (*storage.kept(), *storage.trash.iterdir()) if folder.is_dir())

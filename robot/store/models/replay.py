@@ -133,7 +133,7 @@ def _rebuild(run: _Run, store: ModelStore) -> Recovered | None:
         return None
     return Recovered(
         model=_learn_on(model, run, numbers),
-        # A missing model was renamed after the checkpoint, or was deleted and none is current.
+        # If the model is missing, it was renamed (it is current), or deleted (none is current).
         name=name if name is None or name in store.names() else store.current,
         replayed=len(numbers),
     )

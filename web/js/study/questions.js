@@ -90,7 +90,7 @@ function slider(question, legend, given, take) {
     show();
   };
   range.addEventListener('input', set);
-  // The middle is a valid answer too: a press or a key without a movement chooses it.
+  // The middle is a valid answer too: a person chooses it by a press or a key that leaves the slider there.
   range.addEventListener('pointerup', () => (set(), take(Number(range.value))));
   range.addEventListener('keydown', (event) => [' ', 'Enter'].includes(event.key) && (event.preventDefault(), event.stopPropagation(), set(), take(Number(range.value))));
   range.addEventListener('change', () => take(Number(range.value)));

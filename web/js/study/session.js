@@ -1,4 +1,4 @@
-// The current session on the page: its `lead` (web/js/store.js).
+// Shows the current session on the page, by the part of the state named `lead` (web/js/store.js).
 
 import { ask, inOrder } from '../api.js';
 
