@@ -169,7 +169,7 @@ class _Joiner:
         """Join modules in a file, and note the files that each of them needs, in order."""
         text = "const { modules: $m, load: $load } = globalThis.joined;\n"
         own = _beside(self.add(f"js/{name}.js", text + self._text(modules)))
-        # The earlier files that contain modules it imports, then its own file.
+        # List the earlier files that contain imported modules, and then this file.
         wanted = [homes[m] for m in self._closure(modules) if m in homes]
         needed = [*dict.fromkeys(each for home in wanted for each in home), own]
         addresses |= dict.fromkeys(modules, needed)

@@ -107,11 +107,11 @@ class Readiness:
 
     def _begin(self) -> None:
         self._taught_s = 0.0
-        self._is_taught = False  # enough was taught; later views change nothing
+        self._is_taught = False  # true once enough was taught
         self._rare: list[Action] = []  # moves in use that were begun too few times while teaching
         self._examples: Counter[Action] = Counter()
         self._starts: Counter[Action] = Counter()
-        self._shown: set[Action] = set()  # moves that were taught, not only used for corrections
+        self._shown: set[Action] = set()  # moves taught by the pilot, not only by corrections
         self._meant_s: dict[Action, float] = defaultdict(float)
         self._try_s = 0.0
         self._last: tuple[float, Action] | None = None

@@ -46,7 +46,7 @@ def run_lesson(params: Params) -> Result:
     result: Result = {
         name: {
             **metrics.against(drive, teacher, moves),
-            # This value compares with the teaching only, as in the paper.
+            # As in the paper, compare the robot only with the lesson that it was taught.
             "ssd_against_lesson": compare(taught.profile(), drive.profile(), moves).ssd,
         }
         for name, drive in drives.items()

@@ -135,7 +135,7 @@ class BSOCClassifier(Stateful, Learner):
         self._mind = votes.ChangeOfMind() if forgets and cluster.measures_novelty else None
         self._histograms = np.zeros((max_nodes, 0), np.int64)
         self._counts: _Counted | None = None
-        # For each node the sums of its frames' `angle_terms`; angles are from -1 to 1.
+        # For each node, the sums of its frames' `angle_terms` (angles from -1 to 1).
         self._node_angles: votes.Floats | None = None
 
     @classmethod
@@ -164,7 +164,7 @@ class BSOCClassifier(Stateful, Learner):
             for state in earlier
             if state.kind == self._kind and state.arrays["linear"].shape[0] == linear.size
         ]
-        # In the mean the differences between places cancel out, and what the places share remains.
+        # In the mean, the differences between places cancel out, and their common part remains.
         for labels, weights in alike:
             linear.begin_like([self._know(label) for label in labels], weights / len(alike))
         return len(alike)
@@ -197,7 +197,7 @@ class BSOCClassifier(Stateful, Learner):
                     sums[kept] += sums[removed]
                     sums[removed] = 0
         if self._mind is not None:
-            # The distances and `owners` are from before any merge.
+            # The distances and `owners` were computed before any merge.
             distances, taught = cluster.last_distances_, cluster.last_touched_
             self._mind.note(column, distances, owners, taught, cluster.n_trained_)
         self._histograms[node, column] += 1

@@ -247,7 +247,7 @@ class ActionFilter(PolicyPart):
             else:
                 urge = self._watch(under_way, seen.at_s, ALLOWANCE * pace.debt_limit_s)
         futile = self._stall_detector.futile
-        # A quick pilot alternates to steer, but a robot that cannot go straight alternates in vain.
+        # Alternating left and right is normal for a quick pilot, but useless for a stuck robot.
         limit_s = TO_AND_FRO_S if futile else pace.to_and_fro_s
         barred = self._headway.barred_side(seen.at_s, limit_s)
         allowed = [action for action in shares if turns.get(action) != barred or barred is None]
@@ -255,7 +255,7 @@ class ActionFilter(PolicyPart):
         if futile and not fruitful:
             self._ask(seen.at_s)  # no other move was taught, or all were tried
         inertia = self.turn_inertia if under_way in turns else self.straight_inertia
-        # A context distinguishes a turn from a straight drive, but not left from right turns.
+        # A context tells whether the robot turns or drives straight, but not the side of a turn.
         by_degrees = seen.in_context and self._point is not None
         held = turns.get(under_way) if by_degrees and under_way is not None else None
         return max(

@@ -163,7 +163,7 @@ class GradientFeatures(PictureFeatures):
             np.minimum(one, other, out=half)
         parts[0:2] -= parts[4:6]
         parts[2:4] -= parts[4::2]
-        # A step along the diagonal is the square root of 2 times as long, about 181 / 128.
+        # A diagonal step is longer by the factor sqrt(2), which is about 181 / 128.
         parts[4:] *= np.float32(181 / 128)
         np.floor(parts[4:], out=parts[4:])
         rows, columns = _cell_sums(self.n_rows, self.n_columns, self.samples)

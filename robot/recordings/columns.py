@@ -179,7 +179,7 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
         self._label = array("B")
         self._is_intervention = array("B")
         self._at_s = array("d")
-        # These columns end with the last point, because few robots are taught with points.
+        # Few robots are taught with points, so these columns have no values after the last point.
         self._steering, self._throttle = array("d"), array("d")
         self._labels: list[Action] = []
         self._others: dict[int, HistoryEvent] = {}

@@ -110,7 +110,7 @@ class Recorder:
         self._moved_s = now_s if is_moving else self._moved_s
         events = self._own_events(tick.history_events)
         if began and self.queue.fault is not None:
-            # the disk's thread ended the recording; the events are in the next model
+            # the disk's thread ended the recording; the next one begins with these events
             if self._is_open:
                 self.finish()
                 events = ()
@@ -190,7 +190,7 @@ class Recorder:
     def _remember(self, frame: Frame) -> None:
         self._lead.append(frame)
         while sum(len(frame.data) for frame in self._lead) > self._config.queue_bytes // 4:
-            # drop the oldest of large pictures, which would fill the queue
+            # large pictures would fill the queue, so drop the oldest picture
             self._lead.popleft()
 
     def _is_over(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> bool:

@@ -232,7 +232,7 @@ def _run(world: str, life: int) -> None:
     """Import, fork robots until the input ends, and wait until they have ended."""
     import importlib
 
-    # Collected memory is filled by each robot's own objects, which copies the pages around it.
+    # Without this, robots would reuse freed memory, and so copy the memory pages around it.
     gc.disable()
     for name in _MODULES:
         with contextlib.suppress(ImportError):
@@ -242,7 +242,7 @@ def _run(world: str, life: int) -> None:
     from server.routes import routers
     from server.services import installed
 
-    make_policy("default-32")  # keeps its constants, like each of the next calls
+    make_policy("default-32")  # this call and the next three cache constants
     websocket_protocol()
     installed()
     routers()

@@ -6,7 +6,7 @@ import { language, percent, t } from '../js/i18n.js';
 
 /** @typedef {import('./class-link.js').Robot} Robot */
 
-/** How long a program that has just been started may take to answer; ten programs on a slow computer take longer. */
+/** Time in which a robot's program that was just started should answer. Ten programs on a slow computer take longer. */
 const STARTING_MS = 30000;
 
 /**

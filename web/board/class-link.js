@@ -138,7 +138,7 @@ export class ClassLink extends EventTarget {
     this.say({ type: 'watch', robots: numbers });
   }
 
-  /** Stop a robot, or all: without a connection by a request, and if that fails, by the next connection. @param {number} [robot] */
+  /** Stop one robot or all robots. Without a connection, send a request; if that fails, wait for the next connection. @param {number} [robot] */
   stop(robot) {
     const words = robot === undefined ? {} : { robot };
     const meant = this.meant(robot);

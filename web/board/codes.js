@@ -38,7 +38,7 @@ function draw({ number, name, address, status, detail, colour }, token) {
     h('p', {}, t('board.card_nothing')), h('p', {}, address), h('p', {}, t('board.card_token', { token: token.match(/.{1,4}/g)?.join('-') ?? '' })));
 }
 
-/** Robots start one after the other, so changes are drawn until the page is closed. */
+/** Robots start one after the other, so the page draws changes until it is closed. */
 let shown = '';
 for (;;) {
   /** @type {{robots: Robot[], code: string}} */

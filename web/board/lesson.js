@@ -9,7 +9,7 @@ import { tellOutcome } from './outcome.js';
 /** @typedef {import('./markdown.js').Piece} Piece */
 /** @typedef {import('./markdown.js').Word} Word */
 
-/** The lessons of a page of docs/lessons, in their order; the answer sheet follows. */
+/** The names of the lessons, in the order of the pages in docs/lessons. The answer sheet follows the last lesson. */
 const LESSONS = ['teach-it', 'fool-it', 'fair-data'];
 const READY = 'fair-data';
 

@@ -1,7 +1,7 @@
 // Converts a camera picture to a JPEG of the robot's size, in a worker if the browser supports it.
 
 const QUALITY = 0.85;
-const DARK = 20; // of 255: if the whole picture is darker, the lens is covered
+const DARK = 20; // on a scale of 0 to 255; if every pixel is darker, the lens is covered
 const LOOK_EVERY = 5; // pictures between two checks for a covered lens
 
 export class Packer {

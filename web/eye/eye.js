@@ -8,7 +8,7 @@ import { listenForStop } from '../js/inputs/stop-keys.js';
 import { has, loadLanguage, t } from '../js/i18n.js';
 
 const LATE_MS = 1000; // an older time stamp is ignored
-const HAS_PICTURE = 2; // of a video's `readyState`
+const HAS_PICTURE = 2; // a value of a video's `readyState`
 
 /** @template {Element} T @param {string} id @returns {T} */
 const find = (id) => /** @type {T} */ (/** @type {unknown} */ (document.getElementById(id)));

@@ -93,8 +93,8 @@ function wayAdvice({ robot, way, isWatching }) {
 }
 
 /**
- * The parts of the age of the picture on the screen, in milliseconds: the camera with the way to the robot's
- * loop (a brick's part separately), the link from the loop to this phone, and the phone. @param {PageState}
+ * The parts of the age of the picture on the screen, in milliseconds: `camera` until the picture reaches the
+ * robot's loop (`brick` is a brick's part of it), `link` from the loop to this phone, `phone` on the phone. @param {PageState}
  * page @returns {{camera: number, brick?: number, link: number, phone: number} | null}  null until it is
  * known
  */

@@ -28,7 +28,7 @@ export const STOP_MS = 300;
 export const NOT_KEPT = 'not-kept';
 
 /**
- * Refused if the robot refuses; TypeError if there was no answer or only a part of it.
+ * Send a request. It throws Refused if the robot refuses, and TypeError without a complete answer.
  * @param {string} method
  * @param {string} path
  * @param {unknown} [body]  a Blob is sent unchanged, anything else as JSON

@@ -9,7 +9,7 @@ import {
 } from './protocol.js';
 
 const SILENCE_MS = 1500; // states arrive ten times a second, so this much silence means a dead link
-const PICTURE_MS = 5000; // states of newer pictures arrive without the pictures: the video socket is dead without an error
+const PICTURE_MS = 5000; // if states name newer pictures for this long and no picture arrives, the video socket is dead
 const FIRST_RETRY_MS = 250;
 const LAST_RETRY_MS = 2000;
 const PING_EVERY_MS = 1000;
@@ -144,7 +144,7 @@ export class Connection extends EventTarget {
     };
   }
 
-  /** Note a nonce, unless a newer one is known: an older nonce proves less. @param {number | undefined} nonce  0 or none: there is none @param {number} [cameMs] */
+  /** Note a nonce, unless a newer nonce is known, because an older nonce proves less. @param {number | undefined} nonce  0 or undefined means no nonce @param {number} [cameMs] */
   learn(nonce, cameMs = this.env.nowMs()) {
     if (!nonce || cameMs < this.nonceMs) return;
     this.nonce = nonce;

@@ -38,7 +38,7 @@ export class Helm extends EventTarget {
     this.hasWheel = false;
     /** @type {Mode} */
     this.mode = 'stopped';
-    /** True while no picture is shown: no move can be held, only the lease is renewed. */
+    /** True while no picture is shown. No move can be held then, and heartbeats only renew the lease. */
     this.isIdle = false;
     this.beats = 0;
     this.beatMs = -HEARTBEAT_MS;

@@ -8,7 +8,7 @@ import { pointOf } from './moves.js';
 /** Share of a stick's travel below which the thumb rests. */
 export const REST = 0.15;
 const ASIDE = 0.06; // share of the travel within which the stick points straight on
-const BACK_DEG = 115; // well below the middle, so that a thumb at one side never changes to reverse
+const BACK_DEG = 115; // well below the middle, so that a thumb at one side never starts the reverse
 const TURNS_BEYOND = 0.2;
 
 /**

@@ -13,7 +13,7 @@ const NOT_PROVEN = ['stale', 'no_picture', 'unknown_frame'];
 
 /** @typedef {import('./protocol.js').Mode} Mode */
 
-/** Events: `failed`, if a request could not be proven while the tap was young. */
+/** The event `failed` reports that a request had no proof while its tap was young. */
 export class Start extends EventTarget {
   /**
    * @param {{send: (text: string) => boolean, nextSeq: () => number}} connection

@@ -6,7 +6,7 @@
 
 import { h } from './dom.js';
 
-const AGAIN_MS = 500; // one finger, one stop: pointer, touch and click report the same press
+const AGAIN_MS = 500; // pointer, touch and click events within this time report the same press
 
 /** @typedef {{button: HTMLElement, place: HTMLElement, box: DOMRect | null}} Stop */
 

@@ -39,14 +39,14 @@ export class WayFinder {
     this.isAsking = false;
     this.isOpen = false;
     this.openedMs = -Infinity;
-    /** When the last connection was lost: soon after it opened, later, or before; null once it is counted.
+    /** When the last connection was lost: soon after it opened (`cut`), later (`ended`), or before; null once counted.
      * @type {'cut' | 'ended' | 'unopened' | null} */
     this.loss = null;
-    /** Numbers of connections in a row that were cut, and that did not open, while the robot answered requests. */
+    /** Two counts of connections in a row, while the robot answered requests: cut, and not opened. */
     this.cuts = 0;
     this.unopened = 0;
     this.era = 0;
-    /** Number of requests in a row without an answer; one may be late on a busy machine. */
+    /** Number of requests in a row without an answer. A single late answer may come from a busy machine. */
     this.silences = 0;
     /** @type {Way | null} */
     this.told = null;

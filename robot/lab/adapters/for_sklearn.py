@@ -107,7 +107,7 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
                 n_voters=self.n_voters,
                 group_cost=self.group_cost,
                 linear=linear,
-                # the examples have no order, so a contradiction is no change of mind
+                # the examples have no order, so a contradiction does not mean a change of mind
                 forgets=False,
             )
             self._came: list[Any] = []

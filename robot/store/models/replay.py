@@ -133,7 +133,7 @@ def _rebuild(run: _Run, store: ModelStore) -> Recovered | None:
         return None
     return Recovered(
         model=_learn_on(model, run, numbers),
-        # If the model is missing, it was renamed (it is current), or deleted (none is current).
+        # A missing model was renamed, and is the current model now, or it was deleted.
         name=name if name is None or name in store.names() else store.current,
         replayed=len(numbers),
     )

@@ -6,15 +6,15 @@ import { t } from '../i18n.js';
 import { armTry, tellNow, tellTry } from './results.js';
 
 const LOOK_MS = 1500;
-const LOOKS_FIRST = 3; // until then the page says that the robot is ready, which the offer would cover
+const LOOKS_FIRST = 3; // before that, the offer would cover the message that the robot is ready
 
 /** @typedef {import('./results.js').Challenge} Challenge */
 
 /** @param {import('../page.js').Page} page @param {() => void} noteKnown  called when the pilot may know the challenge */
 export function offerChallenge(page, noteKnown) {
   let isOffered = false;
-  let readyFor = 0; // looks
-  let hasLooked = false; // for tries before this page was opened
+  let readyFor = 0; // number of looks in a row at which the robot was ready
+  let hasLooked = false; // true once tries before this page was opened are known
   /** @type {Challenge | null} */
   let before = null;
   let said = '';

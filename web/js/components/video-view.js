@@ -12,7 +12,7 @@ import { makeNeedle, turnNeedle } from '../needle.js';
 const OLD_PICTURE_MS = 200;
 const FROZEN_MS = 1000;
 const LIKE_MS = 500;
-const TWO_LINES_PX = 55; // room for the word above the bars, which is longest while the robot asks
+const TWO_LINES_PX = 55; // the word above the bars needs two lines while the robot asks
 const SMALL_PX = 300;
 const WORKER_MS = 3000; // a worker that has not started by then never will
 

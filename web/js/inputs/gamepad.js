@@ -13,9 +13,9 @@ const BACK = 6;
 const CROSS = { 12: 'forward', 13: 'backward', 14: 'left', 15: 'right' };
 
 /**
- * The move that a controller requests; the stick must come well back before it counts as released.
+ * The move that a controller requests; a stick counts as released only near its middle.
  * @param {{buttons: readonly {pressed: boolean}[], axes: readonly number[]}} pad
- * @param {string | null} before  what it asked for last
+ * @param {string | null} before  the move that it requested last
  * @returns {string | null}
  */
 export function readGamepad(pad, before) {

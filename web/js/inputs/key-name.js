@@ -7,7 +7,7 @@
 
 /** @typedef {{code?: string, key?: string, keyCode?: number, location?: number, repeat?: boolean}} Key  the fields of a KeyboardEvent that are used here */
 
-/** The space bar; the last two are from Shift or Alt in some layouts, and full width. */
+/** Names of the space bar. Some layouts send the third with Shift or Alt; the last is the full-width space. */
 const SPACES = new Set([' ', 'Spacebar', '\u00a0', '\u3000']);
 const STOPS = new Set([
   'Escape', 'Esc', 'Pause', 'MediaStop', 'MediaPause', 'MediaPlayPause',
@@ -25,7 +25,7 @@ export function nameOf({ key, keyCode = 0 }) {
   if (keyCode >= 37 && keyCode <= 40) return ARROW_NUMBERS[keyCode - 37];
   if (keyCode === 13) return 'Enter';
   if ((keyCode >= 49 && keyCode <= 57) || (keyCode >= 65 && keyCode <= 90)) return String.fromCharCode(keyCode).toLowerCase();
-  return keyCode && keyCode !== 229 && keyCode !== 255 ? `#${keyCode}` : ''; // 229: composing; 255: no key of any layout
+  return keyCode && keyCode !== 229 && keyCode !== 255 ? `#${keyCode}` : ''; // 229 means that text is being composed; 255 is no key of any layout
 }
 
 /** True if the key acts on the focused element, like Enter. @param {Key} event */
@@ -34,7 +34,7 @@ export const isEnter = (event) => ENTERS.includes(nameOf(event));
 /** @param {Key} event @returns {string} empty for a key without a position */
 export const placeOf = ({ code }) => (code && code !== 'Unidentified' ? code : '');
 
-/** How a key means stop: `space` and `unnamed` keys write in a text field, or may write. @param {Key} event @returns {'space' | 'unnamed' | 'named' | null} */
+/** The kind of a stop key, or null for another key. In a text field `space` writes, and `unnamed` may write. @param {Key} event @returns {'space' | 'unnamed' | 'named' | null} */
 export function stopOf(event) {
   const [place, name] = [placeOf(event), nameOf(event)];
   if (!place && !name) return 'unnamed'; // it may be a stop key, so it counts as one

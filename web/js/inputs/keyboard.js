@@ -13,9 +13,9 @@ const OUT = 0.08;
 const BACK = 0.16;
 
 const RAMPED = ['forward', 'backward', 'left', 'right'];
-/** A repeating key that is silent for twice its longest pause was released unseen; these are the limits of this time. */
+/** A repeating key that is silent for twice its longest pause counts as released. Lower and upper limit of this time. */
 const [QUIET_MS, LONG_MS] = [1000, 2500];
-/** How long the older keys of a chord are believed to be down after the newest came up, without any other key. */
+/** How long the older keys of a chord count as held after the newest key was released, if no other key is pressed. */
 const CHORD_MS = 5000;
 
 /** @param {EventTarget | null} target */

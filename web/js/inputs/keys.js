@@ -54,7 +54,7 @@ export class Presses {
     const known = this.find(event);
     if (known || (!place && !name)) return known?.id ?? '';
     const id = place || `${name} ${location}`;
-    if (!event.repeat) this.down.push({ place, name, location, id }); // otherwise its name has changed since it was pressed
+    if (!event.repeat) this.down.push({ place, name, location, id }); // a repeated key that is unknown has changed its name since the press
     return id;
   }
 

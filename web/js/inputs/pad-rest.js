@@ -11,7 +11,7 @@ export const PULLED = 0.05;
 const STOP = 1;
 /** The directions that a person shows for a pad of an unknown layout, in this order. */
 export const DIRECTIONS = ['left', 'right', 'forward', 'backward'];
-/** The least push that counts in a choice: half of an axis' travel from its middle. */
+/** The minimum push that counts in a choice, as a share of an axis' travel from its middle. */
 const PUSHED = 0.5;
 const STILL = 0.05;
 /** How long a released input must be still to count as at rest, in milliseconds. */

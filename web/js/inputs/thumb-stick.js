@@ -8,10 +8,10 @@ import { h, hasLetGo, svg } from '../dom.js';
 import { t } from '../i18n.js';
 import { fromStick } from '../points.js';
 
-/** In radii from the middle: the area in which a thumb may press, and the area in which it still holds. */
+/** Distances from the middle, in radii: a thumb may press within NEAR, and keeps holding within OFF. */
 const NEAR = 1.2;
 const OFF = 2;
-const WAY = 26; // travel of the knob; from the middle to the edge are 50
+const WAY = 26; // travel of the knob, where 50 is the distance from the middle to the edge
 const ARROWS = 'M43 11l7-6 7 6M11 43l-6 7 6 7M89 43l6 7-6 7';
 
 /** @param {import('../page.js').Page} page @param {string} side  the side of the thumb */

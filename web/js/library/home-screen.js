@@ -12,7 +12,7 @@ import { sectionsOf } from '../parts.js';
  *   taught: Record<string, number>, lessons: number, nodes: number}} Model
  */
 
-/** A model with fewer examples knows too little about places. */
+/** Minimum number of examples of a model from which a new model may begin. */
 const ENOUGH = 300;
 const MOST = 8;
 
@@ -97,8 +97,8 @@ export class HomeScreen extends Screen {
   }
 
   /**
-   * Change the models, then show the new list. A message comes after the list, because a person who reads it
-   * may touch the list at once. @param {() => Promise<any>} act
+   * Change the models, then show the new list. A message is shown after the list, because a person who has
+   * read the message may touch the list immediately. @param {() => Promise<any>} act
    */
   async act(act) {
     const answer = await this.attempt(act);

@@ -20,9 +20,9 @@ const SONAR_PX = 30;
 const HEIGHT = LANE_PX * 6 + 12 + SONAR_PX;
 const FARTHEST_M = 2;
 const LEAST_MS = 80; // minimum time between two pictures while playing; any phone can draw at this rate
-const [MOST_FRAMES, FEW_FRAMES] = [10_000, 500]; // a longer recording is shown by the second number of evenly spaced pictures
+const [MOST_FRAMES, FEW_FRAMES] = [10_000, 500]; // if a recording has more than MOST_FRAMES, only FEW_FRAMES evenly spaced pictures are shown
 
-/** The address of a recording's timeline, or of the part between two pictures; a long one is sampled. @param {string} path @param {number} frames @param {number[]} between */
+/** The address of a recording's timeline, or of its part between two pictures. A long timeline is sampled. @param {string} path @param {number} frames @param {number[]} between */
 export const timelineOf = (path, frames, between = []) =>
   `${path}/timeline?count=${frames > MOST_FRAMES ? FEW_FRAMES : MOST_FRAMES}${between.length ? `&first=${between[0]}&last=${between[1]}` : ''}`;
 
