@@ -103,7 +103,7 @@ CLASSIC: dict[Action, Move] = {
 
 
 def names(moves: Iterable[Move]) -> tuple[Action, ...]:
-    """Return the names of the moves, in the same order."""
+    """Return the names of these moves, in order."""
     return tuple(move.name for move in moves)
 
 

@@ -106,8 +106,7 @@ class BodyCorrection(Correction):
         return Point(-steering if self.swap_sides else steering, throttle)
 
     def motors(self, values: Pair) -> Pair:
-        """Return the values for the left and the right motor; `point` has already swapped the
-        sides."""
+        """Return the values for both motors. The method `point` has already swapped the sides."""
         return values[0] * self.signs[0], values[1] * self.signs[1]
 
     def wheels(self, turned: Pair) -> Pair:
@@ -267,7 +266,7 @@ class Corrections:
         )
 
     def apply(self, rig: Rig) -> None:
-        """Stop the robot, and correct body and camera; on the loop's thread, between two ticks.
+        """Stop the robot, and correct body and camera. Runs on the loop's thread between two ticks.
 
         Raises:
             ConfigurationError: If a correction does not apply; no correction is then changed.

@@ -48,8 +48,8 @@ class Score:
         self._start: Pose | None = None
         self._stretches: list[_Stretch] = []
         self._run: list[_Stretch] = []
-        """The stretches of the current straight run. The first counts only once there is a
-        second."""
+        """The stretches of the current straight run. Its first stretch counts only if a second one
+        follows."""
         self._backward_m = 0.0
 
     @property

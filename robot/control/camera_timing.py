@@ -1,10 +1,10 @@
 """Timeouts that adapt to the camera: its period and delivery age are measured. Pure.
 
-A webcam on a fast bus delivers thirty pictures a second, 5 ms old. The webcam that the guide
-recommends delivers ten on a slow computer, 95 to 145 ms old. A fixed limit is too strict for one
-webcam or too lax for the other, so the limits follow the measurements. The limits are quantiles
-over the last pictures, so a lost picture changes nothing. The limits grow slowly while the robot
-moves, shrink quickly, and are bounded by the distance that the robot travels on one picture.
+A webcam on a fast bus delivers thirty pictures a second, 5 ms old. The guide's webcam delivers ten
+pictures a second on a slow computer, 95 to 145 ms old. A fixed limit is too strict for one webcam
+or too lax for the other, so the limits follow the measurements. The limits are quantiles over the
+last pictures, so a lost picture changes nothing. The limits grow slowly while the robot moves,
+shrink quickly, and are bounded by the distance that the robot travels on one picture.
 """
 
 from __future__ import annotations

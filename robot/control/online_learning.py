@@ -24,8 +24,8 @@ from robot.types import Action, Example, Frame, PilotCommand, Point, Prediction
 log = logging.getLogger(__name__)
 
 WINDOW_S = 10.0
-"""Window of the agreement, in seconds. A number of examples would cover too little: at thirty a
-second, a hundred examples are one stretch straight ahead."""
+"""Window of the agreement, in seconds. A window of a hundred examples would be too short: at thirty
+a second, they may all come from one straight stretch."""
 
 
 class Agreement:

@@ -159,7 +159,7 @@ class DriverThread(Driver):
     # On the thread -----------------------------------------------------------------------------
 
     def step(self) -> bool:
-        """Do the most urgent request: stop, drive, sense or show. Return False without requests."""
+        """Do the most urgent request: stop, drive, sense or show. Return False if there is none."""
         now_s = self._clock.now_s()
         with self._lock:
             request = self._choose(now_s)

@@ -105,8 +105,8 @@ def _read(
         told = ", ".join(f"{name[:40]} ({len(classes[name])} pictures)" for name in unknown[:8])
         asked = ",".join(f"{name[:40]}=MOVE" for name in unknown[:3])
         raise RecordingError(
-            f"{folder} has classes that are not named like a move: {told}; give each class a move, "
-            f'or stop for no move, with --moves "{asked}"'
+            f"{folder} has classes that are not named like a move: {told}; assign each class to a "
+            f'move, or to stop if it is no move, with --moves "{asked}"'
         )
 
     def read(place: str, of: tuple[Path, Action | None]) -> FrameEvent:

@@ -214,7 +214,7 @@ def _captioned(picture: Pixels, moment: EpisodeFrame) -> Any:
     """Return a video frame: the picture, enlarged to at least 480 rows, above a bar of text.
 
     FFmpeg enlarges the picture while it converts the colours. The text is grey, so it is drawn in
-    the brightness only. Both save most of the time of a film of small pictures.
+    the brightness only. For films of small pictures, these two measures save most of the time.
     """
     import cv2
 

@@ -88,7 +88,7 @@ def _read_manifest(
     deleted = catalogs.get("deleted_indexes")
     if not isinstance(deleted, list):
         deleted = []
-        report.remark("the manifest does not say which records were deleted: none is left out")
+        report.remark("the manifest does not say which records were deleted, so all are used")
     moves = lines[2].get(MOVES) if isinstance(lines[2], dict) else None
     is_list = isinstance(moves, list)
     return [str(name) for name in named], set(map(str, deleted)), moves if is_list else None

@@ -66,8 +66,8 @@ _IN_REACH_M = 1.0
 
 
 def run_episodes(params: Params) -> Result:
-    """Teach in some episodes, correct in further episodes, then let the robot drive unaided in
-    some.
+    """Teach in the first episodes, correct in the next, and let the robot drive unaided in the
+    last.
 
     Parameters: `world`, `teacher`, `moves`, `learner`, `seed`, `episode_s`, and the numbers of
     episodes `teach`, `correct` and `alone`. An episode ends when a movable thing is at a wall.

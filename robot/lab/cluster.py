@@ -43,11 +43,11 @@ _FETCH_S = 3.0
 comes.
 """
 _MOST_LOSSES = 3
-"""After the loss of this number of workers their task is not tried again."""
+"""A task is given up after this number of workers were lost while they ran it."""
 
 OnWorkers = Callable[[int, str], object]
-"""Called with the number of workers that get tasks, and a sentence about what has changed; empty if
-nothing has changed."""
+"""Called with the number of workers that get tasks, and a sentence about what has changed. The
+sentence is empty if nothing has changed."""
 
 
 def run_on_cluster(
@@ -89,7 +89,7 @@ def _tidy_up() -> None:
 
     A trial has reference cycles and some MB. In a process with as many objects as Dask's, Python
     rarely collects such cycles. Dask also keeps samples of the stacks of the last thousand seconds;
-    versions without them are left alone.
+    versions of Dask without these samples are not changed.
     """
     gc.collect()
     with contextlib.suppress(AttributeError, ValueError):
@@ -100,8 +100,8 @@ def _tidy_up() -> None:
 
 @dataclass(slots=True)
 class _Worker:
-    """A worker, its task, and the time of its last message, both by the scheduler's clock and by
-    ours."""
+    """A worker, its task, and the time of its last message, by the scheduler's clock and by our
+    clock."""
 
     name: str
     began_s: float
@@ -289,7 +289,7 @@ class _Run:
 
 
 async def _knock(scheduler: str) -> None:
-    """Connect once; raises the reason if this fails."""
+    """Connect once; raise an error with the reason if this fails."""
     comm = await need("distributed.comm", "the backend dask", "dask").connect(
         scheduler, timeout=_CONNECT_S
     )

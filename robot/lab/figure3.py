@@ -1,5 +1,5 @@
-"""Figure 3: learners are trained on 700 frames of one drive and tested on 700 of another, without a
-robot."""
+"""Figure 3: learners are trained on 700 frames of one drive and tested on 700 frames of another
+drive, without a robot."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ PUBLISHED = {
     "published-64": (614.5, 40.5),
     "published-128": (616.1, 36.6),
 }
-"""The paper's figures: mean and standard deviation of the correctly classified frames of 700."""
+"""The paper's figures: mean and standard deviation of the number of correct frames out of 700."""
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:

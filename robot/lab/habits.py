@@ -80,8 +80,7 @@ def _drives(results: Iterable[Result], phases: Sequence[str] = ("before", "after
 
 
 def _share(drives: Sequence[Result], name: str) -> float:
-    """Return the robots' sum of a figure as a share of their teachers' sum; 0 if the latter is
-    0."""
+    """Return the robots' sum of a figure, divided by their teachers' sum; 0 if that sum is 0."""
     whole = float(sum(own["teacher"][name] for own in drives))
     return float(sum(own[name] for own in drives)) / whole if whole else 0.0
 
@@ -175,7 +174,7 @@ def beside_pilot(
 ) -> dict[str, Any]:
     """Return the figures of a robot's minute, and of its pilot's minute from the same start.
 
-    The pilot's pushes in the lesson also count, because the robot learned to push there.
+    Pushes by the pilot during the lesson also count, because the robot learned to push from them.
     """
     minutes = [
         drive_by_hand(

@@ -30,7 +30,7 @@ def identify() -> dict[str, str]:
 
 
 def identify_all() -> dict[str, str]:
-    """Return the same as `identify`, and under `arithmetic` a fingerprint of computed numbers."""
+    """Return the result of `identify`, and under `arithmetic` a fingerprint of computed numbers."""
     return {**identify(), "arithmetic": arithmetic()}
 
 

@@ -33,7 +33,7 @@ def run_lesson(params: Params) -> Result:
     """Teach, drive unaided, correct, drive unaided again; return the figures of each phase.
 
     Parameters: `world`, `learner`, `teacher`, `moves`, `seed`, `teach_s`, `correct_s`, `alone_s`,
-    `reference_s`. For `reference_s` seconds the teacher drives once more, at the end, so that the
+    `reference_s`. At the end the teacher drives for another `reference_s` seconds, so that the
     teacher's profile is reliable.
     """
     alone_s = params.get("alone_s", 60.0)

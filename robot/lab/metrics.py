@@ -192,7 +192,8 @@ def steering_per_s(steering: ArrayLike, at_s: ArrayLike) -> float:
 
 
 RARE_SHARE = 0.05
-"""Share of ticks below which a move is rare. A single slip of a hand would add 200 to the SSD."""
+"""Share of ticks below which a move is rare. Without this, one slip of a hand could add 200 to the
+SSD."""
 
 
 def move_shares(moves: Sequence[Action]) -> dict[Action, float]:

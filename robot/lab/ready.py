@@ -42,8 +42,7 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
 
 
 def _tables(runs: Runs) -> list[Table]:
-    """Return one table: robots that were ready in time, that were ready later, and that never
-    were."""
+    """Return one table with rows for robots that were ready in time, later, or never."""
     called = [("The minute after", _when(result), result) for _, result in runs]
     called.sort(key=lambda each: ("within four minutes", "later", "never").index(each[1]))
     return tables_of(called, _COLUMNS, "called ready")

@@ -67,7 +67,7 @@ VARIANTS: dict[str, Design] = {
     "grey-alone": Design(features=GreyFeatures, is_linear=False),
     "whole-numbers": Design(is_integer=True),
 }
-"""For each variant's name, the design: the default learner with one change."""
+"""Maps each variant's name to its design, which is the default learner with one change."""
 
 
 def make_variant(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:

@@ -200,7 +200,7 @@ class Learner(Protocol):
 
     @abstractmethod
     def set_state(self, state: State) -> None:
-        """Restore `state`. Raises ValueError for the state of another kind of learner."""
+        """Restore `state`; raises ValueError if it is from another kind of learner."""
 
     def reset(self) -> None:
         """Forget the state of the last drive, such as the robot's location, before a new drive."""

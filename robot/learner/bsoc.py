@@ -23,8 +23,8 @@ from robot.learner.values import number
 from robot.learner.votes import HELD_OUT, Distances
 
 CACHED_FROM = 200
-"""Number of nodes from which the minimum of each row is cached. With fewer nodes one argmin over
-all weights is faster. At 128 nodes argmin takes 2 us and the cache 9; at 1024 nodes 340 and 25."""
+"""Number of nodes from which the minimum of each row is cached. With fewer nodes one argmin is
+faster: at 128 nodes argmin takes 2 us and the cache 9 us, at 1024 nodes 340 us and 25 us."""
 
 
 class Edges:
@@ -129,8 +129,8 @@ class BSOC(Clusters):
 
     @property
     def touched_(self) -> NDArray[np.int64]:
-        """Number of the last frame that each node got, shape (n,); for a pinned node the number of
-        the latest frame."""
+        """For each node, the number of the last frame that it got, shape (n,); a pinned node has
+        the latest frame's number."""
         if not self._edges.n_pinned:
             return self._touched[: self.n_nodes_].copy()
         return np.where(self._edges.pinned, self.n_trained_, self._touched)[: self.n_nodes_]
@@ -194,8 +194,8 @@ class BSOC(Clusters):
         self._images.absorb(node, count)
 
     def _merge(self, kept: int, removed: int, distances: Floats) -> tuple[int, int]:
-        """Merge one node into another, except its image; updates `distances` of the measured
-        frame. Return how many frames each node had."""
+        """Merge one node into another, but not their images; update `distances` of the measured
+        frame. Return how many frames each of the two nodes had."""
         count, other = int(self._counts[kept]), int(self._counts[removed])
         share = other / (count + other)
         between = float(self._distances[kept, removed])

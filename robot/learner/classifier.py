@@ -70,7 +70,7 @@ class BSOCClassifier(Stateful, Learner):
     Args:
         max_nodes: Maximum number of images.
         group_cost: Factor by which a merge of two labels costs more; 1 as published.
-        n_voters: How many of the nearest nodes vote.
+        n_voters: Number of nearest nodes that vote.
         linear: An online linear part, whose scores are mixed with the votes; None for no linear
             part. With a `ContextRidge` predictions can depend on the current move.
         linear_share: Weight of the linear part in the mixture.
@@ -241,7 +241,7 @@ class BSOCClassifier(Stateful, Learner):
     def _counted(self, n: int) -> _Counted:
         """Return the values derived from the label counts of the first `n` nodes.
 
-        The values are computed again only after a change: a frame that is shown and then taught
+        The values are cached until the next change, because a frame that is shown and then taught
         needs them twice.
         """
         if self._counts is None or self._counts.n != n:

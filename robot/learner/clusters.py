@@ -44,8 +44,8 @@ class Clusters(Stateful, ABC):
             removed node's index. None if the frame became a node without a merge, or if the frame
             itself was merged into the node that `train` returned.
         last_distance_: Squared distance of the latest frame from the nearest node that got none of
-            the previous `HELD_OUT` frames; from the nearest of all nodes if there is no such node.
-            None for the first frames, and if no distance is measured.
+            the previous `HELD_OUT` frames. If there is no such node, all nodes count. None for the
+            first frames, and if no distance is measured.
         last_distances_: Squared distances of the latest frame from the nodes, before any merge.
         last_touched_: `touched_` as it was before the latest frame.
     """
@@ -185,7 +185,7 @@ class Clusters(Stateful, ABC):
         if size > self.max_nodes or size > self.n_trained_:
             yield f"size {size} is above max_nodes or above next_id {self.n_trained_}"
         if len(np.unique(ids)) < size or ids.max(initial=-1) >= self.n_trained_:
-            yield "two images have one id, or an id is above next_id"
+            yield "two images have the same id, or an id is above next_id"
         if self.counts_.min(initial=1) < 1:
             yield "an image represents no frame"
         if pinned.sum() > max(self.max_nodes - 1, 0) or pinned[size:].any():

@@ -19,8 +19,8 @@ _MOST_NORM = 1e24
 class Images(Stateful):
     """Stores the nodes' images in rows, and compares one frame `x` at a time with them.
 
-    Images are stored relative to the first frame. With raw bytes, products in float32 would lose
-    the small differences between near-duplicates.
+    Images are stored relative to the first frame. Products of raw bytes in float32 would lose the
+    small differences between near-duplicates.
     """
 
     fields: Sequence[Value | Array] = (

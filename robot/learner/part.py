@@ -1,9 +1,9 @@
 """Declares the state of a policy's part once, for saving, loading and checking.
 
 A part lists its `fields`: arrays, and plain values that JSON can represent. A part may contain
-other parts. `check` compares a part with its declaration, bounds included, and calls `faults` to
-find contradictions between fields. So the same rules apply to a loaded model and to a learner that
-has just learned.
+other parts. `check` compares a part with its declaration and bounds, and calls `faults` to find
+contradictions between fields. So the same rules apply to a loaded model and to a learner that has
+just learned.
 
 Example:
     >>> from robot.learner.values import count

@@ -7,7 +7,7 @@ The inverse is large, and most of the time of a frame is spent on reading and wr
 inverse is stored in single precision (`_ROUNDED` bounds the error), and its latest updates are kept
 as vectors that are written together. Results include these pending updates.
 
-A driver begins a turn late and ends it late. In between, the same view means FORWARD while driving
+A driver begins a turn late and ends it late. So the same view can mean FORWARD while driving
 straight and LEFT while turning, and a single linear map would predict the mean. So there is one
 ridge for all examples and one for each context. The ridge of a context learns the examples that
 count in this context: its own moves, and the beginning of the moves that follow.
@@ -34,15 +34,15 @@ Angle = Floats | float
 """An angle and its magnitude, shape (2,); 0 if no angle is learned."""
 _WAITING = 32
 """Number of pending updates of the inverse that are written together. With more updates, evaluating
-them would take longer than the writing that is saved."""
+them would take more time than writing them together saves."""
 _ROUNDED = 1e-5
 """Largest rounding error of an eigenvalue of the inverse, as a share of the largest possible
-eigenvalue. Each write in single precision adds an error of 6e-8 of the largest one."""
+eigenvalue. Each write in single precision adds an error of 6e-8 of that largest eigenvalue."""
 _MOST_INVERSE = 1e3
 """Upper bound of an inverse's values, which begin at 1 / penalty and shrink with every frame."""
 MIRRORED = 0.3
-"""Weight of a frame's mirror image, if left and right are alike. A weight of 1 helps no more after
-few frames, and harms more after many."""
+"""Weight of a frame's mirror image, if left and right are alike. A weight of 1 would help no more
+after few frames, and harm more after many frames."""
 N_CONTEXTS = 2
 EVERY = range(N_CONTEXTS)
 

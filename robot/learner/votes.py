@@ -129,7 +129,7 @@ HELD_OUT = 20
 """Number of the latest examples whose nodes are left out when the next example's novelty is
 measured, because successive frames are almost the same. At ten examples a second this is 2 s."""
 _FEWEST, _MEMORY = 30, 600
-"""The least and the largest number of examples with which a view is compared, the latest ones."""
+"""A view is compared with the latest examples: at least the first number, at most the second."""
 _SCALE = 3
 _RENEWED_EVERY = 20
 _BORDER = 98
@@ -173,7 +173,7 @@ class Novelty(Stateful):
         self._border += self.margin * self._median
 
     def score(self, squared_distance: float) -> float:
-        """Return 0 for a view that is as near as usual, 1 at the border of novelty, more beyond
+        """Return 0 for a view at the usual distance, 1 at the border of novelty, and more beyond
         it."""
         span = self._border - self._median
         if span <= 0.0:
@@ -212,13 +212,13 @@ APART = 1.3
 """An example's label differs clearly from another label if the other label's images are at least
 this many times as far away as the images of its own label."""
 ENOUGH = 20.0
-"""Number of examples that overrule a label: examples against it, less examples that confirm it."""
+"""A label is overruled by this number of examples against it, minus those that confirm it."""
 MOST_A_TURN = 10.0
 """A single turn adds at most this many examples against a label, because it may be a mistake."""
 CONFIRMED = 4.0
 """One example of the label at its old views cancels this many examples against the label."""
 LATER = 200
-"""An image counts as taught much later than another after this many examples (20 s of teaching)."""
+"""Number of examples between "taught" and "taught much later": 20 s of teaching."""
 STILL_VALID = 0.3
 """Share of an overruled label's votes that remains."""
 

@@ -38,7 +38,7 @@ VOTES_KEPT = 0.4
 """Share of the running average of votes that is left after a tenth of a second."""
 SHARE_OF_RUN = 0.14
 """Upper bound of the average's time constant, as a share of the time for which the pilot usually
-holds a move. A slower average would react too late on a quick body."""
+holds a move. On a quick body a slower average would react too late."""
 
 
 class RunningVotes:
@@ -100,8 +100,8 @@ class StallDetector:
     A pilot seldom gets stuck, so hardly any example shows such a view, and a robot that obeyed the
     votes would push or brake indefinitely. An unchanged image or a pressed bumper shows that the
     robot is stuck. A car that sets off changes the image from one frame to the next as little as a
-    standing car does. So the last image must also be almost equal to the first image of the
-    standstill.
+    standing car does. So a robot counts as stuck only if the last image also almost equals the
+    first image of the standstill.
 
     Turns are not watched here but by `Headway`, because near a plain wall a turn changes the
     picture little. A move of unknown effect is not watched either if the pilot has stood still with
@@ -168,8 +168,8 @@ TURN_INERTIA, STRAIGHT_INERTIA = 0.3, 0.1
 exceed the votes for the current move.
 
 People begin a turn late and end it late. So at the same view people still drive straight before a
-turn, and still turn during a turn. Votes do not show this, and a robot without inertia ends its
-turns too early. Beginning a turn too late is worse than ending a turn too late, so turns have more
+turn, and keep turning in a turn. Votes do not show this, and a robot without inertia ends its turns
+too early. Beginning a turn too late is worse than ending a turn too late, so turns have more
 inertia (docs/explanation/learner.md).
 """
 ALLOWANCE = 1.3
@@ -270,7 +270,7 @@ class ActionFilter(PolicyPart):
 
     @property
     def _point(self) -> Point | None:
-        """The last point driven by degrees; it is computed after the move is chosen."""
+        """The last point driven by degrees. The point is computed after the move is chosen."""
         return None if self._last is None else self._last.point
 
     def _watch(self, under_way: Action, at_s: float, allowed_s: float) -> float:

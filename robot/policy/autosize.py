@@ -17,7 +17,7 @@ _MACHINE = RealClock()
 
 SIZES = (2, 4, 8, 16, 32, 64, 128, 256, 512, 1024)
 MARGIN = 0.5
-"""Share of a frame's time for features and learner; the robot's other parts use the other share."""
+"""Share of a frame's time that features and learner may use; the rest is for other parts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,7 +1,7 @@
 """Decides which examples are learned, and in which contexts: driving straight, or turning.
 
 Frames less than a tenth of a second apart show almost the same picture. So only one example is
-learned per tenth of a second, and it may come a little early. So a camera with an unsteady frame
+learned per tenth of a second, and it may come a little early. Then a camera with an unsteady frame
 rate teaches as much as a steady camera, and eleven frames a second teach as much as thirty.
 
 An example counts in the context of its own move. The first half second of a move also counts in the

@@ -103,8 +103,8 @@ class GradientFeatures(PictureFeatures):
     """Gradients are computed at 10x10 points of each cell: every second pixel of 160x120. Larger
     pictures are first reduced to this size, so vectors do not depend on the camera's resolution."""
     reach, shared = (2.0, 1.0), 0.7
-    """Correlation lengths of the weights, horizontal and vertical, in cells; and the share of a
-    weight that is correlated."""
+    """Horizontal and vertical correlation lengths of the weights, in cells, and the correlated
+    share of a weight."""
     noise = 100.0
     """Energy below which a cell counts as plain: one grey level per sample."""
 

@@ -210,8 +210,8 @@ class TrainingHistory:
 
     @contextlib.contextmanager
     def _as_before_if_refused(self) -> Iterator[None]:
-        """Restore the state if a plugin changes it and then raises an error. Built-in learners
-        raise errors before any change, so no copy is made of them; a copy takes as long as an
+        """If a plugin changes the state and then raises an error, restore the state. Built-in
+        learners raise errors before any change, so they are not copied; a copy takes as long as an
         example.
         """
         before = None if self._is_ours else self.policy.get_state()

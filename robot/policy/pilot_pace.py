@@ -181,7 +181,7 @@ SHORTEST_DEBT_S, LONGEST_DEBT_S = 1.5, 8.0
 """Bounds of the learned limit of the debt (`Headway`), in seconds.
 
 The upper bound is less than the time of half a turn about one wheel. A pilot who alternates between
-left and right for longer than that is not showing a way out."""
+left and right for longer is not showing a way out."""
 _MEANT = 3
 """Number of equally long pushes that count as pushing on purpose, because a single push may be a
 mistake."""

@@ -287,8 +287,8 @@ class Policy(Stateful):
     def begin_like(self, earlier: Sequence[State]) -> int:
         """Expect this place to resemble the places of earlier policies; return how many were used.
 
-        From the first example on, the learner then judges views by their weights, but its own
-        examples count more. Call this method before the first example.
+        From the first example on, the learner also uses their weights, but its own examples count
+        more. Call this method before the first example.
 
         Args:
             earlier: States of policies (`get_state`). States of other kinds of learners are

@@ -36,7 +36,7 @@ BAND = 2.5
 make no difference on recorded drives. With a narrow band the end of a curve would stay as sharp as
 most of the curve."""
 _LEAST = 1e-6
-"""Least votes for a move that was taught, so that it differs from a move that was never taught."""
+"""Minimum votes of a taught move, so that it differs from a move that was never taught."""
 _FEW = 64
 
 

@@ -24,8 +24,8 @@ from robot.types import DEFAULT_MOVES, Action
 
 LEARNERS = "drivelesson.learners"
 VARIANTS = "drivelesson.variants"
-"""Entry points of the default learner's variants, each with one change, for experiments. Variants
-do not appear in lists of learners."""
+"""Entry points of variants of the default learner for experiments, each with one change. Lists of
+learners do not contain variants."""
 DEFAULT_NODES = 32
 MOST_NODES = 1024
 """Maximum number of images of a learner, because its table of distances grows with the square."""
@@ -53,7 +53,7 @@ class Design:
     n_voters: int = N_VOTERS
     balance: float = BALANCE
     is_integer: bool = False
-    """True: the learner computes in integers only, on any machine."""
+    """True if the learner computes in integers only, on any machine."""
     forgets: bool = True
     thins: bool = True
     knows_repeats: bool = True

@@ -32,7 +32,7 @@ _FRAME = np.dtype(
     ]
 )
 _NOT_PLAIN = 255
-"""Stands in place of a label's number for events that are not plain examples of recorded pictures.
+"""Used instead of a label's number for events that are not plain examples of recorded pictures.
 """
 _NO_VECTOR, _NO_POINT = np.zeros(0), Point(nan, nan)
 
@@ -250,7 +250,7 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
         self._at_s.append(at_s)
 
     def _fill_points(self) -> None:
-        """Let all examples so far have an entry in the columns of points; NaN means no point."""
+        """Give each example so far an entry in the columns of points. NaN means no point."""
         for column in (self._steering, self._throttle):
             column.extend([nan] * (len(self) - len(column)))
 

@@ -101,7 +101,7 @@ def _copy_what_is_left(
 
 
 def _tally_before(run: Mapping[str, str], earlier: Path | None) -> Tally:
-    """Return the counts of the files before the file that begins with `run`."""
+    """Return the counts of all files before the file that begins with the metadata `run`."""
     tally = Tally(json.loads(run[PART]) if PART in run else None)
     if PART in run and earlier is not None:
         with contextlib.suppress(*UNREADABLE, OSError):

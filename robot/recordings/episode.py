@@ -65,7 +65,7 @@ class Episode:
     run: dict[str, str] = field(default_factory=dict)
     columns: Columns = field(default_factory=Columns)
     channels: dict[int, Mapping[int, MessageChannel]] = field(default_factory=dict)
-    """For each file its channels, by number."""
+    """Maps each file's number to a mapping from channel numbers to the file's channels."""
     attachments: dict[str, bytes] = field(default_factory=dict)
     damage: str | None = None
     on_read: Callable[[], None] = lambda: None
@@ -214,7 +214,7 @@ def open_episode(path: Path) -> Episode:
 
 
 def _add_file(episode: Episode, number: int, file: Path) -> str:
-    """Add the content of one file. If another file of the recording must follow, return a text.
+    """Add the content of one file. Return a text that is not empty if another file must follow.
 
     Raises one of `UNREADABLE` for the first damaged part.
     """

@@ -117,7 +117,7 @@ def encode(
 
 
 def frames_before(run: Mapping[str, str]) -> int:
-    """Return the number of pictures in the files before the file that begins with `run`."""
+    """Return the number of pictures before the file that begins with the metadata `run`."""
     return int(json.loads(run[PART])["frames"]) if PART in run else 0
 
 

@@ -194,7 +194,8 @@ class Recorder:
             self._lead.popleft()
 
     def _is_over(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> bool:
-        """Return True after a pause, and if an undo removed examples of an earlier recording."""
+        """Return True after a pause, and also if an undo removed examples of an earlier
+        recording."""
         for event in events:
             self._n_taught += isinstance(event, Taught)
             if isinstance(event, Undone):

@@ -65,7 +65,7 @@ def rejoin(storage: Storage) -> None:
 
 
 def _end_compacting(storage: Storage, folder: Path) -> None:
-    """Restore originals without a new file; give new files the notes of their originals."""
+    """Restore each original that has no new file; give each new file its original's notes."""
     for mark in sorted(storage.trash.glob("*/.*.mcap.0.part")):
         original = mark.with_name(mark.name[1 : -len(".0.part")])
         path = folder / original.name

@@ -236,7 +236,8 @@ class EpisodeStore:
     def new_path(self, name: str) -> Path:
         """Reserve a free path by an empty file, because another program may also look for a path.
 
-        A name with notes of a deleted recording is not free: they would edit the new recording.
+        A name with notes of a deleted recording is not free: these notes would edit the new
+        recording.
         """
         require_present(self._storage.folder(NAME))
         names = (path.name for path in paths_in(self._storage.folder(NAME)))

@@ -19,14 +19,15 @@ _LONGEST_GAP_S = 0.25
 continues almost from where it was."""
 
 _USUAL_FRAMES = 10
-"""Number of pictures over which the time that a picture takes, and the lateness, are averaged."""
+"""The lateness, and the time that a picture takes, are averaged over this number of pictures."""
 _PER_TAKING, _PER_TAKING_S = 2, 0.1
 _USUALLY_LATE_S, _PER_LATENESS, _LONGEST_PERIOD_S = 0.01, 8, 0.2
-"""The period is at least the time from when a picture is due until it is taken, times the first
-number, up to the second (s). For each second by which the thread is later than usual, the period
-grows further by the fourth number, up to the last (s); a chosen frame rate may be lower. Timers of
-some systems are 8 ms late on average. All robots of a computer see the same lateness, so all take
-the same number of pictures, and the lateness stays near 20 ms: a command passes several threads."""
+"""The shortest period has two parts. The first part is `_PER_TAKING` times the time from when a
+picture is due until it is taken, at most `_PER_TAKING_S`. The second part is `_PER_LATENESS` times
+the lateness beyond `_USUALLY_LATE_S`. The sum is at most `_LONGEST_PERIOD_S`. Timers of some
+systems are 8 ms late on average. All robots of a computer see the same lateness, so all take the
+same number of pictures. The lateness stays near 20 ms, which matters because a command passes
+several threads."""
 _RESTING_STEP_S = 1.0
 """Period at which the world advances while no picture is needed, in seconds."""
 _EARLY_S = 0.01

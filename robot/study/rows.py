@@ -154,7 +154,8 @@ def _drive(
 
 
 def outcome(log: ConditionLog) -> dict[str, Any]:
-    """Return the comparison of participant and robot as plain values; profiles at 0, 0.02, ... m.
+    """Return the comparison of participant and robot as plain values, with profiles at 0, 0.02, ...
+    m.
 
     The participant's profile is from teaching, the robot's from driving by itself. `ssd` is None if
     either profile is missing, because there was no move or there is no sonar.
@@ -184,7 +185,7 @@ def _moment(event: StudyEvent) -> str:
 
 
 def _plain(text: str) -> int | float | None:
-    """Return a field of the log as a number; RecordingError if it is not one."""
+    """Return a field of the log as a number; RecordingError if the field is not a number."""
     with told_as(RecordingError, "a field of a log is not a number", ValueError):
         number = number_in(text)
     return int(number) if number is not None and text.isdecimal() else number

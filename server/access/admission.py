@@ -143,7 +143,7 @@ class ConnectionLimiter:
         place.close()
 
     def _giving(self, newcomer: str, before_s: float) -> list[Slot]:
-        """Return the slots of the person with the most, of all that the newcomer may evict."""
+        """Of the slots that the newcomer may evict, return those of the person who has the most."""
         own = self._of.get(newcomer, [])
         yielding = [places for person, places in self._of.items() if not self._keeps(person)]
         if self._keeps(newcomer):

@@ -138,7 +138,7 @@ def _sign(
     valid: tuple[dt.datetime, dt.datetime],
     extensions: _Extensions,
 ) -> x509.Certificate:
-    """Return the certificate of a key, signed by an authority or else by the key itself."""
+    """Return a key's certificate, signed by an authority, or by the key itself if there is none."""
     subject = x509.Name([x509.NameAttribute(x509.oid.NameOID.COMMON_NAME, name)])
     builder = (
         x509.CertificateBuilder()

@@ -79,7 +79,7 @@ class AdmissionListener(socket.socket):
         return connection, connection.peer
 
     def _gather(self) -> None:
-        """Accept waiting connections from the kernel, but of each person at most a fair share."""
+        """Accept waiting connections from the kernel, at most a fair share for each person."""
         for _ in range(_AT_ONCE):
             now_s = self.clock.now_s()
             if len(self._waiting) >= _HANDED_ON or not self.admission.has_room(now_s):

@@ -199,8 +199,8 @@ class Pairing:
         return name in self._sessions and self._sessions[name].owner
 
     def forget(self, secret: str) -> bool:
-        """End a session; False if the disk still has the session, so that a restart brings it
-        back."""
+        """End a session. False if it is still on the disk, from which a restart would restore
+        it."""
         known = self._sessions.pop(hash_of(secret), None)
         return self._save() if known is not None else self._is_saved or self._save()
 

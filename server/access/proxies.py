@@ -59,7 +59,7 @@ class Proxies:
             return scope
         told = [self._walk(str(peer[0]), hops) for hops in _hops(said)]
         if len(told) > 1 and told[0] != told[1]:
-            sentence = "Forwarded and X-Forwarded-* disagree: have the proxy clear one of them."
+            sentence = "Forwarded and X-Forwarded-* disagree: have the proxy remove one of the two."
             return Refusal(400, "proxy", sentence)
         hop = told[0] if told else _Hop(client=str(peer[0]))
         public = self._choose(hop, scope)

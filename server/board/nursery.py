@@ -182,7 +182,8 @@ def _fork(work: Callable[[], int]) -> int:
 
 
 def measure_picture_s(world: str) -> float:
-    """Return the CPU time to render, encode, decode, judge and learn one picture."""
+    """Return the CPU time that one picture takes to be rendered, encoded, decoded, judged and
+    learned."""
     from robot.control.loop import ControlLoop
     from robot.policy.registry import make_policy
     from robot.simulator.camera import SimCamera, SimCameraOptions

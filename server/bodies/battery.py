@@ -26,7 +26,7 @@ class BatteryExtension(Extension):
             return
         ends = EarlyEnds(kept.storage.root / FILE, lambda: hub.announce("battery_bears"))
         if ends.is_weak:
-            log.warning("ended %d times when a drive began: check the battery", ends.count)
+            log.warning("the program ended %d times as drives began: check the battery", ends.count)
             hub.announce("check_battery", detail=str(ends.count))
         self._ends = ends
         ends.start(robot.loop)

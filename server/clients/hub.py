@@ -383,7 +383,7 @@ class Hub:
                 self.refuse(client, why_refused(command.frame_id, command.seq, self._limit_s))
 
     def _note_tick(self) -> None:
-        """Publish the newest tick at most once per wake-up, the state before the picture."""
+        """Publish the newest tick at most once per wake-up: first the state, then the picture."""
         self._is_tick_due = False
         try:
             if self._is_due():

@@ -24,7 +24,7 @@ MARK_EVERY = 10
 """Examples between two points of the curve."""
 _MARKS, _POINTS = 2000, 200
 _REMEMBERED = 512
-"""Number of cached images that the learner has merged since."""
+"""Maximum number of cached images that the learner has merged after they were cached."""
 _REFRESH_S = 0.4
 """Minimum time between two fetches of the gallery while the robot learns, in seconds."""
 

@@ -17,7 +17,7 @@ _MOST, _WINDOW_S = 5, 60.0
 _KINDS = 256
 """Number of kinds of log line whose rate is remembered."""
 _END_S = 1.0
-"""How long the program waits at its end until the terminal has read the last lines, in seconds."""
+"""When it ends, the program waits at most this time for a terminal to read the last lines, in s."""
 
 
 class OneLine(logging.Formatter):

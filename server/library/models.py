@@ -17,7 +17,7 @@ from robot.store.models.model import ModelSummary, decode_model, stamp
 from robot.store.models.store import ModelStore
 
 MOST_EARLIER = 8
-"""Maximum number of models that a new model begins like; each takes a moment to load."""
+"""Maximum number of earlier models on which a new model is based; each takes a moment to load."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,12 +102,12 @@ class ModelLibrary:
             RecordingError: If a model is damaged.
         """
         if len(names) > MOST_EARLIER:
-            raise ConfigurationError(f"a model can begin like at most {MOST_EARLIER} models")
+            raise ConfigurationError(f"a model can begin like at most {MOST_EARLIER} others")
         # An uploaded model can contain anything, which `to_policy` checks.
         states = [self._store.load(name).to_policy().get_state() for name in names]
         if policy.begin_like(states) < len(names):
             raise ConfigurationError(
-                f"a new model of {policy.name} cannot begin like {', '.join(names)}: they must be "
+                f"a new model of {policy.name} cannot begin like {', '.join(names)}: these must be "
                 "models of this learner with these moves, and the learner needs a linear part"
             )
 

@@ -251,7 +251,7 @@ def _delete(store: EpisodeStore, episode_ids: Sequence[str]) -> int:
         what = gone.ids[0] if len(gone.ids) == 1 else _count(len(gone.ids))
         print(
             f"{what} ({size:.1f} MB) moved to the trash for {TRASH_DAYS} days; "
-            f"back with: drivelesson episodes restore {gone.key}"
+            f"to restore: drivelesson episodes restore {gone.key}"
         )
     return 1 if gone.kept else 0
 
@@ -290,7 +290,7 @@ def restore_episode(args: argparse.Namespace, store: EpisodeStore, storage: Stor
 
 def compact(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     key = store.compact(find_id(store, args.episode))
-    print(f"done; the recording as it was is back with: drivelesson episodes restore {key}")
+    print(f"done; to restore the earlier recording: drivelesson episodes restore {key}")
 
 
 def set_title(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:

@@ -63,7 +63,7 @@ def add_several(parser: argparse.ArgumentParser) -> None:
 def find_ids(store: EpisodeStore, args: argparse.Namespace) -> list[str]:
     """Return the ids of the episodes that were named or searched for, or of all."""
     if sum(map(bool, (args.episodes, args.search, args.all))) > 1:
-        raise ConfigurationError("give names of episodes, --search or --all, not two of them")
+        raise ConfigurationError("give names of episodes, --search or --all, but not two of these")
     if args.episodes:
         return list(dict.fromkeys(find_id(store, name) for name in args.episodes))
     if not args.all and not args.search:

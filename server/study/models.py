@@ -20,7 +20,7 @@ PATIENCE_S = 10.0
 
 
 class SessionModels:
-    """Puts sessions' models in use and away; waits for loop and disk."""
+    """Puts a session's model in use, and away again. The methods wait for the loop and the disk."""
 
     def __init__(self, rig: Rig, folder: StudyFolder, autosave: Autosave) -> None:
         self.in_use: SessionModel | None = None

@@ -18,7 +18,7 @@ Integers = NDArray[np.int64]
 N_BINS = 8
 _EDGES = (1, 2, 3, 4, 6, 9, 14, 21, 32, 48, 72)
 """Lower bounds of a gradient's magnitude steps, in half grey levels. A smaller gradient counts as
-zero. Each bound is about 1.5 times the one before."""
+zero. Each bound is about 1.5 times the previous bound."""
 _N_STEPS = len(_EDGES) + 1
 _BEYOND = 108
 _SCALE = 4
@@ -104,7 +104,7 @@ class IntegerGradientFeatures:
 
 
 class _Tables(NamedTuple):
-    """Tables of 70 KB that are computed once, without floats, which would take seconds on a brick.
+    """Tables of 70 KB, computed once and in integers, because floats would take seconds on a brick.
 
     Attributes:
         codes: Direction and magnitude step of a gradient, by its two differences: the index is 256
@@ -158,8 +158,8 @@ def _direction(across: int, down: NDArray[np.int32]) -> NDArray[np.int32]:
 def _small_at_half_contrast(frame: Frame) -> NDArray[np.int16]:
     """Return 40x30 grey values from 0 to 127, shape (30, 40).
 
-    In a picture of 160x120, the middle four pixels of each 4x4 block are averaged. Four pixels take
-    a quarter of the time for all sixteen, with results as good (docs/explanation/learner.md). In
+    In a picture of 160x120, the middle four pixels of each 4x4 block are averaged. Averaging all
+    sixteen would take four times as long, with no better results (docs/explanation/learner.md). In
     other sizes, whole areas are averaged.
     """
     grey = image.to_grey(frame)

@@ -22,7 +22,8 @@ from robot.learner.votes import Floats
 _ONE = 1 << 24
 """A score of 1: the target of a frame's own label."""
 _SHIFT = 2
-"""Values are used in steps of 4, so that they take six bits and a product of two values twelve."""
+"""Values are used in steps of 4. So a value takes six bits, and a product of two values twelve
+bits."""
 _TOP = 63
 _FULL = 1 << 30
 """Upper bound of a sum of products. When a sum reaches this bound, after seven hours of teaching at
@@ -134,8 +135,8 @@ class IntegerRidge(LinearPart):
         return z
 
     def _mean_input(self, x: Vector) -> Floats:
-        """Return the same as `_input` for the mean of some frames, which is not in whole
-        numbers."""
+        """Return the input (see `_input`) for the mean of some frames; a mean is not a whole
+        number."""
         return np.append(np.asarray(x[: self.n_features], np.float64) / (1 << _SHIFT), _TOP)
 
     def faults(self) -> Iterator[str]:

@@ -124,7 +124,7 @@ class BrickLink:
         self._thread = None
 
     def send(self, do: str, **rest: Any) -> None:
-        """Send one command, even if the brick is silent, because the brick's messages may only be
+        """Send one command, even if the brick is silent, because its messages may be merely
         delayed. Raises DriveError if the connection is lost; then the brick stops by itself."""
         lost = self._lost  # read once: the thread may reset this value when it joins again
         if lost is not None:

@@ -45,7 +45,7 @@ def userland_stamp(release: str) -> str:
 
 
 def build_userland(folder: Path, release: str = DEFAULT_RELEASE, mirror: str = "") -> None:
-    """Unpack the packages into `folder`, without running their programs: works on any processor.
+    """Unpack the packages into `folder` without running their programs, so any processor will do.
 
     Building takes about ten seconds with a nearby mirror, and 80 MB on the disk.
 

@@ -176,7 +176,7 @@ class Ev3StockDriver(ChassisDriver):
     def __init__(self, options: Ev3StockOptions, clock: Clock | None = None) -> None:
         super().__init__(options, clock)
         self._serial = options.brick
-        """The brick's serial number: after a lost connection no other brick is driven."""
+        """The brick's serial number, so that no other brick is driven after a lost connection."""
 
     @property
     def device(self) -> str:

@@ -47,7 +47,8 @@ def make_motors(settings: dict[str, Any]) -> TimedMotors:
 
 
 def keep(motors: TimedMotors, line: Connection, clock: Clock) -> None:
-    """Obey orders until the connection ends, usually with the robot's program; then stop."""
+    """Obey orders until the connection ends, usually because the robot's program ended; then
+    stop."""
     try:
         while True:
             left_ms = motors.left_ms(_ms(clock))
@@ -89,7 +90,7 @@ def outlive(work: Callable[[], None]) -> None:
     itself.
 
     SIGUSR1 kills a child that hangs. The next child has the pins within milliseconds, and stops the
-    motors. If the program had to be started anew, the motors would run on for seconds.
+    motors. Starting the whole program again would take seconds, and the motors would keep running.
     """
     while child := os.fork():
         signal.signal(signal.SIGUSR1, partial(_kill, child))

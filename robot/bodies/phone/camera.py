@@ -42,8 +42,8 @@ class PhoneCamera(WatchedCamera):
 
         Args:
             picture: The picture; the caller has checked its header.
-            captured_s: The time of exposure on `clock`. A time in the future counts as now, and a
-                time before the previous picture's counts as that time.
+            captured_s: The time of exposure on `clock`. A time in the future counts as now. A time
+                before the previous picture's time counts as the previous picture's time.
             covered: True if the phone's camera sees only black.
         """
         now_s = self.clock.now_s()

@@ -188,7 +188,8 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
 def the_only_one(host: str) -> str:
     """Return the address of a name in the local network, or the host as it is.
 
-    Any machine can take such a name, and small robots often have the name in their example program.
+    Any machine can take such a name, and many small robots keep the name that their example program
+    contains.
 
     Raises:
         DriveError: If several machines answer to the name; the error lists them.

@@ -212,7 +212,7 @@ class RosDriver(ConnectedDriver[Topics]):
         if self._is_disputed:
             raise DriveError(
                 "the robot's watchdog stopped it, because another node drives it at the same time; "
-                f"`ros2 topic info -v {self.options.cmd_vel_topic}` on the robot lists all that do"
+                f"`ros2 topic info -v {self.options.cmd_vel_topic}` on the robot lists these nodes"
             )
 
     def _take_message(self, topic: str, message: Message) -> None:

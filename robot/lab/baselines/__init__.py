@@ -94,8 +94,8 @@ RIVALS = {
 
 
 def make_baseline(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Return a rival by its name; this is a `Maker`. Raises MissingExtraError if the rival's
-    library is not installed."""
+    """Return the rival with this name. The function is a `Maker`. Raises MissingExtraError if the
+    rival's library is not installed."""
     kind = split_name(name)[0]
     rival, make = RIVALS[kind], None
     if rival.library is not None:

@@ -44,9 +44,9 @@ class EyesFeatures(PictureFeatures):
     """Extra weight of rare labels. The weight is low because few examples of a turn are enough with
     these features."""
     novelty_margin = 0.3
-    """In the net's features a new corner is farther from all known corners than in gradients. So
-    with the usual margin the robot would ask three times as often after a short lesson, and drive
-    no better."""
+    """With the net's features, a new corner is farther from all known corners than with gradients.
+    So with the usual margin the robot would ask three times as often after a short lesson, and
+    drive no better."""
 
     def __init__(self) -> None:
         self._network = Network()

@@ -1,5 +1,5 @@
-"""Runs one learner in one third-party world: it is taught, then drives unaided, then both again
-with more examples."""
+"""Runs one learner in one third-party world. The learner is taught and drives unaided. Then both
+steps are repeated with more examples."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from robot.lab.task import Params, Result
 from robot.types import Action, Prediction
 
 FIRST_EXAMPLES = 50
-"""Number of examples that are demonstrated before the robot drives and is corrected, or asks."""
+"""Number of demonstrated examples. After these the robot drives, and is corrected or asks."""
 WRONG_FOR = 2
 """Number of wrong decisions in a row after which the teacher takes the wheel."""
 HOLDS_FOR = 5
 """Minimum number of decisions for which the teacher then keeps the wheel. After that the teacher
 returns the wheel as soon as the robot would make the same move."""
 UNSURE = 0.6
-"""Confidence below which a robot that may ask does ask. The robot also asks whenever Drivelesson
-itself would."""
+"""A robot that may ask does so when its confidence is below this. The robot also asks whenever
+Drivelesson itself would."""
 _PATIENCE = 20
 """Maximum number of decisions per example. There must be a limit, because a robot without mistakes
 gets no corrections."""

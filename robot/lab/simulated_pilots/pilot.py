@@ -74,9 +74,9 @@ class SimulatedPilot:
     def _look_until(self, end_s: float) -> None:
         """Look at the screen at each due time, at the picture shown then.
 
-        The times do not depend on the pictures. Suppose that each look waited for the next picture.
-        A pilot who looks eight times a second would then look only five times at ten pictures a
-        second, and drive differently than at thirty.
+        The times do not depend on the pictures. If each look waited for the next picture, a pilot
+        who looks eight times a second would look only five times a second at a rate of ten pictures
+        a second. The pilot would then drive differently at ten and at thirty pictures a second.
         """
         period_s = 1 / self._hand.config.looks_hz
         while self._screen and self._looks_at_s is not None and self._looks_at_s <= end_s:

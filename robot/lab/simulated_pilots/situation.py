@@ -75,7 +75,8 @@ class Situation:
         return float(np.interp(bearing_rad, FAN_RAD, self.ranges_m))
 
     def turn_needed_rad(self, side: int, free_m: float) -> float:
-        """Return the angle to turn until `free_m` ahead are free; pi if no direction in view is.
+        """Return the angle to turn until `free_m` ahead are free; pi if no visible direction is
+        free.
 
         Args:
             side: 1 for left, -1 for right.

@@ -36,8 +36,8 @@ class Teacher(Protocol):
 
 
 class SonarController:
-    """The paper's self-training: left for two seconds if the sonar reads less than 20 cm or the
-    robot bumps, else forward.
+    """The paper's self-training: it turns left for two seconds if the sonar reads less than 20 cm
+    or the robot bumps, and else drives forward.
 
     Source: FLAIRS-30, 2017, section on self-training.
     """
@@ -74,8 +74,8 @@ class TeacherParams:
     """Does not let the robot drive on if the free distance is less than this."""
     left_at: tuple[str, ...] = ()
     right_at: tuple[str, ...] = ()
-    """Habits: the teacher turns left at `left_at`, right at `right_at`, and the shorter way
-    elsewhere."""
+    """Habits: the teacher turns left at the things in `left_at`, and right at those in `right_at`.
+    At other things the teacher turns the shorter way."""
 
 
 class Wanderer:

@@ -175,12 +175,12 @@ def _checksum(meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> st
 
 
 def _unpack(data: bytes, max_bytes: int, only: str | None = None) -> dict[str, NDArray[Any]]:
-    with told_as(RecordingError, "this is not a model, or a damaged one", RecordingError):
+    with told_as(RecordingError, "this is not a model, or it is damaged", RecordingError):
         return read_arrays(data, max_bytes=max_bytes, only=only)
 
 
 def _read_meta(raw: NDArray[Any] | None) -> dict[str, Any]:
-    with told_as(RecordingError, "this is not a model, or a damaged one", *UNREADABLE):
+    with told_as(RecordingError, "this is not a model, or it is damaged", *UNREADABLE):
         if raw is None or raw.dtype != np.uint8:
             raise ValueError("the model has no metadata")
         meta = json.loads(raw.tobytes())

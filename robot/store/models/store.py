@@ -115,7 +115,7 @@ class ModelStore:
             else:
                 return model
         raise RecordingError(
-            f"no version of the model {name!r} can be read; the damaged ones are still in "
+            f"no version of the model {name!r} can be read; the damaged versions stay in "
             f"{self._storage.models / name}"
         )
 

@@ -136,8 +136,8 @@ class CallerLimiter:
             self._make_room("others wait")
 
     def _make_room(self, why: str) -> None:
-        """Drop the oldest unjoined connection of the address that has most of them, so that a flood
-        evicts only its own connections."""
+        """Drop the oldest unjoined connection of the address with the most unjoined connections, so
+        that a flood evicts only its own connections."""
         strangers = [caller for caller in self.callers if not caller.has_joined]
         names = [caller.name for caller in strangers]
         if strangers:

@@ -19,9 +19,9 @@ SILENCE_S = 1.5
 """Time of silence after which a controller counts as gone, in seconds. Another controller may then
 join."""
 STALE_S = 0.4
-"""Maximum age, in seconds, of the newest report that the controller had received, when a move
-arrives. If the report is older, the move is dropped. A report is sent every 0.1 s, so such a move
-was delayed by at least 0.3 s. Only the brick's clock is used."""
+"""Each move names the newest report that the controller had received. If this report is older than
+this, in seconds, when the move arrives, the move is dropped. A report is sent every 0.1 s, so such
+a move was delayed by at least 0.3 s. Only the brick's clock is used."""
 REPORT_S = 0.1
 
 

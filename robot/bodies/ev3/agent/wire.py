@@ -87,7 +87,7 @@ class Unpacker:
         self._waiting = bytearray()
 
     def expect_seal(self, seal: Seal, largest: Dict[bytes, int]) -> None:
-        """Accept only sealed messages from the next one on."""
+        """From the next message on, accept only sealed messages."""
         self._seal = seal
         self._largest = largest
 

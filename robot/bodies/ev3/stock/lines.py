@@ -24,7 +24,7 @@ from robot.errors import DriveError, told_as
 
 BEACON_PORT = 3015
 ANSWER_S = 0.4
-"""Timeout of an answer, in s. An answer takes a few ms by cable and Wi-Fi, up to 50 by
+"""Timeout of an answer, in s. An answer takes a few ms by cable and Wi-Fi, and up to 50 ms by
 Bluetooth."""
 _BEACON_S, _LISTEN_S = 8.0, 0.5
 TWINS_S = 5.5
@@ -150,7 +150,8 @@ def _open_wifi(wanted: str, beacon_port: int, clock: Clock) -> BrickLine:
 
 @contextlib.contextmanager
 def _begun(sock: socket.socket) -> Iterator[socket.socket]:
-    """Close a connection that fails while it is opened, because it would block the next one."""
+    """If opening a connection fails, close it, because otherwise it would block the next
+    connection."""
     try:
         yield sock
     except BaseException:

@@ -67,7 +67,7 @@ def test_the_next_best_model_serves_where_the_last_one_is_lost(store: ModelStore
     store.current = "kitchen"
     only.write_bytes(b"")
     assert [name for name, _ in store.good_models()] == ["hall"]
-    with pytest.raises(RecordingError, match="damaged ones are still in"):
+    with pytest.raises(RecordingError, match="damaged versions stay in"):
         store.load("kitchen")
     assert only.with_name(only.name + ".damaged").exists()
 
