@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -80,23 +81,22 @@ NOTICES: list[dict[str, Any]] = [
 """Elements that may lie over the picture."""
 
 
+_UNDER_EACH_NOTICE = """() => {
+  const list = LIST;
+  const { store } = document.querySelector('video-view').page;
+  const before = store.state;
+  const sensed = { mode: 'train', distance_m: 1.23, bumped: true, battery: 0.78,
+    agreement: 0.93, agreement_frames: 100 };
+  return NOTICES.flatMap((change) => {
+    store.set({ ...change, robot: { ...before.robot, ...sensed, ...change.robot } });
+    const found = list().map((fault) => `${JSON.stringify(change)}: ${fault}`);
+    store.set(before);
+    return found;
+  });
+}"""
+
+
 def drive_faults(page: Any) -> list[str]:
     """List the faults of the drive screen under every message that it may show."""
-    found: list[str] = page.evaluate(
-        """async (notices) => {
-          await new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
-          const list = MEASURE;
-          const { store } = document.querySelector('video-view').page;
-          const before = store.state;
-          const sensed = { mode: 'train', distance_m: 1.23, bumped: true, battery: 0.78,
-            agreement: 0.93, agreement_frames: 100 };
-          return notices.flatMap((change) => {
-            store.set({ ...change, robot: { ...before.robot, ...sensed, ...change.robot } });
-            const found = list().map((fault) => `${JSON.stringify(change)}: ${fault}`);
-            store.set(before);
-            return found;
-          });
-        }""".replace("MEASURE", MEASURE),
-        NOTICES,
-    )
-    return found
+    measure = _UNDER_EACH_NOTICE.replace("LIST", MEASURE).replace("NOTICES", json.dumps(NOTICES))
+    return faults(page, measure)

@@ -47,7 +47,7 @@ def test_each_robot_can_end_separately_and_all_end_with_the_class(
     os.kill(pid, signal.SIGKILL)
     assert killed.wait() and not stays.is_set()
 
-    wait_until(lambda: "To watch" in log.read_text(), "the robot serves", 60)
+    wait_until(lambda: log.exists() and "To watch" in log.read_text(), "the robot serves", 60)
     address = re.findall(r"http://127.0.0.1:\d+", log.read_text())[0]
     with urlopen(address + "/healthz", timeout=60) as answer:
         assert answer.status == 200
