@@ -299,7 +299,7 @@ class Driver(ABC):
         """Drive the point, if one is given and this body accepts points, or else the move.
 
         The loop calls this method. The order is corrected here, but the returned move is not.
-        Raises as `send_action`.
+        Raises the errors of `send_action`.
         """
         return self.correction.drive(self, action, point, speed_scale=speed_scale)
 

@@ -103,7 +103,7 @@ class Persistence(StartStop):
         self._parts = {kind: kind(self, rig) for kind in kinds}
 
     def part(self, kind: type[_P]) -> _P:
-        """Return an extension's part; KeyError if the extension is not installed."""
+        """Return an extension's part; raises KeyError if the extension is not installed."""
         return cast(_P, self._parts[kind])
 
     def keep_run(self) -> None:

@@ -80,7 +80,7 @@ class BodyCorrection(Correction):
     def drive(
         self, body: Driver, action: Action, point: Point | None, *, speed_scale: float
     ) -> Action:
-        """Send the corrected move or point; return the uncorrected move. Raises as
+        """Send the corrected move or point; return the uncorrected move. Raises the errors of
         `Driver.send_action`."""
         if not self.swap_sides and self.trim == 0.0:
             return super().drive(body, action, point, speed_scale=speed_scale)

@@ -72,7 +72,7 @@ def _shown(policy: Policy, node: Node) -> LearnedImage:
 
 
 def explain(policy: Policy, x: Vector, node_id: int | None) -> Explanation | None:
-    """Explain why an image decided a view; None if the image no longer exists.
+    """Explain why an image decided a view; return None if the image no longer exists.
 
     A squared distance is a sum over the cells of the picture. A cell counts as similar if in it the
     view is nearer to the deciding image than to the learned images on average. A cell that is

@@ -43,7 +43,7 @@ def load_driver(name: str) -> type[Driver]:
 
 
 def load_camera(name: str) -> type[Camera]:
-    """Return the camera class with this name; raises as `load_driver`."""
+    """Return the camera class with this name; raises the errors of `load_driver`."""
     return _load(CAMERAS, name, "camera", Camera)
 
 

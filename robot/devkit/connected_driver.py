@@ -91,7 +91,7 @@ class ConnectedDriver(Driver, Generic[_C]):
 
     @abstractmethod
     def _open(self) -> _C:
-        """Return a new connection; raises as `connect`."""
+        """Return a new connection; raises the errors of `connect`."""
 
     def _begin(self) -> None:
         """Start the communication after each `_open`; an error closes the connection again."""

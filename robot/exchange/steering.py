@@ -62,7 +62,7 @@ def read_steering(value: object, name: str, reading: Reading) -> float:
 
 
 def read_point(written: Sequence[object], names: Sequence[str] = _STEERED) -> Point:
-    """Return the steering and throttle that a program wrote; raises as `read_meant`."""
+    """Return the steering and throttle that a program wrote; raises the errors of `read_meant`."""
     if len(written) != len(names):
         raise ValueError(f"there is {names[0]}, but not {names[1]}")
     return Point(*map(read_share, written, names))

@@ -224,7 +224,7 @@ class Learner(Protocol):
         raise ValueError(f"a {type(self).__name__} keeps no images to edit")
 
     def pin_node(self, node_id: int, pinned: bool = True) -> None:
-        """Keep one image from being merged or deleted; raises as `relabel_node`."""
+        """Keep one image from being merged or deleted; raises the errors of `relabel_node`."""
         raise ValueError(f"a {type(self).__name__} keeps no images to edit")
 
     def reflect(self, mirror: Mirror, on: bool) -> None:

@@ -30,7 +30,7 @@ def to_rgb(frame: Frame) -> Pixels:
 
 
 def to_grey(frame: Frame) -> Pixels:
-    """Return the frame's brightness, shape (height, width); raises as `to_rgb`."""
+    """Return the frame's brightness, shape (height, width); raises the errors of `to_rgb`."""
     if frame.encoding is Encoding.JPEG:
         return _decode_jpeg(frame, colour=False)
     if frame.encoding is Encoding.YUYV:
@@ -153,7 +153,7 @@ def _decode_jpeg(frame: Frame, *, colour: bool) -> Pixels:
 
 
 def decode(data: bytes, *, colour: bool = True, is_reduced: bool = False) -> Pixels | None:
-    """Decode a JPEG or PNG to blue, green and red, or to grey; None if it is neither.
+    """Decode a JPEG or PNG to blue, green and red, or to grey; return None if it is neither.
 
     `is_reduced` decodes a JPEG in grey, at an eighth of its width and height, rounded up.
 

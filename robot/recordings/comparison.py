@@ -52,8 +52,8 @@ def compare(
     new_policy: Callable[[], Policy],
     on_step: Callable[[], None] = lambda: None,
 ) -> Comparison | None:
-    """Train one learner without the edits and one with them, and compare both; None if there are
-    too few frames."""
+    """Train one learner without the edits and one with them, and compare both; return None if there
+    are too few frames."""
     asked = _held_out(episodes)
     if asked is None:
         return None

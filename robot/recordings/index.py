@@ -122,7 +122,7 @@ def frames_before(run: Mapping[str, str]) -> int:
 
 
 def read_columns(path: Path) -> tuple[Ends, Columns] | None:
-    """Read a complete recording's columns from its index; None if there is no valid index.
+    """Read a complete recording's columns from its index; return None if there is no valid index.
 
     Raises RecordingError, or another of `UNREADABLE`, or OSError, if the index cannot be read.
     """

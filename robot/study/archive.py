@@ -62,7 +62,7 @@ def pack(plan_text: str, logs: Mapping[str, bytes]) -> bytes:
 
 
 def unpack(path: Path) -> tuple[str, dict[str, bytes], dict[str, bytes]]:
-    """Return the plan, the logs by participant, and the packed table by its path;
+    """Return the plan, the logs by participant, and the packed table by its path; raises
     ConfigurationError if the file is not such a zip."""
     wrong = f"{path} cannot be read as a zip"
     # zipfile, zlib and lzma raise different errors

@@ -127,7 +127,7 @@ def _read(line: list[str]) -> StudyEvent:
 
 
 def number_in(text: str) -> float | None:
-    """Return the number in a text, None if it is empty; ValueError if it is out of range."""
+    """Return the number in a text, None if it is empty; raises ValueError if it is out of range."""
     number = float(text) if text else None
     if number is not None and not (math.isfinite(number) and abs(number) <= _LATEST_S):
         raise ValueError(f"{text!r} is out of range")

@@ -30,7 +30,7 @@ Profile = Mapping[Action, NDArray[np.float64]]
 def behavior_profile(moves: Sequence[Action], distances_m: ArrayLike) -> Profile:
     """Return the profile of a drive from its moves and sonar readings. STOP is not a move.
 
-    Each tick has an action and a reading, shape (n,); ValueError if the lengths differ.
+    Each tick has an action and a reading, shape (n,); raises ValueError if the lengths differ.
     """
     distances = np.asarray(distances_m, np.float64)
     if distances.shape != (len(moves),):

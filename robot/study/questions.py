@@ -48,7 +48,7 @@ class Question(PlanTable):
             raise ValueError("'most' must be at least 'least' plus 'step'")
 
     def check(self, answer: Any) -> str:
-        """Return an answer in its stored form; ConfigurationError for an invalid answer."""
+        """Return an answer in its stored form; raises ConfigurationError for an invalid answer."""
         if self.kind == "text":
             if not isinstance(answer, str) or len(answer) > LONGEST_ANSWER:
                 raise ConfigurationError(

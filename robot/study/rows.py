@@ -69,7 +69,7 @@ def profile_of(frames: Sequence[StudyEvent]) -> Profile:
 
 
 def condition_logs(plan: StudyPlan, participant: str, log: bytes) -> list[ConditionLog]:
-    """Group a session's events by condition; only the last attempt at a condition counts.
+    """Group a session's events by condition; only the last attempt at a condition counts. Raises
     RecordingError if the log cannot be read, or names a condition that the plan no longer has."""
     where = f"events/{participant}.csv"
     events = read_events(log, where)
@@ -185,7 +185,7 @@ def _moment(event: StudyEvent) -> str:
 
 
 def _plain(text: str) -> int | float | None:
-    """Return a field of the log as a number; RecordingError if the field is not a number."""
+    """Return a field of the log as a number; raises RecordingError if the field is not a number."""
     with told_as(RecordingError, "a field of a log is not a number", ValueError):
         number = number_in(text)
     return int(number) if number is not None and text.isdecimal() else number

@@ -216,8 +216,8 @@ class AdmissionControl:
         self.connections[peer] = place
 
     def may_come(self, head: bytes, address: str, now_s: float) -> bool:
-        """Count a new connection by the session in its first bytes; False if over its limit. The
-        listener then answers 429 immediately, which costs little.
+        """Count a new connection by the session in its first bytes; return False if over its limit.
+        The listener then answers 429 immediately, which costs little.
         """
         session = self.recognise(head, address)
         if session is None or session.is_crowd:
@@ -302,7 +302,7 @@ class AdmissionControl:
                 self.pending.end(place)
 
     def may_ask(self, session: Session, now_s: float) -> bool:
-        """Count a request; False if there were too many. A crowd may use the whole rate."""
+        """Count a request; return False if there were too many. A crowd may use the whole rate."""
         share = self.limits.clients if session.is_crowd else 1
         rate, burst = self.limits.requests_per_second, self.limits.requests_burst
         return self._paces.allows(session.name, now_s, per_second=share * rate, burst=share * burst)

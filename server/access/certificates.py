@@ -51,8 +51,8 @@ def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> C
     """Make a server certificate, and the authority if it is missing or has expired.
 
     The certificate contains only those of `names` that the authority's constraints permit, because
-    browsers refuse a certificate with any other name. ConfigurationError if the folder cannot be
-    written or has invalid files.
+    browsers refuse a certificate with any other name. Raises ConfigurationError if the folder
+    cannot be written or has invalid files.
     """
     files = Certificates(
         key=folder / "server.key", chain=folder / "server.crt", authority=folder / "ca.crt"

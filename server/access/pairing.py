@@ -199,8 +199,8 @@ class Pairing:
         return name in self._sessions and self._sessions[name].owner
 
     def forget(self, secret: str) -> bool:
-        """End a session. False if it is still on the disk, from which a restart would restore
-        it."""
+        """End a session. Return False if it is still on the disk, from which a restart would
+        restore it."""
         known = self._sessions.pop(hash_of(secret), None)
         return self._save() if known is not None else self._is_saved or self._save()
 
@@ -229,7 +229,7 @@ class Pairing:
         return Paired(role=kind.role, secret=secret, is_kept=is_kept)
 
     def _save(self) -> bool:
-        """Replace the file of the sessions' hashes; False if it could not be written."""
+        """Replace the file of the sessions' hashes; return False if it could not be written."""
         if self._file is None:
             return False
         self._is_saved = False

@@ -17,5 +17,5 @@ class RateLimits:
         self._of = lru_cache(_NAMES)(lambda _, rate, burst: RateLimit(per_second=rate, burst=burst))
 
     def allows(self, name: str, now_s: float, *, per_second: float, burst: float) -> bool:
-        """Take one of this name's tokens; False if no token is left."""
+        """Take one of this name's tokens; return False if no token is left."""
         return self._of(name, per_second, burst).allows(now_s)

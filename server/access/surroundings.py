@@ -107,7 +107,7 @@ class Surroundings:
         return list(dict.fromkeys([*host_names(self.config_now), *place.names, *place.addresses]))
 
     def look(self, now_s: float = 0.0) -> bool:
-        """Check once; True if something has changed."""
+        """Check once; return True if something has changed."""
         before = self.now
         addresses, machine = tuple(self._look(self._config)), socket.gethostname()
         is_new = addresses != before.addresses

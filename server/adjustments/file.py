@@ -87,7 +87,7 @@ class CorrectionsFile:
                 log.warning("the corrections were not saved: %s", error)
 
     def save(self) -> bool:
-        """Save the robot's corrections; False if nothing is saved.
+        """Save the robot's corrections; return False if nothing is saved.
 
         Raises:
             OSError: If the file cannot be written.

@@ -70,7 +70,7 @@ class Board:
         self.at_leisure.set()
 
     def add(self, address: RobotAddress) -> RobotLink | None:
-        """Add a robot and connect to it; None if it was added before."""
+        """Add a robot and connect to it; return None if it was added before."""
         if self.has(address):
             return None
         robot = RobotLink(
@@ -101,7 +101,7 @@ class Board:
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
     def robot(self, number: object) -> RobotLink:
-        """Return a robot by its number; NotFoundError if there is none."""
+        """Return a robot by its number; raises NotFoundError if there is none."""
         if not isinstance(number, int) or number not in self.robots:
             raise NotFoundError(f"there is no robot {number} on this board")
         return self.robots[number]
@@ -113,7 +113,7 @@ class Board:
         return [robot.describe() for robot in self.robots.values()]
 
     def stop(self, number: object = None) -> None:
-        """Stop one robot, or all of them, immediately; NotFoundError if there is none."""
+        """Stop one robot, or all of them, immediately; raises NotFoundError if there is none."""
         robots = self._chosen(number)
         if robots:
             self.at_leisure.clear()
@@ -123,7 +123,7 @@ class Board:
     def release(self, stops: Mapping[int, str]) -> None:
         """Release robots; `stops` maps a robot's number to the `stop_id` that the teacher has seen.
 
-        A robot that was stopped again since then stays stopped. NotFoundError for an unknown
+        A robot that was stopped again since then stays stopped. Raises NotFoundError for an unknown
         number.
         """
         for robot, stop in [(self.robot(number), stop) for number, stop in stops.items()]:

@@ -69,7 +69,7 @@ def endpoint(address: str, port: int) -> str:
 
 
 def read_class_key(file: Path) -> ClassKey:
-    """Read a key; ConfigurationError if the file is missing or has no valid key."""
+    """Read a key; raises ConfigurationError if the file is missing or has no valid key."""
     wrong, do = f"cannot read the class key {file}", "copy it from the teacher's machine"
     with told_as(ConfigurationError, wrong, OSError, ValueError, do=do):
         text = read_regular(file, 4096).decode("ascii").strip()

@@ -58,8 +58,8 @@ class Classroom:
     def challenge(self, board_nonce: str, endpoint: str, now_s: float) -> tuple[str, str]:
         """Return a random number for the board, and the proof that this robot knows the key.
 
-        Nothing is stored, so repeated requests use no memory and evict nobody. ConfigurationError
-        if `board_nonce` is not valid.
+        Nothing is stored, so repeated requests use no memory and evict nobody. Raises
+        ConfigurationError if `board_nonce` is not valid.
         """
         if not _NONCE.fullmatch(board_nonce):
             raise ConfigurationError("'nonce' must be 32 hexadecimal digits")

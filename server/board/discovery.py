@@ -49,7 +49,7 @@ def browsing(
 ) -> Iterator[None]:
     """While the `with` block runs, call `found` on another thread for each robot's announcement.
 
-    Queries are sent from all of this computer's addresses, or only from `interfaces`.
+    Queries are sent from all of this computer's addresses, or only from `interfaces`. Raises
     MissingExtraError if zeroconf is not installed.
     """
     _zeroconf()

@@ -188,7 +188,7 @@ class ClassroomExtension(Extension):
         return key
 
     def take_signed_out(self, key: str) -> Sessions:
-        """Remove and return the sessions of a key; NotFoundError if there are none."""
+        """Remove and return the sessions of a key; raises NotFoundError if there are none."""
         if key not in self._signed_out:
             raise NotFoundError("these phones signed in again, or were signed out too long ago")
         return self._signed_out.pop(key)

@@ -49,7 +49,7 @@ class EyeClock:
             self._samples.append((now_ms - asked_ms, (asked_ms + now_ms) / 2 - eye_ms))
 
     def to_ours(self, eye_ms: float) -> float | None:
-        """Convert to the robot's clock, in milliseconds; None before the first pong."""
+        """Convert to the robot's clock, in milliseconds; return None before the first pong."""
         if not self._samples:
             return None
         return eye_ms + min(self._samples)[1]

@@ -113,7 +113,7 @@ def _points() -> dict[str, EntryPoint]:
 
 
 def load_command(name: str) -> Any:
-    """Return the module of a command; KeyError if there is no command of this name."""
+    """Return the module of a command; raises KeyError if there is no command of this name."""
     return _points()[name].load()
 
 

@@ -69,7 +69,7 @@ class VideoWindow:
         return False
 
     def sent(self, frame_id: int, n_bytes: int, now_s: float, *, is_frequent: bool = True) -> bool:
-        """Record a frame as in flight; True if the frame is quiet.
+        """Record a frame as in flight; return True if the frame is quiet.
 
         A frame that follows after a long pause (`is_frequent` is False) is never quiet.
         """

@@ -29,7 +29,7 @@ class Lease:
         return len(self._line) > 1
 
     def join(self, client: str, now_s: float) -> bool:
-        """Give the wheel to a client that may drive if the wheel is free; True if it was."""
+        """Give the wheel to a client that may drive if the wheel is free; return True if it was."""
         is_next = self._line[1:2] in ([], [client])
         if self._line and not (is_next and self._has_lapsed(now_s)):
             return False
@@ -61,7 +61,7 @@ class Lease:
         return was_owner
 
     def pass_on_if_lapsed(self, now_s: float) -> bool:
-        """Give a lapsed wheel to the waiting client; True if the owner changed."""
+        """Give a lapsed wheel to the waiting client; return True if the owner changed."""
         if not self.is_asked or not self._has_lapsed(now_s):
             return False
         return self.give_up(self._line[0], now_s)

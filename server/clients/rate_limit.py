@@ -13,7 +13,7 @@ class RateLimit:
         self._last_s: float | None = None
 
     def allows(self, now_s: float) -> bool:
-        """Take one token; False if there is no token."""
+        """Take one token; return False if there is no token."""
         if self._last_s is not None:
             earned = max(now_s - self._last_s, 0.0) * self._per_second
             self._tokens = min(self._burst, self._tokens + earned)

@@ -51,7 +51,7 @@ class Encoder:
         return frame
 
     def encode_jpeg(self, frame: Frame) -> bytes:
-        """Return the frame as JPEG; MissingExtraError if that needs OpenCV."""
+        """Return the frame as JPEG; raises MissingExtraError if that needs OpenCV."""
         if frame.encoding is Encoding.JPEG:
             return frame.data
         if self._compress is None:

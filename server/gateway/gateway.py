@@ -164,7 +164,7 @@ class Gateway:
         return listener
 
     def may_ask(self, person: Session) -> bool:
-        """Count a request; False if there were too many."""
+        """Count a request; return False if there were too many."""
         return True
 
     def may_log(self, person: str, reason: str) -> bool:

@@ -126,7 +126,7 @@ class StudyFolder:
         return events
 
     def log(self, name: str, code: str) -> bytes:
-        """Return the bytes of a session's event log; NotFoundError if there is none."""
+        """Return the bytes of a session's event log; raises NotFoundError if there is none."""
         path = self.log_path(name, code)
         if name not in self.names() or not path.is_file():
             raise NotFoundError(f"there is no session of {code[:40]!r} in {name[:80]!r}")
@@ -171,7 +171,7 @@ class StudyFolder:
     def withdraw(self, name: str, code: str, recording: str | None) -> list[str]:
         """Permanently delete all data of a participant: log, models, recordings, also in the trash.
 
-        Returns the deleted paths within the data folder. ConfigurationError if one of the
+        Returns the deleted paths within the data folder. Raises ConfigurationError if one of the
         recordings is still being made: `recording` is the current one.
         """
         recordings = recordings_in(self.log(name, code))

@@ -24,7 +24,7 @@ OPTIONS = ChassisOptions()
 
 
 def measure(link: BrickLink, may_turn_wheels: Callable[[], bool]) -> BrickFacts:
-    """Return all measurements of a remote brick; DriveError if the connection is lost.
+    """Return all measurements of a remote brick; raises DriveError if the connection is lost.
 
     `may_turn_wheels` asks the person once, before the only part that moves the robot.
     """

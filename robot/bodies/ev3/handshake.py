@@ -124,7 +124,7 @@ def secret_path(host: str) -> Path:
 
 
 def kept_secret(host: str) -> str:
-    """Read the saved secret of a brick; DriveError if there is none."""
+    """Read the saved secret of a brick; raises DriveError if there is none."""
     given = os.environ.get("DRIVELESSON_BRICK_SECRET")
     if given:
         return given

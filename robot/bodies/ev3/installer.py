@@ -15,7 +15,7 @@ from robot.store.folder import whole_file
 
 def run_on_brick(target: str, script: str, files: Files | Path) -> str:
     """Run a script on the brick, with files or a tar on its standard input; return its output.
-    DriveError, with the last line of output, if ssh or the script fails."""
+    Raises DriveError, with the last line of output, if ssh or the script fails."""
     with files.open("rb") if isinstance(files, Path) else TemporaryFile() as stream:
         if not isinstance(files, Path):
             write_tar(stream, files)

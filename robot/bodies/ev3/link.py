@@ -136,8 +136,8 @@ class BrickLink:
             raise DriveError(self._say_lost(error)) from error
 
     def answer(self, name: str) -> Any:
-        """Wait for the answer to the last question; DriveError if the agent reports a failure or
-        does not answer."""
+        """Wait for the answer to the last question; raises DriveError if the agent reports a
+        failure or does not answer."""
         deadline_s = self.clock.now_s() + PATIENCE_S
         while True:
             if not self._answers:

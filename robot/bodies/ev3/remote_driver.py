@@ -26,7 +26,7 @@ class RemoteBody:
 
     def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
         """Turn the wheels for at most `time_ms`. The brick refuses an order that arrives late.
-        DriveError if the connection is lost or the brick is silent; then the brick stops by
+        Raises DriveError if the connection is lost or the brick is silent; then the brick stops by
         itself."""
         after_s, fault = self._link.report.get("t"), self._link.fault
         if after_s is None or fault is not None:

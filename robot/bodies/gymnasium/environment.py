@@ -35,7 +35,7 @@ _LARGEST_REWARD = 1e12
 
 def read_options(text: str) -> dict[str, Any]:
     """Parse options such as `obs_width=160,domain_rand=true` for the environment's constructor;
-    ConfigurationError if they are not valid."""
+    raises ConfigurationError if they are not valid."""
     options: dict[str, Any] = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
         name, equals, value = part.partition("=")
@@ -155,8 +155,8 @@ class Environment:
         self.game = Game(number=self.game.number, score=score, reward=reward, is_over=is_over)
 
     def picture(self) -> Pixels:
-        """Return the current picture, RGB, shape (height, width, 3); CameraError if the environment
-        returns no picture."""
+        """Return the current picture, RGB, shape (height, width, 3); raises CameraError if the
+        environment returns no picture."""
         observed = rendered = None
         if self._picture != "rendered":
             observed = picture_in(self._seen, getattr(self.env, "observation_space", None))

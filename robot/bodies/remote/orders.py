@@ -139,7 +139,7 @@ def parse_moves(text: str) -> tuple[Move, ...]:
 
 
 def split_address(address: str, default_port: int, flag: str = "--address") -> tuple[str, int]:
-    """Return host and port of HOST or HOST:PORT; ConfigurationError for any other text."""
+    """Return host and port of HOST or HOST:PORT; raises ConfigurationError for any other text."""
     host, _, port = address.strip().rpartition(":") if ":" in address else (address.strip(), "", "")
     number = port or str(default_port)
     if not host or "/" in host or not number.isdecimal() or not 0 < int(number) < 65536:

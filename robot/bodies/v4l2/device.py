@@ -159,8 +159,8 @@ class Video:
         return self._fd
 
     def read(self) -> Optional[VideoFrame]:
-        """Return the newest waiting picture and drop older ones; None if no picture waits. OSError
-        if the camera is gone."""
+        """Return the newest waiting picture and drop older ones; None if no picture waits. Raises
+        OSError if the camera is gone."""
         newest = None
         while True:
             buffer = self._buffer(0)

@@ -136,7 +136,7 @@ def decode_model(data: bytes, *, max_bytes: int = MAX_BYTES) -> Model:
 
 
 def decode_summary(data: bytes) -> ModelSummary:
-    """Read only the summary and do not check the arrays; raises as `decode_model`."""
+    """Read only the summary and do not check the arrays; raises the errors of `decode_model`."""
     return _summary(_read_meta(_unpack(data, MAX_BYTES, "meta").get("meta")))
 
 

@@ -47,7 +47,7 @@ class Caller:
         self.send({"hello": PROTOCOL, "nonce": self._nonce})
 
     def receive(self) -> Iterator[Dict[str, Any]]:
-        """Receive the waiting data; yield each complete message. ValueError if a message is
+        """Receive the waiting data; yield each complete message. Raises ValueError if a message is
         invalid.
 
         EOFError if the other side has closed the connection.

@@ -41,7 +41,7 @@ class SensorGroup:
         self._units = []  # type: List[int]
 
     def find(self) -> None:
-        """Open the sensors; DriveError if a named sensor is missing."""
+        """Open the sensors; raises DriveError if a named sensor is missing."""
         self._forget()
         self._ports = self._choose()
         for port in self._ports:

@@ -76,7 +76,7 @@ def pack_json(message: Dict[str, Any], seal: Optional[Seal] = None) -> bytes:
 
 
 class Unpacker:
-    """Splits a stream of bytes into messages; ValueError if a message is invalid.
+    """Splits a stream of bytes into messages; raises ValueError if a message is invalid.
 
     `largest` contains the accepted kinds, each with its maximum length.
     """

@@ -23,7 +23,7 @@ OUTPUTS = 0x10
 
 
 def number(value: int) -> bytes:
-    """Encode a constant in the fewest bytes; ValueError if it has more than 32 bits."""
+    """Encode a constant in the fewest bytes; raises ValueError if it has more than 32 bits."""
     if -32 <= value < 32:
         return bytes([value & 0x3F])
     for kind, n_bits, form in ((0x81, 8, "<Bb"), (0x82, 16, "<Bh"), (0x83, 32, "<Bi")):
@@ -47,8 +47,8 @@ def command(count: int, codes: bytes, results: int = 0) -> bytes:
 
 
 def parse_answer(message: bytes, asked: int, results: int = 0) -> bytes:
-    """Return the global variables in the answer to question number `asked`. DriveError if this is
-    the answer to another question, reports a failure, or has fewer than `results` bytes."""
+    """Return the global variables in the answer to question number `asked`. Raises DriveError if
+    this is the answer to another question, reports a failure, or has fewer than `results` bytes."""
     length, count, kind = _ANSWER.unpack(message[: _ANSWER.size].ljust(_ANSWER.size, b"\0"))
     if kind == _ERROR:
         raise DriveError("the brick refused a command")
