@@ -268,11 +268,11 @@ UNUSABLE: dict[tuple[str, ...], str] = {
     ),
     (".hdf5", ".tfrecord", ".tfrec", ".parquet", ".arrow"): (
         "tables in another program's own format; export the pictures and a CSV table with the "
-        "right move for each"
+        "right move for each picture"
     ),
     (".pkl", ".pickle", ".npy"): (
         "Python data, which may run code when it is read; save the pictures and a CSV table with "
-        "the right move for each"
+        "the right move for each picture"
     ),
     (".zip", ".tar", ".gz", ".7z", ".rar"): "it contains archives: unpack them, and import each",
     (".webp", ".bmp", ".gif", ".tif", ".tiff"): "pictures that are neither JPEG nor PNG",

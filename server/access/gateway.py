@@ -367,6 +367,6 @@ def _read_label(text: str) -> str:
     """Read the first part of a name on the local network, as argparse's `type`."""
     if not _LABEL.fullmatch(text):
         raise argparse.ArgumentTypeError(
-            f"must be letters, digits and hyphens, at most 63 and none of them a dot, not {text!r}"
+            f"must be at most 63 letters, digits and hyphens, without a dot, not {text!r}"
         )
     return text

@@ -72,8 +72,8 @@ def _ask(order: str, board: str) -> dict[str, Any]:
         if error.code == 404 and "undo" in detail:
             raise ConfigurationError("there is nothing to undo") from None
         raise ConfigurationError(
-            f"{board} is not a board, or refused (status {error.code}): name the board's port with "
-            "--port"
+            f"{board} is not a board, or it refused (status {error.code}): name the board's port "
+            "with --port"
         ) from None
     except (URLError, OSError, ValueError, KeyError, TypeError):
         raise NotConnectedError(

@@ -191,7 +191,7 @@ def _export(
     print(f"{out}: {made} {what}")
     sizes = set[tuple[int, int]]().union(*(episode.frames.sizes for episode, _ in episodes))
     if len(sizes) > 1 and form in ("film", "lerobot"):
-        print(f"  pictures of {len(sizes)} sizes were scaled to that of the first")
+        print(f"  pictures of {len(sizes)} sizes were scaled to the size of the first")
     for episode, notes in episodes if form in TIMED else ():
         shown = filter(TIMED[form], moments(episode, notes, about=()))
         times_s = array("d", (moment.at_s for moment in shown))

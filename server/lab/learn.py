@@ -113,7 +113,7 @@ def _driven(policy: Policy, last: EditedEpisode, *, must_be: bool) -> Model | No
         return after
     if must_be:
         why = "it was edited" if notes.edits else f"it has no model of {policy.name}"
-        raise ConfigurationError(f"{episode.id} has nothing to --check against: {why}")
+        raise ConfigurationError(f"{episode.id} cannot be used with --check: {why}")
     return None
 
 

@@ -114,7 +114,7 @@ def _clock(facts: BrickFacts) -> Iterator[Finding]:
     yield _judge(
         "clock",
         f"{abs(hours):.1f} hours {'ahead of' if hours > 0 else 'behind'} this computer",
-        note="a brick has no clock of its own; driving does not need it. For dates in its logs: "
+        note="a brick has no clock of its own; driving does not need one. For dates in its logs: "
         "connect it to the internet, or on the brick: sudo date -s '2026-01-31 12:00'",
     )
 

@@ -87,7 +87,7 @@ class GpioOptions(Options):
             left = right = 0.0
         if left == right or not (-1.0 <= left <= 1.0 and -1.0 <= right <= 1.0):
             raise ConfigurationError(
-                "--servo-ends must be two different numbers from -1 to 1, such as -0.8,1, not "
+                "--servo-ends must be two different numbers from -1 to 1 (such as -0.8,1), not "
                 f"{self.servo_ends!r}"
             )
         return left, right

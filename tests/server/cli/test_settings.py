@@ -99,7 +99,7 @@ def test_a_broken_file_is_refused(tmp_path: Path, text: str, said: str) -> None:
         ("port", "abc", "must be a whole number from 0 to 65535, not 'abc'"),
         ("max_nodes", "0", "must be a whole number from 1 to 1024, or 'auto', not '0'"),
         ("lan", "maybe", "must be true or false, not 'maybe'"),
-        ("hostname", "a.b", "at most 63 and none of them a dot, not 'a.b'"),
+        ("hostname", "a.b", "at most 63 letters, digits and hyphens, without a dot, not 'a.b'"),
     ],
 )
 def test_an_impossible_value_is_refused_with_its_location(

@@ -58,7 +58,7 @@ def test_recordings_that_cannot_be_learned_are_reported_in_one_clear_line(
         (f"--out {'n' * 300}.npz", "cannot write"),
         ("--out LINK.npz", "exists already"),
         ("--out THERE.npz", "THERE.npz exists already"),
-        ("--check --learner published", "nothing to --check against"),
+        ("--check --learner published", "cannot be used with --check"),
     ],
 )
 def test_an_impossible_output_is_reported_before_anything_is_learned(
