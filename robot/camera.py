@@ -118,7 +118,7 @@ class Camera(StartStop):
         """Set the period at which pictures are needed, until the next call. Never blocks.
 
         If 0, all pictures are needed, the next one immediately. If infinite, no picture is needed.
-        A camera that renders pictures skips the others; a camera that relays a device's pictures
+        A camera that renders pictures skips unneeded ones; a camera that relays a device's pictures
         may ignore this.
         """
 

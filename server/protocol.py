@@ -91,7 +91,7 @@ class DriveMessage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModeMessage:
-    """Change the mode: start, also after a stop, or stop."""
+    """Change the mode: stop, or start (also after a stop)."""
 
     mode: Mode
     seq: int = _checked(int, 1, MAX_COUNT)

@@ -155,7 +155,7 @@ class LinkGovernor:
         self._lateness_s = max(late_s, self._lateness_s * (1.0 if is_to_blame else _FADES))
 
     def state(self, now_s: float, slack_s: float = 0.0) -> LinkState:
-        """Return the limits, which also apply to a blind pilot; arguments as for `blind_in_s`."""
+        """Return the limits, which also apply to a blind pilot. Arguments: see `blind_in_s`."""
         level, is_busy = self.level, self._lateness_s > self.config.busy_s
         is_free = level in (LinkLevel.GOOD, LinkLevel.SLOW) and not is_busy
         return LinkState(

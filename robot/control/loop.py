@@ -213,7 +213,7 @@ class ControlLoop:
 
     @property
     def wait_s(self) -> float:
-        """The longest time until the next tick, which comes before the pilot counts as blind."""
+        """The longest time until the next tick; the tick comes before the pilot counts as blind."""
         longest_s = self.config.longest_wait_s
         if self._gate.mode is Mode.STOPPED:
             return _RESTING_WAIT_S if self.is_resting else longest_s
@@ -242,7 +242,7 @@ class ControlLoop:
     def set_mode(
         self, mode: Mode, *, proven_s: float | None = None, frame_id: int | None = None
     ) -> Future[bool]:
-        """Choose a mode: the explicit start after any stop. The future is True if it was accepted.
+        """Choose a mode, also to start after a stop. The future is True if the mode was accepted.
 
         `proven_s` is a time before which the request cannot have been made; None means now. The
         loop checks this age when it runs the request, so time in the queue counts. `frame_id` is

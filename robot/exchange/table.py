@@ -205,7 +205,7 @@ def _most(table: ColumnTable, role: str) -> float:
 
 
 def _tell_of_others(table: ColumnTable, pictures: Pictures, report: ImportReport) -> None:
-    """Report how many pictures are not in the table, or are in it only for other cameras."""
+    """Report how many pictures the table does not list, or lists only for other cameras."""
     others = [i for i in table.pictures if i != table.columns["picture"]]
     if others:
         told = ", ".join(table.names[i] or f"column {i + 1}" for i in others[:_TOLD_NAMES])

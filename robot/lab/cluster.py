@@ -1,9 +1,9 @@
 """Runs tasks on the workers of a Dask cluster, one at a time per worker.
 
 Before its first task, a worker reports everything that affects its figures (`identify`). A worker
-whose figures would differ gets no task. Each task is assigned to one worker; if that worker is
-lost, to another. A task is submitted as text for Python's `eval`, so that neither the scheduler nor
-a worker needs this program to read it.
+whose figures would differ gets no task. Each task is assigned to one worker, and reassigned if this
+worker is lost. A task is submitted as text for Python's `eval`, so that neither the scheduler nor a
+worker needs this program to read it.
 """
 
 from __future__ import annotations
@@ -87,9 +87,9 @@ def run_packed(packed: bytes) -> Outcome:
 def _tidy_up() -> None:
     """Free what a trial leaves on a worker, so that its memory does not grow with each trial.
 
-    A trial has reference cycles and some MB. In a process with as many objects as Dask's, Python
-    rarely collects such cycles. Dask also keeps samples of the stacks of the last thousand seconds;
-    versions of Dask without these samples are not changed.
+    A trial's objects have reference cycles and take some MB. In a process with as many objects as
+    Dask's, Python rarely collects such cycles. Dask also keeps samples of the stacks of the last
+    thousand seconds; versions of Dask without these samples are not changed.
     """
     gc.collect()
     with contextlib.suppress(AttributeError, ValueError):

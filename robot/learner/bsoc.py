@@ -40,7 +40,7 @@ class Edges:
         self._partner = np.zeros(n, np.int64)
 
     def smallest(self) -> tuple[float, int, int]:
-        """Return the smallest edge's weight and two nodes; on a tie, the lowest indices."""
+        """Return the smallest weight and its edge's two nodes; on a tie, the lowest indices."""
         if self._is_cached:
             one = int(self._least.argmin())
             return float(self._least[one]), one, int(self._partner[one])

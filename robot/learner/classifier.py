@@ -29,7 +29,7 @@ from robot.learner.ridge import EVERY, MIRRORED, LinearPart, RecursiveRidge
 from robot.learner.values import count
 
 GROUP_COST = 1000.0
-"""Factor by which a merge of nodes of two labels costs more, so that it is the last resort."""
+"""Factor by which merging nodes of two labels costs more, so that it is the last resort."""
 N_VOTERS = 3
 LINEAR_SHARE = 0.7
 CONTEXT_SHARE = 0.85

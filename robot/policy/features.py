@@ -88,11 +88,11 @@ class GradientFeatures(PictureFeatures):
 
     Dalal and Triggs (2005), simplified: 8x6 cells over the frame, signed directions in 8 bins,
     each cell divided by the energy of its 3x3 neighbourhood, then the square root. A gradient is
-    split exactly between its two neighbouring directions: with the magnitudes of its components,
-    max - min along the axis and min along the diagonal. So a pixel takes a few integer operations,
-    without arctangent and square root. The eight directions are computed from the sums of eight
-    simpler parts. The grey part distinguishes plain surfaces without gradients, and is the node's
-    thumbnail.
+    split exactly between its two neighbouring directions: if max and min are the magnitudes of its
+    components, the axis gets max - min and the diagonal gets min. So a pixel takes a few integer
+    operations, without arctangent and square root. The eight directions are computed from the sums
+    of eight simpler parts. The grey part distinguishes plain surfaces without gradients, and is the
+    node's thumbnail.
     """
 
     name = "gradient"

@@ -28,7 +28,7 @@ class _Sink(io.RawIOBase):
         return self._fetched + len(self._waiting)
 
     def close(self) -> None:
-        """Stay readable: the file's writer closes it."""
+        """Do nothing, so that the bytes stay readable when the file's writer calls this method."""
 
     def writable(self) -> bool:
         return True

@@ -30,7 +30,7 @@ from robot.recordings.reader import (
 )
 
 ENDING = ".parts"
-"""Ending of the name of the folder that holds the files after the first."""
+"""Suffix of the folder that holds all files of a recording except the first."""
 _BITS = 40
 _FILE = re.compile(r"([1-9]\d{0,5})\.mcap", re.ASCII)
 

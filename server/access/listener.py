@@ -150,8 +150,8 @@ class _Connection(socket.socket):
     def abort(self) -> None:
         """Abort the connection so that both sides notice; the owner then closes the socket.
 
-        A busy connection is reset. An idle one is not, because its last answer may still be on the
-        way.
+        A busy connection is reset. An idle connection is not reset, because its last answer may
+        still be on the way.
         """
         admission, self.admission = self.admission, None  # dropping the admission frees its slot
         with contextlib.suppress(OSError):

@@ -65,7 +65,7 @@ class RobotOutcome:
 
 @dataclass(slots=True)
 class _Done:
-    """An order with the steps that undo it, for each robot, in the order of undoing."""
+    """An order, and for each robot the steps that undo the order, in sequence."""
 
     order: ClassOrder
     steps: dict[int, list[Undo]] = field(default_factory=dict)

@@ -49,7 +49,7 @@ class WrongClassError(RobotError):
 
 
 class TeacherSession:
-    """Sends requests to one robot's server, as its teacher once `join` has succeeded.
+    """Sends requests to one robot's server. After `join`, the requests are the teacher's.
 
     Methods that send a request raise UnreachableError if the robot does not answer.
     """

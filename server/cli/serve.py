@@ -179,7 +179,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _report_problems(moved: list[tuple[str, str]], fault: str | None, hub: Hub) -> None:
-    """Report on the page and in the log files that were set aside, or that nothing can be saved."""
+    """Report set-aside files, or that nothing can be saved, on the page and in the log."""
     if moved:
         sentence = ", ".join(f"{name} -> {where}" for name, where in moved)
         log.warning("set aside in the data folder: %s", sentence)

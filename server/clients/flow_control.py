@@ -30,7 +30,7 @@ class VideoWindow:
 
     On a fast link, acknowledgements arrive long before the next frame. On such a link only every
     third frame requests an acknowledgement; the other frames are *quiet*. Quiet frames save both
-    ends a third of their work, and a phone's radio two packets of three.
+    ends a third of their work, and a phone's radio two of three packets.
     """
 
     LARGEST = 4

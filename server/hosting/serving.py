@@ -62,9 +62,9 @@ def open_socket(host: str, port: int) -> socket.socket:
 
 
 def open_sockets(host: str, port: int) -> list[socket.socket]:
-    """Listen on an address. `::` means all addresses, by one socket for IPv4 and one for IPv6 on
-    the same port, so that IPv4 addresses keep their usual form; a machine may support only one of
-    them."""
+    """Listen on an address. For `::` (all addresses) there are two sockets on the same port, one
+    for IPv4 and one for IPv6, so that IPv4 addresses keep their usual form. A machine may support
+    only one of the two."""
     if host != "::":
         return [open_socket(host, port)]
     found: list[socket.socket] = []

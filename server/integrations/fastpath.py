@@ -48,7 +48,7 @@ def make_protocol() -> type[Any] | None:
         Texts bypass all queues, so a burst does not delay later messages.
         """
         _read_s = -math.inf
-        """Time at which the frames read so far would have come at the limit's rate, in seconds."""
+        """At the limit's rate, all frames read so far would have come by this time, in seconds."""
         _is_held = False
         _written: ClassVar[tuple[bytes, bytes]] = b"", b""
         """The last message written to any viewer, and its encoded frame: viewers share both."""

@@ -23,7 +23,7 @@ seconds."""
 
 
 class FakeCameraReader:
-    """Replaces `CameraReader` and its `video`: grey pictures, ten a second, 95 to 145 ms old."""
+    """Replaces `CameraReader` and its `video` by grey pictures, ten a second, 95 to 145 ms old."""
 
     path, width, height, encoding = "/dev/video0", 160, 120, "yuyv"
 

@@ -298,7 +298,7 @@ def _distinct(chosen: _Chosen) -> Iterator[tuple[Move, list[float]]]:
 
 
 def _as_action(word: str) -> str:
-    """Return the name of a move for an environment's name of an action."""
+    """Convert an environment's name of an action to the name of a move."""
     name = re.sub(r"[^a-z0-9]+", "_", word.lower()).strip("_")
     name = re.sub(r"^(turn|move)_(?=[a-z])(?!minus_\d)", "", name)
     name = {"up": "forward", "back": "backward", "stop": "noop"}.get(name, name)

@@ -116,7 +116,7 @@ class Wanderer:
         return self._turning or Action.FORWARD
 
     def tolerates(self, situation: Situation, action: Action) -> bool:
-        """Reject driving on in tight places, needless or wrong turns, and standing."""
+        """Reject standing, needless or wrong turns, and driving on in tight places."""
         if action is Action.STOP or self._is_stuck(situation):
             return False
         if action is Action.FORWARD:

@@ -37,7 +37,8 @@ _COUNTED = ("serving_s", "process_s", "frames", "late_cycles", "stops")
 
 
 class ServerUnderTest:
-    """A server of the kind `drivelesson`, or `paired`: with pairing, its limits and a folder.
+    """A server of the kind `drivelesson`, or of the kind `paired`, which has pairing, its limits
+    and a folder.
 
     If the kind is a size in bytes, it is the plain server of `peer.py` with pictures of this size.
     """
@@ -57,9 +58,9 @@ class ServerUnderTest:
         return self._process.pid
 
     def ask(self, word: str = "") -> Any:
-        """Return the CPU time of the process, that of its serving thread, and the notes of the loop
-        and the body. After the command `forget`, which drops earlier lessons and notes, return also
-        the memory in use."""
+        """Return the CPU times of the process and of its serving thread, and the notes of loop and
+        body. After the command `forget`, which drops earlier lessons and notes, return also the
+        memory in use."""
         self._line.send(word)
         return self._read()
 

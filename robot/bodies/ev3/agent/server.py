@@ -20,7 +20,7 @@ SILENCE_S = 1.5
 join."""
 STALE_S = 0.4
 """Each move names the newest report that the controller had received. If this report is older than
-this, in seconds, when the move arrives, the move is dropped. A report is sent every 0.1 s, so such
+`STALE_S` seconds when the move arrives, the move is dropped. A report is sent every 0.1 s, so such
 a move was delayed by at least 0.3 s. Only the brick's clock is used."""
 REPORT_S = 0.1
 

@@ -38,8 +38,8 @@ def result(index: int) -> bytes:
 
 
 def command(count: int, codes: bytes, results: int = 0) -> bytes:
-    """Wrap bytecodes as a direct command that is answered, with `results` bytes of variables.
-    Raises ValueError if the command is longer than the firmware accepts."""
+    """Wrap bytecodes as a direct command whose answer has `results` bytes of variables. Raises
+    ValueError if the command is longer than the firmware accepts."""
     body = _HEAD.pack(_HEAD.size - 2 + len(codes), count, 0x00, results) + codes
     if len(body) > MAX_MESSAGE:
         raise ValueError(f"a direct command has at most {MAX_MESSAGE} bytes")

@@ -193,7 +193,7 @@ def _hear_beacon(wanted: str, beacon_port: int, clock: Clock) -> Beacon:
 
 
 def _beacons(sock: socket.socket, clock: Clock) -> Iterator[tuple[float, Beacon | None]]:
-    """Yield announcements with their times, and None while no announcement waits."""
+    """Yield announcements with their times, and None whenever no announcement waits."""
     end_s = clock.now_s() + _BEACON_S
     sock.settimeout(_LISTEN_S)
     while clock.now_s() < end_s:
