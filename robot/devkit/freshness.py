@@ -55,7 +55,7 @@ class Freshness:
         """The camera's fault, or None."""
         if now_s - self._new_s <= self.patience_s:
             return None
-        # A camera that repeats its picture less often than its period still sends pictures.
+        # A camera that repeats its picture at long intervals still counts as sending pictures.
         if now_s - self._seen_s <= max(self.patience_s, STILL_S + LONGEST_PERIOD_S):
             return "repeats one picture" if self._seen_s > self._new_s else "gives no pictures"
         return "gives no pictures"

@@ -51,7 +51,7 @@ from robot.types import Action, Frame
 
 _CHUNKS_BYTES = 8 * 2**20
 """Size of the cache of unpacked chunks of an open recording, in bytes."""
-_LATEST_S = 2.5e11  # in the year 9892; `datetime` ends soon after that
+_LATEST_S = 2.5e11  # this is in the year 9892; `datetime` ends soon after
 
 
 @dataclass(slots=True, kw_only=True)

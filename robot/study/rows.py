@@ -79,7 +79,7 @@ def condition_logs(plan: StudyPlan, participant: str, log: bytes) -> list[Condit
         mine = [event for event in events if event.position == position]
         attempt = max(event.attempt for event in mine)
         last = [event for event in mine if event.attempt == attempt]
-        # Look up the condition by name: a changed plan may have another one at this position.
+        # Look up the condition by name: a changed plan may have another condition at this position.
         condition = plan.by_name.get(name := last[0].condition)
         if condition is None:
             raise RecordingError(

@@ -302,7 +302,7 @@ class Conductor(StartStop):
         events += session.note(tick, wall_s, self._measure)
         event_log.note(events)
         if any(event.event == "phase_ended" for event in events):
-            self._episode = None  # so that the next phase lists the recording, too
+            self._episode = None  # then the next phase also lists the recording
             self._loop.set_mode(Mode.STOPPED)
             self._tell()
 

@@ -86,7 +86,7 @@ export class EyeLink extends EventTarget {
     return true;
   }
 
-  /** Stop the robot; if this connection is dead, by the next one. */
+  /** Stop the robot. If this connection is dead, the next connection sends the stop. */
   stop() {
     this.owesStop = true;
     this.say({ type: 'stop' });

@@ -119,7 +119,7 @@ const OLD_MS = 200;
 /** Rounded, because each change is read out. @param {number} ms */
 const inHundreds = (ms) => ({ ms: Math.max(100, Math.round(ms / 100) * 100) });
 
-/** The cause of late pictures, if it is not the link, and advice. @param {PageState} page @returns {Advice | null} */
+/** Advice about late pictures if their cause is not the link; null if there is no such cause. @param {PageState} page @returns {Advice | null} */
 function lagAdvice(page) {
   const { robot } = page;
   if (!robot?.camera || robot.mode === 'stopped') return null;

@@ -19,7 +19,7 @@ export class Refused extends Error {
 const ANSWER_MS = 15_000;
 /** Timeout of slow requests, which carry a file, read or rewrite a recording, or let a small computer measure itself. */
 export const LONG_MS = 180_000;
-/** Timeout of a stop by request: a late one could latch again a stop that was released meanwhile. */
+/** Timeout of a stop by request. A late request could stop the robot again after a release. */
 export const STOPPING_MS = 3000;
 /** Time for a websocket to confirm a stop, and pause between a failed request and the next. */
 export const STOP_MS = 300;

@@ -253,7 +253,7 @@ export class Page {
     this.helm.choose(mode);
   }
 
-  /** The emergency stop. Anybody may, pilot or not. */
+  /** The emergency stop, which anybody may request, pilot or not. */
   stop() {
     this.helm.start.forget();
     this.helm.releaseAll();

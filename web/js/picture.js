@@ -52,7 +52,7 @@ export function rgbToRgba({ data, width, height }) {
   return rgba;
 }
 
-/** Convert YUYV to RGBA by BT.601, like USB cameras. @param {Picture} picture */
+/** Convert YUYV to RGBA by BT.601, the standard of USB cameras. @param {Picture} picture */
 export function yuyvToRgba({ data, width, height }) {
   const rgba = new Uint8ClampedArray(width * height * 4).fill(255);
   for (let i = 0, to = 0; to < rgba.length; i += 2, to += 4) {

@@ -172,7 +172,7 @@ export function encodeDrive({ held, steering, throttle, frame, seq, nonce, frame
   });
 }
 
-/** An explicit start, also after a stop, or a request to stop. @param {Mode} mode @param {number} seq @param {Sight} [sight] */
+/** A request to stop, or an explicit start (also after a stop). @param {Mode} mode @param {number} seq @param {Sight} [sight] */
 export function encodeMode(mode, seq, { frame, nonce } = { frame: null }) {
   return JSON.stringify({ type: 'mode', mode, seq, frame: frame ?? undefined, nonce: nonce ?? undefined });
 }

@@ -83,7 +83,7 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
                     state.arrays[name] = np.pad(state.arrays[name], longer)
                 self._learner.set_state(state)
         label = self._labels.get(y, len(self._labels))
-        # this may raise, so nothing is stored before
+        # this call may raise an error, so nothing is stored before it
         self._learner.learn_one(self._vector(x, columns), str(label))
         self._columns, self._labels[y] = columns, label
 

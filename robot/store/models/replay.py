@@ -128,7 +128,7 @@ def _rebuild(run: _Run, store: ModelStore) -> Recovered | None:
     if missing:
         log.warning("%d records of the journal are missing", len(missing))
     numbers = [number for number in sorted(run.events) if number > change]
-    # A run without changes holds only the loaded model. Models restored since may be newer.
+    # A run without changes holds only the loaded model. A model restored later may be newer.
     if not numbers and (is_file or _is_saved(model, name, store, among_all=run.last <= _LOADED)):
         return None
     return Recovered(
@@ -171,7 +171,7 @@ def _learn_on(model: Model, run: _Run, numbers: list[int]) -> Model:
     """Make these changes of the model again, in order; return the resulting model."""
     policy, taught = model.to_policy(), Counter(model.summary.taught)
     policy.kinds.describe(run.declared)
-    policy.restore(model.state)  # not `set_state`: the state is from the middle of a drive
+    policy.restore(model.state)  # `set_state` would begin a new drive
     events: list[LogEvent] = []
     for number in numbers:
         event = run.events[number]

@@ -34,7 +34,7 @@ export class TeachingScreen extends Screen {
     return this.every(2000, () => this.refreshIfTaught());
   }
 
-  /** The curve grows only with new examples, so without one there is nothing to request. */
+  /** The curve grows only with new examples, so without new examples nothing is requested. */
   async refreshIfTaught() {
     const lessons = this.page?.store.state.robot?.lessons;
     if (this.drawn === lessons && lessons !== undefined) return;
@@ -52,7 +52,7 @@ export class TeachingScreen extends Screen {
     if (readiness) drawReadiness(/** @type {Element} */ (this.readiness), readiness);
   }
 
-  /** One switch, which becomes a question once only one side was taught. @param {{ alike: boolean, possible: boolean, one_sided: boolean }} word */
+  /** A switch. If only one side was taught, the switch is shown as a question. @param {{ alike: boolean, possible: boolean, one_sided: boolean }} word */
   drawAlike(word) {
     const panel = /** @type {HTMLElement} */ (this.alike);
     panel.hidden = !word.possible;

@@ -50,7 +50,7 @@ export class DrivePad extends HTMLElement {
     fill(/** @type {Element} */ (this.moves), ...controls,
       useTilt ? h('button', { class: 'move tilt', type: 'button', 'data-move': 'tilt' }, icon('tilt'), t('tilt_hold')) : null);
     this.moves?.classList.toggle('sticks', hasStick);
-    this.sizes?.disconnect(); // Undo is as wide as a thumb's column, a word as high as the text
+    this.sizes?.disconnect(); // Undo's size follows the width of a thumb's column, and a word's size follows the text size
     for (const sized of [this.undo, this.querySelector('.move span')]) if (sized) this.sizes?.observe(sized);
     this.arrange(hasStick ? [] : moves, Boolean(useTilt), hasStick);
   }

@@ -60,7 +60,7 @@ export class SettingsScreen extends Screen {
 
   /** @param {any} settings */
   size({ sizes, max_nodes: now, camera: { rate_hz: most } }) {
-    // If the computer keeps up, the camera limits the rate, so a number is shown only if the computer does not.
+    // Show a number only if the computer is too slow. If it is not, the camera limits the rate.
     const rate = (/** @type {number} */ hz) => (most && hz >= most ? t('settings.keeps_up') : t('settings.rate', { n: Math.max(1, Math.round(hz)) }));
     const options = sizes.map((/** @type {any} */ size) => h('label', { class: 'choice' },
       h('input', { type: 'radio', name: 'size', value: size.max_nodes, checked: size.max_nodes === now, onchange: () => this.begin({ max_nodes: size.max_nodes }) }),

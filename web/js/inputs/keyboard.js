@@ -88,7 +88,7 @@ class Silence {
     this.pauseMs = 0;
     /** @type {string[]} the keys that were counted as released */
     this.missed = [];
-    /** The last silence that counted as a release: of a chord (true), or of a repeating key. */
+    /** The kind of the last silence that counted as a release: true for a chord, false for a repeating key. */
     this.isChord = false;
     /** The kinds of silence that do not count any more, because a key came up after it had counted as released. */
     this.isWrong = { chord: false, repeat: false };

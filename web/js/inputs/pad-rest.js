@@ -86,7 +86,7 @@ export class PadChoice {
     this.open = [...directions];
     /** @type {Choice} */
     this.choice = {};
-    /** Nothing is asked before the pad was released; its values then are its rest. @type {number[] | null} */
+    /** Nothing is asked before the pad was released. Its values at that time are its values at rest. @type {number[] | null} */
     this.lying = null;
     this.lyingMs = 0;
     this.isReady = false;

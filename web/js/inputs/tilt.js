@@ -29,7 +29,7 @@ export function readTilt(now, zero, screenAngle, before) {
   return lean > (move === before ? OFF_DEG : ON_DEG) ? move : null;
 }
 
-/** The same as a stick's point, to the right and ahead. @param {Lean} now @param {Lean} zero @param {number} screenAngle @param {import('../points.js').Reach} reach */
+/** Convert a tilt to a point like a stick's: to the right and ahead. @param {Lean} now @param {Lean} zero @param {number} screenAngle @param {import('../points.js').Reach} reach */
 export function readTiltStick(now, zero, screenAngle, reach) {
   const [pitch, roll] = leaning(now, zero, screenAngle);
   return fromStick(roll / FULL_DEG, -pitch / FULL_DEG, reach);

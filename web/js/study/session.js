@@ -41,7 +41,7 @@ export function followSession(page, speakOf) {
   });
 }
 
-/** Load the session; during a phase that is driven, again every second. @param {import('../page.js').Page} page */
+/** Load the session, and load it again every second while a phase is driven. @param {import('../page.js').Page} page */
 export async function refreshSession(page) {
   clearTimeout(timer);
   const session = await learnSession(page, ask('GET', 'api/session'));

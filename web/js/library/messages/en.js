@@ -1,4 +1,4 @@
-// How the menu calls the screen of models.
+// The menu's name for the screen of models.
 export default {
   'screen.home': 'Models and recordings',
 };

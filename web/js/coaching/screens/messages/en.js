@@ -1,4 +1,4 @@
-// What these screens say.
+// The sentences on these screens.
 export default {
   'gallery.summary': '{n} images, of at most {max}. Each image stands for the pictures from which it was made. The bright image decides now.',
   'gallery.empty': 'Nothing yet. Teach the robot something and its images will appear here.',

@@ -1,4 +1,4 @@
-// What the screen of models says.
+// The sentences on the screen of models.
 export default {
   'home.models': 'What this robot knows',
   'home.none': 'Nothing is saved yet. What you teach is saved here automatically.',

@@ -1,4 +1,4 @@
-// What the screen of models says.
+// The sentences on the screen of models.
 export default {
   'home.models': 'Lo que sabe este robot',
   'home.none': 'Todavía no hay nada guardado. Lo que enseñes se guarda aquí automáticamente.',

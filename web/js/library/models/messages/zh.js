@@ -1,4 +1,4 @@
-// What the screen of models says.
+// The sentences on the screen of models.
 export default {
   'home.models': '这台机器人学会的',
   'home.none': '还没有保存任何东西。你教的会自动保存在这里。',

@@ -1,4 +1,4 @@
-// What the list of recordings, the player and training again say.
+// The sentences of the list of recordings, the player, and training again.
 export default {
   episodes: 'Recordings',
   'episodes.none': 'Nothing is recorded yet. Every drive is recorded automatically.',

@@ -1,4 +1,4 @@
-// What the list of recordings, the player and training again say.
+// The sentences of the list of recordings, the player, and training again.
 export default {
   episodes: 'Grabaciones',
   'episodes.none': 'Todavía no hay nada grabado. Cada recorrido se graba automáticamente.',

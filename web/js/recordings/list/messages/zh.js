@@ -1,4 +1,4 @@
-// What the list of recordings, the player and training again say.
+// The sentences of the list of recordings, the player, and training again.
 export default {
   episodes: '记录',
   'episodes.none': '还没有记录。每次驾驶都会自动记录。',
