@@ -132,7 +132,7 @@ class Camera(StartStop):
         """Make these bytes the newest frame, with the next frame id. If `captured_s` is in the
         future, it becomes the current time.
 
-        `data` is the picture as the camera took it; the frame contains it upright.
+        `data` is the picture as the camera took it; the frame contains the upright picture.
         """
         with self._slot_lock:
             self._last_frame_id += 1

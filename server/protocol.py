@@ -183,7 +183,7 @@ def parse_message(
 
 
 def is_stop(text: str) -> bool:
-    """True for an emergency stop, which no limit may delay; cheap for other messages."""
+    """True for an emergency stop, which no limit may delay. The check takes little time."""
     if len(text) > MAX_DRIVE_MESSAGE_BYTES or '"stop"' not in text:
         return False
     try:

@@ -47,7 +47,7 @@ class Design:
     is_smooth: bool = True
     """True if the linear part expects similar weights in adjacent cells (`GradientFeatures`)."""
     is_contextual: bool = True
-    """True if the current move is an input of the linear part; if False, it has inertia."""
+    """True if the current move is an input of the linear part; if False, the move has inertia."""
     linear_share: float = LINEAR_SHARE
     group_cost: float = GROUP_COST
     n_voters: int = N_VOTERS

@@ -31,8 +31,8 @@ class ClassKey:
     def __post_init__(self) -> None:
         if len(self.secret) < SHORTEST or not self.secret.isascii():
             raise ConfigurationError(
-                f"a class key has at least {SHORTEST} letters and digits; drivelesson board makes "
-                "one if there is none"
+                f"a class key has at least {SHORTEST} letters and digits; `drivelesson board` "
+                "makes a key if there is none"
             )
 
     def prove(self, who: str, board_nonce: str, robot_nonce: str, endpoint: str) -> str:

@@ -142,7 +142,9 @@ def _prompt(question: str) -> str:
     try:
         return input(question)
     except EOFError:
-        raise ConfigurationError("calibrate asks questions; run it in a terminal") from None
+        raise ConfigurationError(
+            "the command `calibrate` asks questions; run it in a terminal"
+        ) from None
 
 
 def keep(file: Path, values: Mapping[str, float]) -> None:

@@ -216,7 +216,7 @@ class Conductor(StartStop):
         if not (self.is_simulated or confirmed):
             raise ConfigurationError(
                 f"confirm that the robot stands in the place {condition.world!r}: only you can "
-                "see it"
+                "see this"
             )
         checker = "simulator" if self.is_simulated else "researcher"
         self._models.put_away()
@@ -232,7 +232,8 @@ class Conductor(StartStop):
 
     @_in_turn
     def answer(self, answers: Mapping[str, Any], *, is_done: bool) -> None:
-        """Save answers by question; with `is_done`, ConfigurationError if an answer is missing."""
+        """Save answers by question; with `is_done`, raise ConfigurationError if an answer is
+        missing."""
         session = self._session()
         session.require(SessionStep.QUESTIONS)
         questions = {question.name: question for question in session.questions}

@@ -87,7 +87,7 @@ def build_userland(folder: Path, release: str = DEFAULT_RELEASE, mirror: str = "
         last = done.stderr.strip().splitlines()[-1:] or ["no reason given"]
         raise RobotError(
             f"mmdebstrap could not build the brick's Debian: {last[0]}; "
-            "another mirror may have it: --mirror http://deb.debian.org/debian"
+            "try another mirror: --mirror http://deb.debian.org/debian"
         )
     for pattern in UNUSED:
         for unused in folder.glob(pattern):

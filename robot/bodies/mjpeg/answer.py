@@ -95,7 +95,8 @@ class PictureFinder:
         self._buffer = bytearray()
         self._at = 0
         self._segment_at = 0
-        """Start of the last segment; if its length was wrong, the next picture begins after it."""
+        """Start of the last segment. If that segment's length was wrong, the next picture begins
+        after it."""
         self._is_in_scan = False
         self._type = ""
         self._received = 0

@@ -33,7 +33,7 @@ class ColourFeatures(GreyFeatures):
 
 
 class BatchNetwork:
-    """Fits a network in several passes over all examples; for a `Baseline`.
+    """Fits a network for a `Baseline`, in several passes over all examples.
 
     The network learns classes, or numbers if it has no softmax.
     """

@@ -84,7 +84,7 @@ class SensorGroup:
             at_it = [port for port in ours if port.is_at(address)]
             if not at_it:
                 raise DriveError(
-                    "no {} sensor at port {}; plug it in there, or give --{}-port its port, auto "
+                    "no {} sensor at port {}; plug it in there, or set --{}-port to its port, auto "
                     "or none ({})".format(self._name, address, self._name, describe_ports(there))
                 )
             chosen.append(at_it[0])

@@ -187,8 +187,8 @@ def _hear_beacon(wanted: str, beacon_port: int, clock: Clock) -> Beacon:
             return beacon
     which = f"the brick {shown_id(wanted)}" if wanted else "no brick"
     raise DriveError(
-        f"{which} was not found on Wi-Fi within {_BEACON_S:g} s; is its Wi-Fi on, and this "
-        f"computer in the same network (UDP port {beacon_port})?"
+        f"{which} was not found on Wi-Fi within {_BEACON_S:g} s; is its Wi-Fi on, and is "
+        f"this computer in the same network (UDP port {beacon_port})?"
     )
 
 
