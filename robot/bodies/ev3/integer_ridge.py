@@ -33,6 +33,8 @@ _PENALTY = 3 * _TOP**2
 """Weight of the squared coefficients, in units in which a value of 252 is 1."""
 STEPS = 4
 """Number of coordinates that are improved after each frame."""
+_ROWS = 128
+"""Number of rows of products that are added at a time: a whole matrix of them would take .6 MB."""
 
 
 class IntegerRidge(LinearPart):
@@ -68,7 +70,7 @@ class IntegerRidge(LinearPart):
         self._weights = np.zeros((0, size), np.int64)
         self._residual = np.zeros((0, size), np.int64)
         self._halvings = np.zeros(1, np.int64)
-        self._work = np.zeros((size, size), np.int32)
+        self._work = np.zeros((min(size, _ROWS), size), np.int32)
 
     def add_label(self) -> None:
         row = np.zeros((1, self.size), np.int64)
@@ -85,8 +87,10 @@ class IntegerRidge(LinearPart):
         z = self._input(x)
         errors = (targets * _ONE).astype(np.int64) - self._weights.dot(z)
         self._residual += errors[:, None] * z
-        np.multiply(z[:, None], z, out=self._work)
-        self._products += self._work
+        for start in range(0, self.size, _ROWS):
+            part = z[start : start + _ROWS, None]
+            work = np.multiply(part, z, out=self._work[: len(part)])
+            self._products[start : start + _ROWS] += work
         if self._products[-1, -1] >= _FULL:
             self._halve()
         self._improve(self.steps)
