@@ -34,7 +34,10 @@ WRONG = [
         "--max-nodes: must be a whole number from 1 to 1024, or 'auto'",
     ),
     (["serve", "--max-nodes", "many"], "--max-nodes: must be a whole number from 1 to 1024"),
-    (["serve", "--hostname", "bad name"], "--hostname: must be letters, digits and hyphens"),
+    (
+        ["serve", "--hostname", "bad name"],
+        "--hostname: must be at most 63 letters, digits and hyphens",
+    ),
     (["serve", "--port", "70000"], "--port: must be a whole number from 0 to 65535, not '70000'"),
     (["drive"], "unknown command 'drive' (did you mean 'serve'?)"),
     (["serve", "--world", "offce"], "unknown world 'offce' (did you mean 'office'?)"),
