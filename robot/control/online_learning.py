@@ -173,7 +173,7 @@ class OnlineLearning:
         self._frame_times_s.append(frame.captured_s)
         started_s = self._clock.now_s()
         prediction = Prediction(frame_id=frame.frame_id)  # stays empty if the learner fails
-        try:
+        with self._guarded():
             prediction = policy.propose(
                 frame.frame_id,
                 x,
@@ -183,8 +183,6 @@ class OnlineLearning:
                 by_degrees=by_degrees,
             )
             self.fault = None
-        except Exception as error:
-            self._note_failure(error)
         self.prediction = prediction
         self._note_time("propose", started_s)
         self._seen[frame.frame_id] = _Seen(
@@ -204,14 +202,11 @@ class OnlineLearning:
         try:
             yield
         except Exception as error:
-            self._note_failure(error)
-
-    def _note_failure(self, error: Exception) -> None:
-        fault = f"The learner failed, and proposes nothing: {str(error) or repr(error)}"[:300]
-        if fault != self.failure:  # log the fault once, not thirty times a second
-            log.error("the learner failed", exc_info=error)
-        self.fault = self.failure = fault
-        self.error = error
+            fault = f"The learner failed, and proposes nothing: {str(error) or repr(error)}"[:300]
+            if fault != self.failure:  # log the fault once, not thirty times a second
+                log.error("the learner failed", exc_info=error)
+            self.fault = self.failure = fault
+            self.error = error
 
     @property
     def newest(self) -> tuple[Vector, Prediction] | None:
@@ -233,8 +228,10 @@ class OnlineLearning:
                     frame_id=frame_id, label=label, is_intervention=differs, point=point
                 )
                 lessons.append((example, seen.x, seen.captured_s))
+        if not may_learn:
+            return
         step = self.history.batch
-        for first in range(0, len(lessons) if may_learn else 0, step):
+        for first in range(0, len(lessons), step):
             batch, started_s = lessons[first : first + step], self._clock.now_s()
             with self._guarded():
                 for event in self.history.teach_all(batch):
