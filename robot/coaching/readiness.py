@@ -1,4 +1,4 @@
-"""Estimates whether the robot is ready to drive alone, by short trials, not by agreement. Pure.
+"""Estimates whether the robot is ready to drive by itself, by short trials, not by agreement. Pure.
 
 Agreement predicts little, since most frames are similar to the frames before them. The best
 predictor of a minute alone is a short trial: the robot drives, and the pilot stays ready to

@@ -169,8 +169,9 @@ class Gate:
     ) -> Decision:
         """Decide this tick's action. If anything is in doubt, trip first.
 
-        `prediction` and `frame_age_s` belong to the newest frame; before the first frame they are
-        None and infinite. `frame_timeout_s` is the largest age that the frame may have.
+        `prediction` and `frame_age_s` belong to the newest frame. Before the first frame,
+        `prediction` is None and `frame_age_s` is infinite. `frame_timeout_s` is the largest age that
+        the frame may have.
         """
         if self.mode is not Mode.STOPPED:
             is_fresh = frame_age_s <= frame_timeout_s

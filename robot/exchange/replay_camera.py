@@ -51,7 +51,8 @@ class ReplayCamera(ThreadedCamera):
         super().__init__(options, clock)
         if bool(options.recording) == bool(options.episode):
             raise ConfigurationError(
-                "the camera 'replay' needs --recording, a file or a folder, or else --episode FILE"
+                "the camera 'replay' needs --recording with a file or a folder, or --episode with "
+                "a file"
             )
         self._path = Path(options.recording or options.episode).expanduser()
 

@@ -140,7 +140,7 @@ class EpisodeWriter:
         return self._written.tell()
 
     def write_frame(self, frame: Frame) -> None:
-        """Add one picture with the camera's bytes; its id is the message's sequence number."""
+        """Add one picture as the camera's bytes; the message's sequence number is the frame's id."""
         stamp_ns = self._to_ns(frame.captured_s)
         data = encode_image(frame, stamp_ns)
         self.tally.note_frame(frame.frame_id)

@@ -157,8 +157,8 @@ def outcome(log: ConditionLog) -> dict[str, Any]:
     """Return the comparison of participant and robot as plain values, with profiles at 0, 0.02, ...
     m.
 
-    The participant's profile is from teaching, the robot's from driving by itself. `ssd` is None if
-    either profile is missing, because there was no move or there is no sonar.
+    The participant's profile comes from teaching; the robot's profile comes from its own driving.
+    `ssd` is None if either profile is missing, because there was no move or there is no sonar.
     """
     moves = log.condition.moves
     pilot = log.profile(DrivenBy.PILOT, "teach")

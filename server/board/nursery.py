@@ -233,7 +233,7 @@ def _run(world: str, life: int) -> None:
     """Import, fork robots until the input ends, and wait until they have ended."""
     import importlib
 
-    # Without this, robots would reuse freed memory, and so copy the memory pages around it.
+    # If memory were freed before the fork, robots would write to it, and Linux would copy pages.
     gc.disable()
     for name in _MODULES:
         with contextlib.suppress(ImportError):

@@ -1,4 +1,4 @@
-// Celebrates the moment at which the robot can drive alone: the panel jumps, and three notes sound.
+// Celebrates the moment at which the robot can drive by itself: the panel jumps, and three notes sound.
 // There is no movement if the person prefers less motion (drive.css), and no notes if sound is off.
 
 const NOTES_HZ = [523, 659, 784];

@@ -181,7 +181,7 @@ class PictureFinder:
             at += 2 + length
 
     def _png_end(self) -> int | None:
-        """Return the end of the PNG; 0 if it is truncated or damaged, None if it is incomplete."""
+        """Return where the PNG ends; 0 if the PNG is damaged, None if more data must come."""
         at = self._at or len(_PNG)
         while len(self._buffer) >= at + 8:
             self._at = at

@@ -41,7 +41,8 @@ def run(args: argparse.Namespace) -> int:
     watched = asyncio.run(_measure_watched(args.viewers, args.seconds, args.rate))
     alone, together = greedy["without"], greedy["with"]
     ratio = (
-        f"{greedy['ratio'] or '-'} of that alone (asked: {_ASKED_RATIO}), {greedy['stops']} stops"
+        f"{greedy['ratio'] or '-'} of that without greedy viewers (asked: {_ASKED_RATIO}), "
+        f"{greedy['stops']} stops"
     )
     loop = Table(
         title=f"The loop's period, ms; p99 {ratio}",

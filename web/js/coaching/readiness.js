@@ -1,4 +1,4 @@
-// Tells the pilot whether the robot is ready to drive alone, and what is missing.
+// Tells the pilot whether the robot is ready to drive by itself, and what is missing.
 // The robot decides (docs/reference/http.md).
 // This module asks the robot while the page is visible, and puts its answers into sentences.
 // A request is cheap: it carries no pictures, and is sent only while something changes.

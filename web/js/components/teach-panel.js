@@ -56,7 +56,7 @@ export class TeachPanel extends HTMLElement {
   }
 
   /**
-   * Celebrate once when the robot can drive alone. A notice hides the celebration, but does not end it.
+   * Celebrate once when the robot can drive by itself. A notice hides the celebration, but does not end it.
    * @param {boolean} isShown
    * @param {boolean} isOver
    */
