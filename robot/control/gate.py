@@ -170,7 +170,7 @@ class Gate:
         """Decide this tick's action. If anything is in doubt, trip first.
 
         `prediction` and `frame_age_s` belong to the newest frame. Before the first frame,
-        `prediction` is None and `frame_age_s` is infinite. `frame_timeout_s` is the largest age that
+        `prediction` is None and `frame_age_s` infinite. `frame_timeout_s` is the largest age that
         the frame may have.
         """
         if self.mode is not Mode.STOPPED:
