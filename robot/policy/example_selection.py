@@ -117,9 +117,7 @@ class MoveContext(PolicyPart):
 
     def restored(self) -> None:
         if self._since_s > self._last_s:
-            raise ValueError(
-                f"a move begins at {self._since_s} s, after its end at {self._last_s} s"
-            )
+            raise ValueError(f"a move cannot last from {self._since_s} to {self._last_s} s")
 
 
 _BITS, _SETS, _WAYS = 128, 4096, 4
