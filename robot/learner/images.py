@@ -12,7 +12,7 @@ from robot.learner.base import Vector, checked_vector
 from robot.learner.part import MOST_DISTANCE, MOST_VALUES, Array, Stateful, Value
 
 Floats = NDArray[np.float32]
-_MOST_NORM = 1e24
+MOST_NORM = 1e24
 """Upper bound of a squared norm, so that the most expensive merge has a finite cost in float32."""
 
 
@@ -42,7 +42,7 @@ class Images(Stateful):
     def begin(self, x: Vector) -> None:
         """Set the length and the origin from the first vector."""
         origin = checked_vector(x).astype(np.float32)
-        if not 0.5 * float(origin.dot(origin)) < _MOST_NORM:
+        if not 0.5 * float(origin.dot(origin)) < MOST_NORM:
             raise ValueError("the vector holds values that are too large")
         self._set_origin(origin)
         self._rows = np.zeros((self.max_nodes, origin.size), np.float32)
@@ -59,7 +59,7 @@ class Images(Stateful):
         # Create a new array for each call, because several threads may call this at the same time.
         centred = np.asarray(array, np.float32) - self._origin
         norm = 0.5 * float(centred.dot(centred))
-        if not norm < _MOST_NORM:
+        if not norm < MOST_NORM:
             raise ValueError("the vector holds values that are not finite, or too large")
         self._x, self._x_norm = centred, norm
         is_full = size == self.max_nodes

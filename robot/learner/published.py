@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from robot.learner.base import Vector, checked_vector
 from robot.learner.bsoc import Edges
 from robot.learner.clusters import SHARED, Clusters
+from robot.learner.images import MOST_NORM
 from robot.learner.integer_images import checked_bytes
 from robot.learner.part import MOST_VALUES, Array, Value
 
@@ -70,7 +71,10 @@ class PublishedBSOC(Clusters):
 
     def _checked(self, x: Vector) -> NDArray[Any]:
         check = checked_bytes if self.integer else checked_vector
-        return check(x, self._images.shape[1] or None).astype(self._dtype)
+        image = check(x, self._images.shape[1] or None).astype(self._dtype)
+        if not 0.5 * float(image.dot(image)) < MOST_NORM:
+            raise ValueError("the vector holds values that are too large")
+        return image
 
     def _measure(self, image: NDArray[Any]) -> NDArray[np.float64]:
         """Return squared distances, shape (n,)."""
@@ -92,21 +96,16 @@ class PublishedBSOC(Clusters):
 
     def _merge_closest(self) -> None:
         _, kept, removed = self._edges.smallest()
-        counts = int(self._counts[kept]), int(self._counts[removed])
-        merged = self._merged(kept, removed, *counts)
-        name = int(self.names[kept] if counts[0] >= counts[1] else self.names[removed])
-        last = self.n_nodes_ - 1
-        self._move(last, removed)
-        self.n_nodes_ = last
-        self._insert(kept, merged, sum(counts), name)
-        if removed != last:
+        n_kept, n_removed = int(self._counts[kept]), int(self._counts[removed])
+        total = n_kept + n_removed
+        sums = n_kept * self._images[kept].astype(self._wide) + n_removed * self._images[removed]
+        merged = (2 * sums + total) // (2 * total) if self.integer else sums / total
+        name = int(self.names[kept if n_kept >= n_removed else removed])
+        self.n_nodes_ -= 1
+        self._move(self.n_nodes_, removed)
+        self._insert(kept, merged, total, name)
+        if removed != self.n_nodes_:
             self.last_merge_ = kept, removed
-
-    def _merged(self, one: int, two: int, count_one: int, count_two: int) -> NDArray[Any]:
-        total = count_one + count_two
-        sums = count_one * self._images[one].astype(self._wide) + count_two * self._images[two]
-        merged: NDArray[Any] = (2 * sums + total) // (2 * total) if self.integer else sums / total
-        return merged
 
     def _move(self, last: int, node: int) -> None:
         self._images[node] = self._images[last]

@@ -11,7 +11,7 @@ from robot.learner.bsoc import BSOC
 from robot.learner.classifier import GROUP_COST, BSOCClassifier
 from robot.learner.published import PublishedBSOC
 from robot.learner.ridge import ContextRidge, RecursiveRidge
-from tests.kit.sizes import crossed, examples
+from tests.kit.sizes import examples
 from tests.kit.states import same_state
 
 LABELS = ("forward", "left", "right")
@@ -73,9 +73,10 @@ def test_saving_and_loading_changes_nothing(kind, max_nodes, lessons, more):
     assert same_state(learner.get_state(), loaded.get_state())
 
 
-@crossed(
-    kind=KINDS,
-    bad=[
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "bad",
+    [
         (np.array([1.0, 2.0, np.inf, 4.0, 5.0, 6.0]), "left", 0.0),
         (np.full(6, np.nan), "left", 0.0),
         (np.full(6, 1e15), "left", 0.0),
