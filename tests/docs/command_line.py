@@ -15,16 +15,18 @@ from tests.own_plugins import own_plugins
 PAGE = Path(__file__).parents[2] / "docs/reference/command-line.md"
 _HEAD = """# The command line
 
-Made from the program by `make docs`; do not edit by hand.
+`make docs` writes this page from the program; do not edit it by hand.
 
 `drivelesson COMMAND [OPTION ...]`. Without a command: `drivelesson serve --robot sim`.
 
-| exit status | meaning | what a supervisor does |
+| exit status | meaning | what a supervisor should do |
 |---|---|---|
-| 0 | ended as asked; also when the program that reads the output has ended | nothing |
-| 1 | failed, and may succeed later: no camera yet, a full disk, a port in use | start again |
-| 2 | an option, a setting, a file or a missing library has to be changed first | leave it ended |
-| 130 | interrupted by Ctrl-C | nothing |
+| 0 | The command is done, or the program that reads its output has ended. | nothing |
+| 1 | The command failed, and may succeed later: there is no camera yet, the disk is full, or the \
+port is in use. | start it again |
+| 2 | The command failed: first change an option, a setting or a file, or install a missing \
+library. | do not start it again |
+| 130 | Ctrl-C ended the command. | nothing |
 
 An error is one line on standard error that says what failed and what to do.
 """

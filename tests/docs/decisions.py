@@ -15,7 +15,7 @@ _HEAD = re.compile(
 _LINK = re.compile(r"\[(\d+)\]\(([\w.-]+\.md)\)")
 _TOP = """# Decisions
 
-Made from the pages by `make docs`; do not edit by hand.
+`make docs` writes this page from the decisions; do not edit it by hand.
 [The first page](0001-record-decisions.md) explains
 which decisions get a page, and when a page is replaced.
 

@@ -11,7 +11,7 @@ from robot.exchange.steering import FULL_MPS, FULL_TURN_DEG_S
 PAGE = Path(__file__).parents[2] / "docs/reference/imports.md"
 _HEAD = """# Forms that can be imported
 
-Made from the program by `make docs`; do not edit by hand.
+`make docs` writes this page from the program; do not edit it by hand.
 
 `drivelesson episodes import PATH` looks for these forms, in this order, in a file, a folder and
 its subfolders, or an archive ([how to use it](../howto/episodes.md#import)). On this page,

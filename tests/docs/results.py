@@ -26,7 +26,7 @@ FOLDER = Path(__file__).parents[2] / "docs/results"
 PAGE = FOLDER / "README.md"
 _TOP = """# Results
 
-Made from the JSON files in this folder by `make docs`. Before you quote a figure, read [how it is \
+`make docs` writes this page from the JSON files in this folder. Before you quote a figure, read [how it is \
 measured](../reference/experiments.md). Earlier results are in [the lab book](../lab/earlier.md). \
 The machine had two cores of an AMD EPYC (on 21 November of an Intel Xeon), with Python 3.11.7 and \
 numpy 2.4.6. Seeds are counted from 0.
@@ -51,7 +51,7 @@ def _section(question: dict[str, Any]) -> str:
     runs = [f"`{run['command']}` ({run['commit']}, {run['date']})" for run in question["runs"]]
     unit = question["unit"]
     about = f"{unit[0].upper()}{unit[1:]}. {question['note']}".strip()
-    about += f" Measured by {', '.join(runs)}."
+    about += f" The figures are from {' and '.join(runs)}."
     table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
     return f"## {question['question']}\n\n{about}\n\n{table}\n"
 
