@@ -26,10 +26,10 @@ FOLDER = Path(__file__).parents[2] / "docs/results"
 PAGE = FOLDER / "README.md"
 _TOP = """# Results
 
-`make docs` writes this page from the JSON files in this folder. Before you quote a figure, read [how it is \
-measured](../reference/experiments.md). Earlier results are in [the lab book](../lab/earlier.md). \
-The machine had two cores of an AMD EPYC (on 21 November of an Intel Xeon), with Python 3.11.7 and \
-numpy 2.4.6. Seeds are counted from 0.
+`make docs` writes this page from the JSON files in this folder. Before you quote a figure, read \
+[how it is measured](../reference/experiments.md). Earlier results are in \
+[the lab book](../lab/earlier.md). The machine had two cores of an AMD EPYC (on 21 November of an \
+Intel Xeon), with Python 3.11.7 and numpy 2.4.6. Seeds are counted from 0.
 """
 
 
