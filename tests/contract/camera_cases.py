@@ -14,6 +14,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from unittest import mock
 
@@ -103,11 +104,8 @@ def write_film(path: Path, frames: int = 30) -> None:
 
 
 @contextmanager
-def phone_camera() -> Iterator[CameraCase]:
-    """A phone whose pictures arrive on a thread, each with another grey value, as from its
-    socket."""
-    clock = VirtualClock()
-    camera = PhoneCamera(PhoneOptions(), clock)
+def sending(clock: Clock, give: Callable[[int], None]) -> Iterator[threading.Event]:
+    """Call `give` with a number every 30 ms, on a thread, unless the event is set."""
     ending, frozen = threading.Event(), threading.Event()
 
     def send() -> None:
@@ -115,12 +113,26 @@ def phone_camera() -> Iterator[CameraCase]:
             if clock.wait(ending, 0.03):
                 return
             if not frozen.is_set():
-                camera.offer(read_jpeg(grey_jpeg(index)), clock.now_s())
+                give(index)
 
-    phone = clock.start_thread(send, "phone")
-    yield CameraCase(camera, frozen.set, frozen.clear)
+    thread = clock.start_thread(send, "pictures")
+    yield frozen
     ending.set()
-    phone.join()
+    thread.join()
+
+
+@contextmanager
+def phone_camera() -> Iterator[CameraCase]:
+    """A phone whose pictures arrive on a thread, each with another grey value, as from its
+    socket."""
+    clock = VirtualClock()
+    camera = PhoneCamera(PhoneOptions(), clock)
+
+    def give(index: int) -> None:
+        camera.offer(read_jpeg(grey_jpeg(index)), clock.now_s())
+
+    with sending(clock, give) as frozen:
+        yield CameraCase(camera, frozen.set, frozen.clear)
 
 
 @contextmanager
@@ -136,31 +148,23 @@ def picamera2_camera() -> Iterator[CameraCase]:
 @contextmanager
 def ros_camera() -> Iterator[CameraCase]:
     """Pictures of a topic, over a bridge without a socket."""
-    clock, frozen = VirtualClock(), threading.Event()
+    clock, listening = VirtualClock(), list[Any]()
 
-    class Bridge:
-        refusal = ""
+    def open_topics(*_: Any, on_message: Any, **options: Any) -> Any:
+        listening.append(on_message)
+        return SimpleNamespace(refusal="", close=listening.clear)
 
-        def __init__(self, _: Any, clock: Clock, **options: Any) -> None:
-            self._ending, self._tell = threading.Event(), options["on_message"]
-            self._thread = clock.start_thread(self._run, "rosbridge")
+    def give(index: int) -> None:
+        jpeg = base64.b64encode(grey_jpeg(index)).decode()
+        for tell in listening:
+            tell("/camera/image_raw/compressed", {"format": "jpeg", "data": jpeg})
 
-        def close(self) -> None:
-            self._ending.set()
-            self._thread.join()
-
-        def _run(self) -> None:
-            for index in itertools.count():
-                if clock.wait(self._ending, 0.03):
-                    return
-                if not frozen.is_set():
-                    jpeg = base64.b64encode(grey_jpeg(index)).decode()
-                    self._tell("/camera/image_raw/compressed", {"format": "jpeg", "data": jpeg})
-
-    with mock.patch("robot.bodies.ros.camera.open_topics", Bridge):
-        yield CameraCase(
-            RosCamera(RosCameraOptions(address="base"), clock), frozen.set, frozen.clear
-        )
+    with (
+        mock.patch("robot.bodies.ros.camera.open_topics", open_topics),
+        sending(clock, give) as frozen,
+    ):
+        camera = RosCamera(RosCameraOptions(address="base"), clock)
+        yield CameraCase(camera, frozen.set, frozen.clear)
 
 
 @contextmanager
@@ -169,25 +173,19 @@ def mjpeg_camera() -> Iterator[CameraCase]:
     clock, frozen = VirtualClock(), threading.Event()
     camera = MjpegCamera(MjpegOptions(source="http://camera/stream"), clock)
 
-    class Line:
-        host = "camera"
+    indices = itertools.count()
 
-        def __init__(self) -> None:
-            self._indices = itertools.count()
+    def read1(size: int) -> bytes:
+        while not clock.wait(camera._ending, 0.03):
+            if not frozen.is_set():
+                jpeg = grey_jpeg(next(indices))
+                head = f"--frame\r\nContent-Length: {len(jpeg)}\r\n\r\n"
+                return head.encode() + jpeg + b"\r\n"
+        raise OSError("the stream was closed")
 
-        def open(self) -> None: ...
-
-        def close(self) -> None: ...
-
-        def read1(self, size: int) -> bytes:
-            while not clock.wait(camera._ending, 0.03):
-                if not frozen.is_set():
-                    jpeg = grey_jpeg(next(self._indices))
-                    head = f"--frame\r\nContent-Length: {len(jpeg)}\r\n\r\n"
-                    return head.encode() + jpeg + b"\r\n"
-            raise OSError("the stream was closed")
-
-    camera._line = Line()  # type: ignore[assignment]
+    camera._line = SimpleNamespace(
+        host="camera", open=lambda: None, close=lambda: None, read1=read1
+    )
     yield CameraCase(camera, frozen.set, frozen.clear)
 
 

@@ -8,12 +8,10 @@ from __future__ import annotations
 
 import math
 import os
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -30,7 +28,7 @@ from robot.simulator.driver import SimDriver, SimOptions
 from robot.testing import VirtualClock
 from robot.testing.cases import DriverCase
 from robot.types import Action, Point
-from tests.faults.bodies import BODIES, TimedBody
+from tests.faults.bodies import BODIES, brick_in_memory, unplug_motors
 from tests.robot.bodies.ev3.virtual_agent import VirtualAgent
 
 
@@ -95,10 +93,7 @@ def gymnasium_driver(moves: str = "") -> Iterator[DriverCase]:
 
 @contextmanager
 def fake_brick(clock: Clock | None = None) -> Iterator[FakeBrick]:
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        FakeBrick(Path(folder, "brick"), clock=clock) as brick,
-    ):
+    with brick_in_memory(clock) as brick:
         brick.add_sensor("in4", "lego-ev3-us", 1234, decimals=1)
         for bumper in ("in1", "in2"):
             brick.add_sensor(bumper, "lego-ev3-touch", 0)
@@ -123,13 +118,12 @@ def brick_case(
         is_moving()
         return as_point((brick.speeds()["outB"], brick.speeds()["outC"]))
 
-    now_s = brick.clock.now_s
     return DriverCase(
         driver,
         brick.clock.sleep,
         is_moving,
         cut_link,
-        now_s,
+        brick.clock.now_s,
         restore_link=restore_link,
         drives=drives,
     )
@@ -140,15 +134,7 @@ def ev3_driver() -> Iterator[DriverCase]:
     clock = VirtualClock()
     with fake_brick(clock) as brick:
         driver = Ev3Driver(Ev3Options(brick_root=str(brick.root)), clock)
-
-        def unplug_motors() -> None:  # its line is the motors' cables
-            for port in driver._connection.motors._ports:  # type: ignore[union-attr]
-                for file in port._files.values():
-                    file.close()  # on a brick the next write fails with ENODEV
-            for name in ("outB", "outC"):
-                brick.unplug_motor(name)
-
-        yield brick_case(driver, brick, unplug_motors)
+        yield brick_case(driver, brick, lambda: unplug_motors(driver, brick, 0, 1))
 
 
 def real_brick_case(address: str) -> DriverCase:
@@ -179,43 +165,31 @@ def ev3_remote_driver() -> Iterator[DriverCase]:
         yield brick_case(driver, brick, agent.cut, agent.mend)
 
 
-def case_of(body: TimedBody, is_moving: Callable[[], bool]) -> DriverCase:
-    def drives() -> Point:
-        is_moving()
-        assert body.wheels is not None
-        return as_point(body.wheels())
-
-    return DriverCase(
-        body.driver,
-        body.clock.sleep,
-        is_moving,
-        body.lose,
-        body.clock.now_s,
-        restore_link=body.regain,
-        drives=drives if body.wheels is not None else None,
-    )
-
-
 @contextmanager
 def timed_driver(name: str) -> Iterator[DriverCase]:
     """A body of tests/faults/bodies.py: the real driver and firmware on one virtual clock."""
     with BODIES[name][0](1) as body:
         body.slow_down(0.02)
-        yield case_of(body, body.is_moving)
-        body.driver.disconnect()
-
-
-@contextmanager
-def ros_driver() -> Iterator[DriverCase]:
-    """A base that never stops by itself, behind our watchdog."""
-    with BODIES["ros"][0](1) as body:
-        body.slow_down(0.02)
 
         def is_moving() -> bool:
-            body.clock.sleep(0.03)  # the order has arrived
+            if name == "ros":
+                body.clock.sleep(0.03)  # the order has arrived
             return body.is_moving()
 
-        yield case_of(body, is_moving)
+        def drives() -> Point:
+            is_moving()
+            assert body.wheels is not None
+            return as_point(body.wheels())
+
+        yield DriverCase(
+            body.driver,
+            body.clock.sleep,
+            is_moving,
+            body.lose,
+            body.clock.now_s,
+            restore_link=body.regain,
+            drives=drives,
+        )
         body.driver.disconnect()
 
 
@@ -242,8 +216,9 @@ def gpio_driver(motor_board: str = "two-pwm") -> Iterator[DriverCase]:
 def replay_driver() -> Iterator[DriverCase]:
     clock = VirtualClock()
     driver = ReplayDriver(clock=clock)
-    is_moving = lambda: driver.action is not Action.STOP  # noqa: E731
-    yield DriverCase(driver, clock.advance, is_moving, now_s=clock.now_s)
+    yield DriverCase(
+        driver, clock.advance, lambda: driver.action is not Action.STOP, now_s=clock.now_s
+    )
 
 
 DRIVERS: dict[str, Callable[[], AbstractContextManager[DriverCase]]] = {
@@ -251,14 +226,10 @@ DRIVERS: dict[str, Callable[[], AbstractContextManager[DriverCase]]] = {
     "replay": replay_driver,
     "ev3": ev3_driver,
     "ev3-remote": ev3_remote_driver,
-    "ev3-stock": partial(timed_driver, "ev3-stock"),
-    "udp": partial(timed_driver, "udp"),
-    "ws": partial(timed_driver, "ws"),
-    "pybricks": partial(timed_driver, "pybricks"),
+    **{name: partial(timed_driver, name) for name in ("ev3-stock", "pybricks", "ros", "udp", "ws")},
     "gpio": gpio_driver,
     "gpio, a car": partial(gpio_driver, "servo-esc"),
     "gpio, phase-enable": partial(gpio_driver, "phase-enable"),
     "gymnasium": gymnasium_driver,
     "gymnasium, a box": partial(gymnasium_driver, BOX),
-    "ros": ros_driver,
 }

@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
-from typing import Any
 
 from robot.bodies.ev3.stock_driver import Ev3StockDriver, Ev3StockOptions
 from robot.bodies.lego_education.driver import LegoEducationDriver, LegoEducationOptions
@@ -107,11 +106,9 @@ def lego_education_driver() -> Iterator[DriverCase]:
 
 
 @contextmanager
-def ros_driver_on(answers: Callable[[dict[str, Any]], list[str]]) -> Iterator[DriverCase]:
-    """A base that never stops by itself, behind our watchdog; the bridge replies as `answers`
-    says."""
+def ros_driver() -> Iterator[DriverCase]:
+    """A base that never stops by itself, behind our watchdog."""
     with RosBridgeServer(has_timeout=False) as ros, ros.watchdog():
-        ros.answers = answers
         driver = RosDriver(RosOptions(address=ros.address, watchdog=True))
 
         def drives() -> Point:
@@ -121,10 +118,6 @@ def ros_driver_on(answers: Callable[[dict[str, Any]], list[str]]) -> Iterator[Dr
         case = on_a_busy_machine(driver, lambda: any(drives()), ros.frozen.set)
         yield replace(case, restore_link=ros.frozen.clear, drives=drives)
         driver.disconnect()
-
-
-def ros_driver() -> AbstractContextManager[DriverCase]:
-    return ros_driver_on(lambda asked: [])
 
 
 @contextmanager

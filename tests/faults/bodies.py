@@ -14,23 +14,27 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
-from robot.bodies.ev3.driver import ChassisBody, Ev3Driver, Ev3Options
+from robot.bodies.ev3.driver import Ev3Driver, Ev3Options
 from robot.bodies.ev3.fake_brick import FakeBrick
 from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.bodies.ev3.stock_driver import Ev3StockDriver, Ev3StockOptions, StockBody
 from robot.bodies.lego_education.driver import LegoEducationDriver, LegoEducationOptions
 from robot.bodies.pybricks.driver import PybricksDriver, PybricksOptions
-from robot.bodies.remote.driver import MessageLine, RemoteDriver, RemoteOptions
+from robot.bodies.remote.driver import RemoteOptions
 from robot.bodies.remote.udp import UdpDriver
 from robot.bodies.remote.ws import WsDriver
 from robot.bodies.ros.driver import RosDriver, RosOptions
+from robot.clock import Clock
 from robot.driver import Driver
 from robot.errors import DriveError
 from robot.testing import VirtualClock
 from robot.types import Action, Point
-from tests.robot.bodies.ev3.virtual_agent import VirtualAgent
+from tests.robot.bodies.ev3.virtual_agent import VirtualAgent, close_motor
 from tests.standins.double_motor import DoubleMotor
 from tests.standins.ev3_stock import StockFirmware
 from tests.standins.firmware_in_time import RunningFirmware, RunningHub, RunningProgram
@@ -67,57 +71,30 @@ class TimedBody:
     wheels: Callable[[], tuple[float, float]] | None = None
 
 
+def _losing(line: Any) -> dict[str, Callable[[], None]]:
+    """Return how to lose and regain a line that has an attribute `is_lost`."""
+    return {name: partial(setattr, line, "is_lost", name == "lose") for name in ("lose", "regain")}
+
+
 @contextmanager
 def _program(
-    kind: type[RunningProgram], make: Callable[[VirtualClock, MessageLine], Driver], seed: int
+    board_type: type[RunningProgram], driver_type: Callable[..., Any], options: Any, seed: int
 ) -> Iterator[TimedBody]:
+    """A driver whose messages go to a running program."""
     clock = VirtualClock()
-    board = kind(clock, seed)
+    board = board_type(clock, seed)
     board.start()
-    driver = make(clock, board.line())
-
-    def lose() -> None:
-        board.is_lost = True
-
-    def regain() -> None:
-        board.is_lost = False
-
-    def slow_down(slowest_s: float) -> None:
-        board.slowest_s = slowest_s
-
+    driver = driver_type(options, clock)
+    driver._open_line = board.line
     yield TimedBody(
         driver,
         clock,
         lambda: board.is_moving,
-        lose,
-        regain,
-        slow_down=slow_down,
+        **_losing(board),
+        slow_down=partial(setattr, board, "slowest_s"),
         wheels=lambda: board.wheels,
     )
     board.end()
-
-
-def _udp(seed: int) -> AbstractContextManager[TimedBody]:
-    return _program(RunningFirmware, lambda clock, line: _addressed(UdpDriver, clock, line), seed)
-
-
-def _ws(seed: int) -> AbstractContextManager[TimedBody]:
-    return _program(RunningFirmware, lambda clock, line: _addressed(WsDriver, clock, line), seed)
-
-
-def _addressed(kind: type[RemoteDriver], clock: VirtualClock, line: MessageLine) -> Driver:
-    driver = kind(RemoteOptions(address="board", secret="geheim"), clock)
-    driver._open_line = lambda: line  # type: ignore[method-assign]
-    return driver
-
-
-def _pybricks(seed: int) -> AbstractContextManager[TimedBody]:
-    def make(clock: VirtualClock, line: MessageLine) -> Driver:
-        driver = PybricksDriver(PybricksOptions(), clock)
-        driver._open_line = lambda: line  # type: ignore[method-assign]
-        return driver
-
-    return _program(RunningHub, make, seed)
 
 
 @contextmanager
@@ -125,35 +102,20 @@ def _ev3_stock(seed: int) -> Iterator[TimedBody]:
     """The stand-in's bytecode interpreter, without its sockets."""
     clock, chance = VirtualClock(), random.Random(seed)
 
-    class Line:
-        is_lost = False
-
-        def ask(self, message: bytes) -> bytes:
-            clock.sleep(chance.uniform(0.001, 0.05))
-            answer = None if self.is_lost else brick.answer(message)
-            if answer is None:
-                clock.sleep(0.4)
-                raise DriveError("the brick does not answer")
-            return answer
-
-        def close(self) -> None:
-            pass
-
-    def make_body() -> ChassisBody:
-        return StockBody(lambda: line, driver.options.ports())
+    def ask(message: bytes) -> bytes:
+        clock.sleep(chance.uniform(0.001, 0.05))
+        answer = None if line.is_lost else brick.answer(message)
+        if answer is None:
+            clock.sleep(0.4)
+            raise DriveError("the brick does not answer")
+        return answer
 
     options = Ev3StockOptions(ultrasonic_port="none", touch_port="none")
-    brick, line, driver = StockFirmware(clock.now_s), Line(), Ev3StockDriver(options)
-    driver._open = make_body  # type: ignore[method-assign]
-
-    def lose() -> None:
-        line.is_lost = True
-
-    def regain() -> None:
-        line.is_lost = False
-
+    line = SimpleNamespace(is_lost=False, ask=ask, close=lambda: None)
+    brick, driver = StockFirmware(clock.now_s), Ev3StockDriver(options)
+    driver._open = lambda: StockBody(lambda: line, options.ports())
     yield TimedBody(
-        driver, clock, lambda: brick.is_moving, lose, regain, wheels=lambda: brick.wheels
+        driver, clock, lambda: brick.is_moving, **_losing(line), wheels=lambda: brick.wheels
     )
 
 
@@ -164,36 +126,30 @@ def _gpio(seed: int) -> Iterator[TimedBody]:
 
     clock = VirtualClock()
     with MockPins(clock) as pins:
-        driver = pins.driver(GpioOptions())
+        driver, hang_up = pins.driver(GpioOptions()), pins.hang_up
         yield TimedBody(
-            driver,
-            clock,
-            lambda: pins.is_moving,
-            lose=pins.hang_up,
-            hang_up=pins.hang_up,
-            tick=pins.tick,
+            driver, clock, lambda: pins.is_moving, hang_up, hang_up=hang_up, tick=pins.tick
         )
 
 
 @contextmanager
-def _ev3_remote(seed: int) -> Iterator[TimedBody]:
-    """The brick's agent on a brick made of files, whose kernel ends the moves of `run-timed`."""
-    clock = VirtualClock(100.0)
+def brick_in_memory(clock: Clock | None) -> Iterator[FakeBrick]:
+    """A brick made of files, whose kernel ends the moves of `run-timed`."""
     with (
         tempfile.TemporaryDirectory(dir=_MEMORY) as folder,
-        FakeBrick(Path(folder), clock=clock) as brick,
-        VirtualAgent(brick) as agent,
+        FakeBrick(Path(folder, "brick"), clock=clock) as brick,
     ):
+        yield brick
+
+
+@contextmanager
+def _ev3_remote(seed: int) -> Iterator[TimedBody]:
+    """The brick's agent."""
+    clock = VirtualClock(100.0)
+    with brick_in_memory(clock) as brick, VirtualAgent(brick) as agent:
         driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=agent.address), agent.link())
-        yield TimedBody(
-            driver,
-            clock,
-            brick.is_moving,
-            agent.cut,
-            agent.mend,
-            hang_up=agent.hang_up,
-            freeze=agent.cut,
-        )
+        cut, mend, hang_up = agent.cut, agent.mend, agent.hang_up
+        yield TimedBody(driver, clock, brick.is_moving, cut, mend, hang_up=hang_up, freeze=cut)
         driver.disconnect()
 
 
@@ -201,40 +157,38 @@ def _ev3_remote(seed: int) -> Iterator[TimedBody]:
 def _ros(seed: int) -> Iterator[TimedBody]:
     clock = VirtualClock(100.0)
     bridge = WatchedBridge(clock, seed)
-    options = RosOptions(address="robot", watchdog=True)
-    driver = RosDriver(options, clock)
+    driver = RosDriver(RosOptions(address="robot", watchdog=True), clock)
     driver.open_topics = bridge.open
-
-    def slow_down(slowest_s: float) -> None:
-        bridge.slowest_s = slowest_s
-
     yield TimedBody(
         driver,
         clock,
         lambda: bridge.is_moving,
         bridge.lose,
         bridge.regain,
-        slow_down=slow_down,
+        slow_down=partial(setattr, bridge, "slowest_s"),
         wheels=lambda: bridge.wheels,
     )
     bridge.end()
 
 
+def unplug_motors(driver: Ev3Driver, brick: FakeBrick, *sides: int) -> None:
+    """Unplug the left (0) or right (1) motor, or both: on the brick itself, the motors' cables are
+    the line."""
+    for side in sides:
+        close_motor(driver, side)
+        brick.unplug_motor(("outB", "outC")[side])
+
+
 @contextmanager
 def _ev3(seed: int) -> Iterator[TimedBody]:
-    """The server runs on the brick, so its line to the body consists of the motors' cables."""
+    """The server runs on the brick."""
     clock = VirtualClock(100.0)
-    with (
-        tempfile.TemporaryDirectory(dir=_MEMORY) as folder,
-        FakeBrick(Path(folder), clock=clock) as brick,
-    ):
+    with brick_in_memory(clock) as brick:
         driver = Ev3Driver(Ev3Options(brick_root=str(brick.root)), clock)
 
         def unplug_one() -> None:  # the other wheel still has the order to turn
             if "outC" in brick.motors:
-                for file in driver._connection.motors._ports[1]._files.values():  # type: ignore[union-attr]
-                    file.close()  # on a brick the next write fails with ENODEV
-                brick.unplug_motor("outC")
+                unplug_motors(driver, brick, 1)
 
         yield TimedBody(driver, clock, brick.is_moving, unplug_one)
         driver.disconnect()
@@ -245,17 +199,21 @@ def _lego_education(seed: int) -> Iterator[TimedBody]:
     clock = VirtualClock()
     motor = DoubleMotor(clock, random.Random(seed))
     driver = LegoEducationDriver(LegoEducationOptions(), clock, library=motor)
-
-    def lose() -> None:
-        motor.is_lost = True
-
+    lose = _losing(motor)["lose"]
     yield TimedBody(driver, clock, lambda: motor.is_moving, lose, tick=motor.tick)
 
 
+_REMOTE = RemoteOptions(address="board", secret="geheim")
 BODIES: dict[str, tuple[Callable[[int], AbstractContextManager[TimedBody]], str]] = {
-    "udp": (_udp, "the firmware's own time limit"),
-    "ws": (_ws, "the firmware's own time limit"),
-    "pybricks": (_pybricks, "the motors' timed move"),
+    "udp": (
+        partial(_program, RunningFirmware, UdpDriver, _REMOTE),
+        "the firmware's own time limit",
+    ),
+    "ws": (partial(_program, RunningFirmware, WsDriver, _REMOTE), "the firmware's own time limit"),
+    "pybricks": (
+        partial(_program, RunningHub, PybricksDriver, PybricksOptions()),
+        "the motors' timed move",
+    ),
     "ev3-remote": (_ev3_remote, "the kernel's timed move, or the agent"),
     "ev3-stock": (_ev3_stock, "the motors' timed move"),
     "gpio": (_gpio, "the process that holds the pins"),
@@ -310,14 +268,8 @@ def stood_after_s(name: str, fault: str, seed: int, *, by_degrees: bool = False)
         assert has_moved, "it never moved"
         body.slow_down(chance.uniform(0.08, 1.2))
         send(meant)
-        if fault == "link lost":
-            body.lose()
-        elif fault == "server killed":
-            body.hang_up()
-        else:
-            body.freeze()
-        began_s = body.clock.now_s()
-        last_s = 0.0
+        dict(zip(FAULTS, (body.lose, body.hang_up, body.freeze), strict=True))[fault]()
+        began_s, last_s = body.clock.now_s(), 0.0
         for _ in range(400):
             # The server continues without effect.
             if fault == "link lost" and chance.random() < 0.04:

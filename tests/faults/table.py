@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
-
-import pytest
+from typing import Any
 
 from robot.testing import LinkConditions
 from tests.kit.sizes import size
 
 from . import bodies
-from .scenario import Change, Fault, FaultWorld, outcomes
+from .scenario import Change, Fault, FaultWorld
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "faults.md"
 MODES = ("train", "intervention", "autonomous")
@@ -20,53 +20,30 @@ SEEDS = size("SEEDS", 6, 1_000)
 """Number of drives in each cell of the table (`.ci/run`: 1,000)."""
 
 
-def _silence(world: FaultWorld) -> None:
-    world.page.is_silent = True
+def _set(part: str, **values: object) -> Change:
+    """Return a change of some attributes of a part of the world."""
 
-
-def _speak(world: FaultWorld) -> None:
-    world.page.is_silent = False
-
-
-def _link(**fields: object) -> Change:
     def change(world: FaultWorld) -> None:
-        world.link.conditions = LinkConditions(**fields)  # type: ignore[arg-type]
+        for name, value in values.items():
+            setattr(getattr(world, part), name, value)
 
     return change
 
 
-def _clear(world: FaultWorld) -> None:
-    world.link.conditions = LinkConditions()
+def _link(name: str, **conditions: Any) -> Fault:
+    """Return a fault of the link, which ends when the conditions are ideal again."""
+    begin, end = (_set("link", conditions=LinkConditions(**kept)) for kept in (conditions, {}))
+    return Fault(name=name, begin=begin, end=end, reasons=("pilot_silent", "link_slow"))
+
+
+_SILENCE, _SPEAK = (_set("page", is_silent=is_silent) for is_silent in (True, False))
+_THAW = _set("camera", is_frozen=False)
 
 
 def _hide(world: FaultWorld) -> None:
     world.page.hold(None)
     world.page.mode("stopped")
     world.page.is_silent = True
-
-
-def _freeze_camera(world: FaultWorld) -> None:
-    world.camera.is_frozen = True
-
-
-def _break_camera(world: FaultWorld) -> None:
-    world.camera.break_down("The camera was unplugged.")
-
-
-def _mend_camera(world: FaultWorld) -> None:
-    world.camera.is_frozen = False
-
-
-def _break_drive(world: FaultWorld) -> None:
-    world.driver.failure = "The left motor does not answer."
-
-
-def _mend_drive(world: FaultWorld) -> None:
-    world.driver.failure = None
-
-
-def _jump(world: FaultWorld) -> None:
-    world.clock.advance(3600.0)
 
 
 def _speak_late(world: FaultWorld) -> None:
@@ -78,110 +55,80 @@ def _speak_late(world: FaultWorld) -> None:
     world.page.send(type="mode", mode="train", seq=1)
 
 
-def _close_pictures(world: FaultWorld) -> None:
-    world.page.close_pictures()
-
-
-def _acknowledge_nothing(world: FaultWorld) -> None:
-    world.page.acknowledges = False
-
-
-def _acknowledge(world: FaultWorld) -> None:
-    world.page.acknowledges = True
-
-
 def _is_picture_old(world: FaultWorld) -> bool:
     """True once the pilot sees a picture that is older than the governor allows."""
     frame = world.hub.video.captured_s.get(world.page.picture or 0)
     return frame is not None and world.clock.now_s() - frame > 0.5
 
 
-BY = pytest.mark.parametrize("by", ["moves", "degrees"])
 FAULTS = (
     Fault(
-        name="the tab is closed",
-        begin=lambda world: world.page.close(),
-        reasons=("pilot_gone",),
+        name="the tab is closed", begin=lambda world: world.page.close(), reasons=("pilot_gone",)
     ),
     Fault(
         name="the browser is killed",
         begin=lambda world: world.page.vanish(),
         reasons=("pilot_gone",),
     ),
-    Fault(name="the tab is hidden", begin=_hide, end=_speak, reasons=("pilot_asked",)),
+    Fault(name="the tab is hidden", begin=_hide, end=_SPEAK, reasons=("pilot_asked",)),
     Fault(
         name="the page hangs, or its tab is suspended",
-        begin=_silence,
-        end=_speak,
+        begin=_SILENCE,
+        end=_SPEAK,
         reasons=("pilot_silent", "link_slow"),
     ),
     Fault(
         name="only the pictures' connection is closed",
-        begin=_close_pictures,
+        begin=lambda world: world.page.close_pictures(),
         reasons=("link_slow",),
     ),
     Fault(
         name="pictures are no longer acknowledged",
-        begin=_acknowledge_nothing,
-        end=_acknowledge,
+        begin=_set("page", acknowledges=False),
+        end=_set("page", acknowledges=True),
         reasons=("link_slow",),
     ),
-    Fault(
-        name="the network falls silent",
-        begin=_link(is_silent=True),
-        end=_clear,
-        reasons=("pilot_silent", "link_slow"),
-    ),
-    Fault(
-        name="every packet is 0.6 s late, both ways",
-        begin=_link(delay_s=0.6),
-        end=_clear,
-        reasons=("pilot_silent", "link_slow"),
-    ),
-    Fault(
-        name="packets are up to 2 s late, each by a random time",
-        begin=_link(delay_s=0.3, jitter_s=2.0),
-        end=_clear,
-        reasons=("pilot_silent", "link_slow"),
+    _link("the network falls silent", is_silent=True),
+    _link("every packet is 0.6 s late, both ways", delay_s=0.6),
+    replace(
+        _link("packets are up to 2 s late, each by a random time", delay_s=0.3, jitter_s=2.0),
         counts_from_last_message=True,
         note=", counted from the last message that came in time",
     ),
-    Fault(
-        name="every packet is lost and sent again after 0.7 s",
-        begin=_link(stall_share=1.0, stall_s=0.7),
-        end=_clear,
-        reasons=("pilot_silent", "link_slow"),
-    ),
+    _link("every packet is lost and sent again after 0.7 s", stall_share=1.0, stall_s=0.7),
     Fault(
         name="messages from before a stop arrive after it",
         begin=_speak_late,
-        end=_speak,
+        end=_SPEAK,
         reasons=("pilot_asked",),
     ),
-    Fault(
-        name="the line narrows to 100 kbit/s",
-        begin=_link(bytes_per_second=12_500.0),
-        end=_clear,
+    replace(
+        _link("the line narrows to 100 kbit/s", bytes_per_second=12_500.0),
         reasons=("link_slow", "pilot_silent"),
         counts_from=_is_picture_old,
         note=", counted from when the picture is 500 ms old",
     ),
     Fault(
         name="the camera freezes",
-        begin=_freeze_camera,
-        end=_mend_camera,
+        begin=_set("camera", is_frozen=True),
+        end=_THAW,
         reasons=("frame_stale",),
     ),
     Fault(
         name="the camera reports a fault",
-        begin=_break_camera,
-        end=_mend_camera,
+        begin=lambda world: world.camera.break_down("The camera was unplugged."),
+        end=_THAW,
         reasons=("camera_fault",),
     ),
-    Fault(name="the drive raises", begin=_break_drive, end=_mend_drive, reasons=("drive_fault",)),
+    Fault(
+        name="the drive raises",
+        begin=_set("driver", failure="The left motor does not answer."),
+        end=_set("driver", failure=None),
+        reasons=("drive_fault",),
+    ),
     Fault(
         name="the clock jumps an hour ahead",
-        begin=_jump,
+        begin=lambda world: world.clock.advance(3600.0),
         reasons=("loop_fault", "pilot_silent", "frame_stale"),
     ),
 )
@@ -191,18 +138,6 @@ ELSEWHERE = (
     ("the disk is full", "drives on; stands when the pilot lets go", "500 ms"),
 )
 """Faults with tests in tests/faults/ that need a separate process."""
-
-
-def check(fault: Fault, mode: str, by: str) -> None:
-    """Have one fault happen in each of many drives.
-
-    Raises:
-        AssertionError: If the robot stands too late, says another reason, or moves again.
-    """
-    found = outcomes(fault, mode, range(SEEDS), by_degrees=by == "degrees")
-    late = {n: o.stood_after_s for n, o in enumerate(found) if o.stood_after_s >= LIMIT_S[mode]}
-    assert not late, f"goes on, by seed: {late}"
-    assert {outcome.reason for outcome in found} <= set(fault.reasons)
 
 
 def render(measured_ms: dict[tuple[str, str], float]) -> str:

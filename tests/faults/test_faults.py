@@ -1,4 +1,4 @@
-"""Several faults at once, in virtual time; a drive is the same in every run."""
+"""Faults in virtual time, alone or together: the robot stops, reports why, and stays stopped."""
 
 from __future__ import annotations
 
@@ -8,13 +8,23 @@ import pytest
 
 from tests.kit.sizes import crossed
 
-from .scenario import Fault, FaultWorld, Plan, in_fault_world, outcomes
+from .scenario import FaultWorld, Plan, in_fault_world, outcomes
 from .table import FAULTS, LIMIT_S, MODES, SEEDS
 
+NAMED = {fault.name: fault for fault in FAULTS}
 
-@crossed(fault=FAULTS, mode=MODES)
-def test_a_drive_is_the_same_to_the_last_digit_in_every_run(fault: Fault, mode: str) -> None:
-    assert outcomes(fault, mode, range(3)) == outcomes(fault, mode, range(3))
+
+@crossed(name=NAMED, mode=MODES, by=["moves", "degrees"])
+def test_the_robot_stands_in_time_whenever_a_fault_comes(name: str, mode: str, by: str) -> None:
+    found = outcomes(NAMED[name], mode, range(SEEDS), by_degrees=by == "degrees")
+    late = {n: o.stood_after_s for n, o in enumerate(found) if o.stood_after_s >= LIMIT_S[mode]}
+    assert not late, f"goes on, by seed: {late}"
+    assert {outcome.reason for outcome in found} <= set(NAMED[name].reasons)
+
+
+@crossed(name=NAMED, mode=MODES)
+def test_a_drive_is_the_same_to_the_last_digit_in_every_run(name: str, mode: str) -> None:
+    assert outcomes(NAMED[name], mode, range(3)) == outcomes(NAMED[name], mode, range(3))
 
 
 PROMPT = [fault for fault in FAULTS if not fault.counts_from and not fault.counts_from_last_message]

@@ -1,7 +1,6 @@
 """An ordinary phone never trips the robot, and a phone that is gone always stops it.
 
-The limits must meet both figures at once, in virtual time over the same Wi-Fi. With -s the test
-prints them.
+The limits must meet both figures at once, in virtual time over the same Wi-Fi.
 """
 
 from __future__ import annotations
@@ -49,9 +48,7 @@ async def live_with_pauses(world: FaultWorld, seconds: float) -> int:
 
 
 @pytest.mark.parametrize("camera", CAMERAS)
-def test_ten_minutes_by_itself_with_an_ordinary_phone(
-    camera: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_ten_minutes_by_itself_with_an_ordinary_phone(camera: str) -> None:
     stops: list[StopReason] = []
 
     async def scenario(world: FaultWorld) -> tuple[int, float]:
@@ -74,34 +71,25 @@ def test_ten_minutes_by_itself_with_an_ordinary_phone(
         return pauses, (world.driver.moved_s - moved_s) / took_s
 
     pauses, moving = in_fault_world(scenario)
-    with capsys.disabled():
-        print(f"\n{camera}: {pauses} pauses in {DRIVE_S:.0f} s, {len(stops)} stops, {moving:.4f}")
     assert stops == []
     assert pauses > DRIVE_S / 4
     assert moving > 0.99
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_it_stands_within_half_a_second_after_its_pilot_is_gone(
-    mode: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    worst: dict[str, float] = {}
-    for fault in (fault for fault in FAULTS if fault.name in GONE):
+def test_it_stands_within_half_a_second_after_its_pilot_is_gone(mode: str) -> None:
+    gone = [fault for fault in FAULTS if fault.name in GONE]
+    assert len(gone) == len(GONE)
 
-        async def scenario(world: FaultWorld, fault=fault) -> float:  # type: ignore[no-untyped-def]
-            worst_s = 0.0
+    async def scenario(world: FaultWorld) -> None:
+        for fault in gone:
             for seed in range(ENDS):
                 await on_wifi(world, "33 ms / 5 ms", seed)
                 await world.drive(mode)
                 await world.forward(world.dice.uniform(0.5, 1.5))
                 fault.begin(world)
-                worst_s = max(worst_s, await world.until(world.stands, 5.0, fault.name))
+                await world.until(world.stands, 0.5, fault.name)
                 await world.until(lambda: world.mode is Mode.STOPPED, 0.1, "stopped")
                 fault.end(world)
-            return worst_s
 
-        worst[fault.name] = in_fault_world(scenario)
-    with capsys.disabled():
-        print(f"\n{mode}: " + ", ".join(f"{name} {1000 * s:.0f} ms" for name, s in worst.items()))
-    assert len(worst) == len(GONE)
-    assert max(worst.values()) < 0.5
+    in_fault_world(scenario)

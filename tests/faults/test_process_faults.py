@@ -17,8 +17,6 @@ from tests.server.hosting.ending import check_a_hanging_upload_and_half_a_reques
 from tests.server.live_robot import Pilot
 from tests.server.own_process import own_process
 
-from .far_bodies import check_a_body_stands_when_its_server_does_not_go_on
-
 pytestmark = [pytest.mark.slow, pytest.mark.realtime]
 
 
@@ -31,7 +29,6 @@ def test_a_frozen_server_moves_nothing_afterwards_and_a_full_disk_does_not_stop_
     check_a_hanging_upload_and_half_a_request_hold_up_no_end(tmp_path / "hanging")
     (tmp_path / "secrets").mkdir()
     check_no_secret_leaves(tmp_path / "secrets")
-    check_a_body_stands_when_its_server_does_not_go_on(tmp_path / "far")
 
 
 def a_frozen_server_lets_the_body_stop_and_does_not_move_it_again() -> None:

@@ -28,7 +28,7 @@ SUBJECTS: dict[str, tuple[str, ...]] = {
     "server.clients.lease": (
         "tests/server/clients/test_lease.py",
         "tests/server/test_drive.py",
-        "tests/faults/test_faults_in_train.py",
+        "tests/faults/test_faults.py",
     ),
     "server.clients.flow_control": (
         "tests/server/clients/test_flow_control.py",
