@@ -17,6 +17,7 @@ def test_a_robot_with_a_slow_camera_is_driven_slowly_and_stands_when_it_freezes(
 ) -> None:
     clock = VirtualClock()
     camera = FakeCamera(clock, rate_hz=rate_hz, age_s=0.05)
+    camera.source_age_s = 0.03  # at a brick, whose link takes the rest
 
     async def scenario() -> None:
         async with ServedWorld(clock, camera=camera) as world:
@@ -31,6 +32,8 @@ def test_a_robot_with_a_slow_camera_is_driven_slowly_and_stands_when_it_freezes(
             assert world.loop.state.stops == {}, world.loop.state.stops
             taught = world.loop.state.taught[Action.FORWARD]
             assert taught >= 0.8 * 20 * min(rate_hz, 10.0) - 3
+            told = pilot.state["camera"]
+            assert told["brick_ms"] == pytest.approx(told["age_ms"] - 30, abs=0.2)
             scale = world.loop.state.decision.speed_scale
             assert scale <= max(0.3 * rate_hz, 0.05)
             camera.is_frozen = True

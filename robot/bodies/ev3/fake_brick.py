@@ -191,7 +191,7 @@ class FakeBrick(StartStop):
     def catch_up(self) -> None:
         """Wait until the kernel thread has read everything written so far."""
         seen = self._rounds + 2
-        self.wait_until(lambda: self._rounds >= seen)
+        self.wait_until(lambda: self._rounds >= seen, 60.0)
 
     def _play_kernel(self) -> None:
         last_s = self.clock.now_s()

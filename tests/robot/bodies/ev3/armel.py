@@ -20,6 +20,7 @@ from robot.bodies.ev3.archive import make_bundle
 from robot.bodies.ev3.rootfs import DEFAULT_RELEASE, build_userland, precompile, userland_stamp
 from robot.bodies.ev3.scripts import ENVIRONMENT
 from server.config import Config
+from tests.kit.run import run
 
 ROOT = Path(__file__).parents[4]
 GUEST_BASE = 1 << 40
@@ -66,20 +67,8 @@ class Armel:
             shutil.copy(library, folder)
         self._loader = next(path.name for path in folder.glob("ld-linux*"))
         source = Path(__file__).with_name("count_instructions.c")
-        subprocess.run(
-            [
-                "cc",
-                "-O2",
-                "-shared",
-                "-fPIC",
-                "-Wall",
-                "-Werror",
-                "-o",
-                folder / "count_instructions.so",
-                source,
-            ],
-            check=True,
-        )
+        library = ("-shared", "-fPIC", "-Wall", "-Werror", "-o", folder / "count_instructions.so")
+        subprocess.run(["cc", "-O2", *library, source], check=True)
 
     def _precompile(self, *folders: str) -> None:
         if not precompile(self.root, folders, self.release):
@@ -88,10 +77,8 @@ class Armel:
     def command(self, *args: str, counting: bool = True) -> list[str]:
         """The command that runs the brick's Python with these arguments."""
         plugin = ["-plugin", "/emulator/count_instructions.so,into=/emulator/counters"]
-        emulator = [
-            f"/emulator/{self._loader}",
-            "--library-path",
-            "/emulator",
+        emulator = [f"/emulator/{self._loader}", "--library-path", "/emulator"]
+        emulator += [
             "/emulator/qemu-arm",
             "-cpu",
             "arm926",
@@ -99,11 +86,8 @@ class Armel:
             "4.14.117",
             "-B",
             hex(GUEST_BASE),
-            *(plugin if counting else []),
-            "/usr/bin/python3",
-            "-OO",
-            *args,
         ]
+        emulator += [*(plugin if counting else []), "/usr/bin/python3", "-OO", *args]
         # In a separate mount namespace, so that nothing stays mounted in any case.
         script = (
             'mount -t proc proc "$0/proc" && mount --rbind /dev "$0/dev" && '
@@ -112,14 +96,7 @@ class Armel:
         return ["unshare", "--mount", "sh", "-c", script, str(self.root), *emulator]
 
     def run(self, *args: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            self.command(*args),
-            env=ENVIRONMENT,
-            capture_output=True,
-            text=True,
-            check=False,
-            timeout=300,
-        )
+        return run(*self.command(*args), env=ENVIRONMENT, timeout=300)
 
     def instructions(self) -> int:
         """Number of guest instructions so far, of all threads."""

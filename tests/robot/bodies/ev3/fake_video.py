@@ -7,7 +7,7 @@ import os
 import shutil
 import subprocess
 import tempfile
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 
@@ -26,7 +26,7 @@ class CameraTraits:
     95 to 145 ms old by the kernel's stamp, now and then one lost or sent twice.
     """
 
-    formats: str = "YUYV"
+    format: str = "YUYV"
     sizes: str = "160x120"
     period_ms: int = 100
     jitter_ms: int = 10
@@ -37,17 +37,8 @@ class CameraTraits:
     repeat: int = 61
 
     def environment(self) -> dict[str, str]:
-        return {
-            "FAKE_VIDEO_FORMAT": self.formats,
-            "FAKE_VIDEO_SIZES": self.sizes,
-            "FAKE_VIDEO_PERIOD_MS": str(self.period_ms),
-            "FAKE_VIDEO_JITTER_MS": str(self.jitter_ms),
-            "FAKE_VIDEO_AGE_MS": str(self.age_ms),
-            "FAKE_VIDEO_AGE_SPREAD_MS": str(self.age_spread_ms),
-            "FAKE_VIDEO_BUS_KBS": str(self.bus_kbs),
-            "FAKE_VIDEO_LOSE": str(self.lose),
-            "FAKE_VIDEO_REPEAT": str(self.repeat),
-        }
+        told = {name.upper(): str(value) for name, value in asdict(self).items()}
+        return {f"FAKE_VIDEO_{name}": value for name, value in told.items()}
 
 
 C270_ON_EV3 = CameraTraits()

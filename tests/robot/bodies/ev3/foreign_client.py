@@ -8,7 +8,7 @@ import sys
 import time
 from typing import Any
 
-import ev3_dc as ev3  # type: ignore[import-not-found]
+import ev3_dc as ev3
 
 
 def encodings() -> dict[str, Any]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from robot.bodies.ev3.archive import make_agent
@@ -24,22 +23,10 @@ class RunningAgent:
         secret.chmod(0o600)
         archive = folder / "agent.pyz"
         archive.write_bytes(make_agent())
+        words = [archive, "--host", "127.0.0.1", "--port", port]
+        words += ["--secret-file", secret, "--root", root]
         self.process = subprocess.Popen(
-            [
-                sys.executable,
-                str(archive),
-                "--host",
-                "127.0.0.1",
-                "--port",
-                port,
-                "--secret-file",
-                str(secret),
-                "--root",
-                str(root),
-            ],
-            stdout=subprocess.PIPE,
-            text=True,
-            env=env,
+            [sys.executable, *map(str, words)], stdout=subprocess.PIPE, text=True, env=env
         )
         assert self.process.stdout is not None
         self.address = "127.0.0.1:" + self.process.stdout.readline().split()[-1]
@@ -47,12 +34,7 @@ class RunningAgent:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.process.terminate()
         self.process.wait(60)
         assert self.process.stdout is not None

@@ -19,7 +19,6 @@ from robot.bodies.v4l2.camera import UsbCameraOptions
 from robot.driver import BodyButton
 from robot.errors import CameraError, ConfigurationError, DriveError
 from robot.types import Action, Mode
-from tests.kit.wait import wait_until
 from tests.robot.bodies.ev3.running_agent import SECRET
 from tests.robot.bodies.ev3.virtual_agent import MadeUpCamera, VirtualAgent
 
@@ -29,7 +28,7 @@ STEP_S = 0.005
 def make_driver(
     agent: VirtualAgent, secret: str = SECRET, address: str = VirtualAgent.address, **options: str
 ) -> Ev3RemoteDriver:
-    found = Ev3RemoteOptions(brick=address, **options)  # type: ignore[arg-type]
+    found = Ev3RemoteOptions(brick=address, **options)
     return Ev3RemoteDriver(found, agent.link(secret, address))
 
 
@@ -55,7 +54,7 @@ class Controller:
             for kind, body in self.connection.receive():
                 if kind == b"J":
                     self.waiting.append(json.loads(body))
-                    self.last_report_s = self.waiting[-1].get("t", self.last_report_s)  # type: ignore[assignment]
+                    self.last_report_s = self.waiting[-1].get("t", self.last_report_s)
 
     def open(self) -> None:
         self.send(do="open", left="outB", right="outC", ultrasonic="auto", touch="auto")
@@ -84,19 +83,13 @@ def controller(agent: VirtualAgent) -> Iterator[Controller]:
     one.hang_up()
 
 
-def test_a_wrong_secret_is_one_clear_line(agent: VirtualAgent) -> None:
-    with pytest.raises(DriveError, match=r"refuses: wrong secret; give --brick-secret"):
-        make_driver(agent, "another secret").connect()
-
-
-def test_nobody_listening_is_one_clear_line(agent: VirtualAgent) -> None:
-    with pytest.raises(DriveError, match=r"no agent answers .*refused.*drivelesson brick agent"):
-        make_driver(agent, address="brick:1").connect()
-
-
-def test_no_address_and_no_secret_are_one_clear_line(
+def test_a_wrong_or_missing_secret_or_address_is_one_clear_line(
     agent: VirtualAgent, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
+    with pytest.raises(DriveError, match=r"refuses: wrong secret; give --brick-secret"):
+        make_driver(agent, "another secret").connect()
+    with pytest.raises(DriveError, match=r"no agent answers .*refused.*drivelesson brick agent"):
+        make_driver(agent, address="brick:1").connect()
     with pytest.raises(DriveError, match="which brick"):
         make_driver(agent, address="").connect()
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
@@ -205,24 +198,17 @@ def test_a_controller_that_talks_nonsense_leaves_a_standing_robot(
 def test_sensors_and_buttons_come_through_the_line(brick: FakeBrick) -> None:
     brick.add_sensor("in4", "lego-ev3-us", 500, decimals=1)
     brick.add_sensor("in1", "lego-ev3-touch", 0)
-    clock = brick.clock
     with VirtualAgent(brick) as running, make_driver(running) as driver:
-        wait_until(
-            lambda: driver.sense().distance_m == pytest.approx(0.5), within_s=5.0, clock=clock
-        )
+        brick.wait_until(lambda: driver.sense().distance_m == pytest.approx(0.5))
         brick.set_sensor("in1", 1)
-        wait_until(lambda: driver.sense().bumped is True, within_s=5.0, clock=clock)
+        brick.wait_until(lambda: driver.sense().bumped is True)
         brick.press(28)
         pressed: list[BodyButton | None] = []
-        wait_until(
-            lambda: pressed.append(driver.take_button()) or pressed[-1] is not None,
-            within_s=5.0,
-            clock=clock,
-        )
+        brick.wait_until(lambda: pressed.append(driver.take_button()) or pressed[-1] is not None)
         assert pressed[-1] is BodyButton.START
         driver.announce("http://10.0.0.2:8000")
         driver.show(Mode.TRAIN)
-        wait_until(lambda: "10.0.0.2" in brick.screen.read_text(), within_s=5.0, clock=clock)
+        brick.wait_until(lambda: "10.0.0.2" in brick.screen.read_text())
 
 
 def test_the_camera_of_another_robot_cannot_see_through_the_brick(brick: FakeBrick) -> None:
@@ -242,15 +228,16 @@ def test_the_camera_comes_newest_first_and_its_faults_are_said(brick: FakeBrick)
         driver = make_driver(running)
         camera = Ev3RemoteCamera.for_driver(driver, UsbCameraOptions(), clock)
         with driver, camera:
-            wait_until(lambda: camera.latest() is not None, within_s=5.0, clock=clock)
+            brick.wait_until(lambda: camera.latest() is not None)
             clock.sleep(1.0)
             frame = camera.latest()
             assert frame is not None and clock.now_s() - frame.captured_s < 0.12
+            assert camera.source_age_s == pytest.approx(0.0, abs=0.05)
             source.is_frozen = True
-            assert wait_until(lambda: camera.fault is not None, within_s=5.0, clock=clock) <= 0.5
-            wait_until(lambda: "/dev/video0" in str(camera.fault), within_s=0.2, clock=clock)
+            assert brick.wait_until(lambda: camera.fault is not None) <= 0.5
+            brick.wait_until(lambda: "/dev/video0" in str(camera.fault), 0.2)
             source.is_frozen = False
-            wait_until(lambda: camera.fault is None, within_s=0.2, clock=clock)
+            brick.wait_until(lambda: camera.fault is None, 0.2)
 
 
 @pytest.mark.parametrize("address", ["ev3dev.local:x", "ev3dev.local:99999", ":8765"])
@@ -260,7 +247,6 @@ def test_what_is_no_address_is_refused_before_anybody_is_asked(address: str) -> 
 
 
 def test_a_line_that_is_lost_is_said_and_joined_again(brick: FakeBrick) -> None:
-    clock = brick.clock
     with VirtualAgent(brick) as first, make_driver(first) as driver:
         driver.send_action(Action.FORWARD)
         first.kill()
@@ -272,7 +258,7 @@ def test_a_line_that_is_lost_is_said_and_joined_again(brick: FakeBrick) -> None:
                 return "brick at brick" in str(error)
             return False
 
-        assert wait_until(is_said, within_s=5.0, clock=clock) <= SILENCE_S
+        assert brick.wait_until(is_said) <= SILENCE_S
         brick.wait_until(lambda: not brick.is_moving(), 0.4)
         first.start_again()
 
@@ -282,7 +268,7 @@ def test_a_line_that_is_lost_is_said_and_joined_again(brick: FakeBrick) -> None:
             except DriveError:
                 return False
 
-        assert wait_until(drives, within_s=5.0, clock=clock) < 2 * REJOIN_S
+        assert brick.wait_until(drives) < 2 * REJOIN_S
         brick.wait_until(brick.is_moving)
 
 
@@ -321,16 +307,13 @@ def test_motors_that_cannot_be_asked_are_named_and_the_line_stays(
 ) -> None:
     with make_driver(agent) as driver:
         brick.unplug_motor("outC")
-        agent._agent._body.motors._ports[1].close()  # type: ignore[union-attr]
-        for ask in (driver.rolled_m, lambda: _states(driver)):
-            with pytest.raises(DriveError, match=r"outB and outC do not answer .*check their cabl"):
-                ask()
+        agent._agent._body.motors._ports[1].close()
+        with pytest.raises(DriveError, match=r"outB and outC do not answer .*check their cabl"):
+            driver.rolled_m()
+        driver.link.send("states")
+        with pytest.raises(DriveError, match=r"outB and outC do not answer .*check their cabl"):
+            driver.link.answer("states")
         assert driver.link.fault is None
-
-
-def _states(driver: Ev3RemoteDriver) -> object:
-    driver.link.send("states")
-    return driver.link.answer("states")
 
 
 def test_a_computer_that_stood_still_while_it_joined_opens_the_body_all_the_same(
@@ -351,12 +334,11 @@ def test_a_computer_that_stood_still_while_it_joined_opens_the_body_all_the_same
 
 
 def test_a_silent_brick_is_sent_no_move(brick: FakeBrick) -> None:
-    clock = brick.clock
     with VirtualAgent(brick) as running, make_driver(running) as driver:
         driver.send_action(Action.FORWARD)
         brick.wait_until(brick.is_moving)
         running.deafen()
-        clock.sleep(SILENCE_S + 0.05)
+        brick.clock.sleep(SILENCE_S + 0.05)
         with pytest.raises(DriveError, match="does not answer"):
             driver.send_action(Action.FORWARD)
         assert not brick.is_moving(), "its last move has ended by itself"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import socket
-import subprocess
 import sys
 import threading
 from contextlib import ExitStack, suppress
@@ -21,6 +20,7 @@ from robot.bodies.v4l2.camera import UsbCameraOptions
 from robot.clock import RealClock
 from robot.errors import DriveError
 from robot.types import Action
+from tests.kit.run import run
 from tests.kit.wait import wait_until
 from tests.robot.bodies.ev3.fake_video import DEVICE, QUICK, FakeVideo
 from tests.robot.bodies.ev3.running_agent import SECRET, RunningAgent
@@ -145,11 +145,6 @@ def test_others_may_not_read_the_secret(tmp_path: Path) -> None:
     secret.chmod(0o644)
     archive = tmp_path / "agent.pyz"
     archive.write_bytes(make_agent())
-    done = subprocess.run(
-        [sys.executable, archive, "--secret-file", secret],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = run(sys.executable, archive, "--secret-file", secret)
     assert done.returncode != 0
     assert "chmod 600" in done.stderr

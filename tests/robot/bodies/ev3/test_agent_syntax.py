@@ -4,45 +4,26 @@ from __future__ import annotations
 
 import ast
 import io
-import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
-import pytest
-
 from robot.bodies.ev3.archive import agent_sources, make_agent
+from tests.kit.run import run
 
 SOURCES = agent_sources()
-TOOL = Path(sys.executable).with_name("vermin")
+VERMIN = (Path(sys.executable).with_name("vermin"), "--no-tips", "-t=3.5-")
 
 
-@pytest.mark.parametrize("name", SOURCES)
-def test_it_needs_no_more_than_python_3_5(name: str) -> None:
-    ast.parse(SOURCES[name].read_text(), feature_version=(3, 5))
-
-
-def test_its_libraries_are_those_of_python_3_5() -> None:
-    done = subprocess.run(
-        [TOOL, "--no-tips", "--eval-annotations", "-t=3.5-", *SOURCES.values()],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+def test_its_syntax_and_libraries_are_those_of_python_3_5(tmp_path: Path) -> None:
+    for file in SOURCES.values():
+        ast.parse(file.read_text(), str(file), feature_version=(3, 5))
+    done = run(*VERMIN, "--eval-annotations", *SOURCES.values())
     assert done.returncode == 0, done.stdout
     assert "Minimum required versions: " in done.stdout
-
-
-def test_the_check_would_find_newer_syntax(tmp_path: Path) -> None:
     newer = tmp_path / "newer.py"
     newer.write_text("x: int = 1\nprint(f'{x}')\n")
-    done = subprocess.run(
-        [TOOL, "--no-tips", "-t=3.5-", newer],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode != 0
+    assert run(*VERMIN, newer).returncode != 0, "and newer syntax would be found"
 
 
 def _imports(text: str) -> set[str]:
@@ -70,13 +51,7 @@ def test_the_archive_is_whole_and_the_same_each_time(tmp_path: Path) -> None:
     assert names >= {"__main__.py", *SOURCES}
     archive = tmp_path / "agent.pyz"
     archive.write_bytes(make_agent())
-    done = subprocess.run(
-        [sys.executable, "-I", "-S", archive, "--help"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = run(sys.executable, "-I", "-S", archive, "--help", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "--secret-file" in done.stdout
 
@@ -86,5 +61,5 @@ def test_a_webcam_on_a_laptop_loads_nothing_of_the_brick() -> None:
         "import sys, robot.bodies.v4l2.camera, robot.bodies.webcam.camera\n"
         "print([name for name in sys.modules if name.startswith('robot.bodies.ev3')])"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+    done = run(sys.executable, "-c", code)
+    assert (done.returncode, done.stdout.strip()) == (0, "[]"), done.stderr

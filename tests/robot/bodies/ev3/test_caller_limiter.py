@@ -66,7 +66,7 @@ class BrickLine(Listener):
 )
 def test_no_error_of_accept_ends_the_agent(name: str) -> None:
     listener = BrickLine(*[getattr(errno, name)] * 3)
-    door = callers.CallerLimiter(listener, print)  # type: ignore[arg-type]
+    door = callers.CallerLimiter(listener, print)
     now_s = 100.0
     for _ in range(3):
         assert door.is_open(now_s)
@@ -81,7 +81,7 @@ def test_no_error_of_accept_ends_the_agent(name: str) -> None:
 def test_a_flood_pushes_out_itself() -> None:
     listener = Listener()
     left: list[str] = []
-    door = callers.CallerLimiter(listener, left.append)  # type: ignore[arg-type]
+    door = callers.CallerLimiter(listener, left.append)
     for index in range(callers.MAX_STRANGERS + 30):
         listener.arrived.append(new_line())
         listener.address = "127.0.0.3" if index == 3 else "127.0.0.2"

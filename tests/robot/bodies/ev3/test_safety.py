@@ -6,19 +6,19 @@ the connection to the brick.
 
 from __future__ import annotations
 
+import os
 import select
 import signal
 import socket
 import subprocess
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import pytest
 
-from robot.bodies.ev3.fake_brick import Command, FakeBrick
+from robot.bodies.ev3.fake_brick import FakeBrick
 from tests.robot.bodies.ev3.film import install_film
 from tests.robot.bodies.ev3.own_server import own_server
 from tests.robot.bodies.ev3.running_agent import SECRET, RunningAgent
@@ -107,27 +107,29 @@ class Drive:
 
     def check_it_stands_after(self, harm: Callable[[], None]) -> None:
         """Check that the motors stop by their timed command, without another order."""
-        full = self.brick.speeds
-        self.pilot.drive_until(lambda: set(full().values()) == {360})
+        brick = self.brick
+        self.pilot.drive_until(lambda: set(brick.speeds().values()) == {360})
         harm()
-        moves = self._last_moves()
-        later = self.brick.commands[self.brick.commands.index(moves[-1]) + 1 :]
-        assert {command.command for command in later} <= {"stop"}
+        if self.proxy is not None:  # the agent stops the motors after the last order that arrived
+            brick.wait_until(lambda: brick.commands[-1].command == "stop", PATIENCE_S)
+        brick.catch_up()
+        brick.wait_until(lambda: not brick.is_moving(), PATIENCE_S)
+        moves = [command for command in brick.commands if command.command.startswith("run")]
         assert {(move.command, move.time_ms) for move in moves} == {("run-timed", 400)}
+        later = brick.commands[brick.commands.index(moves[-1]) + 1 :]
+        assert {command.command for command in later} <= {"stop"}
 
-    def _last_moves(self) -> list[Command]:
-        """Return the moves once the motors stand and no command has come for a second.
+    def freeze(self) -> None:
+        self.process.send_signal(signal.SIGSTOP)
+        os.waitpid(self.process.pid, os.WUNTRACED)  # from now on it sends nothing
 
-        A busy machine may deliver a command late that was sent before the harm.
-        """
-        deadline = time.monotonic() + PATIENCE_S
-        while True:
-            self.brick.wait_until(lambda: not self.brick.is_moving(), PATIENCE_S)
-            n_commands = len(self.brick.commands)
-            time.sleep(1.0)
-            if len(self.brick.commands) == n_commands and not self.brick.is_moving():
-                return [c for c in self.brick.commands if c.command.startswith("run")]
-            assert time.monotonic() < deadline, "commands still come"
+    def freeze_and_thaw(self) -> None:
+        self.check_it_stands_after(self.freeze)
+        self.process.send_signal(signal.SIGCONT)
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.wait(60)
 
 
 @contextmanager
@@ -148,11 +150,6 @@ def driven(robot: str, brick: FakeBrick, folder: Path) -> Iterator[Drive]:
         yield Drive(brick, process, proxy, pilot)
 
 
-def freeze_and_thaw(drive: Drive) -> None:
-    drive.check_it_stands_after(lambda: drive.process.send_signal(signal.SIGSTOP))
-    drive.process.send_signal(signal.SIGCONT)
-
-
 @pytest.mark.realtime
 def test_a_server_on_and_beside_the_brick_is_frozen_cut_off_and_killed_or_ends_in_good_order(
     real_brick: FakeBrick, tmp_path: Path
@@ -163,8 +160,8 @@ def test_a_server_on_and_beside_the_brick_is_frozen_cut_off_and_killed_or_ends_i
 
 def a_server_on_the_brick_is_frozen_and_killed(brick: FakeBrick, tmp_path: Path) -> None:
     with driven("ev3", brick, tmp_path) as drive:
-        freeze_and_thaw(drive)
-        drive.check_it_stands_after(drive.process.kill)
+        drive.freeze_and_thaw()
+        drive.check_it_stands_after(drive.kill)
 
 
 def one_beside_it_is_frozen_cut_off_and_killed_or_ends_in_good_order(
@@ -172,14 +169,13 @@ def one_beside_it_is_frozen_cut_off_and_killed_or_ends_in_good_order(
 ) -> None:
     with driven("ev3-remote", brick, tmp_path) as drive:
         assert drive.proxy is not None
-        freeze_and_thaw(drive)
+        drive.freeze_and_thaw()
         for harm in (drive.proxy.cut, drive.proxy.go_silent):
             drive.check_it_stands_after(harm)
             drive.proxy.mend()
-        drive.check_it_stands_after(drive.process.kill)
+        drive.check_it_stands_after(drive.kill)
     with driven("ev3-remote", brick, tmp_path) as drive:
         drive.process.terminate()
         drive.process.wait(60)
+        brick.wait_until(lambda: brick.commands[-1].command == "stop", PATIENCE_S)
         brick.wait_until(lambda: not brick.is_moving(), PATIENCE_S)
-        brick.catch_up()
-        assert brick.commands[-1].command == "stop"

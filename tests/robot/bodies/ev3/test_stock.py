@@ -90,9 +90,7 @@ class Wire:
 
 def driver_for(brick: StockFirmware, **options: str) -> Ev3StockDriver:
     driver = Ev3StockDriver(Ev3StockOptions(**options))
-    driver._open = lambda: StockBody(  # type: ignore[method-assign]
-        lambda: Wire(brick), driver.options.ports()
-    )
+    driver._open = lambda: StockBody(lambda: Wire(brick), driver.options.ports())
     return driver
 
 
@@ -201,7 +199,7 @@ def test_a_line_that_fails_while_it_is_opened_is_closed_at_once(
         def answer_not(self, *_: object) -> None:
             raise TimeoutError("timed out")
 
-        connect = sendall = answer_not  # type: ignore[assignment]
+        connect = sendall = answer_not
 
     monkeypatch.setattr(lines, "_hear_beacon", lambda *_: ("127.0.0.1", 3015, SERIAL, 1))
     monkeypatch.setattr(socket, "create_connection", Mute)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -18,11 +19,17 @@ from hypothesis import strategies as st
 from robot.bodies.v4l2 import device as v4l2
 from robot.bodies.v4l2 import reader
 from robot.bodies.v4l2.shrink import plan_shrinking, shrink_yuyv
+from robot.devkit import usb_camera
 from robot.devkit.freshness import LONGEST_PERIOD_S, REOPEN_S, STILL_S, Freshness
+from robot.devkit.usb_camera import UsbCamera
+from tests.kit.run import run
 from tests.kit.sizes import few
 from tests.robot.bodies.ev3.fake_video import C270_ON_EV3, DEVICE, QUICK, CameraTraits, FakeVideo
 
 ROOT = Path(__file__).parents[4]
+NUMBERS = (
+    "QUERYCAP ENUM_FMT S_FMT REQBUFS QUERYBUF QBUF DQBUF STREAMON STREAMOFF S_PARM ENUM_FRAMESIZES"
+)
 
 
 class Probe:
@@ -99,7 +106,7 @@ def test_yuyv_comes_as_it_is_and_a_broken_camera_is_noticed_and_picked_up_again(
 
 @pytest.mark.parametrize("format_name", few(["MJPG", "JPEG"], 1))
 def test_a_jpeg_goes_through_untouched(tmp_path: Path, format_name: str) -> None:
-    running = Probe(FakeVideo(tmp_path, replace(QUICK, formats=format_name)))
+    running = Probe(FakeVideo(tmp_path, replace(QUICK, format=format_name)))
     said = running.wait_for(lambda said: "frame" in said)
     running.end()
     assert said["encoding"] == "jpeg"
@@ -141,85 +148,47 @@ def test_pictures_of_other_sizes_are_shrunk(tmp_path: Path, sizes: str, size: li
 
 
 def test_a_camera_with_mjpeg_alone_is_refused_where_nothing_can_read_it(tmp_path: Path) -> None:
-    video = FakeVideo(tmp_path, replace(QUICK, formats="MJPG"))
+    video = FakeVideo(tmp_path, replace(QUICK, format="MJPG"))
     running = Probe(video, hide="cv2")
-    assert running.next()["error"] == (
-        f"the camera {DEVICE} gives only MJPEG, which this computer cannot read: on a brick, use a "
-        "camera with YUYV (such as a Logitech C270), or run the server on another computer "
-        "(drivelesson brick agent ADDRESS)"
-    )
+    said = running.next()["error"]
+    assert said.startswith(f"the camera {DEVICE} gives only MJPEG, which this computer cannot read")
+    assert "camera with YUYV" in said and "drivelesson brick agent ADDRESS" in said
     running.end()
 
 
 def test_what_a_camera_offers_is_described(tmp_path: Path) -> None:
-    traits = CameraTraits(formats="YUYV,MJPG", sizes="160x120,320x240")
+    traits = CameraTraits(format="YUYV,MJPG", sizes="160x120,320x240")
     code = f"from robot.bodies.v4l2.device import *; print(describe_camera({DEVICE!r}))"
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env=FakeVideo(tmp_path, traits).env,
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = run(sys.executable, "-c", code, env=FakeVideo(tmp_path, traits).env, cwd=ROOT)
     sizes = ["160x120", "320x240"]
     assert done.stdout.strip() == str({"YUYV": sizes, "MJPG": sizes})
 
 
-def test_no_camera_is_one_clear_line(video: FakeVideo) -> None:
-    running = Probe(video, device="/dev/video77")
-    assert running.next()["error"] == (
-        "Camera: no camera at /dev/video77 (No such file or directory); "
-        "plug it in, or name its device with --device"
-    )
-    running.end()
-
-
-def test_a_format_that_is_not_offered_is_one_clear_line(video: FakeVideo) -> None:
-    running = Probe(video, "jpeg")
-    assert running.next()["error"] == f"Camera: the camera {DEVICE} gives no jpeg; it offers: YUYV"
+@pytest.mark.parametrize(
+    ("wanted", "said"),
+    [
+        ({"device": "/dev/video77"}, r"no camera at /dev/video77 \(No such file.*; .*--device$"),
+        ({"encoding": "jpeg"}, f"the camera {DEVICE} gives no jpeg; it offers: YUYV$"),
+    ],
+)
+def test_what_is_not_there_is_one_clear_line(
+    video: FakeVideo, wanted: dict[str, str], said: str
+) -> None:
+    running = Probe(video, **wanted)
+    assert re.fullmatch(f"Camera: {said}", running.next()["error"])
     running.end()
 
 
 def test_it_keeps_the_contract_of_cameras(tmp_path: Path) -> None:
-    video = FakeVideo(tmp_path)
-    done = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "pytest",
-            "-q",
-            "tests/contract/test_cameras.py",
-            "-k",
-            "v4l2 and not frozen",
-            "-p",
-            "no:cacheprovider",
-        ],
-        env=video.env,
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=100,
-        check=False,
-    )
+    words = (sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k")
+    suite = ("v4l2 and not frozen", "tests/contract/test_cameras.py")
+    done = run(*words, *suite, env=FakeVideo(tmp_path).env, cwd=ROOT)
     assert done.returncode == 0, done.stdout[-3000:]
     assert "passed" in done.stdout and "skipped" not in done.stdout
 
 
 def test_the_numbers_are_those_of_the_kernel_headers(tmp_path: Path) -> None:
-    names = (
-        "QUERYCAP",
-        "ENUM_FMT",
-        "S_FMT",
-        "REQBUFS",
-        "QUERYBUF",
-        "QBUF",
-        "DQBUF",
-        "STREAMON",
-        "STREAMOFF",
-        "S_PARM",
-        "ENUM_FRAMESIZES",
-    )
+    names = NUMBERS.split()
     lines = "".join(f'printf("%lu\\n", (unsigned long)VIDIOC_{name});' for name in names)
     source = tmp_path / "numbers.c"
     source.write_text(
@@ -228,7 +197,7 @@ def test_the_numbers_are_those_of_the_kernel_headers(tmp_path: Path) -> None:
     )
     FakeVideo(tmp_path)  # skips where there is no compiler
     subprocess.run(["cc", "-o", tmp_path / "numbers", source], check=True)
-    printed = subprocess.run([tmp_path / "numbers"], capture_output=True, text=True, check=True)
+    printed = run(tmp_path / "numbers", check=True)
     assert [getattr(v4l2, name) for name in names] == [int(n) for n in printed.stdout.split()]
 
 
@@ -293,6 +262,45 @@ def test_a_broken_camera_is_noticed_within_500_ms_and_picked_up_again(
     assert DEVICE in (camera.fault or "")
     BreakableVideo.how = "run"
     assert until(lambda: camera.fault is None) <= REOPEN_S + 0.1
+
+
+def test_a_camera_that_was_unplugged_is_not_replaced_by_its_twin(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """tests/robot/devkit/test_usb_camera.py tests how cameras are told apart."""
+    plugged: dict[str, UsbCamera] = {}
+
+    class PluggedVideo(BreakableVideo):
+        def __init__(self, path: str, *wanted: object) -> None:
+            super().__init__()
+            self.path, self.camera = path, plugged[path]
+
+        def read(self) -> v4l2.VideoFrame | None:
+            if self.camera not in plugged.values():
+                raise OSError(19, "No such device")
+            return super().read()
+
+    def plug(number: int, serial: str) -> None:
+        path = f"/dev/video{number}"
+        plugged[path] = UsbCamera(path, "C270", "046d 0825", serial, f"1-{number}", "1.0 0")
+
+    def serial_after_a_while() -> str:
+        for _ in range(100):
+            BreakableVideo.now_s += 0.1
+            camera.poll(BreakableVideo.now_s)
+        return camera.video.camera.serial if camera.video else ""
+
+    monkeypatch.setattr(usb_camera, "list_usb_cameras", lambda root=None: [*plugged.values()])
+    monkeypatch.setattr(reader, "Video", PluggedVideo)
+    monkeypatch.setattr(BreakableVideo, "now_s", 100.0)
+    plug(0, "mine")
+    camera = reader.CameraReader("auto", 160, 120, 30, "auto")
+    assert serial_after_a_while() == "mine"
+    plugged.clear()
+    plug(0, "its twin")
+    assert serial_after_a_while() == ""
+    plug(2, "mine")
+    assert serial_after_a_while() == "mine"
 
 
 @given(st.lists(st.floats(0.02, 0.2), min_size=3, max_size=40), st.integers(2, 20))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
+
+from tests.kit.run import run
 
 _WITHOUT_LINUX = """
 import sys, numpy  # it asks for what is gone below
@@ -19,6 +20,5 @@ except CaptureError as error:
 
 
 def test_where_linux_is_not_another_camera_is_named() -> None:
-    words = [sys.executable, "-c", _WITHOUT_LINUX]
-    done = subprocess.run(words, capture_output=True, text=True, encoding="utf-8", check=True)
+    done = run(sys.executable, "-c", _WITHOUT_LINUX, encoding="utf-8")
     assert "--camera opencv" in done.stdout
