@@ -158,7 +158,7 @@ class StockBrick(StockFirmware):
                     client.sendall(answer)
             rest = data
 
-    def _read_until(self, client: socket.socket, is_enough) -> bytes:  # type: ignore[no-untyped-def]
+    def _read_until(self, client: socket.socket, is_enough) -> bytes:
         data = b""
         while not self._ending.is_set():
             try:

@@ -1,15 +1,18 @@
-"""The sample firmware and the hub's program in virtual time: run by this Python, with modules of a
-few lines instead of MicroPython's and Pybricks'.
+"""The sample firmware and the hub's program in virtual time, run by this Python.
 
-Other tests run them in their real interpreter; here thousands of moments can be tested.
+Their modules `machine`, `network` and `pybricks` are those that Debian's micropython gets in other
+tests, on the virtual clock; here thousands of moments can be tested.
 """
 
 from __future__ import annotations
 
 import builtins
+import operator
 import random
 import threading
 from collections import deque
+from collections.abc import Sequence
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,6 +20,8 @@ from robot.clock import Worker
 from robot.testing import VirtualClock
 from tests.standins.firmware import FIRMWARE, firmware
 from tests.standins.pybricks_hub import PROGRAM
+
+HERE = Path(__file__).parent
 
 
 def modules(**found: Any) -> dict[str, Any]:
@@ -26,6 +31,14 @@ def modules(**found: Any) -> dict[str, Any]:
         return found[name] if name in found else builtins.__import__(name, *args)
 
     return {"__builtins__": {**vars(builtins), "__import__": find}, "__name__": "program"}
+
+
+def load(file: str, **found: Any) -> SimpleNamespace:
+    """Return a module of this folder, which imports these modules, and whose lines nobody reads."""
+    names = modules(**found)
+    names["print"] = lambda *words: None
+    exec(compile((HERE / file).read_text(), file, "exec"), names)
+    return SimpleNamespace(**names)
 
 
 class OverError(BaseException):
@@ -77,6 +90,12 @@ class RunningProgram:
         self.slowest_s = 0.08
         self._is_over = False
         self._thread: Worker | None = None
+        self.time = SimpleNamespace(
+            ticks_ms=lambda: int(1000 * clock.now_s()),
+            ticks_diff=operator.sub,
+            ticks_add=operator.add,
+            sleep_ms=self._sleep_ms,
+        )
 
     def start(self) -> None:
         self._thread = self.clock.start_thread(self._run, "board")
@@ -94,6 +113,10 @@ class RunningProgram:
 
     def _execute(self) -> None:
         raise NotImplementedError
+
+    def _sleep_ms(self, time_ms: int) -> None:
+        self.check_over()
+        self.clock.sleep(time_ms / 1000)
 
     def check_over(self) -> None:
         if self._is_over:
@@ -125,9 +148,7 @@ class RunningFirmware(RunningProgram):
     """Runs docs/examples/firmware/robot.py; `pins` are the motors' pins: left ahead, left back,
     right ahead, right back."""
 
-    def __init__(self, clock: VirtualClock, seed: int) -> None:
-        super().__init__(clock, seed)
-        self.pins: list[int] = []
+    pins: Sequence[int] = ()
 
     @property
     def wheels(self) -> tuple[float, float]:
@@ -135,19 +156,6 @@ class RunningFirmware(RunningProgram):
         return (ahead - back) / 65535, (right_ahead - right_back) / 65535
 
     def _execute(self) -> None:
-        clock, pins = self.clock, self.pins
-
-        class Pin:
-            def __init__(self, place: int, freq: int, duty_u16: int) -> None:
-                self._place = len(pins)
-                pins.append(duty_u16)
-
-            def duty_u16(self, duty: int) -> None:
-                pins[self._place] = duty
-
-        def ticks_ms() -> int:
-            return int(1000 * clock.now_s())
-
         def poll(timeout_ms: int) -> list[int]:
             self.check_over()
             self._next = self.to_board.take(timeout_ms / 1000)
@@ -158,25 +166,13 @@ class RunningFirmware(RunningProgram):
             recvfrom=lambda size: (self._next, "server"),
             sendto=lambda data, to: self.send(self.to_server, data),
         )
+        poller = SimpleNamespace(register=lambda *_: None, poll=poll)
+        machine = load("board_modules/machine.py", time=self.time)
         names = modules(
-            machine=SimpleNamespace(Pin=int, PWM=Pin, unique_id=lambda: b"\xe6\x61"),
-            network=SimpleNamespace(
-                STA_IF=0,
-                WLAN=lambda kind: SimpleNamespace(
-                    active=lambda is_on: None,
-                    connect=lambda name, password: None,
-                    isconnected=lambda: True,
-                    ifconfig=lambda: ("127.0.0.1",),
-                ),
-            ),
-            time=SimpleNamespace(
-                ticks_ms=ticks_ms,
-                ticks_diff=lambda a, b: a - b,
-                ticks_add=lambda a, b: a + b,
-            ),
-            select=SimpleNamespace(
-                poll=lambda: SimpleNamespace(register=lambda *_: None, poll=poll), POLLIN=1
-            ),
+            machine=machine,
+            network=load("board_modules/network.py"),
+            time=self.time,
+            select=SimpleNamespace(poll=lambda: poller, POLLIN=1),
             socket=SimpleNamespace(
                 socket=lambda *_: sock,
                 AF_INET=2,
@@ -184,6 +180,7 @@ class RunningFirmware(RunningProgram):
                 getaddrinfo=lambda *_: [("0.0.0.0", 4210)],
             ),
         )
+        self.pins = machine.duties
         names["print"] = lambda *words: None
         exec(compile(firmware(b"geheim", 4210), str(FIRMWARE), "exec"), names)
 
@@ -200,7 +197,7 @@ class RunningHub(RunningProgram):
     def wheels(self) -> tuple[float, float]:
         now_s = self.clock.now_s()
         left, right = (speed * (now_s < ends_s) for speed, ends_s in self._told.values())
-        return left, right
+        return -left, right  # the left motor is mounted the other way round
 
     def line(self) -> Any:
         line = super().line()
@@ -208,21 +205,11 @@ class RunningHub(RunningProgram):
         return line
 
     def _execute(self) -> None:
-        clock, hub = self.clock, self
-
-        class Motor:
-            def __init__(self, port: str, direction: int = 1) -> None:
-                self._port = port
-
-            def run_time(self, speed: float, time: int, then: str, wait: bool = True) -> None:
-                hub._told[self._port] = speed, clock.now_s() + time / 1000
-
-            def brake(self) -> None:
-                hub._told[self._port] = 0.0, 0.0
-
-        def wait(time_ms: int) -> None:
-            self.check_over()
-            clock.sleep(time_ms / 1000)
+        def write(text: str) -> None:
+            what, port, *numbers = text.split()
+            if what == "\x01motor":
+                speed, run_ms = map(float, numbers)
+                self._told[port] = speed, self.clock.now_s() + run_ms / 1000
 
         def poll(_: int) -> list[int]:
             self._typed += self.to_board.take(0.0) or b""
@@ -232,39 +219,18 @@ class RunningHub(RunningProgram):
             data, self._typed = self._typed[:count], self._typed[count:]
             return data
 
-        def absent(port: str) -> None:
-            raise OSError
-
         def told(*words: Any) -> None:
             self.send(self.to_server, " ".join(map(str, words)).encode())
 
-        def now_ms() -> int:
-            return int(1000 * clock.now_s())
-
-        light = SimpleNamespace(on=lambda color: None)
-        battery = SimpleNamespace(voltage=lambda: 8000)
-        names = modules(
-            **{
-                "pybricks.hubs": SimpleNamespace(
-                    ThisHub=lambda: SimpleNamespace(light=light, battery=battery)
-                ),
-                "pybricks.parameters": SimpleNamespace(
-                    Color=SimpleNamespace(RED=1, GREEN=2, BLUE=3),
-                    Direction=SimpleNamespace(COUNTERCLOCKWISE=-1),
-                    Port=SimpleNamespace(**{port: port for port in "ABCDEF"}),
-                    Stop=SimpleNamespace(BRAKE="brake"),
-                ),
-                "pybricks.pupdevices": SimpleNamespace(
-                    Motor=Motor, ForceSensor=absent, UltrasonicSensor=absent
-                ),
-                "pybricks.tools": SimpleNamespace(
-                    StopWatch=lambda: SimpleNamespace(time=now_ms), wait=wait
-                ),
-                "uselect": SimpleNamespace(
-                    poll=lambda: SimpleNamespace(register=lambda _: None, poll=poll)
-                ),
-                "usys": SimpleNamespace(stdin=SimpleNamespace(buffer=SimpleNamespace(read=read))),
-            }
-        )
+        poller = SimpleNamespace(register=lambda _: None, poll=poll)
+        found: dict[str, Any] = {
+            "time": self.time,
+            "sys": SimpleNamespace(stdout=SimpleNamespace(write=write)),
+            "uselect": SimpleNamespace(poll=lambda: poller),
+            "usys": SimpleNamespace(stdin=SimpleNamespace(buffer=SimpleNamespace(read=read))),
+        }
+        for part in ("parameters", "hubs", "pupdevices", "tools"):
+            found[f"pybricks.{part}"] = load(f"hub_modules/pybricks/{part}.py", **found)
+        names = modules(**found)
         names["print"] = told
         exec(compile(PROGRAM.read_text(), str(PROGRAM), "exec"), names)

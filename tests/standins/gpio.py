@@ -78,7 +78,7 @@ class MockPins:
     def driver(self, options: GpioOptions) -> GpioDriver:
         """Return a driver whose keeper holds these pins."""
         driver = GpioDriver(options, self._clock)
-        driver._open_line = lambda: self.open_line(driver.settings())  # type: ignore[method-assign]
+        driver._open_line = lambda: self.open_line(driver.settings())
         return driver
 
     def open_line(self, settings: dict[str, Any]) -> MockPins.Line:

@@ -59,10 +59,3 @@ class Line(gymnasium.Env[Any, Any]):
         if self.form == "blind":
             return np.array([self.place / self.width], np.float32)
         return np.ascontiguousarray(self.render()[: self.height])
-
-
-def names_nothing(render_mode: str | None = None) -> Any:
-    """Return an environment whose numbered actions have no names."""
-    line = Line(render_mode)
-    line.get_action_meanings = None  # type: ignore[assignment,method-assign]
-    return line

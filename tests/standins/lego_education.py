@@ -60,7 +60,7 @@ class FakeDoubleMotor:
         seam = importlib.import_module("legoeducation.ble_transport")
         motor = self
 
-        class Transport(seam.BLETransport):  # type: ignore[name-defined,misc]
+        class Transport(seam.BLETransport):
             async def scan_devices(self, timeout: float, filters: Any = None) -> list[Any]:
                 if motor.search_fails is not None:
                     raise motor.search_fails

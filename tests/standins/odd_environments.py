@@ -1,14 +1,12 @@
-"""Environments as other people write them, one for each seed, each with its true content.
+"""Environments as other people write them: their pictures, actions, rewards and behaviours.
 
-`--env tests.standins.odd_environments:Odd --env-options seed=7`. The true picture has three upright
-bands, red, green and blue, and a white bar at the top; grey variants have its luminance.
+The true picture has three upright bands, red, green and blue, and a white bar at the top; grey
+variants have its luminance.
 """
 
 from __future__ import annotations
 
-import enum
 import math
-import random
 from collections.abc import Callable
 from typing import Any, ClassVar
 
@@ -17,7 +15,6 @@ import numpy as np
 from gymnasium import spaces
 
 BANDS = ((250, 0, 0), (0, 250, 0), (0, 0, 250))
-_FACTS: dict[str, Any] = {}
 
 
 def truth(height: int, width: int) -> Any:
@@ -117,30 +114,8 @@ NO_PICTURES: dict[str, Any] = {
 }
 
 
-class Way(enum.IntEnum):
-    LEFT = 0
-    RIGHT = 1
-    FORWARD = 2
-
-
 class _Legacy(spaces.Discrete):
     """A kind of numbered actions that only one package has."""
-
-
-def _names(kind: str, n: int, start: int) -> Any:
-    """Return names of numbered actions, as attributes of an environment."""
-    words = ["A", "LEFT", "left!", "<<", "-1", "", "Turn left", "a" * 40, "b" * 40, "a" * 40][:n]
-    by_number = {start + i: word for i, word in enumerate(words)}
-    return {
-        "meanings": {"get_action_meanings": lambda: words},
-        "list": {"action_names": words},
-        "in its type": {"action_type": type("Type", (), {"actions": by_number})},
-        "enumeration": {"actions": Way},
-        "members": {"actions": tuple(Way)[:n]},
-        "wrong number": {"actions": ["only one"]},
-        "raises": {"get_action_meanings": lambda: 1 / 0},
-        "none": {},
-    }[kind]
 
 
 ACTIONS: dict[str, Callable[[], Any]] = {
@@ -174,7 +149,6 @@ UNDRIVABLE: dict[str, tuple[Callable[[], Any], str]] = {
     "words": (lambda: spaces.Text(5), "only send numbers, not a Text"),
     "a picture": (lambda: spaces.Box(0, 255, (64, 64, 3), np.uint8), "12288 numbers"),
     "a hand": (lambda: spaces.Box(-1.0, 1.0, (24,)), "49 moves"),
-    "none": (lambda: None, "no action space"),
 }
 """Actions that a thumb cannot give, each with words of the sentence that refuses it."""
 REWARDS: dict[str, tuple[Any, float]] = {
@@ -190,106 +164,34 @@ REWARDS: dict[str, tuple[Any, float]] = {
     "yes": (True, 1.0),
 }
 """Rewards, and their values."""
-BEHAVIOURS = ("new", "no seed", "old", "old reset", "ends in lists")
-SLOW_S = (0.0, 0.0, 0.05, 0.4, 0.7, 1.5, 3.0)
+BEHAVIOURS = ("new", "no seed", "no render mode", "old", "old reset", "ends in lists")
 
 
 class Odd(gymnasium.Env[Any, Any]):
-    """One of them.
-
-    Attributes:
-        wanted: Words of the sentence that refuses it; empty if it can be driven.
-        colours: Whether its picture has colours.
-        size: Height and width of its picture.
-    """
+    """A game of three steps."""
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"]}
-    compute: ClassVar[Callable[[float], None]] = staticmethod(lambda seconds: None)
-    """The effect of a step on time."""
-    newest: ClassVar[Odd]
+    action_space = spaces.Discrete(2)
 
-    def __init__(self, seed: int = 0, **options: Any) -> None:
-        dice = random.Random(seed)
-        Odd.newest = self
-        self.takes_mode = dice.random() < 0.7
-        if options.keys() - {"render_mode"} or (options and not self.takes_mode):
-            raise TypeError(
-                f"__init__() got an unexpected keyword argument {next(iter(options))!r}"
-            )
-        self.wanted = ""
-        self.acts: list[Any] = []
-        self.is_over = True
-        self.longest = dice.randint(4, 9)
-        self.takes_s = dice.choice(SLOW_S)
-        self.behaviour = dice.choice(BEHAVIOURS)
-        self.reward_form = dice.choice(list(REWARDS))
-        self._choose_pictures(dice)
-        self._choose_actions(dice)
-
-    def _choose_pictures(self, dice: random.Random) -> None:
-        observed = truth(dice.choice([16, 64, 119, 120, 240]), dice.choice([18, 84, 160, 321]))
-        rendered = truth(dice.choice([48, 200]), dice.choice([60, 333]))
-        self.observed_form = dice.choice([*FORMS, *FORMS, *NO_PICTURES])
-        self.rendered_form = dice.choice([*FORMS, *NO_PICTURES, "raises"])
-        space: Any = None
-        if self.observed_form in FORMS:
-            self.seen, space = FORMS[self.observed_form](observed)
-        else:
-            self.seen = NO_PICTURES[self.observed_form]
-        self.observation_space = space or spaces.Box(-np.inf, np.inf, (4,))
-        if self.rendered_form in FORMS:
-            self.shown, _ = FORMS[self.rendered_form](rendered)
-        else:
-            self.shown = NO_PICTURES.get(self.rendered_form)
-        is_large = observed.shape[0] >= 120 and observed.shape[1] >= 160
-        is_observed, is_rendered = self.observed_form in FORMS, self.rendered_form in FORMS
-        form = self.observed_form if is_observed and (is_large or not is_rendered) else ""
-        form = form or (self.rendered_form if is_rendered else "")
-        self.form = form
-        self.has_colours = "grey" not in form
-        self.size = (
-            observed
-            if form == self.observed_form and is_observed and (is_large or not is_rendered)
-            else rendered
-        ).shape[:2]
-        if not form:
-            self.wanted = "gives no picture: it observes"
-
-    def _choose_actions(self, dice: random.Random) -> None:
-        if dice.random() < 0.1:
-            make, self.wanted = UNDRIVABLE[dice.choice(list(UNDRIVABLE))]
-            self.action_space = make()
-            return
-        self.action_form = dice.choice(list(ACTIONS))
-        self.action_space = ACTIONS[self.action_form]()
-        if isinstance(self.action_space, spaces.Discrete):
-            kinds = ("meanings", "list", "in its type", "enumeration", "members")
-            self.names = dice.choice([*kinds, "wrong number", "raises", "none"])
-            space = self.action_space
-            for name, kept in _names(self.names, int(space.n), int(space.start)).items():
-                setattr(self, name, kept)
+    def __init__(self, behaviour: str, reward: str, **options: Any) -> None:
+        if options and behaviour == "no render mode":
+            raise TypeError("__init__() got an unexpected keyword argument 'render_mode'")
+        self.behaviour, self.reward = behaviour, REWARDS[reward][0]
+        self.seen = truth(120, 160)
+        self.observation_space = _box(0, 255, self.seen)
 
     def reset(self, **given: Any) -> Any:
         if self.behaviour in ("no seed", "old", "old reset") and given:
             raise TypeError("reset() got an unexpected keyword argument 'seed'")
-        self.n_steps, self.is_over = 0, False
-        return self.seen if self.behaviour.startswith("old") else (self.seen, _FACTS)
+        self.n_steps = 0
+        return self.seen if self.behaviour.startswith("old") else (self.seen, {})
 
     def step(self, action: Any) -> Any:
-        assert not self.is_over, "stepped after the end"
-        self.compute(self.takes_s)
-        self.acts.append(action)
-        assert self.action_space.contains(action), f"{action!r} is not in {self.action_space}"
         self.n_steps += 1
-        self.is_over = self.n_steps >= self.longest
-        ends: tuple[Any, ...] = (False, self.is_over)
+        is_over = self.n_steps == 3
+        ends: tuple[Any, ...] = (False, is_over)
         if self.behaviour == "ends in lists":
-            ends = (np.array([self.is_over]), np.array([False]))
+            ends = (np.array([is_over]), np.array([False]))
         elif self.behaviour == "old":
-            ends = (self.is_over,)
-        return self.seen, REWARDS[self.reward_form][0], *ends, _FACTS
-
-    def render(self) -> Any:
-        if self.rendered_form == "raises":
-            raise RuntimeError("no screen")
-        return self.shown
+            ends = (is_over,)
+        return self.seen, self.reward, *ends, {}

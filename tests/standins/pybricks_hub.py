@@ -50,6 +50,7 @@ class FakeHub:
         self.others: list[FakeHub] = []
         self.ends_s: dict[str, float] = {}
         self.told: list[tuple[str, float, int]] = []
+        self.reports: list[bytes] = []
         self.light = ""
         self.is_in_reach = True
         self.clients: list[_Client] = []
@@ -77,9 +78,7 @@ class FakeHub:
     def driver(self, options: PybricksOptions) -> PybricksDriver:
         """Return a driver that reaches this hub."""
         driver = PybricksDriver(options)
-        driver._open_line = lambda: HubLine(  # type: ignore[method-assign]
-            self.bluetooth, options.hub, RealClock(), driver._same
-        )
+        driver._open_line = lambda: HubLine(self.bluetooth, options.hub, RealClock(), driver._same)
         return driver
 
     def wait_until(self, happened: Callable[[], bool]) -> None:
@@ -147,6 +146,7 @@ class FakeHub:
                     self.light = line.split()[1].decode()
                     self._is_up.set()
                 else:
+                    self.reports.append(line)
                     for client in list(self.clients):
                         client.notify_soon(b"\x01" + line.rstrip(b"\n") + b"\r\n")
                 self._news.notify_all()

@@ -12,6 +12,20 @@ from robot.errors import DriveError
 from robot.types import Action
 
 
+def error_while_driving(driver: Driver, within_s: float = 60.0, but: str = "") -> str:
+    """Drive as the loop does; return the first error that does not say `but`, or nothing."""
+    end_s = time.monotonic() + within_s
+    while time.monotonic() < end_s:
+        try:
+            driver.send_action(Action.FORWARD)
+            driver.sense()
+        except DriveError as error:
+            if not but or but not in str(error):
+                return str(error)
+        time.sleep(0.01)
+    return ""
+
+
 def send_until(
     driver: Driver,
     move: Action = Action.FORWARD,

@@ -76,7 +76,7 @@ def test_it_hears_each_tick_only_until_the_drive_has_lasted(tmp_path: Path) -> N
     run(file, drives_s=0.2, ends_well=False)
     ends, heard = EarlyEnds(file), []
     note = ends.note
-    ends.note = lambda tick: [heard.append(tick.now_s), note(tick)]  # type: ignore[assignment]
+    ends.note = lambda tick: [heard.append(tick.now_s), note(tick)]
     ends.start(robot.loop)
     robot.start(Mode.TRAIN)
     began_s = robot.clock.now_s()

@@ -2,7 +2,7 @@
 
 import time
 
-_duties = []
+duties = []
 
 
 def unique_id():
@@ -21,12 +21,12 @@ class PWM:
     """Four of these pins drive two wheels; each setting determines the wheels' motion."""
 
     def __init__(self, pin, freq, duty_u16):
-        self._place = len(_duties)
-        _duties.append(duty_u16)
+        self._place = len(duties)
+        duties.append(duty_u16)
 
     def duty_u16(self, duty):
         """Set the share of the time for which the pin is high."""
-        _duties[self._place] = duty
+        duties[self._place] = duty
         if self._place == 3:
-            left, right = (round((_duties[i] - _duties[i + 1]) / 65535, 4) for i in (0, 2))
+            left, right = (round((duties[i] - duties[i + 1]) / 65535, 4) for i in (0, 2))
             print("wheels", time.ticks_ms(), left, right)

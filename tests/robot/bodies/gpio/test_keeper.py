@@ -46,7 +46,7 @@ def driver_for(notes: Path) -> GpioDriver:
     program = [sys.executable, "-m", "tests.standins.gpio_keeper", str(notes)]
     driver = GpioDriver(GpioOptions())
     wires = json.dumps(driver.settings())
-    driver._open_line = lambda: KeeperLine([*program, wires], RealClock())  # type: ignore[method-assign]
+    driver._open_line = lambda: KeeperLine([*program, wires], RealClock())
     return driver
 
 

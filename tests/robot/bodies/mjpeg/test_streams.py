@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import io
-import random
 import re
-from collections.abc import Callable
 from typing import Any
 from unittest import mock
 from urllib.parse import quote, urlsplit
@@ -14,16 +12,21 @@ from urllib.parse import quote, urlsplit
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from robot.bodies.mjpeg.answer import Answer, PictureFinder
+from robot.bodies.mjpeg.answer import MAX_PART_BYTES, Answer, PictureFinder
 from robot.bodies.mjpeg.camera import MjpegCamera, MjpegOptions
 from robot.bodies.mjpeg.line import CameraLine
-from robot.errors import CameraError
+from robot.clock import RealClock
+from robot.errors import CameraError, ConfigurationError
 from robot.testing import VirtualClock
 from robot.types import Encoding
-from tests.kit.sizes import size
+from tests.contract.real_parts import check_camera_on_its_real_line
+from tests.kit.sizes import crossed
+from tests.kit.wait import wait_until
+from tests.standins.mjpeg import MjpegServer
 
-STREAMS = size("STREAMS", 20, 1_000)
 SOURCE = "http://camera.local/stream?key=hush"
 
 
@@ -46,7 +49,7 @@ class FakeSocket(io.RawIOBase):
     """Delivers a camera's bytes piece by piece; the clock replaces the time between them."""
 
     def __init__(
-        self, pieces: list[bytes], clock: VirtualClock, pause_s: float = 0.0, *, stalls: bool
+        self, pieces: list[bytes], clock: VirtualClock, pause_s: float = 0.0, stalls: bool = False
     ) -> None:
         self._pieces, self._clock, self._pause_s, self._stalls = pieces, clock, pause_s, stalls
         self.asked = b""
@@ -78,18 +81,9 @@ class FakeSocket(io.RawIOBase):
     def close(self) -> None: ...
 
 
-def cut(data: bytes, dice: random.Random) -> list[bytes]:
-    pieces, at = [], 0
-    most = dice.choice([1, 7, 100, 1460, 65_536]) if len(data) < 30_000 else 1460
-    while at < len(data):
-        size = dice.randint(1, most)
-        pieces.append(data[at : at + size])
-        at += size
-    return pieces
-
-
-def watch(answers: list[list[bytes]], *, pause_s: float = 0.01, stalls: bool = False,
-          source: str = SOURCE) -> tuple[list[Any], str, list[bytes]]:  # fmt: skip
+def watch(
+    answers: list[list[bytes]], *, stalls: bool = False, source: str = SOURCE
+) -> tuple[list[Any], str, list[bytes]]:
     """Run a camera over a server's answers to each request; return what it showed, reported and
     requested."""
     clock, shown = VirtualClock(), []
@@ -99,7 +93,7 @@ def watch(answers: list[list[bytes]], *, pause_s: float = 0.01, stalls: bool = F
     def connect(address: tuple[str, int], *_: object) -> FakeSocket:
         if not 0 < address[1] < 65536:
             raise OverflowError("port must be 0-65535")
-        sockets.append(FakeSocket(answers[len(sockets)], clock, pause_s, stalls=stalls))
+        sockets.append(FakeSocket([*answers[len(sockets)]], clock, 0.01, stalls))
         return sockets[-1]
 
     camera.listen(lambda: shown.append(camera.latest()))
@@ -113,83 +107,47 @@ def watch(answers: list[list[bytes]], *, pause_s: float = 0.01, stalls: bool = F
     return shown, said, [sock.asked for sock in sockets]
 
 
-def made_stream(dice: random.Random) -> tuple[bytes, list[bytes], str, bool]:
-    """Return a camera's bytes, its whole pictures, the expected words, and whether it stalls."""
-    end = dice.choice([b"\r\n", b"\n"])
-    what = dice.choice(["whole"] * 5 + ["cut", "other", "none", "status", "page"])
-    boundary = dice.choice(
-        [b"frame", b"--frame", b"=_x y_=", b"ipcamera", b"myboundary", b"x" * 70]
-    )
-    kinds = [b"multipart/x-mixed-replace;boundary=" + boundary, b"multipart/x-mixed-replace", b""]
-    kinds += [b'Multipart/Mixed; boundary="other"', b"image/jpeg", b"application/octet-stream"]
-    kind = dice.choice(kinds)
-    status = dice.choice([b"HTTP/1.0 200 OK", b"HTTP/1.1 200", b"HTTP 200 OK", b"ICY 200 OK", b""])
-    if what == "status":
-        status = dice.choice([b"HTTP/1.1 404 Not Found", b"HTTP/1.0 503 Busy", b"HTTP 403 No"])
-    if what == "page":
-        status, kind = b"HTTP/1.1 200 OK", b"text/html; charset=utf-8"
-    is_chunked = bool(status) and dice.random() < 0.3
-    head = [status] if status else []
-    head += [b"Content-Type: " + kind] if kind else []
-    head += [b"Transfer-Encoding: chunked"] if is_chunked else []
-    head += [b"Server: x"] * dice.randint(0, 2)
-    begin = end.join(head) + end * dice.choice([2, 2, 2, 3])
-    if not status and dice.random() < 0.5:
-        begin = b""  # the stream begins at once
-    if what in ("status", "page"):
-        return begin + b"<html>no</html>", [], str(status.split()[1].decode()), False
-    pictures = [dice.choice(WHOLE) for _ in range(dice.randint(2, 6))]
+KINDS = ("", "image/jpeg", "application/octet-stream", 'Multipart/Mixed; boundary="other"')
+
+
+def stream_of(
+    pictures: list[bytes], status: str, kind: str, end: str, mark: str, fields: str, length: int
+) -> bytes:
+    """Return a camera's bytes; `mark` begins a part, and `length` is added to the true one."""
+    chunked = "Transfer-Encoding: chunked" if fields == "chunked" else ""
+    head = end.join(filter(None, [status, kind and f"Content-Type: {kind}", chunked, "Server: x"]))
     body = b""
-    for number, picture in enumerate(pictures):
-        data = picture
-        if what == "cut":
-            data = picture[: dice.randint(len(picture) // 4, len(picture) - 2)]
-        elif what == "other":
-            data = bytes(dice.randrange(128) for _ in range(200))
-        fields = [
-            dice.choice(
-                [b"Content-Type: image/jpeg", b"content-type:image/webp", b"X-Timestamp: 0.1"]
-            )
-        ]
-        length = len(data) + dice.choice([0, 0, -100, -1, 1, 5000])
-        name = dice.choice([b"Content-Length", b"X-Original-Content-Length", b""])
-        fields += [name + b": %d" % length] if name else []
-        dashes = dice.choice([b"--", b"--", b"", b"----"])
-        if what != "none":
-            body += dashes + dice.choice([boundary, b"another"]) + end
-            body += end.join(fields) + end * dice.choice([1, 2, 2, 2, 3]) + data
-            body += dice.choice([end, b"", end * 2]) if number < len(pictures) - 1 else b""
-    if is_chunked:
-        chunks = b"".join(b"%x" % len(p) + end + p + end for p in cut(body, dice))
-        body = chunks
-    words = {"cut": "cut", "other": "without any JPEG or PNG", "none": "", "whole": ""}[what]
-    return begin + body, pictures if what == "whole" else [], words, dice.random() < 0.5
+    for picture in pictures:
+        lines = [mark, "content-type:image/webp" if fields == "wrong" else "X-Timestamp: 0.1"]
+        if fields != "none":
+            lines.append(f"Content-Length: {len(picture) + length}")
+        body += f"{end.join(lines)}{end}{end}".encode() + picture + end.encode()
+    if chunked:
+        pieces = [body[i : i + 700] for i in range(0, len(body), 700)]
+        body = b"".join(f"{len(p):x}{end}".encode() + p + end.encode() for p in pieces)
+    return f"{head}{end}{end}".encode() * bool(status) + body
 
 
-def test_of_any_stream_a_picture_is_shown_or_the_reason_is_said() -> None:
-    n_shown = n_said = 0
-    for seed in range(STREAMS):
-        dice = random.Random(seed)
-        data, pictures, words, stalls = made_stream(dice)
-        shown, said, _ = watch([cut(data, dice)], stalls=stalls)
-        assert said and "hush" not in said, seed
-        if pictures:
-            jpegs = [frame.data for frame in shown if frame.encoding is Encoding.JPEG]
-            assert shown and set(jpegs) <= set(pictures), (seed, said)
-            last = shown[-1]
-            decoded = cv2.imdecode(np.frombuffer(pictures[-1], np.uint8), 1)
-            assert (last.height, last.width) == decoded.shape[:2], seed
-            n_shown += 1
-        else:
-            assert (words in said or "did not end" in said) and not shown, (
-                seed,
-                said,
-            )
-            n_said += 1
-    print(
-        f"{STREAMS} streams: {n_shown} showed their pictures, {n_said} said why not, 0 were silent"
-    )
-    assert n_shown > STREAMS / 4 and n_said > STREAMS / 4
+@crossed(
+    status=["HTTP/1.0 200 OK", "HTTP/1.1 200", "HTTP 200 OK", "ICY 200 OK", ""],
+    kind=["multipart/x-mixed-replace;boundary=frame", *KINDS],
+    end=["\r\n", "\n"],
+    mark=["--frame", "----frame", "frame", "--=_x y_=", "--another"],
+    fields=["usual", "chunked", "wrong", "none"],
+    length=[0, -100, -1, 1, 5000],
+    pictures=[JPEGS, PNGS, [WITH_THUMBNAIL, PROGRESSIVE, JPEGS[0]]],
+    size=[7, 1460],
+)
+def test_the_pictures_of_any_stream_are_shown(
+    status: str, kind: str, end: str, mark: str, fields: str, length: int, pictures: Any, size: int
+) -> None:
+    data = stream_of(pictures, status, kind, end, mark, fields if status else "none", length)
+    shown, said, _ = watch([[data[i : i + size] for i in range(0, len(data), size)]])
+    jpegs = [frame.data for frame in shown if frame.encoding is Encoding.JPEG]
+    assert shown and set(jpegs) <= set(pictures), said
+    last = cv2.imdecode(np.frombuffer(pictures[-1], np.uint8), 1)
+    assert (shown[-1].height, shown[-1].width) == last.shape[:2]
+    assert said and "hush" not in said
 
 
 def test_each_picture_is_there_with_its_last_byte() -> None:
@@ -210,7 +168,7 @@ def test_a_picture_that_was_cut_costs_no_other() -> None:
 
 def read_whole(data: bytes, size: int = 1000) -> tuple[Answer, bytes]:
     pieces = [data[i : i + size] for i in range(0, len(data), size)]
-    answer = Answer(FakeSocket(pieces, VirtualClock(), stalls=False))  # type: ignore[arg-type]
+    answer = Answer(FakeSocket(pieces, VirtualClock()))
     answer.begin()
     return answer, b"".join(iter(lambda: answer.read1(1000), b""))
 
@@ -249,34 +207,21 @@ STREAM = [*answer("200 OK", "Content-Type: multipart/x-mixed-replace; boundary=x
 DIGEST = 'WWW-Authenticate: Digest realm="cam", nonce="abc", qop="auth,auth-int", algorithm=MD5'
 
 
+USER = {"source": "http://me:secret@camera.local/stream?a=b"}
+
+
 def test_a_redirect_is_followed_and_takes_no_password_elsewhere() -> None:
-    source = "http://me:secret@camera.local/old"
-    shown, _, asked = watch([answer("302 Found", "Location: /new"), list(STREAM)], source=source)
+    shown, _, asked = watch([answer("302 Found", "Location: /new"), STREAM], **USER)
     assert shown and b"GET /new " in asked[1] and b"Authorization" in asked[1]
-    shown, _, asked = watch(
-        [answer("301 Moved", "Location: http://other.local:81/new"), list(STREAM)], source=source
-    )
+    elsewhere = answer("301 Moved", "Location: http://other.local:81/new")
+    shown, _, asked = watch([elsewhere, STREAM], **USER)
     assert shown and b"Host: other.local:81" in asked[1] and b"Authorization" not in asked[1]
-
-
-@pytest.mark.parametrize("place", ["ftp://a/b", "http://[", "http://a:99999999/"])
-def test_a_redirect_to_nowhere_is_said(place: str) -> None:
-    assert "an invalid address" in watch([answer("302 Found", f"Location: {place}")])[1]
-
-
-def test_a_redirect_in_a_circle_is_said() -> None:
-    assert "circle" in watch([answer("302 Found", "Location: /") for _ in range(9)])[1]
-
-
-@pytest.mark.parametrize("status", ["300 Choose", "302 Found", "304 Not Modified"])
-def test_an_answer_that_leads_nowhere_is_no_circle(status: str) -> None:
-    assert f"/stream answers {status[:3]}: " in watch([answer(status)])[1]
 
 
 @pytest.mark.parametrize("letter", ["\u00fc", "\u00c5", "\u041c", "\u0105", "\u4e1c"])
 def test_a_redirect_may_have_letters_of_any_language(letter: str) -> None:
     """In some encodings these bytes are line ends."""
-    asked = watch([answer("302 Found", f"Location: /k{letter}che"), list(STREAM)])[2]
+    asked = watch([answer("302 Found", f"Location: /k{letter}che"), STREAM])[2]
     assert asked[1].startswith(f"GET /k{quote(letter)}che ".encode())
 
 
@@ -289,67 +234,63 @@ def test_the_password_is_shown_to_the_address_that_was_given_alone(other: str) -
         assert line.shows_user(address + "/stream") is is_shown
 
 
-def test_digest_is_answered_and_what_does_not_fit_is_said() -> None:
-    source = "http://me:secret@camera.local/stream?a=b"
-    shown, _, asked = watch([answer("401 No", DIGEST), list(STREAM)], source=source)
-    assert shown and b'Authorization: Digest username="me", realm="cam"' in asked[1]
-    assert b'uri="/stream?a=b"' in asked[1] and b"secret" not in asked[0] + asked[1]
-    _, said, _ = watch([answer("401 No", DIGEST), answer("401 No", DIGEST)], source=source)
-    assert "does not accept this user" in said
-    assert "--source http://USER" in watch([answer("401 No", DIGEST)])[1]
-
-
 @pytest.mark.parametrize(
-    "unknown",
+    ("user", "asked", "hashed"),
     [
-        DIGEST.replace("MD5", "SHA3-x"),
-        DIGEST.replace("cam", "K\u00fcche"),
-        DIGEST + ", opaque=",
-        DIGEST.replace("nonce", "none"),
-        "WWW-Authenticate: Digest x",
+        ("me", ["MD5"], "md5"),
+        ("me", ["md5"], "md5"),
+        ("\u0436\u0443\u043a", ["MD5", "SHA-256"], "sha256"),
     ],
 )
-def test_a_digest_that_is_not_known_is_said(unknown: str) -> None:
-    source = "http://me:secret@camera.local/stream"
-    assert "unsupported kind" in watch([answer("401 No", unknown)], source=source)[1]
-
-
-@pytest.mark.parametrize(
-    ("asked", "hashed"), [(["MD5"], "md5"), (["md5"], "md5"), (["MD5", "SHA-256"], "sha256")]
-)
-def test_the_digest_is_that_of_rfc_7616(asked: list[str], hashed: str) -> None:
-    source = "http://me:secret@camera.local/stream?a=b"
+def test_the_digest_is_that_of_rfc_7616(user: str, asked: list[str], hashed: str) -> None:
     challenges = [DIGEST.replace("MD5", algorithm) for algorithm in asked]
-    said = watch([answer("401 No", *challenges), list(STREAM)], source=source)[2][1].decode()
-    given = dict(re.findall(r'(\w+)="?([^",]*)', said.partition("Authorization: Digest ")[2]))
+    source = f"http://{user}:secret@camera.local/stream?a=b"
+    shown, _, requests = watch([answer("401 No", *challenges), STREAM], source=source)
+    assert shown and b"secret" not in b"".join(requests)
+    header = requests[1].decode().partition("Authorization: Digest ")[2]
+    given = dict(re.findall(r'(\w+)="?([^",]*)', header))
+    assert (given["username"], given["realm"], given["uri"]) == (user, "cam", "/stream?a=b")
 
     def h(text: str) -> str:
         return hashlib.new(hashed, text.encode()).hexdigest()
 
     proof = [given["nonce"], given["nc"], given["cnonce"], "auth", h("GET:/stream?a=b")]
-    assert given["response"] == h(":".join([h("me:cam:secret"), *proof]))
+    assert given["response"] == h(":".join([h(f"{user}:cam:secret"), *proof]))
 
 
-def test_a_user_may_have_letters_of_any_language() -> None:
-    source = "http://\u0436\u0443\u043a:secret@camera.local/stream"
-    challenge = DIGEST.replace("MD5", "SHA-256")
-    shown, _, asked = watch([answer("401 No", challenge), list(STREAM)], source=source)
-    assert shown and 'Digest username="\u0436\u0443\u043a"'.encode() in asked[1]
+def moved(place: str) -> list[bytes]:
+    return answer("302 Found", f"Location: {place}")
 
 
-FAULTS: dict[str, Callable[[], str]] = {
-    "without an answer": lambda: watch([[]])[1],
-    "sends nothing": lambda: watch([STREAM[:1]], stalls=True)[1],
-    "closes the connection after one picture": lambda: watch([list(STREAM)])[1],
-    "a web page": lambda: watch([answer("200 OK", "Content-Type: text/html")])[1],
-    "image/webp": lambda: watch([[*STREAM[:1], b"Content-Type: image/webp\r\n\r\nRIFF" * 9]])[1],
-    "did not end": lambda: watch([[*STREAM[:1], JPEGS[1][:-9]]], stalls=True)[1],
-}
+PLACES = ("ftp://a/b", "http://[", "http://a:99999999/")
+STRANGE_DIGESTS = (
+    DIGEST.replace("MD5", "SHA3-x"),
+    DIGEST.replace("cam", "K\u00fcche"),
+    DIGEST + ", opaque=",
+    DIGEST.replace("nonce", "none"),
+    "WWW-Authenticate: Digest x",
+)
+REASONS: list[tuple[str, list[list[bytes]], dict[str, Any]]] = [
+    ("without an answer", [[]], {}),
+    ("sends nothing", [STREAM[:1]], {"stalls": True}),
+    ("closes the connection after one picture", [STREAM], {}),
+    ("cut", [[*STREAM[:1], JPEGS[3][:9000] + b"\r\n--x\r\n\r\n" + JPEGS[1][:-9]]], {}),
+    ("without any JPEG or PNG", [[*STREAM[:1], b"--x\r\n\r\n" + b"a picture?" * 20]], {}),
+    ("a web page", [answer("200 OK", "Content-Type: text/html")], {}),
+    ("image/webp", [[*STREAM[:1], b"Content-Type: image/webp\r\n\r\nRIFF" * 9]], {}),
+    ("did not end", [[*STREAM[:1], JPEGS[1][:-9]]], {"stalls": True}),
+    ("circle", [moved("/")] * 9, {}),
+    *(("an invalid address", [moved(place)], {}) for place in PLACES),
+    *((f"/stream answers {n}: ", [answer(f"{n} Found")], {}) for n in (300, 302, 304)),
+    ("--source http://USER", [answer("401 No", DIGEST)], {}),
+    ("does not accept this user", [answer("401 No", DIGEST)] * 2, USER),
+    *(("unsupported kind", [answer("401 No", digest)], USER) for digest in STRANGE_DIGESTS),
+]
 
 
-@pytest.mark.parametrize("words", FAULTS)
-def test_the_reason_is_true(words: str) -> None:
-    assert words in FAULTS[words]()
+@pytest.mark.parametrize(("words", "answers", "how"), REASONS, ids=[words for words, *_ in REASONS])
+def test_the_reason_is_true(words: str, answers: list[list[bytes]], how: dict[str, Any]) -> None:
+    assert words in watch(answers, **how)[1]
 
 
 @pytest.mark.parametrize(
@@ -373,3 +314,63 @@ def test_bursts_are_no_fault_and_a_slow_camera_is_called_slow(
                     faults.add(camera._explain(wrong) if wrong else None)
     slow = {text for text in faults if text}
     assert bool(slow) is is_slow and all("a picture only every 2.0 s" in text for text in slow)
+
+
+@given(st.binary(max_size=2000), st.integers(1, 50))
+def test_rubbish_is_no_crash_however_it_is_cut(data: bytes, size: int) -> None:
+    rubbish = b"\xff\xd8\xff" + data + b"\xff\xd9"
+    whole, finder = PictureFinder().feed(rubbish), PictureFinder()
+    found = [p for i in range(0, len(rubbish), size) for p in finder.feed(rubbish[i : i + size])]
+    assert found == whole
+
+
+def test_a_picture_without_end_is_refused() -> None:
+    finder = PictureFinder()
+    finder.feed(b"--frame\r\n\r\n\xff\xd8\xff\xda\x00\x02")
+    with pytest.raises(CameraError, match="4 MB"):
+        finder.feed(bytes(MAX_PART_BYTES))
+
+
+def camera_of(source: str) -> MjpegCamera:
+    return MjpegCamera(MjpegOptions(source=source), RealClock())
+
+
+@pytest.mark.parametrize(
+    "source",
+    ["", "0", "film.avi", "rtsp://a/b", "http://", "ftp://a", "http://a:99999/", "http://a..b/"],
+)
+def test_what_is_no_address_is_refused_at_once(source: str) -> None:
+    with pytest.raises(ConfigurationError, match="--source"):
+        camera_of(source)
+
+
+@pytest.mark.realtime
+def test_a_stream_over_a_real_line() -> None:
+    check_camera_on_its_real_line("mjpeg")
+    what_is_no_stream_is_said()
+    for with_length in (True, False):
+        a_lost_stream_is_a_fault_and_comes_back(with_length)
+
+
+def what_is_no_stream_is_said() -> None:
+    with MjpegServer() as server:
+        with pytest.raises(CameraError, match="text/html"):
+            camera_of(server.address.replace("/stream", "/")).start()
+        server.refuses = True
+        with pytest.raises(CameraError, match="404"):
+            camera_of(server.address).start()
+    with pytest.raises(CameraError, match="does not answer"):
+        camera_of(server.address).start()
+
+
+def a_lost_stream_is_a_fault_and_comes_back(with_length: bool) -> None:
+    with (
+        MjpegServer(with_length=with_length) as server,
+        camera_of(server.address.replace("//", "//me:p%20w@")) as running,
+    ):
+        wait_until(running.latest)
+        assert server.asked[0] == "Basic bWU6cCB3"
+        server.refuses = True
+        wait_until(lambda: "gives no pictures" in (running.fault or ""))
+        server.refuses = False
+        wait_until(lambda: running.fault is None)

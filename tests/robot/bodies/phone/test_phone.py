@@ -4,11 +4,12 @@ blind."""
 from __future__ import annotations
 
 from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from robot.bodies.phone.camera import NOBODY, PhoneCamera, PhoneOptions
-from robot.clock import Worker
 from robot.devkit.freshness import STILL_S
 from robot.devkit.pictures import Picture
 from robot.testing import VirtualClock
@@ -18,14 +19,8 @@ from robot.types import Encoding
 class Clock(VirtualClock):
     """Starts no thread: the test moves time and calls the watch itself."""
 
-    def start_thread(self, target, name: str) -> Worker:  # type: ignore[no-untyped-def]
-        class Ended:
-            def join(self, timeout: float | None = None) -> None: ...
-
-            def is_alive(self) -> bool:
-                return False
-
-        return Ended()
+    def start_thread(self, target, name: str) -> Any:
+        return SimpleNamespace(join=lambda timeout=None: None)
 
 
 @pytest.fixture
@@ -40,7 +35,7 @@ def look(camera: PhoneCamera, seconds: float) -> None:
     assert isinstance(clock, Clock)
     clock.advance(seconds)
     waits = iter([False, True])
-    clock.wait = lambda event, timeout_s=None: next(waits)  # type: ignore[method-assign]
+    clock.wait = lambda event, timeout_s=None: next(waits)
     camera._watch()
 
 
@@ -49,13 +44,11 @@ def offer(camera: PhoneCamera, data: bytes, ago_s: float = 0.05, **how: bool) ->
     camera.offer(picture, camera.clock.now_s() - ago_s, **how)
 
 
-def test_before_the_first_phone_it_says_what_to_do(camera: PhoneCamera) -> None:
+def test_before_the_first_phone_it_says_what_to_do_and_a_picture_clears_that(
+    camera: PhoneCamera,
+) -> None:
     look(camera, STILL_S + 0.1)
     assert camera.fault == NOBODY and camera.latest() is None
-
-
-def test_a_picture_clears_the_fault_and_has_the_phones_stamp(camera: PhoneCamera) -> None:
-    look(camera, STILL_S + 0.1)
     offer(camera, b"one", 0.08)
     frame = camera.latest()
     assert camera.fault is None and frame is not None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
 from types import SimpleNamespace
 
 import pytest
@@ -29,13 +28,7 @@ LIBRARY = SimpleNamespace(Picamera2=StillPicamera2)
 
 
 def made(**options: object) -> Picamera2Camera:
-    return Picamera2Camera(Picamera2Options(**options), VirtualClock(), LIBRARY)  # type: ignore[arg-type]
-
-
-@pytest.fixture
-def one_camera(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setattr(picamera2.Picamera2, "n_cameras", 1)
-    yield
+    return Picamera2Camera(Picamera2Options(**options), VirtualClock(), LIBRARY)
 
 
 def test_colours_size_and_stamp() -> None:
@@ -59,16 +52,8 @@ def test_upside_down_turns_it_and_repeats_do_not_count() -> None:
     assert to_rgb(frame)[-1].min() == 255 and to_rgb(frame)[0].max() == 63
 
 
-def test_a_camera_that_stops_is_a_fault() -> None:
-    with made() as camera:
-        camera._take(picamera2.Request(1, (160, 120)))
-        assert camera.fault is None
-        camera.clock.sleep(1.0)
-        assert camera.fault is not None and "ribbon" in camera.fault
-
-
 def test_a_camera_that_is_not_there_or_in_use_is_a_sentence(
-    one_camera: None, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     with pytest.raises(CameraError, match=r"no camera module 1 \(1 found\)"):
         made(camera_number=1).start()

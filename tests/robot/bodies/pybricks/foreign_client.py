@@ -40,5 +40,5 @@ async def talk(hub: FakeHub) -> dict[str, object]:
 
 if __name__ == "__main__":
     with FakeHub() as hub:
-        bleak.BleakClient = hub.bluetooth.BleakClient  # type: ignore[misc,assignment]
+        bleak.BleakClient = hub.bluetooth.BleakClient
         print(json.dumps(asyncio.run(talk(hub))))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -18,6 +17,7 @@ from robot.driver import ACTION_TIMEOUT_S
 from robot.errors import DriveError, MissingExtraError
 from robot.types import Action, Sensors
 from tests.contract.real_parts import check_driver_on_its_real_line
+from tests.kit.run import run
 from tests.kit.wait import wait_until
 from tests.robot.bodies.sending import send_until
 from tests.standins.firmware import ROOT
@@ -45,14 +45,24 @@ class Typist:
     """Writes lines to the program past the driver, as a relay might."""
 
     def __init__(self, hub: FakeHub) -> None:
-        self.hub = hub
+        self.hub, self.seq = hub, 0
         hub.start_program()
 
-    def order(self, text: str) -> None:
-        """Write a line."""
+    def order(self, text: str) -> int:
+        """Write a line, and wait for the report on it; return the hub's time, in ms."""
         assert self.hub.process is not None and self.hub.process.stdin is not None
+        n_reports = len(self.hub.reports)
         self.hub.process.stdin.write(text.encode() + b"\n")
         self.hub.process.stdin.flush()
+        self.hub.wait_until(lambda: len(self.hub.reports) > n_reports)
+        return int(self.hub.reports[-1].split()[1])
+
+    def drive(self, text: str) -> None:
+        """Order a move as of now; again if a busy machine delivered it late."""
+        before = len(moved(self.hub))
+        while len(moved(self.hub)) == before:
+            self.seq += 1
+            self.order(f"{text} {self.seq} {self.order('?')}")
 
 
 def test_the_program_fits_a_page() -> None:
@@ -107,16 +117,19 @@ def a_program_that_hangs_ends_its_move_and_obeys_nothing_old(hub: FakeHub) -> No
 
 def replayed_late_and_unknown_orders_only_stop(hub: FakeHub) -> None:
     typist = Typist(hub)
-    typist.order("forward 400 1.0 5 0")
-    hub.wait_until(lambda: len(moved(hub)) == 2)
-    for text in ("forward 400 1.0 5 0", "forward 400 1.0 4 0", "forward 400 1.0 6 -600"):
-        typist.order(text)
-    typist.order("dance 400 1.0 7 0")
-    typist.order("forward 400 0 8 0")
-    typist.order("right 9999 7.5 99 0")
-    hub.wait_until(lambda: len(moved(hub)) >= 4)
+    typist.drive("forward 400 1.0")
+    assert len(moved(hub)) == 2
+    seq, now_ms = typist.seq, typist.order("?")
+    typist.order(f"forward 400 1.0 {seq} {now_ms}")
+    typist.order(f"forward 400 1.0 {seq - 1} {now_ms}")
+    typist.order(f"forward 400 1.0 {seq + 1} {now_ms - 600}")
+    typist.order(f"dance 400 1.0 {seq + 2} {now_ms}")
+    typist.order(f"forward 400 0 {seq + 3} {now_ms}")
+    assert len(moved(hub)) == 2
+    typist.seq += 3
+    typist.drive("right 9999 7.5")
     last = moved(hub)[2:]
-    assert [told[:2] for told in last] == [("A", -150.0), ("B", -150.0)], "only the last one moved"
+    assert [told[:2] for told in last] == [("A", -150.0), ("B", -150.0)]
     assert all(told[2] <= 500 for told in last), "and not for its 9999 ms"
 
 
@@ -127,8 +140,8 @@ def rubbish_is_harmless(hub: FakeHub) -> None:
     typist = Typist(hub)
     for number, rubbish in enumerate(RUBBISH, 1):
         typist.order(rubbish)
-        typist.order(f"forward 400 1.0 {8 + number} 0")
-        hub.wait_until(lambda count=2 * number: len(moved(hub)) == count)
+        typist.drive("forward 400 1.0")
+        assert len(moved(hub)) == 2 * number, rubbish
 
 
 def a_hub_that_nobody_talks_to_shows_it(hub: FakeHub) -> None:
@@ -238,14 +251,8 @@ def test_a_foreign_client_finds_a_hub(hub: FakeHub) -> None:
         if os.environ.get("CI") == "true":
             pytest.fail("CI needs pybricksdev: pip install --target var/pybricksdev pybricksdev")
         pytest.skip("PYBRICKSDEV IS MISSING: pip install --target var/pybricksdev pybricksdev")
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.robot.bodies.pybricks.foreign_client"],
-        env={**os.environ, "PYTHONPATH": f"{FOREIGN}{os.pathsep}{ROOT}"},
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
+    client = (sys.executable, "-m", "tests.robot.bodies.pybricks.foreign_client")
+    done = run(*client, cwd=ROOT, env={**os.environ, "PYTHONPATH": f"{FOREIGN}{os.pathsep}{ROOT}"})
     assert done.returncode == 0, done.stderr
     saw = json.loads(done.stdout)
     assert [answer.split()[0] for answer in saw["answers"]] == ["0", "1", "2"]

@@ -2,39 +2,34 @@
 
 from __future__ import annotations
 
+import asyncio
+import threading
 import time
 from collections.abc import Callable
 
 import pytest
 
 from robot.bodies.remote.driver import RemoteOptions
+from robot.bodies.remote.reconnecting import ReconnectingConnection
 from robot.bodies.remote.ws import WebsocketLine, WsDriver
+from robot.clock import RealClock
 from robot.errors import DriveError
 from robot.types import Action
 from tests.contract.real_parts import check_driver_on_its_real_line
 from tests.robot.bodies.sending import send_until
 from tests.standins.ws_robot import WsRobot
 
-from . import reconnecting_cases
-
-
-def switched_off_and_on(robot: WsRobot) -> None:
-    robot.start_again()
-
-
-def silent_for_a_while(robot: WsRobot) -> None:
-    """As when the robot's power is cut: nothing closes the connection."""
-    robot.silent.set()
-
 
 @pytest.mark.realtime
 def test_a_real_line_that_is_lost_is_opened_again_and_moves_nothing_by_itself() -> None:
     check_driver_on_its_real_line("ws")
-    for lose in (switched_off_and_on, silent_for_a_while):
-        check_that_it_comes_back(lose)
+    check_that_it_comes_back(WsRobot.start_again)
+    # As when the robot's power is cut: nothing closes the connection.
+    check_that_it_comes_back(lambda robot: robot.silent.set())
     check_that_it_catches_up_with_late_answers()
-    for check in reconnecting_cases.CASES:
-        check()
+    what_hangs_is_followed_by_no_second_and_cancelled_at_the_end()
+    a_failure_of_any_kind_is_one_of_the_connection()
+    a_connection_that_is_lost_is_made_again_and_one_that_never_was_is_not()
 
 
 def check_that_it_comes_back(lose: Callable[[WsRobot], None]) -> None:
@@ -75,3 +70,64 @@ def check_that_it_catches_up_with_late_answers() -> None:
                 break
         line.close()
         assert answers == 6
+
+
+class Standing(ReconnectingConnection):
+    """Connects at once, and stays connected."""
+
+    async def _connect_once(self, connected: Callable[[], None]) -> None:
+        connected()
+        await asyncio.Event().wait()
+
+
+async def hang() -> None:
+    await asyncio.Event().wait()
+
+
+def what_hangs_is_followed_by_no_second_and_cancelled_at_the_end() -> None:
+    kept = Standing("kept", RealClock())
+    hanging = kept._send_one(hang())
+    with pytest.raises(TimeoutError):
+        hanging.result(0.01)
+    with pytest.raises(ConnectionError, match="no more data"):
+        kept._send_one(hang())
+    other = kept._send_one(hang(), "another topic")
+    kept.close()
+    kept.close()
+    assert hanging.cancelled() and other.cancelled()
+    assert "kept" not in {thread.name for thread in threading.enumerate()}
+    with pytest.raises(ConnectionError, match="is closed"):
+        kept._send_one(hang(), "a third")
+
+
+def a_failure_of_any_kind_is_one_of_the_connection() -> None:
+    async def fail() -> None:
+        raise LookupError("the hub is gone")
+
+    kept = Standing("kept", RealClock())
+    with pytest.raises(ConnectionError, match="the hub is gone"):
+        kept._send_one(fail()).result(1.0)
+    kept.close()
+
+
+def a_connection_that_is_lost_is_made_again_and_one_that_never_was_is_not() -> None:
+    made = threading.Semaphore(0)
+
+    class Losing(ReconnectingConnection):
+        async def _connect_once(self, connected: Callable[[], None]) -> None:
+            connected()
+            made.release()
+            raise OSError("lost")
+
+    kept = Losing("kept", RealClock())
+    assert made.acquire(timeout=10) and made.acquire(timeout=10), "a second time"
+    assert kept.trouble == "lost"
+    kept.close()
+
+    class Refused(ReconnectingConnection):
+        async def _connect_once(self, connected: Callable[[], None]) -> None:
+            raise OSError("nobody there")
+
+    with pytest.raises(ConnectionError, match="nobody there"):
+        Refused("kept", RealClock())
+    assert "kept" not in {thread.name for thread in threading.enumerate()}

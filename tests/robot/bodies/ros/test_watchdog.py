@@ -154,11 +154,17 @@ def test_however_orders_are_held_up_it_stands_half_a_second_after_the_last_was_w
     robot.node.end()
 
 
-def test_a_dispute_is_the_drivers_error() -> None:
+@pytest.fixture
+def watched() -> tuple[VirtualClock, WatchedBridge, RosDriver]:
     clock = VirtualClock(100.0)
     bridge = WatchedBridge(clock, 1)
     driver = RosDriver(RosOptions(address="robot", watchdog=True), clock)
     driver.open_topics = bridge.open
+    return clock, bridge, driver
+
+
+def test_a_dispute_is_the_drivers_error(watched: Any) -> None:
+    clock, bridge, driver = watched
     with driver:
         driver.send_action(Action.FORWARD)
         clock.sleep(0.06)
@@ -171,11 +177,8 @@ def test_a_dispute_is_the_drivers_error() -> None:
         bridge.end()
 
 
-def test_without_its_sign_of_life_nothing_moves() -> None:
-    clock = VirtualClock(100.0)
-    bridge = WatchedBridge(clock, 1)
-    driver = RosDriver(RosOptions(address="robot", watchdog=True), clock)
-    driver.open_topics = bridge.open
+def test_without_its_sign_of_life_nothing_moves(watched: Any) -> None:
+    clock, bridge, driver = watched
     with driver:
         driver.send_action(Action.FORWARD)
         clock.sleep(0.1)

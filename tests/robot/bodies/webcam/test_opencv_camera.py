@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -52,23 +51,16 @@ class BreakableCapture:
         pass
 
 
-@pytest.fixture
-def capture(monkeypatch: pytest.MonkeyPatch) -> Iterator[type[BreakableCapture]]:
-    monkeypatch.setattr(cv2, "VideoCapture", BreakableCapture)
-    BreakableCapture.how = "run"
-    BreakableCapture.clock = VirtualClock()
-    yield BreakableCapture
-    BreakableCapture.how = "run"
-
-
 @pytest.mark.parametrize(
     ("how", "words"),
     [("repeat", "repeats one picture"), ("gone", "gives no pictures"), ("block", "no pictures")],
 )
 def test_a_broken_webcam_is_noticed_within_500_ms_and_picked_up_again(
-    capture: type[BreakableCapture], how: str, words: str
+    monkeypatch: pytest.MonkeyPatch, how: str, words: str
 ) -> None:
-    clock = capture.clock
+    clock = VirtualClock()
+    capture = type("Capture", (BreakableCapture,), {"clock": clock})
+    monkeypatch.setattr(cv2, "VideoCapture", capture)
     with OpencvCamera(OpencvOptions(source="0"), clock) as camera:
         wait_until(lambda: camera.latest() is not None, within_s=5.0, clock=clock)
         capture.how = how
