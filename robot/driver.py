@@ -304,8 +304,8 @@ class Driver(ABC):
         return self.correction.drive(self, action, point, speed_scale=speed_scale)
 
     def correct(self, correction: Correction) -> None:
-        """Apply a correction from now on; the caller has stopped the body, and knows that the
-        correction applies."""
+        """Apply a correction from now on. The caller first stops the body and checks that the
+        correction suits it."""
         self.correction = correction
 
     def move_of(self, point: Point) -> Action:

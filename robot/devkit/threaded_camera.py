@@ -97,7 +97,7 @@ class WatchedCamera(ThreadedCamera):
         """Return the sentence for a fault such as "gives no pictures"."""
 
     def _watch_over(self, *reading: Callable[[], None]) -> None:
-        """Start the threads that read, and the watchdog."""
+        """Start the watchdog and the threads that read pictures."""
         self._freshness = Freshness(self.clock.now_s())
         self._work(*reading, self._watch)
 

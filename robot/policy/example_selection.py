@@ -121,8 +121,8 @@ class MoveContext(PolicyPart):
 
 
 _BITS, _SETS, _WAYS = 128, 4096, 4
-"""Number of pairs of a sketch; number of the sets in which sketches are stored; sketches per set.
-The 16,384 sketches are enough for a lap of 27 minutes at ten examples a second."""
+"""A sketch compares this number of pairs of pixels. Sketches are stored in sets of four each. The
+16,384 sketches are enough for a lap of 27 minutes at ten examples a second."""
 
 
 class Repeats(PolicyPart):

@@ -27,8 +27,8 @@ from robot.store.models.events import describe_event, read_point
 from robot.types import Action, Point
 
 _SOON_S = 0.5
-"""Longest time from a picture to a message that belongs to the picture, in seconds. If more time
-passes, the robot stood in between."""
+"""Longest time from a picture to a message that belongs to the picture, in seconds. After
+a longer time, the robot has stood still in between."""
 _LATE_S = 2.0
 """Longest time from a picture to the policy's proposal on it, in seconds; a computer may be
 slow."""
