@@ -93,7 +93,7 @@ extensions: $(VENV)/.dev ## Count lines by extension and room
 mutate: $(VENV)/.dev ## Put faults into the modules on which safety rests, and see if tests notice
 	$(BIN)/python -m tests.mutation $(ARGS)
 
-docs: $(VENV)/.dev ## Write the program's numbers, command line and faults into the docs, and draw the wiring
+docs: $(VENV)/.dev ## Write the program's numbers, command line and faults into the docs
 	$(BIN)/python -m tests.docs
 
 site: $(VENV)/.site ## Build the documents as a site in site/; every warning is an error

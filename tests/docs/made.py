@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tests.faults import table
 
-from . import command_line, decisions, figure, imports, results, sockets, values, wiring
+from . import command_line, decisions, imports, results, values
 
 
 def made() -> dict[Path, str]:
@@ -17,12 +17,9 @@ def made() -> dict[Path, str]:
     whole = {
         command_line.PAGE: command_line.render(),
         decisions.INDEX: decisions.render(),
-        figure.FIGURE: figure.render(),
         imports.PAGE: imports.render(),
         results.PAGE: results.render(),
-        sockets.PAGE: sockets.render(),
         table.PAGE: table.render(table.figures(table.PAGE.read_text("utf-8"))),
-        **wiring.render(),
     }
     pages = {page: whole.get(page, page.read_text("utf-8")) for page in values.pages()}
     return {**whole, **{page: values.fill(text) for page, text in pages.items()}}

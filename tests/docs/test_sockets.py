@@ -1,33 +1,52 @@
-"""The description of the sockets matches the server's messages and the accepted ones."""
+"""docs/reference/asyncapi.json describes the server's messages and the accepted ones."""
 
 from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 from typing import Any
 
 import jsonschema
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from robot.control.link_governor import LinkLevel
 from robot.driver import CLASSIC
-from robot.types import Mode, Point
-from server.protocol import MAX_COUNT, BareMessage, ErrorCode, ProtocolError, parse_message
-from tests.docs import sockets
+from robot.types import DrivenBy, Mode, Point, StopReason
+from server.protocol import (
+    ACKNOWLEDGEMENT,
+    FRAME_HEADER,
+    MAX_COUNT,
+    PROTOCOL_VERSION,
+    BareMessage,
+    DriveMessage,
+    ErrorCode,
+    ModeMessage,
+    Ping,
+    ProtocolError,
+    ReleaseMessage,
+    _numbers_of,
+    parse_message,
+)
 from tests.kit.sizes import examples
 from tests.server.virtual_server import VirtualServer
 
-DOWN, UP = sockets.downward(), sockets.upward()
+PAGE = Path(__file__).parents[2] / "docs/reference/asyncapi.json"
+DESCRIBED = json.loads(PAGE.read_text("utf-8"))
+SCHEMAS = DESCRIBED["components"]["schemas"]
+UP, DOWN = (
+    {name.removeprefix(way): schema for name, schema in SCHEMAS.items() if name.startswith(way)}
+    for way in ("up.", "down.")
+)
 MOVES = tuple(CLASSIC)
 
 
-def test_every_reference_leads_somewhere() -> None:
-    described = sockets.describe()
-
+def test_every_reference_leads_somewhere_and_every_message_is_on_a_socket() -> None:
     def follow(value: Any) -> None:
         if isinstance(value, dict):
             if isinstance(at := value.get("$ref"), str):
-                found: Any = described
+                found: Any = DESCRIBED
                 for part in at.removeprefix("#/").split("/"):
                     found = found[part]
             for each in value.values():
@@ -36,9 +55,39 @@ def test_every_reference_leads_somewhere() -> None:
             for each in value:
                 follow(each)
 
-    follow(described)
-    for schema in (*UP.values(), *DOWN.values()):
+    follow(DESCRIBED)
+    messages = DESCRIBED["components"]["messages"]
+    placed = [name for one in DESCRIBED["channels"].values() for name in one["messages"]]
+    assert sorted(placed) == sorted(messages) and {*SCHEMAS} < {*messages}
+    for schema in SCHEMAS.values():
         jsonschema.Draft7Validator.check_schema(schema)
+
+
+def test_words_limits_and_sizes_are_those_of_the_code() -> None:
+    state = DOWN["state"]["properties"]
+    for name, words in {
+        "mode": Mode,
+        "driven_by": DrivenBy,
+        "link": LinkLevel,
+        "stop_reason": [*StopReason, None],
+    }.items():
+        assert state[name]["enum"] == [*words], name
+    assert DOWN["error"]["properties"]["code"]["enum"] == [*ErrorCode]
+    assert UP["mode"]["properties"]["mode"]["enum"] == [*Mode]
+    assert {*UP} == {"drive", "mode", "ping", "release", *BareMessage}
+    assert DOWN["hello"]["properties"]["protocol"] == {"const": PROTOCOL_VERSION}
+    for kind, sent in {
+        "drive": DriveMessage,
+        "mode": ModeMessage,
+        "ping": Ping,
+        "release": ReleaseMessage,
+    }.items():
+        for field, _, _, least, most, _ in _numbers_of(sent):
+            described = UP[kind]["properties"][field]
+            assert (described["minimum"], described["maximum"]) == (least, most), (kind, field)
+    for name, header in {"down.frame": FRAME_HEADER, "up.acknowledgement": ACKNOWLEDGEMENT}.items():
+        summary = DESCRIBED["components"]["messages"][name]["summary"]
+        assert summary.startswith(f"{header.size} bytes"), name
 
 
 def without_more(schema: Any) -> Any:
