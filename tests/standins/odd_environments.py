@@ -51,7 +51,6 @@ _Form = Callable[[Any], tuple[Any, Any]]
 """Converts a picture to another form; also returns its space, or None if no space is declared."""
 FORMS: dict[str, _Form] = {
     "bytes": lambda p: (p, _box(0, 255, p)),
-    "bytes, no space": lambda p: (p, None),
     "alpha": lambda p: (np.dstack([p, np.full(p.shape[:2], 255, np.uint8)]), None),
     "fractions": lambda p: ((f := (p / 255).astype(np.float32)), _box(0.0, 1.0, f)),
     "fractions, no bounds": lambda p: (
@@ -64,14 +63,9 @@ FORMS: dict[str, _Form] = {
     ),
     "around zero": lambda p: ((f := (p / 127.5 - 1).astype(np.float32)), _box(-1.0, 1.0, f)),
     "floats to 255": lambda p: ((f := p.astype(np.float32)), _box(0.0, 255.0, f)),
-    "floats to 255, no space": lambda p: (p.astype(np.float64), None),
     "whole numbers": lambda p: ((w := p.astype(np.int64)), _box(0, 255, w)),
     "sixteen bits": lambda p: ((w := p.astype(np.uint16) * 257), _box(0, 65535, w)),
     "channels first": lambda p: ((c := p.transpose(2, 0, 1)), _box(0, 255, c)),
-    "fractions, channels first": lambda p: (
-        (c := (p / 255).astype(np.float32).transpose(2, 0, 1)),
-        _box(0.0, 1.0, c),
-    ),
     "alpha, channels first": lambda p: (
         np.dstack([p, np.full(p.shape[:2], 255, np.uint8)]).transpose(2, 0, 1),
         None,

@@ -7,10 +7,12 @@ the connection to the brick.
 from __future__ import annotations
 
 import os
+import re
 import select
 import signal
 import socket
 import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -19,8 +21,7 @@ from pathlib import Path
 import pytest
 
 from robot.bodies.ev3.fake_brick import FakeBrick
-from tests.robot.bodies.ev3.film import install_film
-from tests.robot.bodies.ev3.own_server import own_server
+from tests.robot.bodies.ev3.film import ROOT, install_film
 from tests.robot.bodies.ev3.running_agent import SECRET, RunningAgent
 from tests.server.live_robot import Pilot
 
@@ -91,10 +92,37 @@ class Proxy:
 def serving(folder: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """A server in a separate process; yields it and its address."""
     install_film(folder / "film")
-    film = ["--camera", "film", "--film", str(folder / "film/film.yuyv"), "--frame-rate", "20"]
-    data = ["--data", str(folder / "data")]
-    with own_server(*film, *data, *options, PYTHONPATH=str(folder / "film")) as served:
-        yield served
+    words = ["-m", "server", "serve", "--learner", "published", "--port", "0", "--camera", "film"]
+    words += ["--film", str(folder / "film/film.yuyv"), "--frame-rate", "20"]
+    process, address = start([*words, "--data", str(folder / "data"), *options], folder / "film")
+    try:
+        yield process, f"ws://{address}"
+    finally:
+        end(process)
+
+
+def start(words: list[str], plugins: Path) -> tuple[subprocess.Popen[str], str]:
+    """Start it again if it ended: a machine that is paused loses the brick."""
+    for _ in range(5):
+        process = subprocess.Popen(
+            [sys.executable, *words],
+            cwd=ROOT,
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(plugins)},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+        assert process.stdout is not None
+        for line in process.stdout:
+            if match := re.search(r"http://(\S+)", line):
+                return process, match[1]
+        end(process)
+    pytest.fail("the server ended")
+
+
+def end(process: subprocess.Popen[str]) -> None:
+    process.kill()
+    process.communicate()
 
 
 class Drive:

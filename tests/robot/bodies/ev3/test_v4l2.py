@@ -264,8 +264,9 @@ def test_a_broken_camera_is_noticed_within_500_ms_and_picked_up_again(
     assert until(lambda: camera.fault is None) <= REOPEN_S + 0.1
 
 
+@pytest.mark.parametrize("serial", ["its own", "the same"])
 def test_a_camera_that_was_unplugged_is_not_replaced_by_its_twin(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, serial: str
 ) -> None:
     """tests/robot/devkit/test_usb_camera.py tests how cameras are told apart."""
     plugged: dict[str, UsbCamera] = {}
@@ -284,23 +285,23 @@ def test_a_camera_that_was_unplugged_is_not_replaced_by_its_twin(
         path = f"/dev/video{number}"
         plugged[path] = UsbCamera(path, "C270", "046d 0825", serial, f"1-{number}", "1.0 0")
 
-    def serial_after_a_while() -> str:
+    def path_after_a_while() -> str:
         for _ in range(100):
             BreakableVideo.now_s += 0.1
             camera.poll(BreakableVideo.now_s)
-        return camera.video.camera.serial if camera.video else ""
+        return camera.video.path if camera.video else ""
 
     monkeypatch.setattr(usb_camera, "list_usb_cameras", lambda root=None: [*plugged.values()])
     monkeypatch.setattr(reader, "Video", PluggedVideo)
     monkeypatch.setattr(BreakableVideo, "now_s", 100.0)
-    plug(0, "mine")
+    plug(0, "the same")
     camera = reader.CameraReader("auto", 160, 120, 30, "auto")
-    assert serial_after_a_while() == "mine"
-    plugged.clear()
-    plug(0, "its twin")
-    assert serial_after_a_while() == ""
-    plug(2, "mine")
-    assert serial_after_a_while() == "mine"
+    assert path_after_a_while() == "/dev/video0"
+    plug(2, serial)
+    del plugged["/dev/video0"]
+    assert path_after_a_while() == ""
+    plug(0, "the same")
+    assert path_after_a_while() == "/dev/video0"
 
 
 @given(st.lists(st.floats(0.02, 0.2), min_size=3, max_size=40), st.integers(2, 20))

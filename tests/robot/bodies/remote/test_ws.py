@@ -29,7 +29,6 @@ def test_a_real_line_that_is_lost_is_opened_again_and_moves_nothing_by_itself() 
     check_that_it_catches_up_with_late_answers()
     what_hangs_is_followed_by_no_second_and_cancelled_at_the_end()
     a_failure_of_any_kind_is_one_of_the_connection()
-    a_connection_that_is_lost_is_made_again_and_one_that_never_was_is_not()
 
 
 def check_that_it_comes_back(lose: Callable[[WsRobot], None]) -> None:
@@ -108,26 +107,3 @@ def a_failure_of_any_kind_is_one_of_the_connection() -> None:
     with pytest.raises(ConnectionError, match="the hub is gone"):
         kept._send_one(fail()).result(1.0)
     kept.close()
-
-
-def a_connection_that_is_lost_is_made_again_and_one_that_never_was_is_not() -> None:
-    made = threading.Semaphore(0)
-
-    class Losing(ReconnectingConnection):
-        async def _connect_once(self, connected: Callable[[], None]) -> None:
-            connected()
-            made.release()
-            raise OSError("lost")
-
-    kept = Losing("kept", RealClock())
-    assert made.acquire(timeout=10) and made.acquire(timeout=10), "a second time"
-    assert kept.trouble == "lost"
-    kept.close()
-
-    class Refused(ReconnectingConnection):
-        async def _connect_once(self, connected: Callable[[], None]) -> None:
-            raise OSError("nobody there")
-
-    with pytest.raises(ConnectionError, match="nobody there"):
-        Refused("kept", RealClock())
-    assert "kept" not in {thread.name for thread in threading.enumerate()}

@@ -63,13 +63,6 @@ def test_an_order_ends_by_itself(robot: Robot) -> None:
     assert robot.speed == 0.0
 
 
-def test_an_order_that_is_renewed_goes_on(robot: Robot) -> None:
-    for _ in range(20):
-        robot.order(0.3)
-        robot.clock.sleep(0.1)
-        assert robot.speed == 0.3
-
-
 @pytest.mark.parametrize("seen_s", [0.0, 99.5, 100.5, 2e6])
 def test_what_is_late_or_of_another_start_moves_nothing(robot: Robot, seen_s: float) -> None:
     robot.order(0.3, seen_s)
