@@ -6,7 +6,6 @@ extensions; everything else is the core.
 
 from __future__ import annotations
 
-import ast
 from collections import Counter, defaultdict
 from pathlib import Path
 
@@ -72,7 +71,6 @@ CORE_DOCUMENTS = (
     "reference/protocol.md",
 )
 """Pages about the core only; the other pages name extensions, to say where they are."""
-KINDS = ("code", "docstring", "comment", "blank")
 
 
 def extension_of(file: Path) -> str:
@@ -85,56 +83,19 @@ def room_of(file: Path) -> str:
     return "/".join(file.parts[:2]).removesuffix(".py")
 
 
-def count_lines(text: str) -> Counter[str]:
-    """Return the number of a module's lines of code, docstring, comment, and blank lines."""
-    documented: set[int] = set()
-    for node in ast.walk(ast.parse(text)):
-        body = getattr(node, "body", None)
-        if not isinstance(body, list):
-            continue
-        for part in body:
-            # A string that is a statement is a docstring; if it is not the first one, of an
-            # attribute.
-            if not (isinstance(part, ast.Expr) and isinstance(part.value, ast.Constant)):
-                continue
-            if isinstance(part.value.value, str):
-                documented |= set(range(part.lineno, (part.end_lineno or part.lineno) + 1))
-    found: Counter[str] = Counter()
-    for number, line in enumerate(text.splitlines(), 1):
-        if number in documented:
-            found["docstring"] += 1
-        elif not line.strip():
-            found["blank"] += 1
-        else:
-            found["comment" if line.lstrip().startswith("#") else "code"] += 1
-    return found
-
-
-def count(root: Path) -> dict[str, dict[str, Counter[str]]]:
-    """Return the lines by extension, package and kind."""
-    found: dict[str, dict[str, Counter[str]]] = defaultdict(lambda: defaultdict(Counter))
+def render(root: Path) -> str:
+    """Return the table: the lines of each extension, and of its packages."""
+    counted: dict[str, Counter[str]] = defaultdict(Counter)
     for file in rules.modules(root):
         inner = file.relative_to(root)
-        found[extension_of(inner)][room_of(inner)] += count_lines(file.read_text("utf-8"))
-    return found
-
-
-def render(root: Path) -> str:
-    """Return the table."""
-    counted = count(root)
-    lines = [f"{'':28}{'all':>8}" + "".join(f"{kind:>11}" for kind in KINDS)]
-    whole: Counter[str] = Counter()
+        counted[extension_of(inner)][room_of(inner)] += len(file.read_text("utf-8").splitlines())
+    lines = []
     for extension in ("core", *EXTENSIONS):
         rooms = counted[extension]
-        total = sum(rooms.values(), Counter())
-        whole += total
-        lines.append(_line(extension, total))
-        lines += [_line(f"  {name}", rooms[name]) for name in sorted(rooms)]
-    return "\n".join([*lines, _line("everything", whole)])
-
-
-def _line(name: str, found: Counter[str]) -> str:
-    return f"{name:28}{found.total():8}" + "".join(f"{found[kind]:11}" for kind in KINDS)
+        lines.append(f"{extension:28}{rooms.total():8}")
+        lines += [f"  {name:26}{rooms[name]:8}" for name in sorted(rooms)]
+    total = sum(rooms.total() for rooms in counted.values())
+    return "\n".join([*lines, f"{'everything':28}{total:8}"])
 
 
 if __name__ == "__main__":

@@ -1,13 +1,11 @@
 """Each extension can be removed without a trace, together with the extensions that need it.
 
 A server boots in memory from the tree without it, and the core does not contain the extension's
-words. With DRIVELESSON_EXTENSIONS=all the core's own quick tests also run in each tree, which takes
-hours.
+words.
 """
 
 from __future__ import annotations
 
-import ast
 import json
 import os
 import re
@@ -15,7 +13,6 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +26,6 @@ from . import rules
 from .extensions import CORE_DOCUMENTS, DOCUMENTS, EXTENSIONS, NEEDS, WEB, extension_of
 
 ROOT = Path(__file__).parents[2]
-EVERYTHING = ("tests/robot", "tests/server", "tests/faults", "tests/contract")
 
 
 def gone_with(extensions: set[str]) -> set[str]:
@@ -45,52 +41,9 @@ def packages_of(extensions: set[str]) -> set[str]:
     return {f"{package}.{name}" for package in rules.PACKAGES for name in extensions}
 
 
-def imports(module: str, file: Path) -> set[str]:
-    """Return the modules that a module imports, and the names that it imports from them."""
-    found = set()
-    for node in ast.walk(ast.parse(file.read_text("utf-8"))):
-        if isinstance(node, ast.ImportFrom):
-            base = module.split(".")[: -node.level] if node.level else []
-            source = ".".join([*base, *([node.module] if node.module else [])])
-            found |= {source, *(f"{source}.{alias.name}" for alias in node.names)}
-        elif isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-    return found
-
-
 REMOVALS = [{e} for e in EXTENSIONS] if IS_FULL else [{*EXTENSIONS[i::4]} for i in range(4)]
 """What is removed at one time: in CI each extension by itself, otherwise four groups, which take a
 quarter of the time."""
-
-
-@cache
-def imports_of_tests() -> dict[str, set[str]]:
-    """Return every test module with all of its imports, also through other tests.
-
-    The `conftest` files of its folder and of the folders above count as imported.
-    """
-    files = {
-        ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): file
-        for file in (ROOT / "tests").rglob("*.py")
-        if "node_modules" not in file.parts
-    }
-    direct = {name: imports(name, file) | fixtures(name) for name, file in files.items()}
-
-    whole = {}
-    for name in direct:
-        seen, todo = {name}, [name]
-        while todo:
-            new = (direct[todo.pop()] & direct.keys()) - seen
-            seen |= new
-            todo += new
-        whole[name] = set().union(*(direct[each] for each in seen))
-    return whole
-
-
-def fixtures(module: str) -> set[str]:
-    """Return the possible locations of a test's fixtures, existing or not."""
-    parts = module.split(".")
-    return {".".join([*parts[:depth], "conftest"]) for depth in range(1, len(parts))}
 
 
 def uses(names: set[str], packages: set[str]) -> bool:
@@ -172,15 +125,14 @@ def test_the_core_boots_without(extension: str, booted: dict[str, dict[str, Any]
     gone = boot["gone"]
     assert "/api/stop" in boot["paths"] and "/api/settings" in boot["paths"]
     assert not uses(set(boot["modules"]), packages_of(gone))
-    homes = {"board": "board", "study": "study", "evaluate": "lab", "episodes": "recordings"}
-    for command, home in {
-        **homes,
+    commands = {
+        "board": "board",
+        "study": "study",
+        "evaluate": "lab",
+        "episodes": "recordings",
         "brick": "bodies",
         "completion": "integrations",
-        "export": "exchange",
-    }.items():
-        if command != "export":
-            assert (command in boot["commands"]) is (home not in gone), command
+    }
     paths = {
         "/api/gallery": "coaching",
         "/api/challenge": "challenge",
@@ -188,9 +140,12 @@ def test_the_core_boots_without(extension: str, booted: dict[str, dict[str, Any]
         "/metrics": "integrations",
         "/api/models": "library",
         "/api/pair": "access",
+        "/api/episodes": "recordings",
+        "/api/session": "study",
     }
-    for path, home in {**paths, "/api/episodes": "recordings", "/api/session": "study"}.items():
-        assert (path in boot["paths"]) is (home not in gone), path
+    for kind, homes in {"commands": commands, "paths": paths}.items():
+        for name, home in homes.items():
+            assert (name in boot[kind]) is (home not in gone), name
 
 
 def test_what_is_missing_is_said(booted: dict[str, dict[str, Any]]) -> None:
@@ -220,19 +175,6 @@ WORDS = {
 """Words that belong only to an extension."""
 
 
-@pytest.mark.parametrize("extension", EXTENSIONS)
-def test_the_core_says_no_word_of(extension: str) -> None:
-    word = re.compile(WORDS[extension], re.IGNORECASE)
-    said = [
-        f"{file.relative_to(ROOT)}:{number}: {line.strip()}"
-        for file in rules.modules(ROOT)
-        if extension_of(file.relative_to(ROOT)) == "core"
-        for number, line in enumerate(file.read_text("utf-8").splitlines(), 1)
-        if word.search(line)
-    ]
-    assert said == []
-
-
 PAGE_WORDS = {
     "access": r"\bpair(ing|ed)\b|api/pair|\('pair'\)",
     "board": r"teacher|classroom|pupil|\bboard\b|\b(a|the) class\b(?! [A-Z])|class's",
@@ -248,26 +190,32 @@ PAGE_WORDS = {
 
 
 def of_the_core(kind: str) -> list[Path]:
-    """Return the files of `web` that no extension owns, or the documents about the core."""
+    """Return the modules or files of `web` that no extension owns, or the documents about the
+    core."""
     if kind == "docs":
         return [ROOT / "docs" / name for name in CORE_DOCUMENTS]
+    if kind == "code":
+        every = rules.modules(ROOT)
+        return [file for file in every if extension_of(file.relative_to(ROOT)) == "core"]
     owned = [ROOT / "web" / folder for folders in WEB.values() for folder in folders]
     texts = [path for path in (ROOT / "web").rglob("*") if path.suffix in (".js", ".css", ".html")]
     named = ROOT / "web/js/extensions.js"
     return [p for p in texts if p != named and not any(p.is_relative_to(o) for o in owned)]
 
 
-@pytest.mark.parametrize("extension", PAGE_WORDS)
-@pytest.mark.parametrize("kind", ["web", "docs"])
-def test_the_core_s_page_and_documents_say_no_word_of(extension: str, kind: str) -> None:
-    word = re.compile(PAGE_WORDS[extension], re.IGNORECASE)
+@pytest.mark.parametrize(
+    ("kind", "words"), [("code", WORDS), ("web", PAGE_WORDS), ("docs", PAGE_WORDS)]
+)
+def test_the_core_says_no_word_of_an_extension(kind: str, words: dict[str, str]) -> None:
+    patterns = {name: re.compile(word, re.IGNORECASE) for name, word in words.items()}
     files = of_the_core(kind)
     assert files
     said = [
-        f"{file.relative_to(ROOT)}:{number}: {line.strip()[:120]}"
+        f"{name}: {file.relative_to(ROOT)}:{number}: {line.strip()[:120]}"
         for file in files
         for number, line in enumerate(file.read_text("utf-8").splitlines(), 1)
-        if word.search(line)
+        for name, pattern in patterns.items()
+        if pattern.search(line)
     ]
     assert said == []
 
@@ -285,38 +233,3 @@ def test_each_extension_s_folders_and_documents_exist() -> None:
     folders = [ROOT / "web" / each for folders in WEB.values() for each in folders]
     pages = [ROOT / "docs" / each for pages in DOCUMENTS.values() for each in pages]
     assert [path for path in [*folders, *pages, *of_the_core("docs")] if not path.exists()] == []
-
-
-@pytest.mark.skipif(
-    os.environ.get("DRIVELESSON_EXTENSIONS") != "all",
-    reason="takes hours: by hand, with DRIVELESSON_EXTENSIONS=all",
-)
-@pytest.mark.slow
-@pytest.mark.timeout(1800)
-@pytest.mark.parametrize("extension", EXTENSIONS)
-def test_the_core_s_tests_pass_without(extension: str, tmp_path: Path) -> None:
-    extensions = gone_with({extension})
-    gone = copy_without(extensions, tmp_path, *rules.PACKAGES, "web", "tests", "docs")
-    kept = [
-        path
-        for name, names in sorted(imports_of_tests().items())
-        if name.rpartition(".")[2].startswith("test_")
-        and not uses({name.removeprefix("tests.")}, packages_of({*EXTENSIONS}))
-        and not uses({each.removeprefix("tests.") for each in {name, *names}}, gone)
-        and f"{(path := name.replace('.', '/') + '.py')}/".startswith(EVERYTHING)
-    ]
-    assert kept
-    plugins = ["cacheprovider", "randomly"]
-    if "testing" in extensions:  # The installed program still names its plugin of pytest.
-        plugins.append("drivelesson")
-    options = [option for plugin in plugins for option in ("-p", f"no:{plugin}")]
-    quick = "not slow and not browser and not realtime"
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", *options, "-m", quick, *kept],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]

@@ -6,8 +6,6 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-
 TESTS = Path(__file__).parents[1]
 CLOCKS = {"time.monotonic", "time.perf_counter", "time.time", "RealClock().now_s"}
 LEAST_S = 5.0
@@ -42,20 +40,9 @@ def hasty(source: str) -> Iterator[str]:
                 yield f"line {node.lineno}: {ast.unparse(node)}"
 
 
-@pytest.mark.parametrize(
-    ("body", "found"),
-    [
-        ("s = time.monotonic()\n wait()\n assert time.monotonic() - s < 0.5", True),
-        ("s = time.perf_counter()\n took = time.perf_counter() - s\n assert 2 >= took", True),
-        ("s = time.monotonic()\n assert time.monotonic() - s < 5.0", False),
-        ("s = clock.now_s()\n assert clock.now_s() - s < 0.5", False),
-    ],
-)
-def test_it_finds_what_is_judged_in_haste(body: str, found: bool) -> None:
-    assert bool(list(hasty(f"def test():\n {body}"))) is found
-
-
 def test_no_measured_time_is_compared_with_less_than_five_seconds() -> None:
+    is_found = "def test():\n s = time.time()\n took = time.time() - s\n assert 2 >= took"
+    assert [*hasty(is_found)] and not [*hasty(is_found.replace("2", "5.0"))]
     faults = [
         f"{path.relative_to(TESTS)}: {fault}"
         for path in sorted(TESTS.rglob("test_*.py"))
