@@ -52,11 +52,10 @@ class DoubleMotor:
     ) -> None:
         self._take(ms / 1000)
 
-    def movement_set_end_state(self, state: int) -> None: ...
+    def movement_set_end_state(self, *_: int) -> None:
+        """Settings have no effect here."""
 
-    def movement_set_acceleration(self, up: int, down: int) -> None: ...
-
-    def movement_set_turn_steering(self, steering: int) -> None: ...
+    movement_set_acceleration = movement_set_turn_steering = movement_set_end_state
 
     def movement_stop(self, *, blocking: bool) -> None:
         self._take(0.0)

@@ -127,14 +127,10 @@ class Listener:
             raise BlockingIOError
         return self.arrived.popleft(), (self.address, 50_000)
 
-    def setblocking(self, is_blocking: bool) -> None:
-        """It never waits."""
+    def close(self, *_: object) -> None:
+        """There is nothing to close, or to set."""
 
-    def setsockopt(self, *option: int) -> None:
-        """There is nothing to set."""
-
-    def close(self) -> None:
-        """No more connections arrive."""
+    setblocking = setsockopt = close
 
 
 class VirtualAgent:

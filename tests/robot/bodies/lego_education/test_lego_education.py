@@ -67,8 +67,10 @@ def a_motor_that_was_out_of_reach_is_driven_again(motor: FakeDoubleMotor) -> Non
         driver.send_action(Action.FORWARD)
         motor.cut()
         motor.hang_up()
-        with pytest.raises(DriveError, match="in range"):
+        motor.others.append(twin := FakeDoubleMotor("A4:34:F1:00:00:02"))
+        with pytest.raises(DriveError, match=r"was lost, and is not in range \(another"):
             driver.send_action(Action.FORWARD)
+        assert not twin.told
         motor.is_in_reach = True
         motor.end_state = 3  # another program used it meanwhile
 

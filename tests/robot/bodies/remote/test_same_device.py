@@ -1,5 +1,5 @@
-"""A robot keeps its device through drops, renames, twins and swaps: generated histories of all
-bodies that search for their device, by the code that searches. test_usb_camera.py has cameras."""
+"""A robot keeps its device through drops, renames, twins and swaps: generated histories of hubs
+and bricks, by the code that searches for them. test_usb_camera.py has cameras."""
 
 from __future__ import annotations
 
@@ -17,10 +17,8 @@ from robot.bodies.ev3 import stock_driver
 from robot.bodies.ev3.stock import lines
 from robot.bodies.ev3.stock.lines import Beacon, choose_brick
 from robot.bodies.ev3.stock_driver import Ev3StockDriver, Ev3StockOptions
-from robot.bodies.lego_education.driver import LegoEducationDriver, LegoEducationOptions
 from robot.bodies.pybricks.hub_line import SERVICE, find_hub
 from robot.bodies.remote.driver import RemoteOptions, the_only_one
-from robot.bodies.remote.orders import BodyReport
 from robot.bodies.remote.same_device import Found, SameDevice
 from robot.bodies.remote.udp import UdpDriver
 from robot.errors import DriveError
@@ -98,30 +96,6 @@ class Hubs(Place):
         return str(self.same.chosen)
 
 
-class DoubleMotors(Place):
-    """LEGO Education's motors, as its library lists them."""
-
-    def begin(self) -> None:
-        library: Any = SimpleNamespace(DoubleMotor=self._motor)
-        options = LegoEducationOptions(hub=self.wanted)
-        self.driver = LegoEducationDriver(options, self.clock, library)
-
-    def _motor(self) -> Any:
-        def search(timeout: float, device_name: str | None) -> list[Any]:
-            there = [SimpleNamespace(address=at, name=name) for at, name in self.shuffled()]
-            return [one for one in there if (device_name or "") in one.name]
-
-        return SimpleNamespace(search=search, set_notification_callback=lambda note: None)
-
-    async def take(self) -> str:
-        self.driver._open()
-        return str(self.driver._found.address)
-
-    @property
-    def shown(self) -> str:
-        return self.driver.device
-
-
 class WifiBricks(Place):
     """EV3 bricks with LEGO's firmware: each announces itself every 5 s, and is heard twice."""
 
@@ -181,66 +155,7 @@ class Board:
         return json.dumps(report).encode()
 
 
-class Robots(Place):
-    """Small robots that take over each other's address and name, all without a secret."""
-
-    names = ("robot.local", "robot.local", "10.0.0.9")
-
-    def begin(self) -> None:
-        self.boards = {at: Board(at, self.clock) for at in self.all}
-        addresses = {at: f"10.0.0.{n}" for n, at in enumerate(self.all)}
-
-        def resolve(host: str, *_: Any) -> list[Any]:
-            found = [at for at, name in self.shuffled() if name == host]
-            return [(2, 2, 17, "", (addresses[at], 0)) for at in found]
-
-        self.patch.setattr("robot.bodies.remote.driver.socket.getaddrinfo", resolve)
-        line = staticmethod(lambda host, port: self._line(host, addresses))
-        self.patch.setattr(UdpDriver, "line_type", line)
-        self.driver = UdpDriver(RemoteOptions(address=self.names[0]), self.clock)
-
-    def _line(self, host: str, addresses: dict[str, str]) -> Any:
-        waiting: list[bytes] = []
-
-        def send(message: bytes) -> None:
-            self.clock.advance(0.02)
-            held = [at for at, address in addresses.items() if address == host]
-            if self.holder is not None:  # the router gave its address to another robot
-                held = [self.holder]
-            waiting.extend(self.boards[at].answer(message) for at in held if at in self.there)
-
-        def receive(timeout_s: float) -> bytes | None:
-            self.clock.advance(0.0 if waiting else timeout_s)
-            return waiting.pop(0) if waiting else None
-
-        return SimpleNamespace(send=send, receive=receive, close=lambda: None)
-
-    holder: str | None = None
-
-    def happen(self) -> None:
-        super().happen()
-        self.holder = self.chance.choice([None, *self.there]) if self.driver.device else None
-
-    async def take(self) -> str:
-        before = {at: (board.moves, board.asked) for at, board in self.boards.items()}
-        if not self.driver.is_connected:
-            self.driver.connect()
-        for _ in range(6):
-            self.driver.send_action(Action.FORWARD)
-        moved = [at for at, board in self.boards.items() if board.moves > before[at][0]]
-        for at, board in self.boards.items():
-            late = board.asked - before[at][1]
-            assert at == self.driver.device or late <= 1, "only what was on its way"
-        if moved != [self.driver.device]:
-            raise ConnectionError("none moves")
-        return self.driver.device
-
-    @property
-    def shown(self) -> str:
-        return self.driver.device
-
-
-KINDS: tuple[type[Place], ...] = (Hubs, DoubleMotors, WifiBricks, CableBricks, Robots)
+KINDS: tuple[type[Place], ...] = (Hubs, WifiBricks, CableBricks)
 
 
 async def live(place: Place, seed: int) -> list[int]:
@@ -288,24 +203,35 @@ def test_twins_are_told_apart_and_a_lost_one_is_named() -> None:
     assert same.pick([Found("renamed", twins[0].address), twins[1]]) is not None
 
 
-def test_a_robot_in_the_place_of_another_is_named() -> None:
+def test_a_robot_in_the_place_of_another_is_named_and_never_driven() -> None:
+    """Small robots take over each other's address, here all without a secret."""
     clock = VirtualClock()
-    boards = [Board("Anna", clock), Board("Ben", clock)]
-    driver = UdpDriver(RemoteOptions(address="10.0.0.7"), clock)
-    waiting: list[bytes] = []
+    anna, ben = (Board(name, clock) for name in ("Anna", "Ben"))
+    there, waiting = [anna], list[bytes]()
     line: Any = SimpleNamespace(
-        send=lambda message: waiting.append(boards[0].answer(message)),
+        send=lambda message: waiting.append(there[0].answer(message)),
         receive=lambda timeout_s: waiting.pop() if waiting else clock.advance(timeout_s),
         close=lambda: None,
     )
+    driver = UdpDriver(RemoteOptions(address="10.0.0.7"), clock)
     driver._open_line = lambda: line
     driver.connect()
-    assert driver.device == "Anna"
-    del boards[0]
+    driver.send_action(Action.FORWARD)
+    assert (driver.device, anna.moves) == ("Anna", 1)
+    there[0] = ben
+    for _ in range(20):
+        clock.advance(1.0)
+        with pytest.raises(DriveError, match="'Ben' answers there now, not 'Anna'"):
+            driver.send_action(Action.FORWARD)
+        with pytest.raises(DriveError, match="'Ben' answers there now, not 'Anna'"):
+            driver.sense()
+    assert (driver.device, ben.moves) == ("Anna", 0)
+    assert ben.asked <= 1, "only what was on its way"
+    there[0] = anna
     clock.advance(1.0)
-    with pytest.raises(DriveError, match="'Ben' answers there now, not 'Anna'"):
-        driver.sense()
-    assert isinstance(driver._report, BodyReport) and driver._report.device == "Anna"
+    driver.sense()
+    driver.send_action(Action.FORWARD)
+    assert anna.moves == 2
 
 
 def test_a_name_that_two_machines_have_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
