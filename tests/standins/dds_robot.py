@@ -65,7 +65,6 @@ class DdsRobot:
         self._hear, self._ending = hear, threading.Event()
         self._shared = Participant.join(domain, configuration(HERE, ""))
         self.participant = DomainParticipant(domain)
-        self.images: Callable[[int], bytes] = grey_jpeg
         self._signs = self.writer(ALIVE, HEADER) if watchdog else None
         self._base, self._pictures = self.writer(BASE, TWIST), self.writer(IMAGES, COMPRESSED)
         self._node = WatchdogNode(RealClock(), self._say) if watchdog else None
@@ -137,7 +136,7 @@ class DdsRobot:
             if self._ending.wait(0.03):
                 return
             if not self.frozen.is_set():
-                self._pictures.write(CompressedImage(format="jpeg", data=list(self.images(index))))
+                self._pictures.write(CompressedImage(format="jpeg", data=list(grey_jpeg(index))))
 
 
 def main() -> None:

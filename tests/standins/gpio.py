@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any, Self
 
 from gpiozero import Device
@@ -81,36 +82,24 @@ class MockPins:
         driver._open_line = lambda: self.open_line(driver.settings())
         return driver
 
-    def open_line(self, settings: dict[str, Any]) -> MockPins.Line:
+    def open_line(self, settings: dict[str, Any]) -> Any:
+        """Return a `MessageLine`; a wait without a message takes virtual time."""
         self.factory.reset()
-        self._motors = make_motors(settings)
+        motors = self._motors = make_motors(settings)
         self.is_car = settings["servo_ends"] is not None
         self.has_phases = settings["motor_board"] == "phase-enable"
-        return MockPins.Line(self)
+        reports: list[bytes] = []
+
+        def send(message: bytes) -> None:
+            if not self.is_silent:
+                reports.append(encode_plain_report(motors.obey(message, self._now_ms())))
+
+        def receive(timeout_s: float) -> bytes | None:
+            if not reports:
+                self.forward(timeout_s)
+            return reports.pop(0) if reports else None
+
+        return SimpleNamespace(send=send, receive=receive, close=motors.stand)
 
     def _now_ms(self) -> int:
         return int(1000 * self._clock.now_s())
-
-    class Line:
-        """A `MessageLine`; a wait without a message takes virtual time."""
-
-        def __init__(self, pins: MockPins) -> None:
-            self._pins = pins
-            self._reports: list[bytes] = []
-
-        def send(self, message: bytes) -> None:
-            pins = self._pins
-            assert pins._motors is not None
-            if not pins.is_silent:
-                report = pins._motors.obey(message, pins._now_ms())
-                self._reports.append(encode_plain_report(report))
-
-        def receive(self, timeout_s: float) -> bytes | None:
-            if not self._reports:
-                self._pins.forward(timeout_s)
-                return None
-            return self._reports.pop(0)
-
-        def close(self) -> None:
-            if self._pins._motors is not None:
-                self._pins._motors.stand()

@@ -12,9 +12,9 @@ from tests.kit.frames import grey_jpeg
 class MjpegServer(HTTPServer):
     """Streams about 30 pictures a second at `/stream`; every other address is a page of text."""
 
-    def __init__(self, *, with_length: bool = True, password: str = "") -> None:
+    def __init__(self, *, with_length: bool = True) -> None:
         super().__init__(("127.0.0.1", 0), _Stream)
-        self.with_length, self.password = with_length, password
+        self.with_length = with_length
         self.frozen, self.ended = threading.Event(), threading.Event()
         self.refuses = False
         self.asked: list[str] = []

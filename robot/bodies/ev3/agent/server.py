@@ -207,7 +207,7 @@ class Agent:
         picture = self._reader.poll(now_s)
         if picture is not None:
             self._newest = picture
-            self._picture_age_s = round(max(0.0, time.monotonic() - picture.taken_s), 4)
+            self._picture_age_s = round(max(0.0, self._clock.monotonic() - picture.taken_s), 4)
         video = self._reader.video
         if self._newest is None or video is None or not self._is_frame_free:
             return

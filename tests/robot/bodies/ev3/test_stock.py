@@ -8,6 +8,7 @@ import socket
 import struct
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
@@ -74,23 +75,16 @@ def brick() -> StockFirmware:
     return StockFirmware(VirtualClock().now_s)
 
 
-class Wire:
-    """Passes each command to the firmware and its answer back, without a socket."""
-
-    def __init__(self, brick: StockFirmware) -> None:
-        self._brick = brick
-
-    def ask(self, message: bytes) -> bytes:
-        self._brick.messages.append(message)
-        return self._brick.answer(message) or b""
-
-    def close(self) -> None:
-        """There is nothing to close."""
-
-
 def driver_for(brick: StockFirmware, **options: str) -> Ev3StockDriver:
+    """Return a driver whose commands reach the firmware without a socket."""
+
+    def ask(message: bytes) -> bytes:
+        brick.messages.append(message)
+        return brick.answer(message) or b""
+
     driver = Ev3StockDriver(Ev3StockOptions(**options))
-    driver._open = lambda: StockBody(lambda: Wire(brick), driver.options.ports())
+    line = SimpleNamespace(ask=ask, close=lambda: None)
+    driver._open = lambda: StockBody(lambda: line, driver.options.ports())
     return driver
 
 

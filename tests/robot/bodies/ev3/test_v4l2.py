@@ -295,7 +295,10 @@ def test_a_camera_that_was_unplugged_is_not_replaced_by_its_twin(
     monkeypatch.setattr(reader, "Video", PluggedVideo)
     monkeypatch.setattr(BreakableVideo, "now_s", 100.0)
     plug(0, "the same")
+    plug(5, "a third")
     camera = reader.CameraReader("auto", 160, 120, 30, "auto")
+    assert path_after_a_while() == "" and "2 cameras are plugged in" in str(camera.fault)
+    del plugged["/dev/video5"]
     assert path_after_a_while() == "/dev/video0"
     plug(2, serial)
     del plugged["/dev/video0"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import signal
+import struct
 import subprocess
 import sys
 import threading
@@ -86,6 +87,15 @@ def test_names_are_those_of_ros() -> None:
     assert (ros_topic("rt/a/b"), ros_topic("rq/a"), ros_topic("DCPSTopic")) == ("/a/b", None, None)
     assert {ros_type(kind.__idl_typename__) for kind in TYPES.values()} == set(TYPES)
     assert ros_type("HelloWorld") == "HelloWorld"
+
+
+@pytest.mark.parametrize("kind", [COMPRESSED, RAW])
+def test_a_cut_off_picture_is_an_error(kind: str) -> None:
+    types = get_typestore(Stores.ROS2_JAZZY)
+    data = bytes(types.serialize_cdr(example(types, kind), kind))
+    for length in range(4, len(data) - 4):
+        with pytest.raises((ValueError, IndexError, struct.error)):
+            TYPES[kind].deserialize(data[:length])
 
 
 @pytest.mark.parametrize(
