@@ -4,105 +4,74 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import cycle
 from typing import Any
 
 import pytest
 
 from robot.challenge.score import Score
-from robot.challenge.tries import TRIES, TRY_S, Challenge, Ending
+from robot.challenge.tries import TRIES, TRY_S, Challenge, Ending, Try
 from robot.control.state import Tick
 from robot.policy.history import Replaced
 from robot.types import Action, Decision, DrivenBy, Mode, Pose, Sensors
 
 SPEED_M_S, TURN_RAD_S, STEP_S = 0.2, 1.6, 0.05
-Way = Iterator[tuple[float, float]]
-"""Speed and turn rate of each step, as shares of the robot's own."""
-
-
-def _go(steps: int, speed: float, turn: float) -> Way:
-    for _ in range(steps):
-        yield speed, turn
-
-
-def _for(seconds: float, speed: float, turn: float = 0.0) -> Way:
-    return _go(round(seconds / STEP_S), speed, turn)
-
-
-def _repeat(*parts: tuple[float, float, float]) -> Callable[[], Way]:
-    def way() -> Way:
-        while True:
-            for part in parts:
-                yield from _for(*part)
-
-    return way
-
-
 QUARTER_S = math.pi / 2 / TURN_RAD_S
+START = Pose(x_m=0.0, y_m=0.0, heading_rad=0.0)
+Part = tuple[float, float, float]
+"""Seconds, and the speed and the turn rate as shares of the robot's own."""
 
 
-def _spiral() -> Way:
-    turn = 1.0
-    while True:
-        yield 1.0, turn
-        turn = max(0.5, turn * 0.999)
+def polygon(corners: int, side_m: float) -> list[Part]:
+    return [(side_m / SPEED_M_S, 1.0, 0.0), (math.tau / corners / TURN_RAD_S, 0.0, 1.0)]
 
 
-def _shake() -> Way:
+def lane(turn: float) -> list[Part]:
+    quarter = (QUARTER_S, 0.0, turn)
+    return [(2.0, 1.0, 0.0), quarter, (0.5, 1.0, 0.0), quarter]
+
+
+def round_of(radius_m: float) -> list[Part]:
+    return [(1.0, 1.0, SPEED_M_S / radius_m / TURN_RAD_S)]
+
+
+def shaken() -> list[Part]:
     dice = random.Random(4)
-    while True:
-        yield from _for(0.1, dice.choice([-1.0, 1.0]), dice.uniform(-1, 1))
+    return [(0.1, dice.choice([-1.0, 1.0]), dice.uniform(-1, 1)) for _ in range(600)]
 
 
-def _polygon(corners: int, side_m: float) -> Callable[[], Way]:
-    turn_s = math.tau / corners / TURN_RAD_S
-    return _repeat((side_m / SPEED_M_S, 1.0, 0.0), (turn_s, 0.0, 1.0))
-
-
-def _round(radius_m: float) -> Callable[[], Way]:
-    return _repeat((1.0, 1.0, SPEED_M_S / radius_m / TURN_RAD_S))
-
-
-CHEATS = {
-    "stand still": _repeat((1.0, 0.0, 0.0)),
-    "spin": _repeat((1.0, 0.0, 1.0)),
-    "circle": _repeat((1.0, 1.0, 1.0)),
-    "wide circle": _repeat((1.0, 1.0, 0.5)),
-    "figure of eight": _repeat((4 * QUARTER_S, 1.0, 1.0), (4 * QUARTER_S, 1.0, -1.0)),
-    "to and fro backwards": _repeat((4.0, 1.0, 0.0), (4.0, -1.0, 0.0)),
-    "to and fro with a turn": _repeat((4.0, 1.0, 0.0), (2 * QUARTER_S, 0.0, 1.0)),
-    "only backwards": _repeat((1.0, -1.0, 0.0)),
-    "spiral": _spiral,
-    "shake": _shake,
-    "wiggle on the spot": _repeat((0.5, 0.0, 1.0), (0.5, 0.0, -1.0)),
-    "round a stool": _round(0.36),
-    "round a table": _round(0.5),
-    "circles that drift": _repeat((math.tau * 0.36 / SPEED_M_S, 1.0, 0.35), (1.0, 1.0, 0.0)),
-    "small square": _polygon(4, 0.35),
-    "small hexagon": _polygon(6, 0.32),
-    "small polygon": _polygon(12, 0.2),
-    "back in two curves": _repeat((1.6, 1.0, 0.0), (1.9, -1.0, 0.8), (1.9, -1.0, -0.8)),
+CHEATS: dict[str, list[Part]] = {
+    "stand still": [(1.0, 0.0, 0.0)],
+    "spin": [(1.0, 0.0, 1.0)],
+    "circle": [(1.0, 1.0, 1.0)],
+    "wide circle": [(1.0, 1.0, 0.5)],
+    "figure of eight": [(4 * QUARTER_S, 1.0, 1.0), (4 * QUARTER_S, 1.0, -1.0)],
+    "to and fro backwards": [(4.0, 1.0, 0.0), (4.0, -1.0, 0.0)],
+    "to and fro with a turn": [(4.0, 1.0, 0.0), (2 * QUARTER_S, 0.0, 1.0)],
+    "only backwards": [(1.0, -1.0, 0.0)],
+    "spiral": [(STEP_S, 1.0, max(0.5, 0.999**step)) for step in range(1200)],
+    "shake": shaken(),
+    "wiggle on the spot": [(0.5, 0.0, 1.0), (0.5, 0.0, -1.0)],
+    "round a stool": round_of(0.36),
+    "round a table": round_of(0.5),
+    "circles that drift": [(math.tau * 0.36 / SPEED_M_S, 1.0, 0.35), (1.0, 1.0, 0.0)],
+    "small square": polygon(4, 0.35),
+    "small hexagon": polygon(6, 0.32),
+    "small polygon": polygon(12, 0.2),
+    "back in two curves": [(1.6, 1.0, 0.0), (1.9, -1.0, 0.8), (1.9, -1.0, -0.8)],
 }
-FEWER = {
-    "small triangle": _polygon(3, 0.4),
-    "drifting square": _repeat((1.5, 1.0, 0.0), (1.03 * QUARTER_S, 0.0, 1.0)),
-    "star": _repeat((1.6, 1.0, 0.0), (math.radians(135) / TURN_RAD_S, 0.0, 1.0)),
-    "back in a curve": _repeat((4.5, 1.0, 0.0), (4.5, -1.0, 0.5)),
-    "back in a wide curve": _repeat((7.5, 1.0, 0.0), (7.5, -1.0, 0.3)),
-    "narrow lanes": _repeat(
-        (2.0, 1.0, 0.0),
-        (QUARTER_S, 0.0, 1.0),
-        (0.5, 1.0, 0.0),
-        (QUARTER_S, 0.0, 1.0),
-        (2.0, 1.0, 0.0),
-        (QUARTER_S, 0.0, -1.0),
-        (0.5, 1.0, 0.0),
-        (QUARTER_S, 0.0, -1.0),
-    ),
+FEWER: dict[str, list[Part]] = {
+    "small triangle": polygon(3, 0.4),
+    "drifting square": [(1.5, 1.0, 0.0), (1.03 * QUARTER_S, 0.0, 1.0)],
+    "star": [(1.6, 1.0, 0.0), (math.radians(135) / TURN_RAD_S, 0.0, 1.0)],
+    "back in a curve": [(4.5, 1.0, 0.0), (4.5, -1.0, 0.5)],
+    "back in a wide curve": [(7.5, 1.0, 0.0), (7.5, -1.0, 0.3)],
+    "narrow lanes": [*lane(1.0), *lane(-1.0)],
 }
 """What looks a little like a course: it may score, but clearly less."""
-honest_box = _repeat((3.5, 1.0, 0.0), (QUARTER_S, 0.2, 1.0))
+HONEST_BOX = [(3.5, 1.0, 0.0), (QUARTER_S, 0.2, 1.0)]
 """Rounds of the smallest box, 1.15 m wide, as an average robot drives them."""
 
 
@@ -117,19 +86,21 @@ def tick(at_s: float, pose: Pose | None, by: DrivenBy = DrivenBy.ROBOT, **more: 
     return Tick(now_s=at_s, decision=decision, sent=Action.FORWARD, sensors=sensors)
 
 
-def poses(way: Way, until_s: float = TRY_S) -> Iterator[tuple[float, Pose]]:
+def poses(way: list[Part], until_s: float = TRY_S) -> Iterator[tuple[float, Pose]]:
+    """Yield times and poses of a robot that drives these parts again and again."""
     x_m = y_m = heading = at_s = 0.0
-    for speed, turn in way:
-        yield at_s, Pose(x_m=x_m, y_m=y_m, heading_rad=heading)
-        heading += turn * TURN_RAD_S * STEP_S
-        x_m += speed * SPEED_M_S * STEP_S * math.cos(heading)
-        y_m += speed * SPEED_M_S * STEP_S * math.sin(heading)
-        at_s += STEP_S
-        if at_s > until_s:
-            return
+    for seconds, speed, turn in cycle(way):
+        for _ in range(round(seconds / STEP_S)):
+            if at_s > until_s:
+                return
+            yield at_s, Pose(x_m=x_m, y_m=y_m, heading_rad=heading)
+            heading += turn * TURN_RAD_S * STEP_S
+            x_m += speed * SPEED_M_S * STEP_S * math.cos(heading)
+            y_m += speed * SPEED_M_S * STEP_S * math.sin(heading)
+            at_s += STEP_S
 
 
-def score(way: Way) -> float:
+def score(way: list[Part]) -> float:
     counted = Score()
     for _, pose in poses(way):
         counted.note(pose)
@@ -138,18 +109,17 @@ def score(way: Way) -> float:
 
 @pytest.mark.parametrize("cheat", CHEATS)
 def test_no_cheat_scores_more_than_an_honest_mean_robot(cheat: str) -> None:
-    assert score(CHEATS[cheat]()) == 0.0 < 4.0 < score(honest_box())
+    assert score(CHEATS[cheat]) == 0.0 < 4.0 < score(HONEST_BOX)
 
 
 @pytest.mark.parametrize("cheat", FEWER)
 def test_what_is_a_course_only_in_part_scores_clearly_less(cheat: str) -> None:
-    assert score(FEWER[cheat]()) < 0.6 * score(honest_box())
+    assert score(FEWER[cheat]) < 0.6 * score(HONEST_BOX)
 
 
 def test_a_larger_course_is_worth_more_than_rounds_of_a_small_one() -> None:
-    assert score(_repeat((8.0, 1.0, 0.0), (QUARTER_S, 0.2, 1.0))()) > 1.2 * score(honest_box())
-    straight_m = score(_repeat((1.0, 1.0, 0.0))())
-    assert straight_m == pytest.approx(TRY_S * SPEED_M_S, abs=0.4)
+    assert score([(8.0, 1.0, 0.0), (QUARTER_S, 0.2, 1.0)]) > 1.2 * score(HONEST_BOX)
+    assert score([(1.0, 1.0, 0.0)]) == pytest.approx(TRY_S * SPEED_M_S, abs=0.4)
 
 
 def test_a_robot_that_is_carried_gets_nothing_for_it() -> None:
@@ -157,6 +127,21 @@ def test_a_robot_that_is_carried_gets_nothing_for_it() -> None:
     for x_m in (0.0, 3.0, 6.0, math.inf, math.nan):
         counted.note(Pose(x_m=x_m, y_m=0.0, heading_rad=0.0))
     assert counted.metres == 0.0
+
+
+def straight_on(challenge: Challenge, seconds: float, start_s: float = 0.0) -> list[Try]:
+    """Drive straight on; return the tries that ended meanwhile."""
+    driven = poses([(seconds, 1.0, 0.0)], seconds)
+    ended = [challenge.note(tick(start_s + at_s, pose)) for at_s, pose in driven]
+    return [one for one in ended if one is not None]
+
+
+@pytest.fixture
+def challenge() -> Challenge:
+    """A challenge whose first try is armed."""
+    challenge = Challenge()
+    challenge.arm()
+    return challenge
 
 
 @pytest.mark.parametrize(
@@ -169,25 +154,19 @@ def test_a_robot_that_is_carried_gets_nothing_for_it() -> None:
     ],
 )
 def test_what_goes_wrong_ends_the_try_and_what_was_driven_counts(
-    last: dict[str, Any], ending: Ending
+    challenge: Challenge, last: dict[str, Any], ending: Ending
 ) -> None:
-    challenge = Challenge()
-    challenge.arm()
-    driven = list(poses(_for(10.0, 1.0)))
-    assert not [one for at_s, pose in driven if (one := challenge.note(tick(at_s, pose)))]
-    at_s, pose = driven[-1]
+    assert straight_on(challenge, 10.0) == []
+    at_s, pose = list(poses([(10.0, 1.0, 0.0)], 10.0))[-1]
     ended = [challenge.note(tick(at_s + 0.1 * i, pose, **dict(last))) for i in range(1, 6)]
     [done] = [one for one in ended if one is not None]
     assert done.ended_by is ending
     assert done.metres == pytest.approx(1.8, abs=0.2) and challenge.best_m == done.metres
 
 
-def test_a_try_that_is_stopped_before_it_scores_is_not_used_up() -> None:
-    challenge = Challenge()
-    challenge.arm()
-    still = Pose(x_m=0.0, y_m=0.0, heading_rad=0.0)
-    assert challenge.note(tick(0.0, still)) is None and challenge.is_on
-    stopped = tick(0.1, still, DrivenBy.NOBODY, mode=Mode.STOPPED)
+def test_a_try_that_is_stopped_before_it_scores_is_not_used_up(challenge: Challenge) -> None:
+    assert challenge.note(tick(0.0, START)) is None and challenge.is_on
+    stopped = tick(0.1, START, DrivenBy.NOBODY, mode=Mode.STOPPED)
     assert challenge.note(stopped) is None
     assert challenge.tries == () and challenge.is_armed and not challenge.is_on
 
@@ -197,29 +176,25 @@ def test_three_tries_and_the_best_is_kept() -> None:
     for seconds in (5.0, 20.0, 10.0):
         assert not challenge.is_on
         challenge.arm()
-        for at_s, pose in poses(_for(seconds, 1.0)):
-            challenge.note(tick(start_s + at_s, pose))
+        straight_on(challenge, seconds, start_s)
         challenge.note(tick(start_s + seconds, None, DrivenBy.PILOT))
         start_s += 100.0
     assert len(challenge.tries) == TRIES
     assert challenge.best_m == max(one.metres for one in challenge.tries)
-    challenge.note(tick(start_s, Pose(x_m=0.0, y_m=0.0, heading_rad=0.0)))
+    challenge.note(tick(start_s, START))
     assert not challenge.is_on, "what nobody has armed is no try"
     challenge.arm()
     assert challenge.tries == () and challenge.best_m is not None
 
 
 @pytest.mark.parametrize("is_on", [False, True])
-def test_another_model_ends_the_challenge(is_on: bool) -> None:
-    challenge = Challenge()
-    challenge.arm()
-    for at_s, pose in poses(_for(10.0, 1.0)):
-        challenge.note(tick(at_s, pose))
+def test_another_model_ends_the_challenge(challenge: Challenge, is_on: bool) -> None:
+    straight_on(challenge, 10.0)
     challenge.note(tick(11.0, None, DrivenBy.PILOT))
     challenge.is_shown = True
     challenge.arm()
     if is_on:
-        challenge.note(tick(12.0, Pose(x_m=0.0, y_m=0.0, heading_rad=0.0)))
+        challenge.note(tick(12.0, START))
     assert challenge.tries and challenge.is_on is is_on
     stopped = tick(13.0, None, DrivenBy.NOBODY, mode=Mode.STOPPED)
     challenge.note(replace(stopped, history_events=(Replaced(policy_name="x"),)))
@@ -227,9 +202,7 @@ def test_another_model_ends_the_challenge(is_on: bool) -> None:
     assert not challenge.is_on and not challenge.is_armed
 
 
-def test_a_try_ends_after_its_time() -> None:
-    challenge = Challenge()
-    challenge.arm()
-    ended = [challenge.note(tick(at_s, pose)) for at_s, pose in poses(honest_box(), TRY_S + 1.0)]
+def test_a_try_ends_after_its_time(challenge: Challenge) -> None:
+    ended = [challenge.note(tick(at_s, pose)) for at_s, pose in poses(HONEST_BOX, TRY_S + 1.0)]
     [done] = [one for one in ended if one is not None]
     assert done.ended_by is Ending.TIME and done.seconds == pytest.approx(TRY_S, abs=0.2)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterable
+
+import numpy as np
 
 from robot.control.state import Tick
 from robot.study.events import StudyEvent, write_events
 from robot.study.plan import StudyPlan, parse_plan
 from robot.study.session import SessionStep, StudySession
-from robot.types import Action, Decision, DrivenBy, Encoding, Frame, Mode, Sensors
+from robot.types import Action, Decision, DrivenBy, Mode, Sensors
+from tests.kit.frames import frame_of
 
 SMALL_PLAN = """
 title = "Two times"
@@ -45,35 +47,32 @@ kind = "choice"
 text = "Would you do it again?"
 options = ["yes", "no"]
 """
-PICTURE = Frame(
-    frame_id=1, captured_s=0.0, width=1, height=1, encoding=Encoding.RGB, data=b"\0\0\0"
-)
+How = tuple[Mode, DrivenBy, Action, float | None]
+"""What a participant's robot does: mode, who drives, the move, and the distance ahead in metres."""
 
 
 def small_plan() -> StudyPlan:
     return parse_plan(SMALL_PLAN)
 
 
-def tick(now_s: float, mode: Mode, by: DrivenBy, action: Action, distance_m: float | None) -> Tick:
+def tick(now_s: float, how: How) -> Tick:
+    mode, by, action, distance_m = how
     return Tick(
         now_s=now_s,
-        frame=PICTURE,
-        commands=(),
-        refused=(),
+        frame=frame_of(np.zeros((1, 1))),
         decision=Decision(action=action, driven_by=by, mode=mode),
         sent=action,
-        prediction=None,
         sensors=Sensors(distance_m=distance_m),
-        history_events=(),
-        cycle_s=0.001,
     )
 
 
 class Participant:
     """One session as seen from outside the robot; `events` is its log."""
 
-    def __init__(self, plan: StudyPlan, code: str, slot: int, seed: int = 0) -> None:
-        self.session = StudySession(plan, code, slot)
+    def __init__(
+        self, plan: StudyPlan, code: str = "P01", slot: int = 0, seed: int = 0, pace: float = 1.0
+    ) -> None:
+        self.session = StudySession(plan, code, slot, pace=pace)
         self.dice = random.Random(f"{seed}/{code}")
         self.now_s = 100.0
         self.events: list[StudyEvent] = []
@@ -89,17 +88,17 @@ class Participant:
         self.say("condition_begun", attempt=self.session.attempt + 1)
         self.say("world", name="simulator", value="box")
 
-    def drive(self, seconds: float, mode: Mode | None = None) -> None:
-        """Tick ten times a second in the phase's own mode, or in another."""
+    def drive(self, seconds: float, mode: Mode | None = None, how: How | None = None) -> None:
+        """Tick ten times a second: at random in the phase's own mode or in another, or like `how`,
+        which may go on after the last phase."""
         for _ in range(round(seconds * 10)):
-            if self.session.phase is None:
+            if self.session.phase is None and how is None:
                 return
             self.now_s += 0.1
-            self.events += self.session.note(
-                self._tick(mode), 1.7e9 + self.now_s, lambda: {"examples": "7"}
-            )
+            made = tick(self.now_s, how or self._how(mode))
+            self.events += self.session.note(made, 1.7e9 + self.now_s, lambda: {"examples": "7"})
 
-    def _tick(self, mode: Mode | None) -> Tick:
+    def _how(self, mode: Mode | None) -> How:
         assert self.session.phase is not None
         kind = self.session.phase.kind
         is_pilot = kind == "teach" or (kind == "correct" and self.dice.random() < 0.1)
@@ -108,7 +107,7 @@ class Participant:
         mode = mode or self.session.phase.mode
         if mode is Mode.STOPPED:
             action, by = Action.STOP, DrivenBy.NOBODY
-        return tick(self.now_s, mode, by, action, self.dice.uniform(0.1, 2.0))
+        return mode, by, action, self.dice.uniform(0.1, 2.0)
 
     def answer(self) -> None:
         for question in self.session.questions:
@@ -123,16 +122,14 @@ class Participant:
 
     def take_part(self) -> None:
         """Complete the session from its current step."""
+        steps = {
+            SessionStep.CONSENT: self.consent,
+            SessionStep.READY: self.begin,
+            SessionStep.DRIVE: lambda: self.drive(1.0),
+            SessionStep.QUESTIONS: self.answer,
+        }
         while self.session.step is not SessionStep.DONE:
-            match self.session.step:
-                case SessionStep.CONSENT:
-                    self.consent()
-                case SessionStep.READY:
-                    self.begin()
-                case SessionStep.DRIVE:
-                    self.drive(1.0)
-                case SessionStep.QUESTIONS:
-                    self.answer()
+            steps[self.session.step]()
         self.say("session_ended")
 
     @property
@@ -140,13 +137,18 @@ class Participant:
         return write_events(self.events, with_head=True).encode()
 
 
-def logs_of(plan: StudyPlan, n: int, seed: int = 0) -> dict[str, bytes]:
+def driving(seconds: float = 0.0) -> Participant:
+    """Return a participant who has consented, begun the first condition, and driven so long."""
+    person = Participant(small_plan())
+    person.consent()
+    person.begin()
+    person.drive(seconds)
+    return person
+
+
+def logs_of(n: int, seed: int = 0) -> dict[str, bytes]:
     """Return the logs of this number of participants who complete the study."""
-    people = [Participant(plan, f"P{i + 1:02}", i, seed) for i in range(n)]
+    people = [Participant(small_plan(), f"P{i + 1:02}", i, seed) for i in range(n)]
     for person in people:
         person.take_part()
     return {person.session.participant: person.log for person in people}
-
-
-def names(events: Iterable[StudyEvent]) -> list[str]:
-    return [event.event for event in events]

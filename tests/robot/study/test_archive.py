@@ -9,7 +9,9 @@ import re
 import subprocess
 import sys
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -17,90 +19,73 @@ from robot.errors import ConfigurationError, RecordingError
 from robot.study.archive import pack, rebuild, report
 from robot.study.rows import columns
 
-from .scripted import SMALL_PLAN, Participant, logs_of, small_plan
+from .scripted import SMALL_PLAN, driving, logs_of, small_plan
 
 
-def table(text: str) -> list[dict[str, str]]:
-    return list(csv.DictReader(io.StringIO(text)))
+def table(logs: dict[str, bytes], plan: str = SMALL_PLAN) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(rebuild(plan, logs)["phases.csv"])))
+
+
+def repacked(file: Path, change: Callable[[str, bytes], bytes]) -> Path:
+    """Write the zip file of two sessions, with the content of each of its files changed."""
+    packed = io.BytesIO(pack(SMALL_PLAN, logs_of(2)))
+    with zipfile.ZipFile(packed) as old, zipfile.ZipFile(file, "w") as new:
+        new.mkdir("events")
+        for name in old.namelist():
+            new.writestr(name, change(name, old.read(name)))
+    return file
 
 
 def test_there_is_one_row_a_participant_and_phase_and_one_with_the_answers() -> None:
-    plan = small_plan()
-    rows = table(rebuild(SMALL_PLAN, logs_of(plan, 4))["phases.csv"])
+    assert table({}) == []
+    rows = table(logs_of(4))
     found = {(r["participant"], r["condition"], r["phase"]) for r in rows}
-    phases = ("teach", "correct", "alone", "questions")
     assert len(rows) == len(found) == 4 * 2 * 4
-    assert {phase for *_, phase in found} == set(phases)
-    assert tuple(rows[0]) == columns(plan)
+    assert {phase for *_, phase in found} == {"teach", "correct", "alone", "questions"}
+    assert tuple(rows[0]) == columns(small_plan())
     assert all(r["is_complete"] == "1" for r in rows)
     alone = [r for r in rows if r["phase"] == "alone"]
     assert all(float(r["ssd"]) > 0 and r["frames_pilot"] == "0" for r in alone)
-    asked = [r for r in rows if r["phase"] == "questions"]
-    for row in asked:
+    first = [r["condition"] for r in alone if r["position"] == "1"]
+    assert sorted(first) == ["long", "long", "short", "short"]
+    for row in (r for r in rows if r["phase"] == "questions"):
         tlx = [int(row[name]) for name in row if name.startswith("tlx_")]
         assert float(row["nasa_tlx"]) == pytest.approx(sum(tlx) / 6, abs=1e-6)
 
 
-def test_the_order_is_balanced_over_the_participants() -> None:
-    rows = table(rebuild(SMALL_PLAN, logs_of(small_plan(), 4))["phases.csv"])
-    first = [r["condition"] for r in rows if r["position"] == "1" and r["phase"] == "alone"]
-    assert sorted(first) == ["long", "long", "short", "short"]
+def test_a_session_counts_as_far_as_it_came_and_the_last_attempt_of_a_condition_counts() -> None:
+    def phases() -> list[tuple[str, str, str]]:
+        rows = table({"P01": person.log})
+        return [(r["phase"], r["attempt"], r["is_complete"]) for r in rows]
 
-
-def test_a_session_that_was_left_counts_as_far_as_it_came() -> None:
-    plan = small_plan()
-    person = Participant(plan, "P05", 0)
-    person.consent()
-    person.begin()
-    person.drive(4.0)
-    files = rebuild(SMALL_PLAN, {"P05": person.log})
-    rows = table(files["phases.csv"])
-    assert [(r["phase"], r["is_complete"]) for r in rows] == [("teach", "1"), ("correct", "0")]
-
-
-def test_of_a_condition_begun_anew_the_last_attempt_counts() -> None:
-    person = Participant(small_plan(), "P05", 0)
-    person.consent()
-    person.begin()
-    person.drive(4.0)
+    person = driving(4.0)
+    assert phases() == [("teach", "1", "1"), ("correct", "1", "0")]
     person.begin()
     person.drive(1.0)
-    rows = table(rebuild(SMALL_PLAN, {"P05": person.log})["phases.csv"])
-    assert [(r["phase"], r["attempt"], r["is_complete"]) for r in rows] == [("teach", "2", "0")]
+    assert phases() == [("teach", "2", "0")]
 
 
 def test_what_was_driven_stands_under_its_own_condition_whatever_became_of_the_plan() -> None:
     """A condition that is added later gives the same slots other orders."""
-    logs = logs_of(small_plan(), 2)
+    logs = logs_of(2)
     added = '[[condition]]\nname = "third"\n[[condition]]\nname = "short"'
     later = SMALL_PLAN.replace('[[condition]]\nname = "short"', added)
-    first, then = (table(rebuild(text, logs)["phases.csv"]) for text in (SMALL_PLAN, later))
+    first = table(logs)
     assert {row["condition"] for row in first} == {"short", "long"}
-    assert then == first
+    assert table(logs, later) == first
     other = SMALL_PLAN.replace('name = "short"', 'name = "brief"')
     with pytest.raises(RecordingError, match=r"P01.csv: the plan has no condition 'short'"):
         rebuild(other, logs)
 
 
-def test_without_anybody_the_table_is_empty_and_there() -> None:
-    assert table(rebuild(SMALL_PLAN, {})["phases.csv"]) == []
-
-
 def test_a_zip_gives_the_same_table_in_another_process(tmp_path: Path) -> None:
     file = tmp_path / "study.zip"
-    file.write_bytes(pack(SMALL_PLAN, logs_of(small_plan(), 4, seed=3)))
+    file.write_bytes(pack(SMALL_PLAN, logs_of(4, seed=3)))
     command = [sys.executable, "-m", "server", "study", "report", str(file), "--out", "again"]
     root = Path(__file__).parents[3]
-    away = {
-        **os.environ,
-        "PYTHONPATH": str(root),
-        "LC_ALL": "C",
-        "TZ": "Asia/Tokyo",
-        "PYTHONHASHSEED": "9",
-    }
-    done = subprocess.run(
-        command, cwd=tmp_path, env=away, capture_output=True, text=True, check=False
-    )
+    away = {"LC_ALL": "C", "TZ": "Asia/Tokyo", "PYTHONHASHSEED": "9", "PYTHONPATH": str(root)}
+    options: dict[str, Any] = {"env": {**os.environ, **away}, "capture_output": True, "text": True}
+    done = subprocess.run(command, cwd=tmp_path, **options, check=False)
     assert done.returncode == 0, done.stderr
     with zipfile.ZipFile(file) as packed:
         assert (tmp_path / "again/phases.csv").read_bytes() == packed.read("phases.csv")
@@ -111,14 +96,9 @@ def test_a_zip_gives_the_same_table_in_another_process(tmp_path: Path) -> None:
 
 
 def test_a_table_that_was_changed_by_hand_is_named(tmp_path: Path) -> None:
-    data = pack(SMALL_PLAN, logs_of(small_plan(), 2))
-    file = tmp_path / "study.zip"
-    with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(file, "w") as new:
-        for name in old.namelist():
-            content = old.read(name)
-            new.writestr(name, content + b"x" if name == "phases.csv" else content)
-    same, other = report(file, tmp_path / "out")
-    assert (same, other) == ([], ["phases.csv"])
+    changed = {"phases.csv": b"x"}
+    file = repacked(tmp_path / "study.zip", lambda name, data: data + changed.get(name, b""))
+    assert report(file, tmp_path / "out") == ([], ["phases.csv"])
 
 
 @pytest.mark.parametrize("fault", ["no zip", "damaged", "no plan", "strange name"])
@@ -143,14 +123,10 @@ def test_what_is_no_study_is_refused_with_a_sentence(tmp_path: Path, fault: str)
 def test_a_zip_that_was_packed_again_and_saved_by_a_spreadsheet_gives_the_same(
     tmp_path: Path,
 ) -> None:
-    """With folders among its entries, and Windows' line ends and byte order marks in the logs."""
-    data = pack(SMALL_PLAN, logs_of(small_plan(), 2))
-    file = tmp_path / "study.zip"
-    with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(file, "w") as new:
-        new.mkdir("events")
-        for name in old.namelist():
-            content = old.read(name)
-            if name.startswith("events/") or name == "plan.toml":
-                content = b"\xef\xbb\xbf" + content.replace(b"\n", b"\r\n")
-            new.writestr(name, content)
-    assert report(file, tmp_path / "out")[1] == []
+    """With a folder among its entries, and Windows' line ends and byte order marks in the logs."""
+
+    def saved(name: str, data: bytes) -> bytes:
+        is_saved = name.startswith("events/") or name == "plan.toml"
+        return b"\xef\xbb\xbf" + data.replace(b"\n", b"\r\n") if is_saved else data
+
+    assert report(repacked(tmp_path / "study.zip", saved), tmp_path / "out")[1] == []

@@ -19,7 +19,7 @@ from robot.study.events import StudyEvent, read_events, recordings_in, write_eve
 from robot.study.rows import condition_logs, outcome
 from robot.study.session import follow_log
 
-from .scripted import SMALL_PLAN, Participant, logs_of, small_plan
+from .scripted import SMALL_PLAN, Participant, driving, logs_of, small_plan
 
 _TEXTS = st.text(st.characters(codec="utf-8", exclude_characters="\r\n\0")) | st.text(
     st.sampled_from("=+-@'; \t＝x\"|"), max_size=8
@@ -46,10 +46,7 @@ def test_no_cell_is_a_formula_whatever_separates_cells(text: str) -> None:
 
 
 def test_an_answer_that_is_a_formula_is_one_in_no_file_of_the_zip() -> None:
-    person = Participant(small_plan(), "P01", 0)
-    person.consent()
-    person.begin()
-    person.drive(30.0)
+    person = driving(30.0)
     for question in person.session.questions:
         value = "=HYPERLINK(1)" if question.kind == "text" else question.check(question.least)
         person.say("answer", name=question.name, value=value)
@@ -68,14 +65,14 @@ def test_an_answer_that_is_a_formula_is_one_in_no_file_of_the_zip() -> None:
 def test_a_log_that_is_damaged_anywhere_is_read_or_refused() -> None:
     """Whatever a file contains, the page gets a sentence, or numbers that JSON can represent."""
     plan, dice = small_plan(), random.Random(4)
-    whole = logs_of(plan, 1)["P01"].split(b"\n")
+    whole = logs_of(1)["P01"].split(b"\n")
     odd = [b"nan", b"inf", b"1e999", b"-1", b"9" * 5000, b"", b"x", b"\0", b"Left!", b"\xff", b"0"]
     odd += [b" -5", b"-6e10", b"-2.5e11", b"2.5e11", b"5e-324", b"1e-310", b"1_0"]
     refused = 0
-    lines = whole[:200] + whole[-40:]
-    numbers = [n for n, line in enumerate(lines) if b",measure," in line or b",answer," in line]
+    part = whole[:200] + whole[-40:]
+    numbers = [n for n, line in enumerate(part) if b",measure," in line or b",answer," in line]
     for turn in range(300):
-        lines = whole[:200] + whole[-40:]
+        lines = [*part]
         for _ in range(dice.randint(1, 3)):
             row = dice.choice(numbers) if turn % 3 == 0 else dice.randrange(len(lines) - 1)
             fields = lines[row].split(b",")
@@ -97,7 +94,7 @@ def test_a_log_that_is_damaged_anywhere_is_read_or_refused() -> None:
 
 
 def test_recordings_are_found_in_a_damaged_log_and_in_no_answer() -> None:
-    person = Participant(small_plan(), "P01", 0)
+    person = Participant(small_plan())
     person.say("recording", value="2026-01-02_030405_678")
     person.say("answer", name="remark", value="recording,2026-09-09_090909_999")
     log = person.log + b"\xff\xfe,frame\n" + person.log + b"1.0,recording,0,,0,,,,,,,2026\n"

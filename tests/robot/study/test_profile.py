@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from robot.study.profile import THRESHOLDS_M, behavior_profile, compare
@@ -13,9 +12,7 @@ F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
 
 def test_the_thresholds_are_the_papers() -> None:
     assert len(THRESHOLDS_M) == 201
-    assert THRESHOLDS_M[0] == 0
-    assert THRESHOLDS_M[1] == pytest.approx(0.02)
-    assert THRESHOLDS_M[-1] == pytest.approx(4.0)
+    assert [*THRESHOLDS_M[:2], THRESHOLDS_M[-1]] == pytest.approx([0, 0.02, 4.0])
 
 
 def test_a_profile_is_the_share_of_readings_below_each_threshold() -> None:
@@ -26,16 +23,7 @@ def test_a_profile_is_the_share_of_readings_below_each_threshold() -> None:
     assert profile[F][:4].tolist() == [0, 0, 0.25, 0.75]
     assert profile[F][-1] == 0.75
     assert profile[L][:3].tolist() == [0, 1, 1]
-
-
-def test_a_reading_at_the_threshold_is_not_below_it() -> None:
-    assert behavior_profile([F], [0.0])[F][:2].tolist() == [0, 1]
-
-
-def test_the_ssd_of_a_profile_with_itself_is_zero() -> None:
-    noise = np.random.default_rng(1)
-    profile = behavior_profile([F, L, R] * 100, noise.uniform(0, 3, 300))
-    assert compare(profile, profile, (F, L, R)).ssd == 0
+    assert behavior_profile([F], [0.0])[F][:2].tolist() == [0, 1], "at a threshold: not below it"
 
 
 def test_the_ssd_adds_squares_over_moves_and_thresholds() -> None:
@@ -46,6 +34,7 @@ def test_the_ssd_adds_squares_over_moves_and_thresholds() -> None:
     assert difference.per_move == {F: pytest.approx(2.0), L: pytest.approx(0.25)}
     assert difference.ssd == difference.made == pytest.approx(2.25)
     assert difference.never_by_robot == ()
+    assert compare(teacher, teacher, (F, L)).ssd == 0
 
 
 def test_a_move_never_made_counts_as_nothing_below_any_distance_and_is_named() -> None:

@@ -11,7 +11,7 @@ from robot.study.events import read_events, write_events
 from robot.study.session import SessionStep, StudySession, follow_log
 from robot.types import Mode
 
-from .scripted import Participant, names, small_plan
+from .scripted import Participant, driving, small_plan
 
 
 def standing(session: StudySession) -> tuple[object, ...]:
@@ -22,37 +22,27 @@ def standing(session: StudySession) -> tuple[object, ...]:
     )
 
 
-def test_it_goes_through_consent_conditions_phases_and_questions() -> None:
-    person = Participant(small_plan(), "P02", 1)
-    person.take_part()
-    assert person.session.order == ("long", "short")
-    found = names(person.events)
-    assert found.count("phase_ended") == 6 and found.count("answered") == 2
-    assert [e.condition for e in person.events if e.event == "phase_ended"] == ["long"] * 3 + [
-        "short"
-    ] * 3
-
-
 def test_from_any_line_on_the_log_says_where_it_stands() -> None:
     plan = small_plan()
-    person = Participant(plan, "P01", 0)
+    person = Participant(plan, "P02", 1)
     person.take_part()
-    session = StudySession(plan, "P01", 0)
+    session = StudySession(plan, "P02", 1)
     for n, event in enumerate(person.events):
         session.follow(event)
         if n % 7 == 0 or event.event != "frame":
             log = write_events(person.events[: n + 1], with_head=True).encode()
-            assert standing(follow_log(plan, "P01", read_events(log))) == standing(session)
+            assert standing(follow_log(plan, "P02", read_events(log))) == standing(session)
+    ended = [e.condition for e in person.events if e.event == "phase_ended"]
+    assert ended == ["long"] * 3 + ["short"] * 3 and session.order == ("long", "short")
+    assert sum(e.event == "answered" for e in person.events) == 2
 
 
 def test_a_log_cut_anywhere_loses_its_last_line_alone() -> None:
-    person = Participant(small_plan(), "P01", 0)
+    person = Participant(small_plan())
     person.take_part()
-    log = person.log
-    dice = random.Random(5)
-    head = log.index(b"\n") + 1
+    log, dice = person.log, random.Random(5)
     for _ in range(200):
-        cut = dice.randrange(head, len(log) + 1)
+        cut = dice.randrange(log.index(b"\n") + 1, len(log) + 1)
         assert read_events(log[:cut]) == person.events[: log[:cut].count(b"\n") - 1]
 
 
@@ -65,35 +55,24 @@ def test_a_log_that_is_none_is_refused_with_its_line(line: bytes) -> None:
 
 
 def test_the_clock_stands_while_the_robot_is_in_another_mode() -> None:
-    person = Participant(small_plan(), "P01", 0)
-    person.consent()
-    person.begin()
-    person.drive(1.0)
+    person = driving(1.0)
     left_s = person.session.left_s
     person.drive(30.0, Mode.STOPPED)
     person.drive(30.0, Mode.AUTONOMOUS)
     assert person.session.left_s == left_s
-    assert names(person.events).count("mode") == 3
+    assert sum(event.event == "mode" for event in person.events) == 3
 
 
 def test_what_is_taken_up_again_goes_on_where_its_clock_stood() -> None:
-    plan = small_plan()
-    person = Participant(plan, "P01", 0)
-    person.consent()
-    person.begin()
-    person.drive(3.0 + 0.1 + 1.2)
-    again = Participant(plan, "P01", 0)
-    again.session = follow_log(plan, "P01", read_events(person.log))
+    person, again = driving(3.0 + 0.1 + 1.2), Participant(small_plan())
+    again.session = follow_log(small_plan(), "P01", read_events(person.log))
     again.say("condition_resumed")
     assert again.session.phase is not None and again.session.phase.name == "correct"
     assert again.session.left_s == pytest.approx(person.session.left_s, abs=1e-3)
 
 
 def test_a_condition_begun_anew_begins_with_its_first_phase() -> None:
-    person = Participant(small_plan(), "P01", 0)
-    person.consent()
-    person.begin()
-    person.drive(4.0)
+    person = driving(4.0)
     person.begin()
     assert (person.session.attempt, person.session.phase_index) == (2, 0)
     assert person.session.left_s == 3.0
@@ -108,14 +87,8 @@ def test_nothing_comes_out_of_its_turn() -> None:
 @pytest.mark.parametrize(
     ("name", "answer"),
     [
-        ("tlx_mental", 3),
-        ("tlx_mental", 105),
-        ("closing", True),
-        ("closing", "7"),
-        ("again", 3),
-        ("again", 0),
-        ("remark", 5),
-        ("remark", "x" * 1001),
+        *(("tlx_mental", 3), ("tlx_mental", 105), ("closing", True), ("closing", "7")),
+        *(("again", 3), ("again", 0), ("remark", 5), ("remark", "x" * 1001)),
     ],
 )
 def test_an_answer_that_is_none_is_refused_by_name(name: str, answer: object) -> None:
