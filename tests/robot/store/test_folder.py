@@ -20,11 +20,13 @@ ROOT = Path(__file__).resolve().parents[3]
 
 
 @pytest.mark.parametrize("missing", ["mcap", "zstandard", "cv2", "sklearn"])
-def test_the_data_folder_is_the_systems_with_and_without_extras(
+def test_the_data_folder_is_the_chosen_or_the_systems_with_and_without_extras(
     missing: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.delenv("DRIVELESSON_DATA", raising=False)
     monkeypatch.setitem(sys.modules, missing, None)
+    monkeypatch.setenv("DRIVELESSON_DATA", "elsewhere")
+    assert default_root() == Path("elsewhere")
+    monkeypatch.delenv("DRIVELESSON_DATA")
     assert default_root() == Path(platformdirs.user_data_dir("drivelesson", appauthor=False))
 
 
@@ -33,11 +35,6 @@ def test_what_names_the_folder_is_in_the_base_and_in_no_extra() -> None:
     assert any(one.startswith("platformdirs") for one in project["dependencies"])
     extras = [one for extra in project["optional-dependencies"].values() for one in extra]
     assert not any(one.startswith("platformdirs") for one in extras)
-
-
-def test_a_person_may_choose_another(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("DRIVELESSON_DATA", str(tmp_path))
-    assert default_root() == tmp_path
 
 
 @pytest.mark.skipif(not hasattr(os, "pathconf"), reason="the limit is asked of a POSIX system")

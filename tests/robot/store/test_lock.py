@@ -44,12 +44,9 @@ def test_a_killed_process_lets_go(tmp_path: Path) -> None:
         "lock = FolderLock(pathlib.Path(sys.argv[1])); lock.start(); print('held', flush=True);"
         "sys.stdin.read()"
     )
-    holder = subprocess.Popen(
-        [sys.executable, "-c", hold, str(tmp_path)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
+    command = [sys.executable, "-c", hold, str(tmp_path)]
+    pipe = subprocess.PIPE
+    holder = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True)
     with holder:
         assert holder.stdout is not None
         assert holder.stdout.readline() == "held\n"

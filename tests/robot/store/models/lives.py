@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import random
 from concurrent.futures import Future
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
 
@@ -21,9 +22,9 @@ from robot.learner.base import State
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.store.folder import Storage
-from robot.store.models import journal as journal_module
 from robot.store.models.autosave import Autosave
-from robot.store.models.journal import Journal
+from robot.store.models.journal import _TRY_AGAIN_S, Journal
+from robot.store.models.model import same_nodes
 from robot.store.models.replay import newest_boot, recover
 from robot.store.models.store import ModelStore
 from robot.store.records import open_new
@@ -39,9 +40,12 @@ class Disk:
     def __init__(self) -> None:
         self.is_full = False
 
-    def open(self, path: Path) -> BinaryIO:
+    def check(self) -> None:
         if self.is_full:
             raise OSError(28, "No space left on device")
+
+    def open(self, path: Path) -> BinaryIO:
+        self.check()
         return _Refusing(open_new(path), self)  # type: ignore[return-value]
 
 
@@ -50,8 +54,7 @@ class _Refusing:
         self._file, self._disk = file, disk
 
     def write(self, data: Any) -> int:
-        if self._disk.is_full:
-            raise OSError(28, "No space left on device")
+        self._disk.check()
         return self._file.write(data)
 
     def __getattr__(self, name: str) -> Any:
@@ -66,8 +69,7 @@ class DiskStore(ModelStore):
         self._disk = disk
 
     def save(self, name: str, model: Any) -> Path:
-        if self._disk.is_full:
-            raise OSError(28, "No space left on device")
+        self._disk.check()
         return super().save(name, model)
 
 
@@ -94,15 +96,8 @@ class Life(BenchRobot):
         self.rng, self.disk = rng, Disk()
         storage = Storage(folder)
         self.store = DiskStore(storage, self.disk, wall_s)
-        self.told: list[str] = []
         self.journal = Journal(storage.journal, open_file=self.disk.open)
-        self.autosave = Autosave(
-            self.loop,
-            self.store,
-            self.journal,
-            announce=lambda name, **fields: self.told.append(name),
-            moves=self.policy.moves,
-        )
+        self.autosave = Autosave(self.loop, self.store, self.journal, moves=self.policy.moves)
         queue = self.loop.submit
 
         def submit(request: Any) -> Future[Any]:
@@ -115,7 +110,7 @@ class Life(BenchRobot):
         self.recovered = recovered is not None
         self.journal.open_boot(newest_boot(self.store))
         self.autosave.start()
-        if recovered is not None:
+        if recovered:
             self.autosave.adopt(recovered)
         self.autosave.load_last()
         self.frame = 0
@@ -134,15 +129,12 @@ class Life(BenchRobot):
     def state(self) -> State:
         return self.policy.get_state()
 
-    def pass_time(self, seconds: float) -> None:
-        self.clock.advance(seconds)
-        self.tick()
-
     # A person's actions --------------------------------------------------------------------------
 
-    def teach(self) -> None:
+    def teach(self, examples: int | None = None) -> None:
+        """Teach this number of examples, or one to five."""
         history = self.loop.history
-        for _ in range(self.rng.randrange(1, 6)):
+        for _ in range(examples or self.rng.randrange(1, 6)):
             self.frame += 1
             x = np.random.default_rng(self.rng.getrandbits(32)).integers(0, 256, self._dim)
             x = x.astype(np.uint8)
@@ -160,15 +152,12 @@ class Life(BenchRobot):
 
     def edit(self) -> None:
         verb = self.rng.choice(("relabel", "pin", "delete"))
-        nodes = [image.node_id for image in images(self.policy)]
-        if nodes:
+        if nodes := [image.node_id for image in images(self.policy)]:
             value = self.rng.choice(MOVES) if verb == "relabel" else self.rng.random() < 0.5
             node = self.rng.choice(nodes)
-            try:
+            with suppress(ValueError):
                 self.loop.submit(lambda: self.loop.history.edit(verb, node, value)).result(0)
-            except ValueError:
-                return
-            self._changed()
+                self._changed()
 
     def undo_edit(self) -> None:
         self.loop.submit(self.loop.history.undo_edit).result(0)
@@ -189,8 +178,7 @@ class Life(BenchRobot):
         self._switch(lambda: self.autosave.begin())
 
     def load(self) -> None:
-        names = self.store.names()
-        if names:
+        if names := self.store.names():
             self._switch(lambda: self.autosave.load(self.rng.choice(names)))
 
     def _switch(self, switch: Any) -> None:
@@ -207,20 +195,17 @@ class Life(BenchRobot):
             assert not (self.disk.is_full and had_unsaved)
             self._changed()
 
-    def fill_disk(self) -> None:
-        self.disk.is_full = True
-
     def free_disk(self) -> None:
         self.disk.is_full = False
-        self.pass_time(journal_module._TRY_AGAIN_S + 0.1)
+        self.clock.advance(_TRY_AGAIN_S + 0.1)
+        self.tick()
         self.write()
 
     def write(self) -> None:
         """Give the journal's thread its turn: everything before it must survive from now on."""
         self.journal.write_waiting()
         if self.journal.fault is None and not self.journal._needs_checkpoint:
-            self.durable = [self.state()]
-            self.journalled = [self.state()]
+            self.durable, self.journalled = [self.state()], [self.state()]
 
     def _changed(self) -> None:
         self.durable.append(self.state())
@@ -233,6 +218,4 @@ class Life(BenchRobot):
 
 
 def same(a: State, b: State) -> bool:
-    from robot.store.models.model import same_nodes
-
     return same_nodes(a, b) and a.params["learner"] == b.params["learner"]

@@ -13,34 +13,28 @@ from robot.control.state import Tick
 from robot.store.folder import Storage
 from robot.store.models.autosave import Autosave
 from robot.store.models.journal import Journal
-from robot.store.models.store import ModelStore
 from robot.types import Action, Example
 from tests.robot.bench_robot import BenchRobot
 
+from .lives import Disk, DiskStore
+
 
 class KeptRobot(BenchRobot):
-    """A robot whose loop ticks on its own thread, with autosave."""
+    """A robot whose loop ticks on its own thread, with autosave on a disk that can be full."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__()
-        storage = Storage(folder)
-        self.store, self.journal = ModelStore(storage), Journal(storage.journal)
-        self.told: list[str] = []
-        self.new_keeper()
-
-    def new_keeper(self) -> None:
+        storage, self.disk = Storage(folder), Disk()
+        self.store, self.told = DiskStore(storage, self.disk, [0.0]), list[str]()
         self.autosave = Autosave(
             self.loop,
             self.store,
-            self.journal,
+            Journal(storage.journal),
             announce=lambda name, **fields: self.told.append(name),
         )
         self.autosave.start()
 
-    def teach(self, scene: int) -> None:
-        self.clock.result(self.ask_to_teach(scene), 5)
-
-    def ask_to_teach(self, scene: int) -> Future[None]:
+    def teach(self, scene: int) -> Future[None]:
         frame = self.camera.show(scene)
 
         def teach() -> None:
@@ -49,6 +43,9 @@ class KeptRobot(BenchRobot):
             history.teach(example, history.policy.extract(frame), frame.captured_s)
 
         return self.loop.submit(teach)
+
+    def teach_now(self, scene: int) -> None:
+        self.clock.result(self.teach(scene), 5)
 
     def kept_lessons(self) -> list[int]:
         return [model.summary.n_examples for _, model in self.store.good_models()]
@@ -75,7 +72,7 @@ def test_what_the_turn_under_way_taught_is_saved(robot: KeptRobot) -> None:
     robot.loop.subscribe(hold_up)
     listeners = robot.loop._listeners
     n_listeners = len(listeners)
-    robot.ask_to_teach(1)
+    robot.teach(1)
     assert robot.clock.wait(taught, 5) and robot.autosave.has_unsaved
     ending = robot.clock.start_thread(robot.autosave.stop, "ending")
     while len(listeners) == n_listeners:
@@ -85,52 +82,35 @@ def test_what_the_turn_under_way_taught_is_saved(robot: KeptRobot) -> None:
     assert robot.kept_lessons() == [1]
 
 
-def test_nothing_is_saved_twice(robot: KeptRobot) -> None:
+def test_each_change_is_saved_once(robot: KeptRobot) -> None:
     for scene in range(5):
-        robot.teach(scene)
+        robot.teach_now(scene)
     robot.autosave.save()
     assert not robot.autosave.has_unsaved
     told = list(robot.told)
-    robot.autosave.stop()
+    robot.autosave.save_if_changed()
     assert robot.told == told and robot.kept_lessons() == [5]
-
-
-def test_a_loaded_model_counts_as_saved_until_something_is_learned(robot: KeptRobot) -> None:
-    robot.teach(1)
-    name = robot.autosave.save()
-    robot.teach(2)
-    robot.autosave.load(name)  # which saves first
-    assert not robot.autosave.has_unsaved
-    assert robot.loop.history.n_examples == 2
-    robot.teach(3)
-    assert robot.autosave.has_unsaved
-
-
-def test_a_taken_back_lesson_is_something_to_save(robot: KeptRobot) -> None:
-    robot.teach(1)
-    robot.autosave.save()
     robot.clock.result(robot.loop.submit(lambda: robot.loop.history.undo(5.0)), 5)
     robot.autosave.stop()
     assert robot.kept_lessons() == [0]
 
 
+def test_a_loaded_model_counts_as_saved_until_something_is_learned(robot: KeptRobot) -> None:
+    robot.teach_now(1)
+    name = robot.autosave.save()
+    robot.teach_now(2)
+    robot.autosave.load(name)  # which saves first
+    assert not robot.autosave.has_unsaved
+    assert robot.loop.history.n_examples == 2
+    robot.teach_now(3)
+    assert robot.autosave.has_unsaved
+
+
 def test_a_disk_that_refused_is_tried_again(robot: KeptRobot) -> None:
-    good = robot.store
-    robot.autosave.store = _FullShelf(good)  # type: ignore[assignment]
-    robot.teach(1)
+    robot.disk.is_full = True
+    robot.teach_now(1)
     robot.autosave.save_if_changed()
     assert "model_not_saved" in robot.told and robot.autosave.has_unsaved
-    robot.autosave.store = good
+    robot.disk.is_full = False
     robot.autosave.save_if_changed()
     assert robot.kept_lessons() == [1]
-
-
-class _FullShelf:
-    """Refuses like a full disk."""
-
-    def __init__(self, store: ModelStore) -> None:
-        self.current = store.current
-        self.free_name = store.free_name
-
-    def save(self, name: str, model: object) -> None:
-        raise OSError(28, "No space left on device")

@@ -17,8 +17,6 @@ from robot.types import Action
 from tests.kit.states import same_state
 from tests.robot.bench_robot import BenchRobot
 
-LEARNERS = ("published-8", "default-8")
-
 
 def taught_policy(learner: str, lessons: int = 40) -> Policy:
     policy, camera = make_policy(learner), BenchRobot().camera
@@ -33,21 +31,14 @@ def some_model(learner: str = "published-8") -> Model:
     return take_model(taught_policy(learner), taught, saved_at_s=1.5e9, place="the kitchen")
 
 
-@pytest.mark.parametrize("learner", LEARNERS)
-def test_a_model_comes_back_as_it_was(learner: str) -> None:
+@pytest.mark.parametrize("learner", ["published-8", "default-8"])
+def test_a_model_comes_back_as_it_was_and_learns_on_just_the_same(learner: str) -> None:
     model = some_model(learner)
     data = encode_model(model)
     back = decode_model(data)
     assert back.summary == model.summary == decode_summary(data)
     assert same_state(back.state, model.state)
-
-
-@pytest.mark.parametrize("learner", LEARNERS)
-def test_a_policy_that_is_built_again_learns_on_just_the_same(learner: str) -> None:
-    policy = taught_policy(learner)
-    model = decode_model(encode_model(take_model(policy, Counter(), saved_at_s=0.0)))
-    again = model.to_policy()
-    camera = BenchRobot().camera
+    policy, again, camera = taught_policy(learner), back.to_policy(), BenchRobot().camera
     for scene in range(100, 130):
         x = policy.extract(camera.show(scene))
         for each in (policy, again):
@@ -61,9 +52,12 @@ def test_the_file_opens_with_numpy_alone() -> None:
         assert any(name.startswith("state.") for name in arrays.files)
 
 
-def test_each_damaged_byte_is_noticed() -> None:
+def test_a_cut_and_each_damaged_byte_are_noticed() -> None:
     data = encode_model(some_model())
     whole = decode_model(data)
+    for length in (0, 1, 100, 5000):
+        with pytest.raises(RecordingError):
+            decode_model(data[:length])
     for offset in np.random.default_rng(1).integers(0, len(data), 200):
         damaged = bytearray(data)
         damaged[offset] ^= 0xFF
@@ -74,17 +68,11 @@ def test_each_damaged_byte_is_noticed() -> None:
         assert same_state(model.state, whole.state), f"byte {offset} was changed and nobody noticed"
 
 
-@pytest.mark.parametrize("length", [0, 1, 100, 5000])
-def test_a_truncated_file_is_refused(length: int) -> None:
-    with pytest.raises(RecordingError):
-        decode_model(encode_model(some_model())[:length])
-
-
-def members(**arrays: bytes) -> bytes:
+def described(meta: bytes) -> bytes:
+    """Return a file with a description alone."""
     file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in arrays.items():
-            archive.writestr(f"{name}.npy", data)
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("meta.npy", meta)
     return file.getvalue()
 
 
@@ -94,16 +82,9 @@ def npy(array: np.ndarray) -> bytes:
     return file.getvalue()
 
 
-def test_a_zip_bomb_is_refused_before_it_is_unpacked() -> None:
-    bomb = members(meta=bytes(300 * 2**20))
-    assert len(bomb) < 2**20
-    with pytest.raises(RecordingError, match="256 MB"):
-        decode_model(bomb)
-
-
 def test_pickles_are_never_opened() -> None:
     with pytest.raises(RecordingError, match="pickle"):
-        decode_model(members(meta=npy(np.array([print], dtype=object))))
+        decode_model(described(npy(np.array([print], dtype=object))))
 
 
 @pytest.mark.parametrize(
@@ -117,7 +98,7 @@ def test_pickles_are_never_opened() -> None:
 )
 def test_a_description_of_another_form_is_refused(meta: bytes, word: str) -> None:
     with pytest.raises(RecordingError, match=word):
-        decode_model(members(meta=npy(np.frombuffer(meta, np.uint8))))
+        decode_model(described(npy(np.frombuffer(meta, np.uint8))))
 
 
 def test_a_model_of_an_unknown_learner_is_refused() -> None:
