@@ -32,12 +32,14 @@ def press(phone: Any, name: str) -> None:
 
 
 def test_a_recording_is_named_protected_cut_relabelled_and_split_on_the_page(
-    rovers_phone: Any, shelf: World
+    rovers_phone: Any, shelf: World, npm_modules: Path
 ) -> None:
     store, phone = shelf.persistence.part(Recordings).episodes, rovers_phone
     [episode_id] = store.ids()
     ids = list(store.open(episode_id).frames)
     open_recording(phone)
+    phone.evaluate((npm_modules / "axe-core" / "axe.min.js").read_text())
+    assert complaints(phone) == [], "among the tools"
     it_is_named_and_protected(phone, store, episode_id)
 
     def edit(text: str, edits: int) -> None:
@@ -90,13 +92,6 @@ def it_is_named_and_protected(phone: Any, store: Any, episode_id: str) -> None:
     press(phone, "Protect")
     phone.locator("article .tag").wait_for(state="detached")
     assert not store.notes(episode_id).is_protected
-
-
-@pytest.mark.usefixtures("shelf")
-def test_axe_finds_nothing_among_the_tools(rovers_phone: Any, npm_modules: Path) -> None:
-    open_recording(rovers_phone)
-    rovers_phone.evaluate((npm_modules / "axe-core" / "axe.min.js").read_text())
-    assert complaints(rovers_phone) == []
 
 
 def test_recordings_beyond_their_space_are_offered(

@@ -1,10 +1,12 @@
-"""A screen reader's view of driving and editing: names, roles, states and their order."""
+"""A screen reader's view of driving and editing: names, roles, states and their order.
+
+That every control has a name is tested with axe (test_everyone.py).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
 
@@ -17,66 +19,12 @@ from .world import World
 
 pytestmark = pytest.mark.browser
 
-CONTROLS = {"button", "link", "checkbox", "radio", "slider", "textbox", "combobox", "image"}
-STATES = ("checked", "pressed", "expanded", "disabled")
 
+def hears(page: Any, told: str) -> None:
+    """Check that these are read out, in this order and with these states, among others."""
+    from playwright.sync_api import expect
 
-class Node(NamedTuple):
-    """One thing that is read out."""
-
-    role: str
-    name: str
-    states: dict[str, Any]
-    value: Any
-    path: tuple[str, ...]
-    """Its containers: role and name of each."""
-
-
-def tree(page: Any) -> list[Node]:
-    """Return Chromium's output for a screen reader, in its order."""
-    session = page.context.new_cdp_session(page)
-    nodes = {n["nodeId"]: n for n in session.send("Accessibility.getFullAXTree")["nodes"]}
-    session.detach()
-    [root] = [node for node in nodes.values() if "parentId" not in node]
-    return list(_walk(root, nodes, ()))
-
-
-def _walk(node: Any, nodes: dict[str, Any], path: tuple[str, ...]) -> Iterator[Node]:
-    role, name = (node.get(part, {}).get("value", "") for part in ("role", "name"))
-    if not node.get("ignored") and role not in ("generic", "none", "InlineTextBox", "StaticText"):
-        properties = {p["name"]: p["value"].get("value") for p in node.get("properties", [])}
-        states = {key: properties[key] for key in STATES if key in properties}
-        yield Node(role, name, states, node.get("value", {}).get("value"), path)
-        path = (*path, f"{role} {name}".strip())
-    for child in node.get("childIds", []):
-        if child in nodes:
-            yield from _walk(nodes[child], nodes, path)
-
-
-def find(nodes: list[Node], role: str, name: str = "") -> Node:
-    found = [node for node in nodes if node.role == role and name in node.name]
-    assert len(found) == 1, f"{role} {name!r}: {found}"
-    return found[0]
-
-
-def in_order(nodes: list[Node], *wanted: str) -> None:
-    """Check that these are read in this order; each is the beginning of `role name`."""
-    names = [f"{node.role} {node.name}" for node in nodes]
-    at = -1
-    for one in wanted:
-        later = [i for i, name in enumerate(names) if i > at and name.startswith(one)]
-        assert later, f"{one!r} is not read after {names[at] if at >= 0 else 'the start'}: {names}"
-        at = later[0]
-
-
-def sound(nodes: list[Node]) -> None:
-    """Check the requirements of every screen."""
-    assert [node for node in nodes if node.role in CONTROLS and not node.name.strip()] == []
-    assert [node.role for node in nodes].count("main") == 1
-    levels = [node for node in nodes if node.role == "heading"]
-    assert levels and all(node.name.strip() for node in levels)
-    stops = [node for node in nodes if node.role == "button" and node.name.startswith("STOP")]
-    assert stops and not any(stop.states.get("disabled") for stop in stops)
+    expect(page.locator("body")).to_match_aria_snapshot(told, timeout=60_000)
 
 
 def test_mending_is_read_out_with_times_and_states(rovers_desktop: Any, shelf: World) -> None:
@@ -85,131 +33,141 @@ def test_mending_is_read_out_with_times_and_states(rovers_desktop: Any, shelf: W
     desktop.evaluate("location.hash = 'home'")
     desktop.locator("button[aria-label*='20']").click()
     desktop.wait_for_selector(".timeline .you[d]")
-    nodes = tree(desktop)
-    sound(nodes)
-    in_order(
-        nodes,
-        "banner",
-        "link Back",
-        "heading Models and recordings",
-        "button STOP",
-        "main",
-        "heading What this robot knows",
-        "heading Rover in use",
-        "heading Recordings",
-        "checkbox Select all",
-        "status",
-        "checkbox Select",
-        "button More about",
-        "group Recording",
-        "image What you held",
-        "button Play",
-        "slider Time",
-        "status",
-        "slider From",
-        "button From here",
-        "slider To",
-        "button To here",
-        "button Keep only this",
-        "button Leave this out",
-        "button Split here",
-        "group The robot should go here",
-        "button Forward",
-        "button Teach again",
-        "button Delete",
+    hears(
+        desktop,
+        """
+        - banner:
+          - link "Back to driving"
+          - heading "Models and recordings" [level=1]
+          - button "STOP"
+        - main:
+          - heading "What this robot knows" [level=2]
+          - list:
+            - listitem:
+              - heading "Rover in use" [level=3]
+          - button "Upload"
+          - heading "Recordings" [level=2]
+          - checkbox "Select all"
+          - status
+          - article:
+            - checkbox /Select/
+            - button /More about/ [expanded]
+            - group /Recording/:
+              - img /What you held/
+              - button "Play"
+              - slider "Time"
+              - status
+              - slider "From"
+              - button "From here"
+              - slider "To"
+              - button "To here"
+            - button "Keep only this"
+            - button "Leave this out"
+            - button "Split here"
+            - group /The robot should go here/:
+              - /children: equal
+              - text: /.+/
+              - button "Forward"
+              - button "Left"
+            - button "Teach again"
+            - button "Delete"
+        """,
     )
-    assert [node for node in nodes if node.name == "Upload"] == [find(nodes, "button", "Upload")]
+    assert desktop.get_by_role("button", name="Upload").count() == 1
     for label in ("Time", "From", "To"):
         spoken = desktop.get_by_label(label, exact=True).get_attribute("aria-valuetext")
         assert spoken and " s" in spoken, f"{label} is read out in seconds, not in pictures"
-    opened = [node for node in nodes if node.name.startswith("More about Nov") or "20" in node.name]
-    assert any(node.states.get("expanded") for node in opened if node.role == "button")
-    moves = [
-        n
-        for n in nodes
-        if any(part.startswith("group The robot should go here") for part in n.path)
-    ]
-    assert [node.name for node in moves if node.role == "button"] == ["Forward", "Left"]
 
 
 def test_driving_is_read_out_in_the_order_of_its_use(rovers_desktop: Any, rover: World) -> None:
-    desktop, world = rovers_desktop, rover
-    nodes = tree(desktop)
-    sound(nodes)
-    in_order(
-        nodes,
-        "banner",
-        "heading Rover",
-        "button Menu",
-        "main",
-        "image What the robot sees",
-        "group What the robot would do",
-        "status",
-        "radiogroup Mode",
-        "radio Stop",
-        "radio Teach",
-        "radio Drive itself",
-        "group Hold to drive",
-        "button Forward",
-        "button Left",
-        "button Right",
-        "button STOP",
+    hears(
+        rovers_desktop,
+        """
+        - banner:
+          - heading "Rover" [level=1]
+          - button "Menu"
+        - main:
+          - img "What the robot sees"
+          - group /What the robot would do/
+          - status
+          - radiogroup "Mode":
+            - radio "Stop" [checked]
+            - radio "Teach" [checked=false]
+            - radio "Drive itself" [checked=false]
+          - group "Hold to drive":
+            - button "Forward"
+            - button "Left"
+            - button "Right"
+          - button "STOP"
+        """,
     )
-    assert find(nodes, "radio", "Stop").states["checked"] == "true"
-    choose(desktop, world, Mode.TRAIN)
-    desktop.keyboard.down("ArrowLeft")
-    desktop.locator("drive-pad [data-move=left][aria-pressed=true]").wait_for()
-    nodes = tree(desktop)
-    assert find(nodes, "radio", "Teach").states["checked"] == "true"
-    assert find(nodes, "radio", "Stop").states["checked"] == "false"
-    assert find(nodes, "button", "Left").states["pressed"] == "true"
-    assert find(nodes, "button", "Forward").states["pressed"] == "false"
-    desktop.keyboard.up("ArrowLeft")
-    desktop.locator("drive-pad .stop").click()
-    desktop.locator("mode-bar [data-mode=train][aria-disabled=true]").wait_for()
-    nodes = tree(desktop)
-    assert all(node.states.get("disabled") for node in nodes if node.role == "radio")
-    assert any("status" in node.path for node in nodes if node.role == "button"), "the way on"
+    choose(rovers_desktop, rover, Mode.TRAIN)
+    rovers_desktop.keyboard.down("ArrowLeft")
+    hears(
+        rovers_desktop,
+        """
+        - main:
+          - radiogroup "Mode":
+            - radio "Stop" [checked=false]
+            - radio "Teach" [checked]
+          - group "Hold to drive":
+            - button "Forward" [pressed=false]
+            - button "Left" [pressed]
+        """,
+    )
+    rovers_desktop.keyboard.up("ArrowLeft")
+    rovers_desktop.locator("drive-pad .stop").click()
+    hears(
+        rovers_desktop,
+        """
+        - main:
+          - status:
+            - button
+          - radiogroup "Mode":
+            - radio "Stop" [disabled]
+            - radio "Teach" [disabled]
+            - radio "Drive itself" [disabled]
+        """,
+    )
 
 
 def test_a_class_is_read_out_robot_by_robot(
     chromium: Any, tmp_path: Path, npm_modules: Path
 ) -> None:
-    axe = (npm_modules / "axe-core" / "axe.min.js").read_text()
     with running_class(tmp_path, 2, 1) as school:
         context = chromium.new_context()
         page = context.new_page()
         page.goto(school.address)
         page.locator(".robot[data-status=there]").nth(1).wait_for()
-        nodes = tree(page)
-        sound(nodes)
-        in_order(
-            nodes,
-            "banner",
-            "heading The class",
-            "status",
-            "radiogroup What to show",
-            "button Class settings",
-            "button STOP ALL",
-            "main",
-            "article Ada",
-            "heading Ada",
-            "button STOP Ada",
-            "button More about Ada",
-            "article Bolt",
-            "button STOP Bolt",
-            "article",
-            "button STOP 127",
+        hears(
+            page,
+            """
+            - banner:
+              - heading "The class" [level=1]
+              - status
+              - radiogroup "What to show"
+              - button "Class settings"
+              - button "STOP ALL"
+            - main:
+              - article "Ada":
+                - heading "Ada" [level=2]
+                - button "STOP Ada"
+                - button "More about Ada"
+              - article "Bolt":
+                - button "STOP Bolt"
+              - article /127/:
+                - button /STOP 127/
+            """,
         )
-        page.evaluate(axe)
+        page.evaluate((npm_modules / "axe-core" / "axe.min.js").read_text())
         assert complaints(page) == []
         page.locator("button.stop").click()
         page.locator("#loud p").wait_for()
-        find(tree(page), "alert")
+        assert page.get_by_role("alert").count() == 1
         assert complaints(page) == [], "with a robot that was not reached"
         page.locator("[data-view=codes]").click()
         page.locator(".robot .code").nth(1).wait_for()
-        find(tree(page), "image", "QR code that pairs a phone with Bolt")
+        assert page.get_by_role("img", name="QR code that pairs a phone with Bolt").count() == 1
         page.locator(".robot .acts button:last-child").first.click()
         assert complaints(page) == [], "with codes and a robot's panel"
         context.close()
