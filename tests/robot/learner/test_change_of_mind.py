@@ -198,16 +198,13 @@ def test_it_turns_right_at_the_same_walls_after_a_few_turns(
 def test_a_pilot_who_says_so_shows_it_at_one_wall_for_all(max_nodes: int, is_linear: bool) -> None:
     told, untold = (taught(lesson("left", 16, 1), max_nodes, is_linear) for _ in range(2))
     told.outdate()
+    with pytest.raises(ValueError, match="empty model"):
+        BSOCClassifier.published(8).outdate()
     for learner in (told, untold):
         for x, y in lesson("right", 1, 2):
             learner.learn_one(x, y)
     assert share_of(told, "right") > 0.95
     assert share_of(untold, "right") < 0.5
-
-
-def test_a_learner_that_cannot_tell_old_from_new_says_so() -> None:
-    with pytest.raises(ValueError, match="empty model"):
-        BSOCClassifier.published(8).outdate()
 
 
 @crossed(is_linear=[False, True], n_blocks=[2, 3, 4], max_nodes=[8, 16, 32, 64])

@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -57,20 +60,30 @@ def test_nodes_counts_and_histograms_add_up(kind, max_nodes, lessons):
     assert sum(learner.predict_proba_one(lessons[0][0]).values()) == pytest.approx(1.0)
 
 
+def restored(learner, kind):
+    other = make(kind, learner.cluster.max_nodes)
+    other.set_state(learner.get_state())
+    return other
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @settings(max_examples=examples(40), deadline=None)
 @given(max_nodes=sizes, lessons=lessons, more=lessons)
-def test_saving_and_loading_changes_nothing(kind, max_nodes, lessons, more):
-    learner, loaded = make(kind, max_nodes), make(kind, max_nodes)
+def test_restored_copied_or_pickled_it_goes_on_as_the_original(kind, max_nodes, lessons, more):
+    learner = make(kind, max_nodes)
     for x, y in lessons:
         learner.learn_one(x, y)
-    loaded.set_state(learner.get_state())
-    assert same_state(learner.get_state(), loaded.get_state())
+    others = [restored(learner, kind), copy.deepcopy(learner), pickle.loads(pickle.dumps(learner))]
+    for other in others:
+        assert same_state(learner.get_state(), other.get_state())
     for x, y in more:
-        assert learner.explain_one(x) == loaded.explain_one(x)
+        said = learner.explain_one(x)
         learner.learn_one(x, y)
-        loaded.learn_one(x, y)
-    assert same_state(learner.get_state(), loaded.get_state())
+        for other in others:
+            assert other.explain_one(x) == said
+            other.learn_one(x, y)
+    for other in others:
+        assert same_state(learner.get_state(), other.get_state())
 
 
 @pytest.mark.parametrize("kind", KINDS)
