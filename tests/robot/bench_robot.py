@@ -108,10 +108,11 @@ class BenchRobot:
         self.tick()
         assert taken.result(0)
 
-    def hold(
-        self, action: Action | None, frame_id: int | None = None, point: Point | None = None
-    ) -> None:
-        """Send the held move, for `frame_id` or else for the newest frame."""
+    def hold(self, action: Action | None, frame_id: int | None = None, **more: Any) -> None:
+        """Send the held move, for `frame_id` or else for the newest frame.
+
+        `more` are other fields of the command.
+        """
         frame = self.camera.latest()
         seen = frame_id if frame_id is not None else frame.frame_id if frame else None
         self._seq += 1
@@ -121,7 +122,7 @@ class BenchRobot:
                 frame_id=seen,
                 seq=self._seq,
                 received_s=self.clock.now_s(),
-                point=point,
+                **more,
             )
         )
 

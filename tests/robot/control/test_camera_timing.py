@@ -146,7 +146,7 @@ def drive(
     to_phone, to_robot = list[tuple[float, int, float]](), list[tuple[float, PilotCommand]]()
     screen: tuple[int, float] | None = None
     captured: dict[int, float] = {}
-    next_beat_s, seq, learned_before = begin_s, 0, 0
+    next_beat_s, seq = begin_s, 0
     while clock.now_s() < begin_s + 2.0 + seconds:
         clock.advance(step_s)
         now_s = clock.now_s()
@@ -188,7 +188,6 @@ def drive(
                 assert reason is not None
                 result.stops.append(reason)
             robot.loop.set_mode(Mode.TRAIN)
-            learned_before = learned_before or sum(robot.loop.state.taught.values())
         tick = robot.tick()
         if is_driving:
             result.held_s += step_s

@@ -10,8 +10,8 @@ import pytest
 
 from robot.control.state import Tick
 from robot.errors import DriveError
-from robot.types import Action, Mode, StopReason
-from tests.robot.bench_robot import BenchRobot
+from robot.types import Action, Mode, Sensors, StopReason
+from tests.robot.bench_robot import BenchRobot, started
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
 
@@ -22,9 +22,7 @@ def explode(*_: object, **__: object) -> None:
 
 @pytest.mark.parametrize("where", ["propose", "send_action"])
 def test_what_was_decided_before_the_process_was_held_up_is_not_driven_after(where: str) -> None:
-    robot = BenchRobot()
-    robot.start(Mode.TRAIN)
-    robot.step(1, F)
+    robot = started()
     owner: Any = robot.loop.history.policy if where == "propose" else robot.driver
     original = getattr(owner, where)
 
@@ -71,9 +69,7 @@ def test_a_silent_camera_whose_clock_is_ahead_stops_it_as_soon(ahead_s: float) -
 
 
 def test_a_camera_that_reports_a_fault_stops_it_and_is_said() -> None:
-    robot = BenchRobot()
-    robot.start(Mode.TRAIN)
-    robot.step(1, F)
+    robot = started()
     robot.camera.break_down("The camera was unplugged.")
     robot.hold(F)
     robot.tick()
@@ -104,23 +100,14 @@ def test_a_camera_that_slows_to_a_picture_a_second_is_said_until_it_is_fast(
     assert film(0.05, 200)[-1] is None
 
 
-def test_a_picture_that_is_none_is_left_out_and_said() -> None:
-    robot = BenchRobot()
-    robot.start(Mode.TRAIN)
-    robot.camera.show_rubbish()
-    robot.hold(F)
-    assert robot.tick().frame is None
-    assert robot.loop.state.fault is not None
-    assert robot.loop.state.n_nodes == 0
-
-
 @pytest.mark.parametrize("mode", [Mode.TRAIN, Mode.AUTONOMOUS])
 def test_a_picture_that_is_none_is_no_fault_of_those_after_it(mode: Mode) -> None:
     robot = BenchRobot()
     robot.start(mode)
     robot.step(1, F)
     robot.camera.show_rubbish()
-    assert robot.tick().fault is not None
+    tick = robot.tick()
+    assert tick.frame is None and tick.fault is not None
     assert (robot.step(1, F).sent, robot.loop.state.fault) == (F, None)
     for _ in range(6):
         robot.clock.advance(0.05)
@@ -133,52 +120,37 @@ def test_a_picture_that_is_none_is_no_fault_of_those_after_it(mode: Mode) -> Non
     assert robot.loop.state.fault is None
 
 
-def test_a_drive_that_fails_is_stopped_and_said() -> None:
-    robot = BenchRobot()
-    robot.start(Mode.TRAIN)
-    robot.driver.failure = "No motor on port B."
-    robot.step(1, F)
-    assert robot.driver.stops >= 1
-    state = robot.loop.state
-    assert state.decision.stop_reason is StopReason.DRIVE_FAULT
-    assert state.fault == "No motor on port B."
+@pytest.mark.parametrize("can_stop", [True, False])
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [(DriveError("No motor on port B."), "No motor on port B."), (KeyError("boom"), "failed in")],
+    ids=["its own", "any"],
+)
+@pytest.mark.parametrize("call", ["sense", "send_action", "take_button"])
+def test_a_body_that_fails_is_stopped_and_said_and_nothing_is_learned(
+    call: str, error: Exception, said: str, can_stop: bool
+) -> None:
+    robot = started()
+    stops_before = robot.driver.stops
 
+    def fail(*_: object, **__: object) -> None:
+        raise error
 
-def test_a_body_that_cannot_even_be_told_to_stop_is_stopped_in_the_loop() -> None:
-    robot = BenchRobot()
-    robot.start(Mode.TRAIN)
-
-    def refuse() -> None:
-        raise DriveError("out of reach")
-
-    robot.driver.failure = "out of reach"
-    robot.driver.stop = refuse  # type: ignore[method-assign]
+    for name in (call,) if can_stop else (call, "stop"):
+        setattr(robot.driver, name, fail)
     tick = robot.step(1, F)
     assert (tick.sent, tick.decision.stop_reason) == (Action.STOP, StopReason.DRIVE_FAULT)
-    assert tick.fault == "out of reach"
+    assert (robot.driver.stops > stops_before) is can_stop
+    assert said in str(tick.fault) and str(error).strip("'") in str(tick.fault)
+    assert (tick.sensors == Sensors()) is (call == "sense")
+    assert robot.loop.state.taught == {F: 1}, "what it did not drive it does not learn"
 
 
-def test_whatever_is_thrown_inside_stops_the_robot_first_and_is_logged_once(
-    caplog: pytest.LogCaptureFixture,
+def test_a_body_that_fails_is_stopped_before_it_is_logged_and_is_logged_once(
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    robot = BenchRobot()
-    robot.start(Mode.TRAIN)
-    robot.driver.sense = explode  # type: ignore[method-assign,assignment]
-    robot.camera.show(1)
-    tick = robot.tick()
-    assert (tick.sent, tick.decision.stop_reason) == (Action.STOP, StopReason.DRIVE_FAULT)
-    assert robot.driver.stops >= 1
-    assert robot.loop.state.decision.stop_reason is StopReason.DRIVE_FAULT
-    assert "boom" in (robot.loop.state.fault or "")
-    for scene in range(5):
-        robot.step(scene, F)
-    assert sum("failed in sense" in line for line in caplog.messages) == 1
-
-
-def test_it_is_stopped_before_it_is_logged(monkeypatch: pytest.MonkeyPatch) -> None:
     """A log may go to a terminal that is paused."""
-    robot = BenchRobot()
-    robot.start(Mode.TRAIN)
+    robot = started()
     before, stops = robot.driver.stops, []
     monkeypatch.setattr(
         logging.getLogger("robot.errors"),
@@ -186,21 +158,9 @@ def test_it_is_stopped_before_it_is_logged(monkeypatch: pytest.MonkeyPatch) -> N
         lambda *_, **__: stops.append(robot.driver.stops),
     )
     robot.driver.sense = explode  # type: ignore[method-assign,assignment]
-    robot.tick()
+    for scene in range(5):
+        robot.step(scene, F)
     assert stops == [before + 1]
-
-
-@pytest.mark.parametrize("what_fails", ["sense", "send_action"])
-def test_a_body_that_raises_anything_when_it_is_told_to_stop_does_not_end_the_loop(
-    what_fails: str,
-) -> None:
-    robot = BenchRobot()
-    robot.start(Mode.TRAIN)
-    for name in (what_fails, "stop"):
-        setattr(robot.driver, name, explode)
-    tick = robot.step(1, F)
-    assert (tick.sent, tick.decision.stop_reason) == (Action.STOP, StopReason.DRIVE_FAULT)
-    assert "failed in" in str(tick.fault) and "boom" in str(tick.fault)
 
 
 def test_a_stop_that_the_body_cannot_show_is_told_to_all() -> None:

@@ -10,8 +10,7 @@ import pytest
 
 from robot.control.link_governor import LinkLevel
 from robot.control.loop import LoopConfig
-from robot.errors import DriveError
-from robot.types import Action, Mode, PilotCommand, Sensors, StopReason
+from robot.types import Action, Mode, StopReason
 from tests.robot.bench_robot import BenchRobot, started
 
 F = Action.FORWARD
@@ -118,22 +117,6 @@ def test_a_gap_is_no_fault_of_a_robot_that_stands() -> None:
     assert (robot.loop.state.fault, robot.loop.state.decision.stop_reason) == (None, None)
 
 
-def test_a_body_that_cannot_sense_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
-    robot = started()
-
-    def broken() -> None:
-        raise DriveError("The sensor does not answer.")
-
-    monkeypatch.setattr(robot.driver, "sense", broken)
-    stops_before = robot.driver.stops
-    tick = robot.step(1, F)
-    assert (tick.decision.stop_reason, tick.sent) == (StopReason.DRIVE_FAULT, Action.STOP)
-    assert robot.driver.stops > stops_before
-    assert tick.sensors == Sensors()
-    assert robot.loop.state.fault == "The sensor does not answer."
-    assert robot.loop.state.taught == {F: 1}, "what it did not drive it does not learn"
-
-
 @pytest.mark.parametrize(("age_s", "link_scale"), [(0.1, 1.0), (0.27, 0.5)])
 @pytest.mark.parametrize("share", [1.0, 0.5])
 def test_a_person_and_the_link_each_limit_the_speed(
@@ -163,16 +146,7 @@ def test_a_slow_cameras_period_is_allowed_for_unless_the_page_tells_what_its_pho
         seen = robot.camera.show(1)
         robot.tick()
     robot.clock.advance(0.28)
-    robot.loop.command(
-        PilotCommand(
-            held=None,
-            frame_id=seen.frame_id,
-            seq=1,
-            received_s=robot.clock.now_s(),
-            frame_age_s=0.28,
-            phone_s=phone_s,
-        )
-    )
+    robot.hold(None, seen.frame_id, frame_age_s=0.28, phone_s=phone_s)
     robot.tick()
     assert robot.loop.state.link.level is level
 
@@ -181,20 +155,11 @@ def test_a_pilot_whose_phone_shows_a_picture_half_a_second_old_drives_no_more() 
     robot = started()
     seen = robot.camera.latest()
     assert seen is not None
-    for seq in range(1, 12):
+    for tick in range(1, 12):
         robot.clock.advance(0.05)
         robot.camera.show(1)
-        robot.loop.command(
-            PilotCommand(
-                held=F,
-                frame_id=seen.frame_id,
-                seq=100 + seq,
-                received_s=robot.clock.now_s(),
-                frame_age_s=0.05 * seq,
-                phone_s=0.05 * seq,
-            )
-        )
+        robot.hold(F, seen.frame_id, frame_age_s=0.05 * tick, phone_s=0.05 * tick)
         decision = robot.tick().decision  # holds until the next tick
-        assert decision.mode is (Mode.TRAIN if seq < 10 else Mode.STOPPED), seq
+        assert decision.mode is (Mode.TRAIN if tick < 10 else Mode.STOPPED), tick
     assert decision.stop_reason is StopReason.LINK_SLOW
     assert robot.loop.state.fault is None

@@ -3,15 +3,90 @@
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from robot.control.online_learning import MEMORY_FRAMES, OnlineLearning
+from robot.control.online_learning import (
+    MEMORY_FRAMES,
+    WINDOW_S,
+    Agreement,
+    Labeller,
+    OnlineLearning,
+)
 from robot.errors import CameraError
 from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
-from robot.types import Action, PilotCommand
+from robot.types import Action, PilotCommand, Point
 from tests.robot.bench_robot import BenchCamera
 
-F = Action.FORWARD
+F, L = Action.FORWARD, Action.LEFT
+
+# Which frames get which label -------------------------------------------------------------------
+
+NEW_DRIVE = "new drive"
+
+
+BETWEEN = [(10, F), (11, F), (12, F), (13, F), (14, F), (15, L)]
+LABELLED = {
+    "the frame that the pilot saw": ([(F, 10)], [(10, F)]),
+    "those between two commands, by what was held": ([(F, 10), (F, 13), (L, 15)], BETWEEN),
+    "none while nothing is held": ([(None, 10), (F, 12)], [(12, F)]),
+    "those before letting go": ([(F, 10), (None, 13)], [(10, F), (11, F), (12, F)]),
+    "none twice": ([(F, 10), (F, 10), (L, 10), (L, 9), NEW_DRIVE, (L, 10)], [(10, F)]),
+    "none between two drives": ([(F, 10), NEW_DRIVE, (L, 20)], [(10, F), (20, L)]),
+    "none that is unnamed or forgotten": ([(F, None), (F, 100)], []),
+}
+
+
+@pytest.mark.parametrize(("told", "labels"), LABELLED.values(), ids=LABELLED)
+def test_frames_are_labelled(
+    told: list[tuple[Action | None, int | None] | str], labels: list[tuple[int, Action]]
+) -> None:
+    labeller, found = Labeller(), list[tuple[int, Action]]()
+    for word in told:
+        if isinstance(word, str):
+            labeller.reset()
+        else:
+            command = PilotCommand(held=word[0], frame_id=word[1], seq=0, received_s=0.0)
+            found += [(frame, label) for frame, label, _ in labeller.label(command, range(1, 100))]
+    assert found == labels
+
+
+def test_each_frame_carries_the_point_that_was_held_with_its_label() -> None:
+    labeller, mild, hard = Labeller(), Point(-0.3, 0.5), Point(-0.9, 0.4)
+    for frame_id, point in ((10, mild), (13, hard)):
+        command = PilotCommand(held=L, frame_id=frame_id, seq=0, received_s=0.0, point=point)
+        labels = list(labeller.label(command, range(1, 100)))
+    assert labels == [(11, L, mild), (12, L, mild), (13, L, hard)]
+
+
+# Agreement --------------------------------------------------------------------------------------
+
+
+@given(
+    st.lists(
+        st.tuples(st.floats(0.0, 3.0), st.booleans(), st.none() | st.floats(0.0, 20.0)), max_size=60
+    )
+)
+def test_the_agreement_is_that_of_the_last_ten_seconds_without_what_was_undone(
+    steps: list[tuple[float, bool, float | None]],
+) -> None:
+    agreement, kept, now_s = Agreement(), list[tuple[float, bool]](), 0.0
+    for gap_s, is_right, undone_s in steps:
+        now_s += gap_s
+        agreement.add(now_s, is_right=is_right)
+        kept = [(at_s, right) for at_s, right in kept if at_s > now_s - WINDOW_S]
+        kept.append((now_s, is_right))
+        if undone_s is not None:
+            now_s = max(now_s - undone_s, 0.0)
+            agreement.drop_after(now_s)
+            kept = [(at_s, right) for at_s, right in kept if at_s <= now_s]
+        rights = [right for _, right in kept]
+        assert agreement.n_examples == len(kept)
+        assert agreement.share == (sum(rights) / len(rights) if rights else None)
+
+
+# Frames and commands ----------------------------------------------------------------------------
 
 
 @pytest.fixture
