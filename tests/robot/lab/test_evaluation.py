@@ -29,6 +29,14 @@ needs_recordings = pytest.mark.skipif(
 )
 
 
+@pytest.fixture
+def halls(tmp_path):
+    """A folder with two recordings of one place."""
+    for seed, name in enumerate("AB"):
+        write_footage(tmp_path / f"hall_{name}.npz", seed=seed)
+    return tmp_path
+
+
 @pytest.mark.parametrize(
     "changes",
     [
@@ -40,39 +48,24 @@ needs_recordings = pytest.mark.skipif(
     ],
     ids=["missing", "labels", "offsets", "times", "pickle"],
 )
-def test_a_broken_recording_is_one_clear_line(tmp_path, changes, capsys):
-    write_footage(tmp_path / "hall_A.npz", **changes)
-    write_footage(tmp_path / "hall_B.npz")
+def test_a_broken_recording_is_one_clear_line(halls, changes, capsys):
+    write_footage(halls / "hall_A.npz", **changes)
     with pytest.raises(RecordingError, match=r"hall_A\.npz"):
-        load_recording(tmp_path / "hall_A.npz")
-    assert main(["evaluate", str(tmp_path), "--learners", "knn-3"]) == 2
+        load_recording(halls / "hall_A.npz")
+    assert main(["evaluate", str(halls), "--learners", "knn-3"]) == 2
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
 
 
-def test_a_frame_that_is_no_jpeg_names_its_recording(tmp_path, capsys):
-    write_footage(tmp_path / "hall_A.npz", jpeg=np.zeros(12, np.uint8), offsets=np.arange(13))
-    write_footage(tmp_path / "hall_B.npz")
-    assert main(["evaluate", str(tmp_path), "--learners", "published-4"]) == 2
+def test_a_frame_that_is_no_jpeg_names_its_recording(halls, capsys):
+    write_footage(halls / "hall_A.npz", jpeg=np.zeros(12, np.uint8), offsets=np.arange(13))
+    assert main(["evaluate", str(halls), "--learners", "published-4"]) == 2
     assert "hall_A" in capsys.readouterr().err
 
 
-def test_the_command_writes_both_directions(tmp_path, capsys):
-    write_footage(tmp_path / "hall_A.npz")
-    write_footage(tmp_path / "hall_B.npz", seed=1)
-    out = tmp_path / "out.json"
-    assert (
-        main(
-            [
-                "evaluate",
-                str(tmp_path),
-                "--learners",
-                "published-8,default-8,knn-3",
-                "--json",
-                str(out),
-            ]
-        )
-        == 0
-    )
+def test_the_command_writes_both_directions_of_each_learner_and_lesson(halls, capsys):
+    out = halls / "out.json"
+    words = ["evaluate", str(halls), "--json", str(out), "--learners"]
+    assert main([*words, "published-8,default-8,knn-3,knn-3"]) == 0
     pairs = json.loads(out.read_text())["pairs"]
     assert [(p["train"], p["test"]) for p in pairs[::3]] == [
         ("hall_A", "hall_B"),
@@ -80,46 +73,28 @@ def test_the_command_writes_both_directions(tmp_path, capsys):
     ]
     assert {p["learner"] for p in pairs} == {"published-8", "default-8", "knn-3"}
     assert all(p["correct"] == round(p["accuracy"] * p["frames"]) for p in pairs)
-    assert "published-8" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("out", ["nowhere/out.json", "."])
-def test_what_could_not_be_written_is_said_before_anything_is_learned(
-    tmp_path, monkeypatch, capsys, out
-):
-    for name in "AB":
-        write_footage(tmp_path / f"hall_{name}.npz")
-    monkeypatch.setattr(evaluation, "judge", lambda *_: pytest.fail("it learned"))
-    words = ["evaluate", str(tmp_path), "--learners", "published-4"]
-    assert main([*words, "--json", str(tmp_path / out)]) == 2
-    assert "cannot write" in capsys.readouterr().err
-
-
-def test_a_learner_that_is_named_twice_is_one(tmp_path, capsys):
-    for name in "AB":
-        write_footage(tmp_path / f"hall_{name}.npz")
-    assert main(["evaluate", str(tmp_path), "--learners", "published-4, published-4"]) == 0
-    assert capsys.readouterr().out.count("published-4") == 3  # two directions and their mean
-
-
-def test_the_first_frames_and_spread_ones_are_judged_side_by_side(tmp_path, capsys):
-    for name in "AB":
-        write_footage(tmp_path / f"hall_{name}.npz", seed=ord(name))
-    words = ["evaluate", str(tmp_path), "--learners", "published-4"]
-    out = tmp_path / "out.json"
-    words += ["--json", str(out)]
-    assert main([*words, "--first", "2,3", "--examples", "3"]) == 0
+    assert capsys.readouterr().out.count("knn-3") == 3  # two directions and their mean
+    assert main([*words, "published-4", "--first", "2,3", "--examples", "3"]) == 0
     pairs = json.loads(out.read_text())["pairs"]
     assert [p["lesson"] for p in pairs] == 2 * ["first 2", "first 3", "3 spread"]
     means = [line for line in capsys.readouterr().out.splitlines() if line.startswith("mean")]
     assert len(means) == 3 and all(p["lesson"] in " ".join(means) for p in pairs)
 
 
-def test_files_that_a_mac_lays_beside_recordings_are_none(tmp_path):
+@pytest.mark.parametrize("out", ["nowhere/out.json", "."])
+def test_what_could_not_be_written_is_said_before_anything_is_learned(
+    halls, monkeypatch, capsys, out
+):
+    monkeypatch.setattr(evaluation, "judge", lambda *_: pytest.fail("it learned"))
+    words = ["evaluate", str(halls), "--learners", "published-4"]
+    assert main([*words, "--json", str(halls / out)]) == 2
+    assert "cannot write" in capsys.readouterr().err
+
+
+def test_files_that_a_mac_lays_beside_recordings_are_none(halls):
     for name in "AB":
-        write_footage(tmp_path / f"hall_{name}.npz")
-        (tmp_path / f"._hall_{name}.npz").write_bytes(b"\0\5\x16\7")
-    assert [pair.train.name for pair in evaluation.load_pairs(tmp_path)] == ["hall_A", "hall_B"]
+        (halls / f"._hall_{name}.npz").write_bytes(b"\0\5\x16\7")
+    assert [pair.train.name for pair in evaluation.load_pairs(halls)] == ["hall_A", "hall_B"]
 
 
 class Darkened(GradientFeatures):
@@ -137,9 +112,8 @@ class Divided(GradientFeatures):
         return super().extract(frame) // self.number
 
 
-def test_each_learner_sees_with_its_own_features(tmp_path):
-    write_footage(tmp_path / "hall_A.npz")
-    drive, known = load_recording(tmp_path / "hall_A.npz"), {}
+def test_each_learner_sees_with_its_own_features(halls):
+    drive, known = load_recording(halls / "hall_A.npz"), {}
     frame = drive.shots[0].frame(0, 0.0)
     kinds = [GradientFeatures, Darkened, partial(Divided, 3), partial(Divided, 4)]
     for number, features in enumerate([*kinds, GradientFeatures], start=1):
@@ -184,10 +158,8 @@ def test_reproduces_the_figures_of_the_recordings(place):
 
 
 @pytest.mark.parametrize("light", [0.3, 0.5])
-def test_the_test_can_be_made_darker_and_the_lesson_stays(tmp_path, light):
-    for name in ("hall_A", "hall_B"):
-        write_footage(tmp_path / f"{name}.npz", seed=ord(name[-1]))
-    pair = evaluation.load_pairs(tmp_path)[0]
+def test_the_test_can_be_made_darker_and_the_lesson_stays(halls, light):
+    pair = evaluation.load_pairs(halls)[0]
     frame = pair.test.shots[0].frame(0, 0.0)
     darker = evaluation.darkened(frame, light)
     assert to_grey(darker).mean() == pytest.approx(light * to_grey(frame).mean(), abs=1.5)
@@ -196,10 +168,8 @@ def test_the_test_can_be_made_darker_and_the_lesson_stays(tmp_path, light):
 
 @pytest.mark.parametrize("in_a_row", [False, True])
 @pytest.mark.parametrize("examples", [1, 5, 10**6])
-def test_few_examples_are_spread_over_the_drive_or_its_first(tmp_path, examples, in_a_row):
-    for name in ("hall_A", "hall_B"):
-        write_footage(tmp_path / f"{name}.npz", seed=ord(name[-1]))
-    pair = evaluation.load_pairs(tmp_path)[1]
+def test_few_examples_are_spread_over_the_drive_or_its_first(halls, examples, in_a_row):
+    pair = evaluation.load_pairs(halls)[1]
     policy = make_policy("published-8")
     drive = evaluation.seen_by(policy, pair.train, {})
     learned: list[np.ndarray] = []

@@ -11,10 +11,11 @@ import pytest
 
 from robot.lab.chance import difference_by_chance
 from robot.lab.experiment import ExperimentSettings
-from robot.lab.habits import GATE, LONG_S, RATES_HZ, WORLDS
-from robot.lab.ready import PILOTS, READY
+from robot.lab.habits import GATE, LONG_S, RATES_HZ, WORLDS, run_habit
+from robot.lab.ready import PILOTS, READY, run_ready
 from robot.lab.simulated_pilots.habits import HABITS
 from robot.lab.task import Result, Task
+from robot.lab.trial import drive_by_hand
 from robot.simulator.world import world_names
 from robot.types import Pose
 from tests.kit.sizes import few
@@ -30,16 +31,13 @@ def test_every_habit_is_met_in_every_place_at_every_rate() -> None:
     }
     assert long == {(h, w, r) for h in HABITS for w in WORLDS for r in RATES_HZ}
     assert len({t.params["seed"] for t in tasks}) == len(tasks)
+    more = list(GATE.plan(ExperimentSettings(seeds=20)))
+    assert len({t.params["seed"] for t in more}) == len(more) >= 480, "other robots"
     assert set(WORLDS) <= set(world_names())
     assert len(HABITS) >= 12
     assert any(t.params["correct_s"] for t in tasks) and not all(
         t.params["correct_s"] for t in tasks
     )
-
-
-def test_more_seeds_are_other_robots() -> None:
-    tasks = list(GATE.plan(ExperimentSettings(seeds=20)))
-    assert len({t.params["seed"] for t in tasks}) == len(tasks) >= 480
 
 
 def test_ready_has_forty_varied_pilots() -> None:
@@ -51,19 +49,17 @@ def test_ready_has_forty_varied_pilots() -> None:
         assert max(counts.values()) - min(counts.values()) <= 2
 
 
-def figures(**other: Any) -> dict[str, Any]:
-    good = {
-        "ssd": 1.0,
-        "ssd_frequent": 1.0,
-        "ssd_alike": 1.0,
-        "stuck": False,
-        "longest_stay_s": 5.0,
-        "longest_push_s": 0.5,
-        "asking_share": 0.02,
-        "driven_m": 7.0,
-        "covered_m2": 0.7,
-    }
-    return {**good, **other}
+GOOD = {
+    "ssd": 1.0,
+    "ssd_frequent": 1.0,
+    "ssd_alike": 1.0,
+    "stuck": False,
+    "longest_stay_s": 5.0,
+    "longest_push_s": 0.5,
+    "asking_share": 0.02,
+    "driven_m": 7.0,
+    "covered_m2": 0.7,
+}
 
 
 def beside(own: dict[str, Any], pilot: dict[str, Any]) -> Result:
@@ -78,16 +74,17 @@ def gate(results: list[Result], tasks: list[Task]) -> dict[str, Any]:
 
 def test_the_gate_says_what_is_wrong() -> None:
     tasks = list(GATE.plan(ExperimentSettings()))
-    results: list[Result] = [beside(figures(), figures()) for _ in tasks]
+    results: list[Result] = [beside(GOOD, GOOD) for _ in tasks]
     assert gate(results, tasks)["stuck"] == "0.0 %"
     assert gate(results, tasks)["metres"] == "100 %"
-    worst = figures(stuck=True, longest_push_s=7.0, driven_m=0.0, asking_share=1.0)
-    results[0] = beside(worst, figures())
+    worst = GOOD | {"stuck": True, "longest_push_s": 7.0, "driven_m": 0.0, "asking_share": 1.0}
+    results[0] = beside(worst, GOOD)
     told = gate(results, tasks)
     assert told["stuck"] == "0.4 %"
     assert told["longest push"] == 7.0
     assert told["pushes over 1 s"] == 1
-    results[0] = beside(figures(longest_push_s=7.0), figures(longest_push_s=6.0))  # so was taught
+    pushed, taught = GOOD | {"longest_push_s": 7.0}, GOOD | {"longest_push_s": 6.0}
+    results[0] = beside(pushed, taught)
     assert gate(results, tasks)["pushes over 1 s"] == 0
 
 
@@ -103,7 +100,7 @@ def test_the_gate_says_how_much_of_a_difference_is_chance() -> None:
 
     tasks = list(GATE.plan(ExperimentSettings()))
     results: list[Result] = [
-        beside(figures(ssd_alike=2.0 if task.params["rate_hz"] == 30.0 else 0.5), figures())
+        beside(GOOD | {"ssd_alike": 2.0 if task.params["rate_hz"] == 30.0 else 0.5}, GOOD)
         for task in tasks
     ]
     told = gate(results, tasks)
@@ -111,17 +108,8 @@ def test_the_gate_says_how_much_of_a_difference_is_chance() -> None:
     assert told["its difference by chance"] == "+1.50 to +1.50"
 
 
-def test_the_quick_form_has_no_table_without_rows() -> None:
-    settings = ExperimentSettings(quick=True)
-    tasks = list(GATE.plan(settings))
-    tables = GATE.tables([(task, beside(figures(), figures())) for task in tasks])
-    assert tables
-    assert all(table.rows for table in tables)
-
-
 def test_a_robot_taught_by_a_habit_drives_and_the_run_repeats() -> None:
     pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
-    from robot.lab.habits import run_habit
 
     params = {
         "habit": "irregular",
@@ -148,7 +136,6 @@ def test_a_robot_taught_by_a_habit_drives_and_the_run_repeats() -> None:
 @pytest.mark.parametrize("rate_hz", [10.0, 30.0])
 def test_a_pilot_is_measured_where_the_robot_began_and_at_its_rate(rate_hz: float) -> None:
     pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
-    from robot.lab.trial import drive_by_hand
 
     start = Pose(x_m=3.4, y_m=2.2, heading_rad=2.0)
     pilot = HABITS["irregular"].pilot("1")
@@ -176,7 +163,6 @@ def test_a_pilot_is_told_what_is_missing_and_following_it_makes_him_ready(
     limit_s: float, in_time_s: float, is_ready: bool, is_told: bool
 ) -> None:
     pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
-    from robot.lab.ready import run_ready
 
     result = run_ready(
         {

@@ -26,13 +26,20 @@ def held_over_time(
     return heard
 
 
-def test_a_steady_hand_does_at_once_what_is_wished() -> None:
-    assert held_over_time(STEADY, [F, F, L, None]) == ["f", "f", "l", "."]
+ABSENT = {"lapses_per_min": 600.0, "lapse_s": 100.0}
+CASES = {
+    "a steady hand acts at once": ({}, [F, F, L, None], "ffl."),
+    "reacting takes time": ({"reaction_s": 0.2}, [F, F, L, L, L, L], "..ffll"),
+    "looking away, it goes on holding what it held": (ABSENT, [F, F, L, L, L], "fffff"),
+    "without a move none slips": ({"tremors_per_min": 600.0}, [None] * 50, "." * 50),
+}
 
 
-def test_the_hand_follows_after_the_reaction_time() -> None:
-    slow = replace(STEADY, reaction_s=0.2)
-    assert held_over_time(slow, [F, F, L, L, L, L]) == [".", ".", "f", "f", "l", "l"]
+@pytest.mark.parametrize(("habits", "wishes", "held"), CASES.values(), ids=CASES)
+def test_a_hand_follows_what_is_wished(
+    habits: dict[str, float], wishes: list[Action | None], held: str
+) -> None:
+    assert "".join(held_over_time(replace(STEADY, **habits), wishes)) == held
 
 
 def test_a_stick_is_held_as_it_was_wished_and_a_slip_hits_a_button() -> None:
@@ -43,8 +50,9 @@ def test_a_stick_is_held_as_it_was_wished_and_a_slip_hits_a_button() -> None:
         command = hand.send(2, 0.0, 1.1)
         assert command.held is (L if steering else F)
         assert command.point == (Point(steering, 0.5) if steering else None)
-        hand.release()
-        assert hand.send(3, 0.0, 1.1).point is None
+        hand.release()  # at once
+        command = hand.send(3, 0.0, 1.1)
+        assert command.held is None and command.point is None
 
 
 def test_commands_count_up_and_name_the_frame_on_the_screen() -> None:
@@ -57,13 +65,6 @@ def test_commands_count_up_and_name_the_frame_on_the_screen() -> None:
     ]
 
 
-def test_a_lapse_goes_on_holding_what_was_held() -> None:
-    absent = replace(STEADY, lapses_per_min=600.0, lapse_s=100.0)
-    heard = held_over_time(absent, [F, F, L, L, L])
-    assert heard[0] == "f"
-    assert set(heard[2:]) == {"f"}, "it looked away, and did not see that it should turn"
-
-
 def test_tremor_slips_as_often_as_it_should_and_repeats_with_its_seed() -> None:
     shaky = replace(STEADY, tremors_per_min=30.0, tremor_s=0.1)
     heard = held_over_time(shaky, [F] * 6000)
@@ -72,15 +73,3 @@ def test_tremor_slips_as_often_as_it_should_and_repeats_with_its_seed() -> None:
     assert slips == pytest.approx(150, abs=45)
     assert heard == held_over_time(shaky, [F] * 6000)
     assert heard != held_over_time(shaky, [F] * 6000, seed="1")
-
-
-def test_nothing_held_means_nothing_to_slip_from() -> None:
-    shaky = replace(STEADY, tremors_per_min=600.0)
-    assert set(held_over_time(shaky, [None] * 50)) == {"."}
-
-
-def test_letting_go_is_at_once() -> None:
-    hand = HumanDelayModel(replace(STEADY, reaction_s=0.2), (F, L), "0")
-    hand.wish(F, 0.0)
-    hand.release()
-    assert hand.send(1, 0.0, 1.0).held is None

@@ -15,6 +15,7 @@ from tests.robot.lab.simulated_pilots.test_teachers import situation
 
 F, L = Action.FORWARD, Action.LEFT
 STRICT = TakeoverPolicy(patience_s=0.3, shortest_hold_s=0.5, contented_s=0.2, lenience=0.0)
+LENIENT = replace(STRICT, lenience=1.0, lenient_patience_s=0.6)
 
 
 class Strict:
@@ -27,64 +28,34 @@ class Strict:
         return action is L
 
 
-def pilot(takeover: TakeoverPolicy = STRICT, hand: HumanDelayConfig = STEADY) -> SimulatedPilot:
-    return SimulatedPilot(Strict(), (F, L), hand=hand, takeover=takeover)
+CASES = {
+    "teaching it drives": (Mode.TRAIN, STRICT, "fff", "fff", "lll"),
+    "a good robot is only watched": (Mode.AUTONOMOUS, STRICT, "lllll", "lllll", "....."),
+    "its patience ends": (Mode.AUTONOMOUS, STRICT, "lffffff", "fffffff", "....lll"),
+    "a lapse is forgiven": (Mode.AUTONOMOUS, STRICT, "ffflffflff", "ffffffffff", ".........."),
+    # The wheel is taken at tick 3, for at least half a second; the robot agrees from tick 8 on.
+    "it agrees": (Mode.AUTONOMOUS, STRICT, "fffflllllllll", "fffffffflllll", "...lllllll..."),
+    "lenient, it waits": (Mode.AUTONOMOUS, LENIENT, "ffffffff", "ffffffff", "......ll"),
+    "stopped, it only watches": (Mode.STOPPED, STRICT, "ffffffff", "ffffffff", "........"),
+}
 
 
-def drive(who: SimulatedPilot, doing: str, proposed: str, start: int = 0) -> str:
-    """Let the robot make and propose moves, tick by tick (`f` or `l`); return the held moves (`l`
-    or `.`)."""
-    names = {"f": F, "l": L}
-    held = ""
-    for tick, (now, next_) in enumerate(zip(doing, proposed, strict=True), start):
+@pytest.mark.parametrize(
+    ("mode", "takeover", "doing", "proposed", "held"), CASES.values(), ids=CASES
+)
+def test_it_takes_the_wheel_and_returns_it(
+    mode: Mode, takeover: TakeoverPolicy, doing: str, proposed: str, held: str
+) -> None:
+    """Tick by tick: the robot's moves, its proposals, and the moves that the pilot holds."""
+    who = SimulatedPilot(Strict(), (F, L), hand=STEADY, takeover=takeover)
+    who.change_mode(mode)
+    names, found = {"f": F, "l": L}, ""
+    for tick, (now, next_) in enumerate(zip(doing, proposed, strict=True)):
         seen = replace(situation(at_s=tick / 10, doing=names[now]), frame_id=tick)
         command = who.act(seen, names[next_])
         assert command.frame_id == tick
-        held += command.held.value[0] if command.held else "."
-    return held
-
-
-def test_while_teaching_it_drives() -> None:
-    teacher = pilot()
-    teacher.change_mode(Mode.TRAIN)
-    assert drive(teacher, "fff", "fff") == "lll"
-
-
-def test_while_the_robot_does_well_it_only_beats() -> None:
-    teacher = pilot()
-    teacher.change_mode(Mode.AUTONOMOUS)
-    assert drive(teacher, "llllllll", "llllllll") == "........"
-
-
-def test_it_takes_the_wheel_when_its_patience_ends() -> None:
-    teacher = pilot()
-    teacher.change_mode(Mode.AUTONOMOUS)
-    assert drive(teacher, "lffffff", "fffffff") == "....lll"
-
-
-def test_a_lapse_of_the_robot_that_passes_is_forgiven() -> None:
-    teacher = pilot()
-    teacher.change_mode(Mode.AUTONOMOUS)
-    assert drive(teacher, "ffflffflfff", "fffffffffff") == "..........."
-
-
-def test_it_gives_the_wheel_back_when_the_robot_would_do_the_same() -> None:
-    teacher = pilot()
-    teacher.change_mode(Mode.AUTONOMOUS)
-    # The wheel is taken at tick 3, for at least half a second; the robot agrees from tick 8 on.
-    assert drive(teacher, "fffflllllllll", "fffffffflllll") == "...lllllll..."
-
-
-def test_a_lenient_pilot_waits_longer() -> None:
-    teacher = pilot(replace(STRICT, lenience=1.0, lenient_patience_s=0.6))
-    teacher.change_mode(Mode.AUTONOMOUS)
-    assert drive(teacher, "ffffffff", "ffffffff") == "......ll"
-
-
-def test_watching_it_never_takes_the_wheel() -> None:
-    teacher = pilot()
-    teacher.change_mode(Mode.STOPPED)
-    assert drive(teacher, "ffffffff", "ffffffff") == "........"
+        found += command.held.value[0] if command.held else "."
+    assert found == held
 
 
 class Counting(Strict):
@@ -98,22 +69,23 @@ class Counting(Strict):
         return L
 
 
-@crossed(rate_hz=[5, 10, 15, 30], looks_hz=[5.0, 7.0, 8.0, 10.0])
-def test_it_looks_as_often_whatever_the_camera_s_rate(rate_hz: int, looks_hz: float) -> None:
+def looks(hand: HumanDelayConfig, rate_hz: int) -> list[float]:
+    """Show the pilot a camera's pictures for 20 s, and return the times of those he looked at."""
     teacher = Counting()
-    who = SimulatedPilot(teacher, (F, L), hand=HumanDelayConfig(looks_hz=looks_hz))
+    who = SimulatedPilot(teacher, (F, L), hand=hand)
     who.change_mode(Mode.TRAIN)
     for tick in range(20 * rate_hz):
         who.act(replace(situation(at_s=tick / rate_hz), frame_id=tick), L)
-    assert len(teacher.seen_s) == pytest.approx(20 * looks_hz, abs=2)
-    ages_s = [i / looks_hz - at_s for i, at_s in enumerate(teacher.seen_s)]
+    return teacher.seen_s
+
+
+@crossed(rate_hz=[5, 10, 15, 30], looks_hz=[5.0, 7.0, 8.0, 10.0])
+def test_it_looks_as_often_whatever_the_camera_s_rate(rate_hz: int, looks_hz: float) -> None:
+    seen_s = looks(HumanDelayConfig(looks_hz=looks_hz), rate_hz)
+    assert len(seen_s) == pytest.approx(20 * looks_hz, abs=2)
+    ages_s = [i / looks_hz - at_s for i, at_s in enumerate(seen_s)]
     assert all(-1e-3 <= age_s < 1 / rate_hz + 1e-3 for age_s in ages_s), "the picture of then"
 
 
 def test_a_program_looks_at_each_picture_once() -> None:
-    teacher = Counting()
-    who = SimulatedPilot(teacher, (F, L), hand=STEADY)
-    who.change_mode(Mode.TRAIN)
-    for tick in range(90):
-        who.act(replace(situation(at_s=tick / 30), frame_id=tick), L)
-    assert teacher.seen_s == [tick / 30 for tick in range(90)]
+    assert looks(STEADY, 30) == [tick / 30 for tick in range(600)]
