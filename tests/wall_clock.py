@@ -36,7 +36,7 @@ def is_exempt(file: str, name: str) -> bool:
     """True for a test that may use the wall clock without a mark.
 
     Args:
-        file: Below tests/, as in `robot/test_clock.py`.
+        file: Below tests/, as in `robot/test_errors.py`.
         name: Of the test, with its parameters.
     """
     if file.startswith(BROWSERS):

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import logging
 from typing import Any
 
 import pytest
 
-from robot.control.loop import ControlLoop, LoopConfig
 from robot.devices.plugins import load_driver
 from robot.devices.rig import Rig, build_rig
-from robot.errors import DriveError, PluginError, RobotError
+from robot.errors import CameraError, DriveError, PluginError, RobotError
+from robot.exchange.replay_driver import ReplayDriver
 from robot.policy.registry import make_policy
 from robot.testing import FakeCamera, FakeDriver, VirtualClock
-from robot.types import Action, Mode, StopReason
 
 ODD: list[Exception] = [
     KeyError("port"),
@@ -23,7 +21,6 @@ ODD: list[Exception] = [
     ModuleNotFoundError("No module named 'thymiodirect'"),
     RuntimeError("two\nlines\n" + 2000 * "x"),
 ]
-CALLS = {"take_button": "take_button", "sense": "sense", "send_action": "drive", "show": "show"}
 
 
 def raising(error: Exception) -> Any:
@@ -56,28 +53,6 @@ def test_a_robot_that_cannot_be_connected_is_one_sentence(
         assert any(record.exc_info for record in caplog.records), "the author needs the traceback"
 
 
-@pytest.mark.parametrize("call", CALLS)
-def test_a_call_that_fails_stops_the_robot_and_is_logged_once(
-    call: str, caplog: pytest.LogCaptureFixture
-) -> None:
-    clock, driver, error = VirtualClock(), FakeDriver(), ODD[3]
-    driver.connect()
-    setattr(driver, call, raising(error))
-    loop = ControlLoop(driver, FakeCamera(clock), make_policy("published-8"), clock, LoopConfig())
-    loop.set_mode(Mode.TRAIN)
-    for _ in range(5):
-        clock.advance(0.05)
-        state = loop.tick(clock.now_s())
-    shown = state.fault
-    assert shown is not None
-    check_sentence(shown, CALLS[call], error)
-    if call != "show":
-        assert state.decision.stop_reason is StopReason.DRIVE_FAULT
-    with_traceback = [r for r in caplog.records if r.levelno >= logging.ERROR and r.exc_info]
-    assert 1 <= len([r for r in with_traceback if "failed in" in r.getMessage()]) <= 2
-    assert driver.now is Action.STOP
-
-
 def test_our_own_errors_pass_as_they_are() -> None:
     driver, clock = FakeDriver(), VirtualClock()
     said = DriveError("the cable is out")
@@ -106,3 +81,22 @@ def test_a_module_that_breaks_when_it_is_loaded_or_made_is_named(
     monkeypatch.setattr(Point, "load", lambda self: Broken)
     with pytest.raises(RobotError, match=r"'wheely' failed in __init__: KeyError: 'port'"):
         build_rig("wheely")
+
+
+def test_a_camera_that_cannot_be_closed_leaves_no_body_connected(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock = VirtualClock()
+    driver, camera = ReplayDriver(clock=clock), FakeCamera(clock)
+    rig = Rig(driver, camera, make_policy("published-8"), clock)
+    rig.start()
+    close = camera.stop
+
+    def fail() -> None:
+        close()
+        raise RuntimeError("the library cannot close it")
+
+    monkeypatch.setattr(camera, "stop", fail)
+    with pytest.raises(CameraError, match="cannot close"):
+        rig.stop()
+    assert not driver.is_connected

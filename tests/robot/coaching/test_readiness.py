@@ -20,14 +20,13 @@ from robot.types import (
     Action,
     Decision,
     DrivenBy,
-    Encoding,
     Example,
-    Frame,
     Mode,
     Prediction,
     Sensors,
     StopReason,
 )
+from tests.kit.frames import jpeg_frame
 from tests.kit.sizes import crossed
 
 F, L, R, STOP = Action.FORWARD, Action.LEFT, Action.RIGHT, Action.STOP
@@ -47,18 +46,7 @@ class Drive:
         self.readiness.note(
             Tick(
                 now_s=self.now_s,
-                frame=Frame(
-                    frame_id=self.number,
-                    captured_s=self.now_s,
-                    width=160,
-                    height=120,
-                    encoding=Encoding.YUYV,
-                    data=b"",
-                )
-                if is_new
-                else None,
-                commands=(),
-                refused=(),
+                frame=jpeg_frame(self.number, self.now_s, b"") if is_new else None,
                 decision=Decision(
                     action=action, driven_by=who, mode=Mode.AUTONOMOUS, stop_reason=reason
                 ),
@@ -73,7 +61,6 @@ class Drive:
                 ),
                 sensors=Sensors(distance_m=0.3),
                 history_events=tuple(events),
-                cycle_s=0.0,
             )
         )
 
@@ -102,13 +89,6 @@ def taught(rate_hz: float = 10.0) -> Drive:
     return drive
 
 
-def test_a_robot_that_knows_nothing_is_to_be_taught() -> None:
-    drive = Drive()
-    assert drive.readiness.stage is Stage.TEACH
-    assert drive.kinds == [GapKind.TOO_SHORT]
-    assert (drive.readiness.missing()[0].have, drive.readiness.missing()[0].need) == (0, TAUGHT_S)
-
-
 def early(seconds: float, *, n_turns: int = EARLY_STARTS, novelty: float = 0.0) -> Drive:
     """Teach this number of turns within this number of seconds."""
     drive = Drive(10.0)
@@ -118,11 +98,24 @@ def early(seconds: float, *, n_turns: int = EARLY_STARTS, novelty: float = 0.0) 
     return drive
 
 
+def test_a_robot_that_knows_nothing_is_to_be_taught() -> None:
+    readiness = Readiness()
+    [gap] = readiness.missing()
+    assert readiness.stage is Stage.TEACH
+    assert (gap.kind, gap.have, gap.need) == (GapKind.TOO_SHORT, 0, TAUGHT_S)
+
+
 def test_it_may_be_tried_early_once_it_was_shown_each_move_often_and_knows_the_views() -> None:
     assert early(24.0).readiness.stage is Stage.TRY
     for drive in (early(18.0), early(24.0, n_turns=EARLY_STARTS - 1), early(24.0, novelty=0.9)):
         assert drive.readiness.stage is Stage.TEACH
         assert GapKind.TOO_SHORT in drive.kinds
+    single = Drive(10.0)
+    for _ in range(EARLY_STARTS):
+        single.teach(F, 6.0)
+        for _ in range(10):
+            single.tick(DrivenBy.NOBODY, STOP, F)
+    assert single.readiness.stage is Stage.TEACH, "a single move is not tried early"
     for late in (early(42.0, n_turns=EARLY_STARTS - 1), early(42.0, novelty=0.9)):
         assert late.readiness.stage is Stage.TRY, "never later than after forty seconds"
 
@@ -142,24 +135,19 @@ def test_corrections_at_new_views_do_not_take_the_early_trial_back() -> None:
     assert drive.readiness.stage is Stage.TRY, "R was only a correction, so it is not asked for"
 
 
-def test_a_single_move_is_not_tried_early() -> None:
-    drive = Drive(10.0)
-    for _ in range(EARLY_STARTS):
-        drive.teach(F, 6.0)
-        for _ in range(10):
-            drive.tick(DrivenBy.NOBODY, STOP, F)
-    assert drive.readiness.stage is Stage.TEACH
-
-
 @pytest.mark.parametrize("rate_hz", [10, 15, 30])
-def test_after_a_clean_trial_it_is_ready_at_any_frame_rate(rate_hz) -> None:
+def test_after_a_clean_trial_it_is_ready_until_its_model_changes_at_any_frame_rate(rate_hz) -> None:
     drive = taught(rate_hz)
+    drive.teach(R, 0.3)  # a slip of the finger is no move to be taught
     assert drive.readiness.stage is Stage.TRY
+    assert R not in drive.readiness.moves_in_use
     drive.alone(CLEAN_S - 2)
     assert drive.readiness.stage is Stage.TRY
     drive.alone(3)
     assert drive.readiness.stage is Stage.READY
     assert drive.readiness.missing() == []
+    drive.tick(DrivenBy.NOBODY, STOP, None, events=[Replaced(policy_name="x")])
+    assert drive.readiness.stage is Stage.TEACH, "another model begins from nothing"
 
 
 def test_a_move_begun_too_few_times_is_named() -> None:
@@ -198,13 +186,6 @@ def test_a_pilot_who_begins_with_what_the_robot_does_corrects_it_where_he_turns(
     drive.teach(F, 0.5, is_intervention=True)
     drive.alone(1.0)
     assert drive.kinds.count(GapKind.CORRECTED) == 1
-
-
-def test_a_slip_of_the_finger_is_no_move_to_be_taught() -> None:
-    drive = taught()
-    drive.teach(R, 0.3)
-    assert drive.readiness.stage is Stage.TRY
-    assert R not in drive.readiness.moves_in_use
 
 
 @crossed(rate_hz=[10, 15, 30], slip_s=[0.1, 0.2, 0.3], n_slips=[1, 2, 3, 4, 5])
@@ -265,12 +246,9 @@ def test_a_view_that_it_hardly_knows_is_shown_and_keeps_it_from_ready(novelty) -
         drive.alone(0.5, novelty=novelty)
     assert drive.readiness.stage is Stage.TRY
     assert GapKind.UNKNOWN_VIEW in drive.kinds
-
-
-def test_views_that_it_knows_well_enough_do_not_keep_it_from_ready() -> None:
-    drive = taught()
-    drive.alone(CLEAN_S + 1, novelty=HARDLY_KNOWN - 0.01)
-    assert drive.readiness.stage is Stage.READY
+    known = taught()
+    known.alone(CLEAN_S + 1, novelty=HARDLY_KNOWN - 0.01)
+    assert known.readiness.stage is Stage.READY
 
 
 @crossed(rate_hz=[10, 15, 30], unknown_s=[0.0, 0.5, 1.0, 1.5])
@@ -303,13 +281,6 @@ def test_a_change_that_the_robot_would_not_have_made_is_told_with_its_place() ->
     assert (gap.kind, gap.move, gap.instead) == (GapKind.UNFORESEEN, L, F)
     seen = drive.readiness.foreseen
     assert seen["foreseen"] == seen["changes"] - 1
-
-
-def test_another_model_begins_from_nothing() -> None:
-    drive = taught()
-    drive.alone(CLEAN_S + 1)
-    drive.tick(DrivenBy.NOBODY, STOP, None, events=[Replaced(policy_name="x")])
-    assert drive.readiness.stage is Stage.TEACH
 
 
 def test_a_gap_has_the_picture_of_its_place_although_its_tick_had_no_new_one() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import random
+from typing import Any
 
 import pytest
 
@@ -28,9 +29,6 @@ def tick_at(
 ) -> Tick:
     return Tick(
         now_s=0.0,
-        frame=None,
-        commands=(),
-        refused=(),
         decision=Decision(action=sent, driven_by=by, mode=mode, asks_pilot=asks),
         sent=sent,
         prediction=Prediction(
@@ -38,7 +36,6 @@ def tick_at(
         ),
         sensors=Sensors(pose=pose, bumped=bumped),
         history_events=(Replaced(policy_name="default-32"),) if replaced else (),
-        cycle_s=0.01,
     )
 
 
@@ -84,26 +81,31 @@ def test_a_client_that_asks_now_and_then_knows_the_whole_way(seed: int) -> None:
         ), "no point says what another said before"
 
 
-def test_standing_still_costs_nothing() -> None:
+@pytest.mark.parametrize(
+    ("pose", "points"), [(Pose(x_m=1.0, y_m=1.0, heading_rad=0.0), 1), (None, 0)]
+)
+def test_standing_still_costs_nothing_and_an_unknown_place_leaves_no_trail(
+    pose: Pose | None, points: int
+) -> None:
     trail = Trail()
     for _ in range(100):
-        trail.note(tick_at(Pose(x_m=1.0, y_m=1.0, heading_rad=0.0), DrivenBy.NOBODY))
-    assert len(trail.since(0)[1]) == 1
+        trail.note(tick_at(pose, DrivenBy.NOBODY))
+    assert len(trail.since(0)[1]) == points
 
 
 def test_each_event_is_marked_once_where_it_begins() -> None:
     trail = Trail()
     here = Pose(x_m=1.0, y_m=1.0, heading_rad=0.0)
-    for _ in range(5):
-        trail.note(tick_at(here))
+    states: list[dict[str, Any]] = [
+        {},
+        {"asks": True},
+        {"bumped": True},
+        {"stalled": True},
+        {"by": DrivenBy.PILOT},
+    ]
+    for state in 5 * states:
         for _ in range(3):
-            trail.note(tick_at(here, asks=True))
-        for _ in range(3):
-            trail.note(tick_at(here, bumped=True))
-        for _ in range(3):
-            trail.note(tick_at(here, stalled=True))
-        for _ in range(3):
-            trail.note(tick_at(here, DrivenBy.PILOT))
+            trail.note(tick_at(here, **state))
     events = [event for point in trail.since(0)[1] for event in point.events]
     assert events == [Event.ASKED, Event.PUSHED, Event.CORRECTED] * 5
 
@@ -114,9 +116,3 @@ def test_teaching_is_no_correction_and_standing_at_a_wall_no_push() -> None:
     trail.note(tick_at(here, DrivenBy.PILOT, mode=Mode.TRAIN))
     trail.note(tick_at(here, DrivenBy.NOBODY, mode=Mode.STOPPED, sent=Action.STOP, bumped=True))
     assert [point.events for point in trail.since(0)[1]] == [(), ()]
-
-
-def test_a_robot_that_does_not_know_where_it_is_leaves_no_trail() -> None:
-    trail = Trail()
-    trail.note(tick_at(None))
-    assert trail.since(0) == (0, [])

@@ -69,14 +69,14 @@ def test_a_pilot_who_sees_nothing_for_half_a_second_is_blind_whatever_arrives() 
     assert governor.blind_in_s(9.0) >= 0, "nobody has been shown anything yet"
     assert governor.state(9.0) == LinkState()
     governor.note_seen(1.0)
-    for now_s, slack_s, is_blind in (
-        (1.5, 0.0, False),
-        (1.51, 0.0, True),
-        (1.6, 0.125, False),
-        (1.63, 0.125, True),
+    for (now_s, *slack_s), is_blind in (
+        ([1.5], False),
+        ([1.51], True),
+        ([1.6, 0.125], False),
+        ([1.63, 0.125], True),
     ):
-        assert (governor.blind_in_s(now_s, slack_s) < 0) is is_blind
-        assert governor.state(now_s, slack_s).must_stop is is_blind
+        assert (governor.blind_in_s(now_s, *slack_s) < 0) is is_blind
+        assert governor.state(now_s, *slack_s).must_stop is is_blind
     governor.forget()
     assert governor.blind_in_s(9.0) >= 0
 

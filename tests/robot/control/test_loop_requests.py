@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
+from functools import partial
 
 import pytest
 
 from robot.control.link_governor import LinkLevel
+from robot.control.loop import Mailbox
 from robot.control.state import Tick
 from robot.driver import BodyButton
 from robot.types import Action, DrivenBy, Mode, StopReason
@@ -19,29 +22,9 @@ MOVING = (Mode.TRAIN, Mode.AUTONOMOUS)
 # Requests ---------------------------------------------------------------------------------------
 
 
-def ask_stop(robot: BenchRobot) -> None:
-    robot.loop.set_mode(Mode.STOPPED)
-
-
-def trip(robot: BenchRobot) -> None:
-    robot.loop.trip(StopReason.DRIVE_FAULT)
-
-
 def leave(robot: BenchRobot) -> None:
     robot.hold(F)  # what waits is not carried out either
     robot.loop.empty_command()
-
-
-def latch(robot: BenchRobot) -> None:
-    robot.loop.latch_emergency()
-
-
-def press(robot: BenchRobot) -> None:
-    robot.driver.button = BodyButton.STOP
-
-
-def press_start(robot: BenchRobot) -> None:
-    robot.driver.button = BodyButton.START
 
 
 def be_silent(robot: BenchRobot) -> None:
@@ -55,20 +38,24 @@ def start_late(robot: BenchRobot) -> None:
     robot.loop.set_mode(Mode.TRAIN, proven_s=robot.clock.now_s() - 0.31)
 
 
+def press(robot: BenchRobot, button: BodyButton) -> None:
+    robot.driver.button = button
+
+
+STOPS: dict[str, tuple[Callable[[BenchRobot], object], StopReason]] = {
+    "page": (lambda robot: robot.loop.set_mode(Mode.STOPPED), StopReason.PILOT_ASKED),
+    "fault": (lambda robot: robot.loop.trip(StopReason.DRIVE_FAULT), StopReason.DRIVE_FAULT),
+    "gone": (leave, StopReason.PILOT_GONE),
+    "emergency": (lambda robot: robot.loop.latch_emergency(), StopReason.EMERGENCY),
+    "button": (lambda robot: press(robot, BodyButton.STOP), StopReason.BUTTON),
+    "start button": (lambda robot: press(robot, BodyButton.START), StopReason.BUTTON),
+    "silence": (be_silent, StopReason.PILOT_SILENT),
+    "late start": (start_late, StopReason.LINK_SLOW),
+}
+
+
 @pytest.mark.parametrize("mode", MOVING)
-@pytest.mark.parametrize(
-    ("stop", "reason"),
-    [
-        (ask_stop, StopReason.PILOT_ASKED),
-        (trip, StopReason.DRIVE_FAULT),
-        (leave, StopReason.PILOT_GONE),
-        (latch, StopReason.EMERGENCY),
-        (press, StopReason.BUTTON),
-        (press_start, StopReason.BUTTON),
-        (be_silent, StopReason.PILOT_SILENT),
-        (start_late, StopReason.LINK_SLOW),
-    ],
-)
+@pytest.mark.parametrize(("stop", "reason"), STOPS.values(), ids=STOPS)
 def test_a_stop_ends_the_drive_is_counted_once_and_drops_what_was_held(
     stop: Callable[[BenchRobot], None], reason: StopReason, mode: Mode
 ) -> None:
@@ -136,7 +123,7 @@ def test_an_emergency_goes_before_all_that_was_asked_until_then() -> None:
 
 
 def pressed(robot: BenchRobot, button: BodyButton) -> Tick:
-    robot.driver.button = button
+    press(robot, button)
     robot.camera.show(1)
     return robot.tick()
 
@@ -165,14 +152,10 @@ def test_a_start_button_that_was_pressed_before_the_release_starts_nothing() -> 
 def test_a_button_that_meets_a_moving_robot_never_starts_it(stop: str, mode: Mode) -> None:
     robot = started(mode)
     robot.step(1, F)
-    if stop == "page":
-        robot.loop.set_mode(Mode.STOPPED)
-    elif stop == "gone":
-        leave(robot)
-    elif stop == "held up":
+    if stop == "held up":
         robot.clock.advance(1.0)
     else:
-        latch(robot)
+        STOPS[stop][0](robot)
         robot.loop.release_emergency()
     assert pressed(robot, BodyButton.START).sent is Action.STOP
     assert robot.tick().decision.mode is Mode.STOPPED
@@ -207,7 +190,7 @@ def test_a_start_counts_as_a_look_at_the_picture_that_it_names(
     age_s: float | None, mode: Mode | None
 ) -> None:
     robot = started()
-    ask_stop(robot)
+    robot.loop.set_mode(Mode.STOPPED)
     seen = robot.camera.show(1)
     robot.tick()
     robot.clock.advance(5.0 if age_s is None else age_s)
@@ -227,3 +210,53 @@ def test_a_command_that_a_start_overtakes_still_tells_of_the_link() -> None:
     robot.hold(F, frame_id=seen.frame_id)
     robot.start(Mode.TRAIN)
     assert robot.loop.state.link.level is LinkLevel.CAPPED
+
+
+def test_nothing_is_lost_or_doubled_between_threads() -> None:
+    box, ran = Mailbox(), []
+
+    def fill(first: int) -> None:
+        for number in range(first, first + 500):
+            box.put(partial(ran.append, number))
+
+    threads = [threading.Thread(target=fill, args=(first,)) for first in (0, 1000, 2000)]
+    for thread in threads:
+        thread.start()
+    while any(thread.is_alive() for thread in threads):
+        box.serve()
+    box.serve()
+    assert len(set(ran)) == len(ran) == 1500
+
+
+def test_requests_run_once_in_order_an_urgent_one_first_and_answer_their_asker() -> None:
+    box, ran = Mailbox(), []
+    first = box.put(lambda: ran.append("first"))
+    second = box.put(lambda: "answer")
+    box.put(lambda: ran.append("urgent"), is_urgent=True)
+    assert box.wake.is_set() and not first.done()
+    for _ in range(2):
+        box.serve()
+        assert ran == ["urgent", "first"]
+        assert not second.done(), "the turn is not over yet"
+    box.answer()
+    assert first.done() and second.result(0) == "answer"
+
+
+def test_a_request_may_leave_another_and_may_fail() -> None:
+    box = Mailbox()
+    outer = box.put(lambda: box.put(lambda: 1 // 0))
+    box.serve()
+    box.answer()
+    with pytest.raises(ZeroDivisionError):
+        outer.result(0).result(0)
+
+
+def test_a_request_that_nobody_waits_for_any_more_is_not_run() -> None:
+    box, ran = Mailbox(), []
+    given_up = box.put(lambda: ran.append("given up"))
+    assert given_up.cancel()
+    other = box.put(lambda: ran.append("other"))
+    box.serve()
+    assert not other.cancel(), "it ran already"
+    box.answer()
+    assert ran == ["other"] and other.done()

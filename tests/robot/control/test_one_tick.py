@@ -47,13 +47,13 @@ def served(tmp_path: Path) -> Iterator[VirtualServer]:
 
 def test_one_taught_tick_runs_through_few_modules(served: VirtualServer) -> None:
     loop = served.rig.loop
-    called: list[tuple[Path, str]] = []
+    called: list[Path] = []
 
     def note(frame: Any, event: str, _: object) -> None:
         file = Path(frame.f_code.co_filename)
         is_ours = any(file.is_relative_to(root) for root in ROOTS) and TESTING not in file.parents
         if event == "call" and is_ours:
-            called.append((file, frame.f_code.co_qualname))
+            called.append(file)
 
     with served.pilot() as pilot:
         pilot.mode("train")
@@ -77,12 +77,9 @@ def test_one_taught_tick_runs_through_few_modules(served: VirtualServer) -> None
         loop.tick = traced  # type: ignore[method-assign,assignment]
         served.forward(1.5)
     assert called, "a tick was taught"
-    modules = {file for file, _ in called}
-    changes = sum(one != other for (one, _), (other, _) in pairwise(called))
+    modules = set(called)
+    changes = sum(one != other for one, other in pairwise(called))
     lines = sum(len(file.read_text("utf-8").splitlines()) for file in modules)
-    for file in sorted(modules):
-        names = sorted({name for one, name in called if one == file})
-        print(file.relative_to(ROOTS[0].parent), len(file.read_text().splitlines()), names)
     walk = (ROOTS[0].parent / "docs/explanation/architecture.md").read_text("utf-8")
     named = {file: file.relative_to(ROOTS[0].parent).as_posix() for file in modules}
     assert [name for name in named.values() if f"`{name}`" not in walk] == []

@@ -19,7 +19,7 @@ from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
 from robot.testing.driver import FakeDriver
 from robot.types import Action, Mode, PilotCommand, Point, Sensors, StopReason
-from tests.robot.devkit.still_camera import StillCamera
+from tests.robot.bench_robot import BenchCamera
 
 TICK_S = 1 / 30
 
@@ -72,75 +72,45 @@ class Body(ReplayDriver):
         return pressed
 
 
-@dataclass
-class Drive:
-    """The results of twenty simulated seconds."""
+@pytest.mark.parametrize("request_s", [0.0, 0.02, 0.05, 0.08])
+def test_a_slow_body_costs_no_cycle_no_lesson_and_no_way(request_s: float) -> None:
+    """Teach for 20 s: pictures and ticks at 30 Hz, a pilot at 10 Hz, and requests that take long.
 
-    cycles: int = 0
-    lessons: int = 0
-    way: float = 0.0
-    stops: int = 0
-
-
-def drive(request_s: float, *, remote: bool, seconds: float = 20.0) -> Drive:
-    """Teach for `seconds` of virtual time: pictures at 30 Hz, a pilot at 10 Hz, and a body whose
-    requests take `request_s` each. A body that is not remote delays the loop."""
+    On the loop's own thread requests of 0.05 s would cost half of the ticks.
+    """
     clock = StepClock(1.0)
     body = Body(clock)
-    driver: Driver = body
-    if remote:
-        driver = DriverThread(body, clock)
-    camera = StillCamera(clock)
+    driver = DriverThread(body, clock)
+    camera = BenchCamera(clock)
     loop = ControlLoop(driver, camera, make_policy("published-8"), clock)
     driver.connect()
-    result = Drive()
     loop.set_mode(Mode.TRAIN)
     events: list[tuple[float, int, str]] = [(1.0, 0, "tick"), (1.0, 1, "pilot"), (1.0, 2, "body")]
-    seq, end_s = 0, 1.0 + seconds
-    while events[0][0] < end_s:
+    seq, way = 0, 0.0
+    while events[0][0] < 21.0:
         at_s, order, what = heapq.heappop(events)
-        before_s = clock.now_s()
-        if at_s > before_s:
-            result.way += (at_s - before_s) * body.speed * (body.action is not Action.STOP)
-            clock.advance(at_s - before_s)
+        gone_s = max(at_s - clock.now_s(), 0.0)
+        way += gone_s * body.speed * (body.action is not Action.STOP)
+        clock.advance(gone_s)
         now_s = clock.now_s()
         if what == "tick":
-            requests = len(body.requests)
-            camera.take()
+            camera.show(1)
             loop.tick(now_s)
-            result.cycles += 1
-            blocked_s = 0.0 if remote else (len(body.requests) - requests) * request_s
-            heapq.heappush(events, (now_s + max(TICK_S, blocked_s), order, what))
+            next_s = TICK_S
         elif what == "pilot":
             seq += 1
             held = (Action.FORWARD, Action.LEFT, Action.RIGHT)[seq // 10 % 3]
             frame = camera.latest()
-            loop.command(
-                PilotCommand(
-                    held=held, frame_id=frame and frame.frame_id, seq=seq, received_s=now_s
-                )
-            )
-            heapq.heappush(events, (now_s + 0.1, order, what))
+            frame_id = frame.frame_id if frame else None
+            loop.command(PilotCommand(held=held, frame_id=frame_id, seq=seq, received_s=now_s))
+            next_s = 0.1
         else:
-            did = isinstance(driver, DriverThread) and driver.step()
-            heapq.heappush(events, (now_s + (request_s if did else TICK_S / 4), order, what))
-    result.lessons = loop.history.n_examples
-    result.stops = sum(loop.state.stops.values())
-    return result
-
-
-@pytest.mark.parametrize("request_s", [0.02, 0.05, 0.08])
-def test_a_slow_body_costs_no_cycle_no_lesson_and_no_way(request_s: float) -> None:
-    quick = drive(0.0, remote=False)
-    slow = drive(request_s, remote=True)
-    assert quick.stops == slow.stops == 0
-    assert slow.cycles >= 0.95 * quick.cycles
-    assert slow.lessons >= 0.95 * quick.lessons > 100
-    assert slow.way >= 0.95 * quick.way > 10.0
-
-
-def test_the_same_body_on_the_loops_own_thread_would_cost_half() -> None:
-    assert drive(0.05, remote=False).cycles < 0.5 * drive(0.0, remote=False).cycles
+            next_s = request_s if driver.step() and request_s else TICK_S / 4
+        heapq.heappush(events, (now_s + next_s, order, what))
+    assert not loop.state.stops
+    assert loop.state.cycles >= 0.95 * 20.0 / TICK_S
+    assert loop.history.n_examples >= 0.95 * 19.0 / TICK_S
+    assert way >= 0.95 * 19.0
 
 
 def wrapped() -> tuple[VirtualClock, Body, DriverThread]:
@@ -349,10 +319,10 @@ def test_a_hung_body_holds_up_no_tick_and_is_a_fault() -> None:
         assert clock.wait(body.reached, 10.0)
         driver.send_action(Action.LEFT)
         clock.advance(SILENT_S + 0.01)
-        camera = StillCamera(clock)
+        camera = BenchCamera(clock)
         loop = ControlLoop(driver, camera, make_policy("published-8"), clock)
         loop.set_mode(Mode.TRAIN)
-        camera.take()
+        camera.show(1)
         loop.tick(clock.now_s())
         assert loop.mode is Mode.STOPPED
         assert loop.state.decision.stop_reason in (StopReason.DRIVE_FAULT, None)

@@ -29,19 +29,6 @@ def test_raises_before_the_first_lesson():
         BSOCClassifier(2).predict_one(np.zeros(3))
 
 
-def test_edits_follow_a_node_through_merges():
-    learner = BSOCClassifier(2)
-    for value, label in [(0.0, "left"), (0.1, "left"), (9.0, "right"), (9.1, "right")]:
-        learner.learn_one(np.array([value]), label)
-    node = learner.explain_one(np.array([0.0])).node
-    learner.relabel_node(node, "forward")
-    assert learner.predict_one(np.array([0.0])) == "forward"
-    learner.delete_node(node)
-    assert learner.predict_one(np.array([0.0])) == "right"
-    with pytest.raises(LookupError, match="no node"):
-        learner.delete_node(node)
-
-
 @pytest.mark.parametrize("power", [0.0, 0.25, 1.0])
 def test_a_rare_label_weighs_more(power):
     """Nine examples of one label, one of another, and a view exactly between their images."""

@@ -54,15 +54,6 @@ def test_shrink_is_the_area_average():
     assert image.shrink(grey.astype(np.uint8), 7, 5).shape == (5, 7)
 
 
-def test_a_smaller_picture_is_enlarged_before():
-    grey = np.array([[0, 100], [100, 200]], np.uint8)
-    large = image.shrink(grey, 8, 6)
-    assert large.shape == (6, 8)
-    assert (np.diff(large.astype(int), axis=0) >= 0).all()
-    assert (np.diff(large.astype(int), axis=1) >= 0).all()
-    assert large[0, 0] == 0 and large[-1, -1] == 200
-
-
 @pytest.mark.parametrize("times", [2, 4])
 def test_the_fast_shrink_rounds_halves_to_even_too(times):
     rng = np.random.default_rng(2)

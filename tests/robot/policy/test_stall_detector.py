@@ -54,9 +54,11 @@ def drive():
     return Drive()
 
 
-def test_pushing_is_noticed_in_half_a_second(drive):
+@pytest.mark.parametrize("bumped", [False, True])
+def test_pushing_is_noticed_in_half_a_second(drive, bumped):
+    """A pressed bumper tells it although the picture slides."""
     assert drive.go(3, F, is_moving=True) is None
-    noticed_s = drive.go(3, F, is_moving=False)
+    noticed_s = drive.go(3, F, is_moving=bumped, bumped=bumped)
     assert STUCK_S - 0.1 <= noticed_s <= STUCK_S + 0.2
     assert drive.barred == {F}
 
@@ -84,9 +86,10 @@ def test_the_move_is_free_again_after_a_turn_that_changes_the_picture_slowly(dri
     assert not drive.barred
 
 
-def test_a_turn_goes_on_however_little_the_picture_changes(drive):
+@pytest.mark.parametrize("under_way", [L, Action.STOP, None])
+def test_a_turn_and_standing_by_order_or_by_the_pilots_hand_is_no_pushing(drive, under_way):
     drive.go(3, F, is_moving=True)
-    assert drive.go(5, L, is_moving=False) is None
+    assert drive.go(5, under_way, is_moving=False) is None
 
 
 def test_a_move_given_up_is_not_taken_up_before_the_picture_moves(drive):
@@ -117,21 +120,9 @@ def test_a_move_that_nobody_knows_is_given_up_unless_the_pilot_stood_with_it(dri
     assert drive.go(5, BRAKE, is_moving=False, gives_up=BRAKE) is not None
 
 
-def test_standing_by_order_or_by_the_pilots_hand_is_no_pushing(drive):
-    drive.go(3, F, is_moving=True)
-    assert drive.go(5, Action.STOP, is_moving=False) is None
-    assert drive.go(5, None, is_moving=False) is None
-
-
 def test_a_flash_of_light_does_not_make_all_after_it_look_still(drive):
     drive.go(3, F, is_moving=True)
     flash = np.full((30, 40), 255, np.uint8)
     drive.now_s += 0.1
     drive.look(flash, F)
     assert drive.go(3, F, is_moving=True) is None
-
-
-def test_a_pressed_bumper_tells_it_though_the_picture_slides(drive):
-    drive.go(3, F, is_moving=True)
-    noticed_s = drive.go(3, F, is_moving=True, bumped=True)
-    assert STUCK_S - 0.1 <= noticed_s <= STUCK_S + 0.2

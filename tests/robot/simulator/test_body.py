@@ -22,10 +22,6 @@ from robot.simulator.world import Obstacle, World, load_world, world_names
 from robot.types import Action, Pose
 
 
-def drive(action: Action, seconds: float, pose: Pose) -> Pose:
-    return move(pose, *WHEELS_MPS[action], seconds)
-
-
 @pytest.fixture
 def box() -> World:
     return load_world("box")
@@ -35,7 +31,7 @@ MIDDLE = Pose(x_m=0.575, y_m=0.575, heading_rad=0.0)
 
 
 def test_forward_is_sixteen_centimetres_a_second() -> None:
-    assert drive(Action.FORWARD, 2.0, MIDDLE).x_m == pytest.approx(0.575 + 0.32)
+    assert move(MIDDLE, *WHEELS_MPS[Action.FORWARD], 2.0).x_m == pytest.approx(0.575 + 0.32)
 
 
 @pytest.mark.parametrize(("action", "sign"), [(Action.LEFT, 1), (Action.RIGHT, -1)])
@@ -43,51 +39,51 @@ def test_a_turn_is_18_5_degrees_a_second_about_the_standing_wheel(
     action: Action, sign: int
 ) -> None:
     pose = MIDDLE
-    for _ in range(100):
-        pose = drive(action, 0.01, pose)
-    assert math.degrees(pose.heading_rad) == pytest.approx(sign * 18.5)
-    for _ in range(1846):
-        pose = drive(action, 0.01, pose)
+    for tick in range(1946):
+        pose = move(pose, *WHEELS_MPS[action], 0.01)
+        if tick == 99:
+            assert math.degrees(pose.heading_rad) == pytest.approx(sign * 18.5)
     assert pose.x_m == pytest.approx(MIDDLE.x_m, abs=1e-3), "a full turn, 19.5 s, comes back"
 
 
-def test_a_wall_stops_the_body_and_presses_the_bumper(box: World) -> None:
-    pose, contacts = push_out(box, Pose(x_m=1.10, y_m=0.5, heading_rad=0.0))
-    assert pose.x_m == pytest.approx(1.15 - RADIUS_M)
-    assert bumpers(contacts) == (True, True)
+EDGE_M = 1.15 - RADIUS_M
+WALLS = {
+    "ahead": (Pose(x_m=1.10, y_m=0.5, heading_rad=0.0), (EDGE_M, 0.5), (True, True)),
+    "at the left": (Pose(x_m=0.5, y_m=1.10, heading_rad=math.pi / 4), (0.5, EDGE_M), (True, False)),
+    "behind": (Pose(x_m=0.05, y_m=0.5, heading_rad=0.0), (RADIUS_M, 0.5), (False, False)),
+    "corner": (Pose(x_m=1.2, y_m=1.2, heading_rad=math.pi / 4), (EDGE_M, EDGE_M), (True, True)),
+}
 
 
-def test_a_wall_at_the_side_presses_only_that_side(box: World) -> None:
-    _, contacts = push_out(box, Pose(x_m=0.5, y_m=1.10, heading_rad=math.radians(45)))
-    assert bumpers(contacts) == (True, False)
-
-
-def test_a_wall_behind_presses_nothing(box: World) -> None:
-    _, contacts = push_out(box, Pose(x_m=0.05, y_m=0.5, heading_rad=0.0))
-    assert contacts and bumpers(contacts) == (False, False)
-
-
-def test_a_corner_pushes_out_of_both_walls(box: World) -> None:
-    pose, _ = push_out(box, Pose(x_m=1.2, y_m=1.2, heading_rad=0.8))
-    assert pose.x_m == pytest.approx(1.15 - RADIUS_M)
-    assert pose.y_m == pytest.approx(1.15 - RADIUS_M)
+@pytest.mark.parametrize(("pose", "pushed_m", "pressed"), WALLS.values(), ids=WALLS)
+def test_a_wall_pushes_the_body_out_and_presses_the_bumper_at_its_side(
+    box: World, pose: Pose, pushed_m: tuple[float, float], pressed: tuple[bool, bool]
+) -> None:
+    pose, contacts = push_out(box, pose)
+    assert (pose.x_m, pose.y_m) == pytest.approx(pushed_m)
+    assert contacts and bumpers(contacts) == pressed
 
 
 def test_sonar_hears_the_wall_ahead(box: World) -> None:
     assert sonar_m(box, MIDDLE) == pytest.approx(0.575 - RADIUS_M)
 
 
-@pytest.mark.parametrize("shape", ["box", "cylinder"])
-def test_sonar_and_body_meet_obstacles(box: World, shape: str) -> None:
+@pytest.mark.parametrize(
+    ("shape", "width_m", "depth_m", "heading_rad"),
+    [("box", 0.2, 0.2, 0.0), ("cylinder", 0.2, 0.2, 0.0), ("box", 0.4, 0.2, math.pi / 2)],
+)
+def test_sonar_and_body_meet_obstacles_where_they_stand(
+    box: World, shape: str, width_m: float, depth_m: float, heading_rad: float
+) -> None:
     thing = Obstacle(
         name="thing",
         shape=shape,
         x_m=0.95,
         y_m=0.575,
-        width_m=0.2,
-        depth_m=0.2,
+        width_m=width_m,
+        depth_m=depth_m,
         height_m=0.2,
-        heading_rad=0.0,
+        heading_rad=heading_rad,
         colour=(0, 0, 0),
     )
     world = replace(box, obstacles=(thing,))
@@ -95,22 +91,6 @@ def test_sonar_and_body_meet_obstacles(box: World, shape: str) -> None:
     pose, contacts = push_out(world, replace(MIDDLE, x_m=0.80))
     assert pose.x_m == pytest.approx(0.85 - RADIUS_M)
     assert contacts
-
-
-def test_a_turned_box_is_met_where_it_stands(box: World) -> None:
-    plank = Obstacle(
-        name="plank",
-        shape="box",
-        x_m=0.95,
-        y_m=0.575,
-        width_m=0.4,
-        depth_m=0.02,
-        height_m=0.2,
-        heading_rad=math.pi / 2,
-        colour=(0, 0, 0),
-    )
-    world = replace(box, obstacles=(plank,))
-    assert sonar_m(world, MIDDLE) == pytest.approx(0.94 - 0.575 - RADIUS_M)
 
 
 def is_free(world: World, x_m: float, y_m: float) -> bool:
