@@ -6,11 +6,15 @@ import atexit
 import itertools
 import shutil
 import tempfile
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
-from robot.recordings.episode import Episode, open_episode
+from robot.recordings.editing import moments
+from robot.recordings.edits import Notes
+from robot.recordings.episode import Episode, open_episode, taught_frames
+from robot.recordings.messages import Topic
 from robot.recordings.queue import RecorderConfig
 from robot.recordings.recorder import Recorder
 from robot.types import Action, Mode
@@ -24,14 +28,21 @@ _BEGINNINGS_S = itertools.count(1_700_000_000, 60)
 
 
 class RecordedBench(BenchRobot):
-    """A bench robot whose runs are recorded; only the test advances time."""
+    """A bench robot whose runs are recorded; only the test advances time.
+
+    Args:
+        folder: Of the recordings.
+        learner: Its name.
+        open_file: Opens each file of a recording.
+        limits: Of `RecorderConfig`.
+    """
 
     def __init__(
         self,
         folder: Path,
         learner: str = "published-8",
-        config: RecorderConfig | None = None,
-        **more: Any,
+        open_file: Callable[[Path], BinaryIO] = lambda path: path.open("xb"),
+        **limits: Any,
     ) -> None:
         super().__init__(learner)
         self.clock.set_wall(next(_BEGINNINGS_S))
@@ -43,21 +54,25 @@ class RecordedBench(BenchRobot):
             robot="bench",
             options={"world": "bench"},
             announce=lambda name, **fields: self.told.append((name, fields)),
-            config=config or RecorderConfig(spare_bytes=0),
-            **more,
+            config=RecorderConfig(**{"spare_bytes": 0, **limits}),
+            open_file=open_file,
         )
         self.recorder.start()
         self.tick()
 
     def drive(self, scenes: range, mode: Mode = Mode.TRAIN) -> None:
-        """Drive through scenes, hold one direction after the other, and stop."""
+        """Drive through scenes, hold one direction after the other to teach, and stop."""
         self.start(mode, scenes.start)
         for scene in scenes:
-            self.step(scene, MOVES[scene // 4 % 3])
+            self.step(scene, MOVES[scene // 4 % 3] if mode is Mode.TRAIN else None)
         self.stop()
 
     def stop(self) -> None:
         self.loop.set_mode(Mode.STOPPED)
+        self.tick()
+
+    def undo(self, seconds: float) -> None:
+        self.loop.submit(lambda: self.loop.history.undo(seconds))
         self.tick()
 
     def stand(self, seconds: float) -> None:
@@ -72,6 +87,25 @@ class RecordedBench(BenchRobot):
         self.recorder.finish()
         self.recorder.stop()
         return sorted(self.folder.glob("*.mcap"))
+
+    def episode(self) -> Episode:
+        """End the recording and open it."""
+        return open_episode(self.finish()[-1])
+
+
+def content(episode: Episode) -> dict[str, Any]:
+    """Return what is in a recording, for a comparison with another that must have the same."""
+    entries = episode.frames.items()
+    return {
+        "frames": [(i, e.captured_s, e.size, episode.frame(i).data) for i, e in entries],
+        "events": [(at_s, repr(event)) for at_s, event in episode.events],
+        "taught": dict(taught_frames(episode)),
+        "moments": list(moments(episode, Notes())),
+        "modes": list(episode.messages(Topic.MODE)),
+        "results": episode.results,
+        "span": (episode.start_s, episode.duration_s),
+        "damage": episode.damage,
+    }
 
 
 def record_drive(folder: Path, learner: str = "published-8", frames: int = 60) -> Episode:

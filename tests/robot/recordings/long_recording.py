@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -19,8 +19,9 @@ _PICTURE_BYTES = 1900
 """The size of a JPEG of the simulator; its content does not matter."""
 
 
-def begin(file: BinaryIO) -> EpisodeWriter:
-    """Begin the recording of a robot in a new file."""
+def begin(file: BinaryIO, model: bytes | None = None, **more: Any) -> EpisodeWriter:
+    """Begin the recording of a robot in a new file, with the bytes of its model if there are any;
+    `more` is for the writer."""
     run = describe_run(
         episode_id=Path(file.name).stem,
         run_id="long",
@@ -30,7 +31,7 @@ def begin(file: BinaryIO) -> EpisodeWriter:
         learner="knn-3",
         moves=DEFAULT_MOVES,
     )
-    return EpisodeWriter(file, run)
+    return EpisodeWriter(file, run, model, **more)
 
 
 def teach(

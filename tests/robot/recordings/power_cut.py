@@ -25,7 +25,7 @@ from robot.devices.rig import Rig
 from robot.errors import RobotError
 from robot.policy.history import Taught
 from robot.policy.registry import make_policy
-from robot.recordings.episode import open_episode
+from robot.recordings.episode import open_episode, taught_frames
 from robot.recordings.queue import RecorderConfig
 from robot.store.folder import Storage
 from robot.testing import FakeCamera, FakeDriver
@@ -34,7 +34,7 @@ from server.persistence import Persistence
 from server.recordings.part import Recordings
 
 LONGEST_LIFE_S = 0.8
-MOMENTS = ("start", "loaded", "tick", "written")
+MOMENTS = ("start", "loaded", "tick", "kept")
 """The event from which a life is counted: on a busy machine the start would take longer than the
 life."""
 UNDONE_S = 0.2
@@ -42,19 +42,15 @@ UNDONE_S = 0.2
 
 @dataclass(slots=True)
 class Life:
-    """The reports of one process, and the findings after its end."""
+    """The reports of one process, and whether what it left can be read."""
 
-    life_s: float
-    reached: str = "starting"
     loaded: int | None = None
     """Lessons that the learner had at the start."""
     told: list[int] = field(default_factory=list)
     """Number of lessons of the learner after each tick."""
     kept: int = 0
     """Number of these that were in the journal."""
-    taught: int = 0
     taught_on_disk: int = 0
-    lost_s: float = 0.0
     failure: str | None = None
 
 
@@ -66,41 +62,32 @@ def live(folder: Path, out: int, wall_s: float) -> None:
         n_told += kind == "tick"
         os.write(out, (" ".join([kind, *map(str, values)]) + "\n").encode())
 
-    n_told = n_queued = lessons_queued = 0
+    n_told = n_queued = n_waited = 0
+    is_loaded = False
     tell("start")
 
     def note(tick: Tick) -> None:
-        taught = [e.example.frame_id for e in tick.history_events if isinstance(e, Taught)]
         if is_loaded and (tick.decision.mode is not Mode.STOPPED or tick.history_events):
-            n_examples = rig.loop.history.n_examples
-            for left in range(len(taught) - 1, 0, -1):  # each is a separate record
-                tell("tick", tick.now_s, n_examples - left)
-            tell("tick", tick.now_s, n_examples, *taught)
+            taught = sum(isinstance(event, Taught) for event in tick.history_events)
+            for left in range(max(taught - 1, 0), -1, -1):  # each is a separate record
+                tell("tick", rig.loop.history.n_examples - left)
 
     def note_queued(tick: Tick) -> None:
-        nonlocal n_queued, lessons_queued
+        nonlocal n_queued
         n_queued = n_told
-        lessons_queued += sum(isinstance(event, Taught) for event in tick.history_events)
 
-    def turns_told(kind: str, count: Callable[[], int]) -> Callable[[], None]:
-        """Return the last turn of the disk's thread, which reports the items that waited before its
-        other turns."""
-        waited = 0
-
-        def turn() -> None:
-            nonlocal waited
-            if waited:
-                tell(kind, waited)
-            waited = count()
-
-        return turn
+    def tell_kept() -> None:
+        """Report, at the end of a turn of the journal, what waited before that turn."""
+        nonlocal n_waited
+        if n_waited:
+            tell("kept", n_waited)
+        n_waited = n_queued
 
     def undo() -> None:
         """Report the result of an undo before it is done, because the power may be cut before the
         next tick."""
         history = rig.loop.history
-        gone = len(history.last_examples(UNDONE_S))
-        tell("tick", rig.clock.now_s(), history.n_examples - gone)
+        tell("tick", history.n_examples - len(history.last_examples(UNDONE_S)))
         history.undo(UNDONE_S)
 
     clock = RealClock()
@@ -108,11 +95,9 @@ def live(folder: Path, out: int, wall_s: float) -> None:
     rig = Rig(FakeDriver(), FakeCamera(clock), make_policy("published-8"), clock)
     persistence = Persistence(Storage(folder), rig, name="bench")
     persistence.part(Recordings).recorder.queue._config = RecorderConfig(spare_bytes=0)
-    is_loaded = False
     rig.loop.subscribe(note)  # first, so that everything on the disk was reported before
     with rig:
-        persistence.disk.add(turns_told("written", lambda: lessons_queued))
-        persistence.journal._thread.add(turns_told("kept", lambda: n_queued))
+        persistence.journal._thread.add(tell_kept)
         persistence.start()
         # Last, because the counted records are queued for the disk already.
         rig.loop.subscribe(note_queued)
@@ -161,48 +146,23 @@ def cut(folder: Path, moment: str, life_s: float, wall_s: float) -> Life:
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
         lines += file.readlines()
-    told = [line.rstrip("\n").partition(" ")[::2] for line in lines]
-    return compare(folder, before, Life(life_s), told[1:])
-
-
-def compare(folder: Path, before: set[Path], life: Life, told: list[tuple[str, str]]) -> Life:
-    taught, last_s = set(), None
-    for kind, rest in told:
+    life = Life()
+    for kind, _, rest in (line.strip().partition(" ") for line in lines):
         if kind == "failed":
             life.failure = rest
         elif kind == "loaded":
-            life.loaded, life.reached = int(rest), "loaded"
+            life.loaded = int(rest)
         elif kind == "kept":
             life.kept = int(rest)
         elif kind == "tick":
-            at_s, lessons, *frame_ids = rest.split()
-            last_s, life.reached = float(at_s), "driving"
-            life.told.append(int(lessons))
-            taught.update(map(int, frame_ids))
-    try:
-        look_at_episodes(folder, before, life, taught, last_s)
-    except RobotError as error:
-        life.failure = str(error)
-    return life
-
-
-def look_at_episodes(
-    folder: Path, before: set[Path], life: Life, taught: set[int], last_s: float | None
-) -> None:
-    on_disk: set[int] = set()
-    end_s = 0.0
+            life.told.append(int(rest))
     for path in set(folder.glob("episodes/*.mcap")) - before:
-        if path.stat().st_size == 0:  # killed between the creation of the file and its first flush
-            continue
-        episode = open_episode(path)
-        on_disk |= {
-            event.example.frame_id for _, event in episode.events if isinstance(event, Taught)
-        }
-        end_s = max(end_s, episode.start_s + episode.duration_s)
-    life.taught = len(taught)
-    life.taught_on_disk = len(on_disk & taught)
-    if last_s is not None:
-        life.lost_s = last_s - end_s if end_s else life.life_s
+        if path.stat().st_size:  # killed between the creation of the file and its first flush
+            try:
+                life.taught_on_disk += len(taught_frames(open_episode(path)))
+            except RobotError as error:
+                life.failure = str(error)
+    return life
 
 
 def main() -> None:

@@ -53,22 +53,19 @@ def test_what_nobody_mended_is_the_same_before_and_after(tmp_path: Path) -> None
 def test_a_repair_never_makes_it_worse_and_a_large_one_shows(
     tmp_path: Path, first: int, size: int
 ) -> None:
-    truth = alternating(200)
-    spoiled = [*truth]
+    truth, spoiled = alternating(200), alternating(200)
     for i in range(first, first + size):
-        spoiled[i] = Action.LEFT if truth[i] is Action.FORWARD else Action.FORWARD
-    episode = record(tmp_path / "a.mcap", spoiled, shown=truth)
-    ids, notes = list(episode.frames), Notes()
-    for i in range(first, first + size):
-        edit = Edit(verb="relabel", ranges=((ids[i], ids[i]),), label=truth[i])
+        spoiled[i] = MOVES[truth[i] is Action.FORWARD]
+    episode, notes = record(tmp_path / "a.mcap", spoiled, shown=truth), Notes()
+    for frame_id, label in list(zip(episode.frames, truth, strict=True))[first : first + size]:
+        edit = Edit(verb="relabel", ranges=((frame_id, frame_id),), label=label)
         notes = notes.with_edit(edit)
     steps: list[None] = []
     found = compare([(episode, notes)], new_policy, lambda: steps.append(None))
     assert found is not None
     assert found.after >= found.before
     if size > 100:
-        assert found.after > found.before
-        assert found.mended
+        assert found.after > found.before and found.mended
     assert {d.label for d in found.mended} == {d.after for d in found.mended}
     assert 300 <= len(steps) <= count_steps([(episode, Notes())]) + count_steps([(episode, notes)])
 

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from robot.recordings.editing import moments, sample, write_edited
-from robot.recordings.edits import Edit, Notes
+from robot.recordings.editing import moments, sample
+from robot.recordings.edits import Notes
 from robot.recordings.episode import open_episode, taught_frames
 from robot.recordings.messages import Topic
-from robot.recordings.reader import Message, scan
 from robot.types import DEFAULT_MOVES
 
 from .long_recording import ENDS, begin, teach
+from .test_cut import messages
 
 pytest.importorskip("mcap.writer", reason="the extra 'episodes' is not installed")
 
@@ -66,19 +66,8 @@ def test_a_few_pictures_are_found_without_the_others(long: Path) -> None:
     assert sample(episode, Notes(), 3, (7000, 8000)) == []
 
 
-def test_edits_of_a_long_recording_are_worked_in(long: Path, tmp_path: Path) -> None:
-    notes = Notes(edits=(Edit(verb="delete", ranges=((11, 5900),)),))
-    path = tmp_path / "short.mcap"
-    with path.open("xb") as file:
-        write_edited(open_episode(long), notes, file)
-    short = open_episode(path)
-    assert list(short.frames) == [*range(1, 11), *range(5901, 6001)]
-    assert list(taught_frames(short)) == [*range(1, 11), *range(5901, 5951)]
-
-
 def test_an_index_that_lies_is_not_believed(long: Path, tmp_path: Path) -> None:
-    found = [(m.topic, m.log_ns, m.sequence, m.data) for m in scan(long) if isinstance(m, Message)]
-    data, at = bytearray(long.read_bytes()), 8
+    found, data, at = messages(long), bytearray(long.read_bytes()), 8
     while data[at] != 2:  # the footer
         opcode, length = struct.unpack_from("<BQ", data, at)
         if opcode == 7 and length > 6 + 32:  # a message index: its second offset
@@ -86,5 +75,4 @@ def test_an_index_that_lies_is_not_believed(long: Path, tmp_path: Path) -> None:
         at += 9 + length
     lying = tmp_path / "lying.mcap"
     lying.write_bytes(data)
-    again = [(m.topic, m.log_ns, m.sequence, m.data) for m in scan(lying) if isinstance(m, Message)]
-    assert again == found and len(found) == 6000 * 5 + 1
+    assert messages(lying) == found and len(found) == 6000 * 5 + 1

@@ -32,44 +32,49 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def storage(tmp_path: Path, drive: Path) -> Storage:
+def store(tmp_path: Path, drive: Path) -> EpisodeStore:
     """Four copies of one drive, each with another title."""
     storage = Storage(tmp_path / "data")
     store = EpisodeStore(storage)
     for name in NAMES:
         shutil.copy(drive, storage.folder("episodes") / f"{name}.mcap")
         store.set_title(name, f"Title of {name}")
-    return storage
+    return store
+
+
+@pytest.fixture
+def folder(store: EpisodeStore) -> Path:
+    return store.path("one").parent
 
 
 def content(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def test_several_go_together_and_come_back_byte_for_byte(storage: Storage) -> None:
-    store, folder = EpisodeStore(storage, recording=lambda: "four"), storage.folder("episodes")
-    before = content(folder)
+def test_several_go_together_and_come_back_byte_for_byte(folder: Path) -> None:
+    store = EpisodeStore(Storage(folder.parent), recording=lambda: "four")
     store.protect("three", True)
-    protected = content(folder)["three.edits.json"]
+    before = content(folder)
     gone = store.delete(*NAMES, "nobody", "one")
     assert gone.ids == ("one", "one.two") and set(gone.kept) == {"three", "four", "nobody"}
     assert "protected" in gone.kept["three"] and "being recorded" in gone.kept["four"]
     assert sorted(store.ids()) == ["four", "three"]
     assert store.trash() == [gone.key]
     assert store.restore(gone.key or "") == ["one", "one.two"]
-    assert content(folder) == before | {"three.edits.json": protected}
+    assert content(folder) == before
     with pytest.raises(NotFoundError):
         store.restore(gone.key or "")
     for alone in ("three", "four", "nobody"):
         with pytest.raises((ConfigurationError, NotFoundError)):
             store.delete(alone)
+    with pytest.raises(ConfigurationError, match="being recorded"):
+        store.compact("four")
     assert store.trash() == []
 
 
 def test_what_comes_back_beside_new_ones_gets_new_names_with_its_own_edits(
-    storage: Storage, drive: Path
+    store: EpisodeStore, folder: Path, drive: Path
 ) -> None:
-    store, folder = EpisodeStore(storage), storage.folder("episodes")
     before = content(folder)
     key = store.delete(*NAMES).key or ""
     shutil.copy(drive, folder / "one.mcap")
@@ -80,30 +85,28 @@ def test_what_comes_back_beside_new_ones_gets_new_names_with_its_own_edits(
 
 
 def test_a_disk_that_refuses_one_of_them_deletes_none(
-    storage: Storage, monkeypatch: pytest.MonkeyPatch
+    store: EpisodeStore, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    before, moved = content(storage.folder("episodes")), []
+    before, trash, moved = content(folder), folder.parent / "trash", []
 
     def move(path: Path, target: Path) -> None:
-        if target.parent.parent == storage.trash and len(moved) == 3:
+        if target.parent.parent == trash and len(moved) == 3:
             raise PermissionError("another program has it open")
         moved.append(path)
         path.replace(target)
 
     monkeypatch.setattr("robot.store.folder.move", move)
     with pytest.raises(PermissionError):
-        EpisodeStore(storage).delete(*NAMES)
-    assert content(storage.folder("episodes")) == before
-    assert list(storage.trash.iterdir()) == []
+        store.delete(*NAMES)
+    assert content(folder) == before and list(trash.iterdir()) == []
 
 
 def test_what_was_deleted_goes_for_good_after_its_days(
-    storage: Storage, monkeypatch: pytest.MonkeyPatch
+    store: EpisodeStore, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    store, now_ns = EpisodeStore(storage), [10**18]
+    storage, now_ns, day_ns = Storage(folder.parent), [10**18], 86_400 * 10**9
     monkeypatch.setattr("time.time_ns", lambda: now_ns[0])
     first = store.delete("one")
-    day_ns = 86_400 * 10**9
     now_ns[0] += (TRASH_DAYS - 1) * day_ns
     second = store.delete("three", "four")
     storage.sweep()
@@ -116,8 +119,9 @@ def test_what_was_deleted_goes_for_good_after_its_days(
     assert storage.empty_trash() and storage.trash_bytes() == 0 == len(store.trash())
 
 
-def test_none_is_deleted_or_rewritten_while_another_process_reads_it(storage: Storage) -> None:
-    store, folder = EpisodeStore(storage), storage.folder("episodes")
+def test_none_is_deleted_or_rewritten_while_another_process_reads_it(
+    store: EpisodeStore, folder: Path
+) -> None:
     code = (
         "import sys, pathlib\n"
         "from robot.recordings.reading import reading\n"
@@ -125,10 +129,8 @@ def test_none_is_deleted_or_rewritten_while_another_process_reads_it(storage: St
         "    print('reading', flush=True)\n"
         "    sys.stdin.readline()\n"
     )
-    reader = subprocess.Popen(
-        [sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
-    with reader:
+    command, pipe = [sys.executable, "-c", code], subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as reader:
         assert reader.stdout is not None and reader.stdout.readline() == "reading\n"
         gone = store.delete("one", "three")
         assert gone.ids == ("three",) and "exported" in gone.kept["one"]
@@ -141,17 +143,14 @@ def test_none_is_deleted_or_rewritten_while_another_process_reads_it(storage: St
 
 
 def test_a_zip_holds_all_with_their_edits_and_little_is_in_memory(
-    storage: Storage, drive: Path
+    folder: Path, drive: Path
 ) -> None:
-    folder = storage.folder("episodes")
-    large = folder / "large.mcap"
-    large.write_bytes(drive.read_bytes() + bytes(24 * 2**20))
+    (folder / "large.mcap").write_bytes(drive.read_bytes() + bytes(24 * 2**20))
     paths = [folder / f"{name}.mcap" for name in (*NAMES, "large")]
     made = folder.parent / "all.zip"
     tracemalloc.start()
     with made.open("wb") as file, reading(paths):
-        for block in zip_recordings(paths):
-            file.write(block)
+        file.writelines(zip_recordings(paths))
     _, most = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert most < 8 * 2**20
@@ -185,15 +184,13 @@ def test_one_that_is_being_recorded_is_zipped_up_to_its_present_end(
         ("kitchen", []),
     ],
 )
-def test_a_recording_is_found_by_words(storage: Storage, text: str, found: list[str]) -> None:
-    summaries = EpisodeStore(storage).summaries()
-    assert sorted(one.id for one in summaries if one.matches(text)) == found
+def test_a_recording_is_found_by_words(store: EpisodeStore, text: str, found: list[str]) -> None:
+    assert sorted(one.id for one in store.summaries() if one.matches(text)) == found
 
 
-def test_a_copy_is_never_the_newest(storage: Storage, drive: Path) -> None:
+def test_a_copy_is_never_the_newest(store: EpisodeStore, folder: Path, drive: Path) -> None:
     """Its time is that of its original, and its name may be shorter or sort before it."""
-    folder = storage.folder("episodes")
-    shutil.copy(drive, folder / drive.name)
-    for name in ("a", "zz", f"{drive.stem} (2)", f"{drive.stem}.sync-conflict-20260101-120000-ABC"):
+    copies = (f"{drive.stem} (2)", f"{drive.stem}.sync-conflict-20260101-120000-ABC")
+    for name in (drive.stem, "a", "zz", *copies):
         shutil.copy(drive, folder / f"{name}.mcap")
-    assert EpisodeStore(storage).summaries()[0].id == drive.stem == open_episode(drive).id
+    assert store.summaries()[0].id == drive.stem == open_episode(drive).id

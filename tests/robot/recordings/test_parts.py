@@ -8,17 +8,20 @@ import io
 import shutil
 import tracemalloc
 import zipfile
+from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from robot.exchange.drive import ImportReport
 from robot.exchange.sources import find_drives
 from robot.policy.history import Taught
 from robot.recordings.archive import join_recording, zip_recordings
-from robot.recordings.editing import moments, sample
+from robot.recordings.editing import sample
 from robot.recordings.edits import Edit, Notes, notes_path
 from robot.recordings.ending import end_recording
 from robot.recordings.episode import Episode, open_episode, taught_frames
@@ -43,86 +46,80 @@ from robot.types import Action, Example, Mode
 from tests.kit.frames import jpeg_frame
 from tests.kit.sizes import size
 
-from .drives import RecordedBench
+from .drives import RecordedBench, content
 
 MANY = 10**6
-WHOLE = RecorderConfig(spare_bytes=0)
-SHORT = RecorderConfig(spare_bytes=0, part_s=1.0)
 
 
-def drive(folder: Path, config: RecorderConfig) -> RecordedBench:
+def drive(folder: Path, **limits: float) -> RecordedBench:
     """Drive through 80 pictures, undo lessons on both sides of a part's beginning, and drive on."""
     folder.mkdir(exist_ok=True)
-    robot = RecordedBench(folder, config=config)
+    robot = RecordedBench(folder, **limits)
     robot.clock.set_wall(1_700_000_000)
     robot.drive(range(80))
-    robot.loop.submit(lambda: robot.loop.history.undo(1.5))
-    robot.tick()
+    robot.undo(1.5)
     robot.drive(range(80, 120))
     return robot
 
 
 def told(episode: Episode) -> dict[str, Any]:
-    """Return the content of a recording."""
-    ids, notes = list(episode.frames), Notes()
     models = [model for model in (episode.model_before(), episode.model_after()) if model]
-    return {
-        "moments": list(moments(episode, notes)),
-        "taught": dict(taught_frames(episode)),
-        "events": [(at_s, type(event)) for at_s, event in episode.events],
-        "pictures": [episode.frame(frame_id).data for frame_id in ids],
-        "some": sample(episode, notes, 7),
-        "modes": list(episode.messages(Topic.MODE)),
-        "duration_s": episode.duration_s,
-        "damage": episode.damage,
-        "models": [model.summary.n_examples for model in models],
-    }
+    counts = [model.summary.n_examples for model in models]
+    return content(episode) | {"some": sample(episode, Notes(), 7), "models": counts}
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    [path] = drive(tmp_path_factory.mktemp("whole"), WHOLE).finish()
-    return path
+    """The same recording in one file."""
+    return drive(tmp_path_factory.mktemp("whole")).finish()[0]
 
 
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder with a recording in several files; do not change it."""
-    [path] = drive(tmp_path_factory.mktemp("driven"), SHORT).finish()
-    return path.parent
+    return drive(tmp_path_factory.mktemp("driven"), part_s=1.0).finish()[0].parent
+
+
+def stored(root: Path, driven: Path) -> tuple[EpisodeStore, str]:
+    """Return a data folder with the recording in several files, which has a title, and its name."""
+    storage = Storage(root)
+    shutil.copytree(driven, storage.folder(NAME), dirs_exist_ok=True)
+    store = EpisodeStore(storage)
+    [episode_id] = store.ids()
+    store.set_title(episode_id, "long")
+    return store, episode_id
 
 
 @pytest.fixture
 def store(tmp_path: Path, driven: Path) -> EpisodeStore:
-    """A data folder with one recording in several files."""
-    storage = Storage(tmp_path)
-    shutil.copytree(driven, storage.folder(NAME), dirs_exist_ok=True)
-    return EpisodeStore(storage)
+    return stored(tmp_path, driven)[0]
 
 
 @pytest.fixture
-def path(tmp_path: Path, driven: Path) -> Path:
-    """A recording in several files, which may be changed."""
-    [found] = shutil.copytree(driven, tmp_path / "one").glob("*.mcap")
-    return found
+def path(store: EpisodeStore) -> Path:
+    """The recording in several files, which may be changed."""
+    return store.path(store.ids()[0])
 
 
-def test_it_is_one_episode_equal_to_one_in_a_single_file(whole: Path, store: EpisodeStore) -> None:
-    [episode_id] = store.ids()
-    path = store.path(episode_id)
+def test_it_is_one_episode_equal_to_one_in_a_single_file(
+    whole: Path, store: EpisodeStore, path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert len(part_paths(path)) >= 5
-    assert told(open_episode(path)) == told(open_episode(whole))
-    assert len(taught_frames(open_episode(path))) < 120, "lessons were undone"
+    wanted = told(open_episode(whole))
+    assert told(open_episode(path)) == wanted
+    assert len(wanted["taught"]) < 120, "lessons were undone"
     [summary], single = store.summaries(), read_summary(whole)
     assert (summary.frames, summary.taught) == (single.frames, single.taught)
     assert summary.duration_s == single.duration_s and summary.damage is None
     assert summary.bytes == sum(file.stat().st_size for file in part_paths(path).values())
+    monkeypatch.setattr("robot.recordings.episode.read_columns", lambda _: None)
+    assert told(open_episode(path)) == wanted, "without its indexes, too"
 
 
 def test_learning_it_again_gives_the_learner_that_was_driven(tmp_path: Path) -> None:
-    robot = drive(tmp_path, SHORT)
+    robot = drive(tmp_path, part_s=1.0)
     live = robot.loop.history.policy.get_state()
-    episode = open_episode(robot.finish()[0])
+    episode = robot.episode()
     before = episode.model_before()
     assert before is not None
     policy = before.to_policy()
@@ -130,51 +127,68 @@ def test_learning_it_again_gives_the_learner_that_was_driven(tmp_path: Path) -> 
     assert same_nodes(policy.get_state(), live)
 
 
-def test_every_file_is_read_by_the_library(store: EpisodeStore) -> None:
-    from mcap.reader import make_reader
-
+def test_every_file_is_read_by_the_library(store: EpisodeStore, path: Path) -> None:
     frames = 0
-    for file in part_paths(store.path(store.ids()[0])).values():
+    for file in part_paths(path).values():
         with file.open("rb") as stream:
             reader = make_reader(stream, validate_crcs=True)
             frames += sum(1 for _ in reader.iter_messages(topics=["/camera"]))
     assert frames == store.summaries()[0].frames
 
 
-def test_without_its_indexes_it_is_the_same(
-    store: EpisodeStore, monkeypatch: pytest.MonkeyPatch
+def joined(path: Path, folder: Path) -> Path:
+    target = folder / path.name
+    with target.open("wb") as file:
+        join_recording(file.write, path)
+    return target
+
+
+def imported(path: Path, folder: Path) -> Path:
+    [source] = find_drives(path.parent)
+    assert source.copy is not None
+    source.copy(folder / path.name, ImportReport())
+    return folder / path.name
+
+
+def zipped(path: Path, folder: Path) -> Path:
+    with zipfile.ZipFile(io.BytesIO(b"".join(zip_recordings([path])))) as archive:
+        archive.extractall(folder)
+    assert notes_path(folder / path.name).is_file()
+    return folder / path.name
+
+
+@pytest.mark.parametrize("way", [joined, imported, zipped])
+def test_a_copy_has_the_content_of_all_files(
+    path: Path, tmp_path: Path, way: Callable[[Path, Path], Path]
 ) -> None:
-    path = store.path(store.ids()[0])
-    wanted = told(open_episode(path))
-    monkeypatch.setattr("robot.recordings.episode.read_columns", lambda _: None)
-    assert told(open_episode(path)) == wanted
+    (tmp_path / "other").mkdir()
+    copy = way(path, tmp_path / "other")
+    assert told(open_episode(copy)) == told(open_episode(path))
+    assert read_summary(copy).taught == read_summary(path).taught
 
 
-def test_the_trash_takes_and_returns_all_files(store: EpisodeStore, tmp_path: Path) -> None:
-    [episode_id] = store.ids()
-    store.set_title(episode_id, "long")
-    wanted = told(store.open(episode_id))
-    key = store.delete(episode_id).key
-    assert key is not None and list(tmp_path.glob(f"{NAME}/*[!.]*")) == []
-    (tmp_path / NAME / f"{episode_id}.mcap").touch()  # the name is taken meanwhile
+def test_the_trash_takes_and_returns_all_files(store: EpisodeStore, path: Path) -> None:
+    wanted = told(store.open(path.stem))
+    key = store.delete(path.stem).key
+    assert key is not None and list(path.parent.glob("[!.]*")) == []
+    path.touch()  # the name is taken meanwhile
     [restored] = store.restore(key)
-    assert restored != episode_id
+    assert restored != path.stem
     assert told(store.open(restored)) == wanted and store.notes(restored).title == "long"
 
 
-def test_a_start_moves_no_file_of_a_recording(store: EpisodeStore, tmp_path: Path) -> None:
-    [episode_id] = store.ids()
-    store.set_title(episode_id, "long")
-    wanted = told(store.open(episode_id))
-    path = store.path(episode_id)
+def test_a_start_moves_no_file_of_a_recording(
+    store: EpisodeStore, path: Path, tmp_path: Path
+) -> None:
+    wanted = told(open_episode(path))
     (path.with_suffix(".parts") / "9.mcap").mkdir()
     path.with_name("other.parts").touch()
     names = ["9.mcap", "other.parts"]
     assert sorted(prepare(tmp_path)) == [(name, f"set-aside/{name}.1") for name in names]
-    assert prepare(tmp_path) == [] and told(store.open(episode_id)) == wanted
-    path.with_suffix(".parts").rename(tmp_path / ASIDE / f"{episode_id}.parts.1")  # an old version
+    assert prepare(tmp_path) == [] and told(open_episode(path)) == wanted
+    path.with_suffix(".parts").rename(tmp_path / ASIDE / f"{path.stem}.parts.1")  # an old version
     rejoin(Storage(tmp_path))
-    assert told(store.open(episode_id)) == wanted
+    assert told(open_episode(path)) == wanted
 
 
 @pytest.fixture
@@ -194,52 +208,42 @@ def left(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 @pytest.mark.parametrize("is_taken", [False, True])
 def test_a_kill_separates_no_files_of_a_recording(
-    path: Path, tmp_path: Path, left: list[int], is_taken: bool
+    driven: Path, tmp_path: Path, left: list[int], is_taken: bool
 ) -> None:
     """Killed before any move of a deletion or of a restoration, it is in the list or the trash."""
-    wanted = list(open_episode(path).frames)
-    for is_restored in (False, True):
-        for kept in range(4):
-            root = tmp_path / f"{is_restored}{kept}"
-            storage = Storage(root)
-            shutil.copytree(path.parent, root / NAME, dirs_exist_ok=True)
-            store = EpisodeStore(storage)
-            [episode_id] = store.ids()
-            store.set_title(episode_id, "long")
-            left[0] = MANY if is_restored else kept
-            with contextlib.suppress(KeyboardInterrupt):
-                key = store.delete(episode_id).key or ""
-                left[0] = kept
-                if is_taken:
-                    shutil.copytree(path.parent, root / NAME, dirs_exist_ok=True)
-                    shutil.rmtree(root / NAME / f"{episode_id}.parts")
-                store.restore(key)
-            left[0] = MANY
-            rejoin(Storage(root))
-            assert not list(strays(root / NAME))
-            titled = [one.id for one in store.summaries() if one.title == "long"]
-            [found] = titled or store.restore(max(store.trash()))
-            assert list(store.open(found).frames) == wanted and store.notes(found).title == "long"
-            assert store.trash() == []
+    for is_restored, kept in product((False, True), range(4)):
+        root = tmp_path / f"{is_restored}{kept}"
+        store, episode_id = stored(root, driven)
+        wanted = list(store.open(episode_id).frames)
+        left[0] = MANY if is_restored else kept
+        with contextlib.suppress(KeyboardInterrupt):
+            key = store.delete(episode_id).key or ""
+            left[0] = kept
+            if is_taken:
+                shutil.copy(driven / f"{episode_id}.mcap", root / NAME)
+            store.restore(key)
+        left[0] = MANY
+        rejoin(Storage(root))
+        assert not list(strays(root / NAME))
+        titled = [one.id for one in store.summaries() if one.title == "long"]
+        [found] = titled or store.restore(max(store.trash()))
+        assert list(store.open(found).frames) == wanted and store.notes(found).title == "long"
+        assert store.trash() == []
 
 
 def test_a_kill_while_it_is_made_compact_loses_nothing(
-    path: Path, tmp_path: Path, left: list[int]
+    driven: Path, tmp_path: Path, left: list[int]
 ) -> None:
-    wanted = list(open_episode(path).frames)
     for kept in range(6):  # mark, first file, notes, parts, new file, and the new file's notes
         root = tmp_path / str(kept)
-        storage = Storage(root)
-        shutil.copytree(path.parent, root / NAME, dirs_exist_ok=True)
-        store = EpisodeStore(storage)
-        [episode_id] = store.ids()
-        store.set_title(episode_id, "long")
+        store, episode_id = stored(root, driven)
+        wanted = list(store.open(episode_id).frames)
         store.edit(episode_id, Edit(verb="delete", ranges=((wanted[3], wanted[9]),)))
         left[0] = kept
         with pytest.raises(KeyboardInterrupt):
             store.compact(episode_id)
         left[0] = MANY
-        rejoin(storage)
+        rejoin(Storage(root))
         assert (store.ids(), store.notes(episode_id).title) == ([episode_id], "long")
         is_compact = kept == 5
         assert len(store.notes(episode_id).edits) == 1 - is_compact
@@ -263,43 +267,10 @@ def test_edits_compacting_and_splitting_cover_all_files(store: EpisodeStore) -> 
     assert list(store.open(restored).frames) == ids
 
 
-def test_joined_it_is_the_same_in_one_file(store: EpisodeStore, tmp_path: Path) -> None:
-    path = store.path(store.ids()[0])
-    joined = tmp_path / path.name
-    with joined.open("wb") as file:
-        join_recording(file.write, path)
-    assert told(open_episode(joined)) == told(open_episode(path))
-    assert read_summary(joined).taught == read_summary(path).taught
-
-
-def test_a_zip_file_contains_all_files(store: EpisodeStore, tmp_path: Path) -> None:
-    [episode_id] = store.ids()
-    store.set_title(episode_id, "long")
-    data = b"".join(zip_recordings([store.path(episode_id)]))
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        archive.extractall(tmp_path / "unpacked")
-    path = tmp_path / "unpacked" / f"{episode_id}.mcap"
-    assert told(open_episode(path)) == told(store.open(episode_id))
-    assert notes_path(path).is_file()
-
-
-def test_an_import_takes_all_files_as_one_drive(path: Path, tmp_path: Path) -> None:
-    [source] = find_drives(path.parent)
-    assert source.copy is not None
-    target = tmp_path / path.name
-    source.copy(target, ImportReport())
-    assert told(open_episode(target)) == told(open_episode(path))
-
-
 def test_a_drive_that_nobody_wants_leaves_no_file(tmp_path: Path) -> None:
-    robot = RecordedBench(
-        tmp_path, config=RecorderConfig(spare_bytes=0, part_s=1.0, keeps_drives=False)
-    )
-    robot.start(Mode.AUTONOMOUS)
-    for scene in range(60):
-        robot.step(scene, None)
+    robot = RecordedBench(tmp_path, part_s=1.0, keeps_drives=False)
+    robot.drive(range(60), Mode.AUTONOMOUS)
     assert list(tmp_path.glob("*.parts"))
-    robot.stop()
     assert robot.finish() == [] and list(tmp_path.iterdir()) == []
 
 
@@ -327,7 +298,7 @@ def test_a_power_cut_in_a_part_costs_only_what_was_not_synced(path: Path, left: 
 def test_a_missing_or_foreign_part_is_named_and_the_others_are_read(
     path: Path, tmp_path: Path, gone: int
 ) -> None:
-    [other] = drive(tmp_path / "other", SHORT).finish()
+    [other] = drive(tmp_path / "other", part_s=1.0).finish()
     file, frames = part_paths(path)[gone], len(open_episode(path).frames)
     file.unlink()
     episode = open_episode(path)
@@ -348,12 +319,11 @@ def test_a_disk_that_refuses_a_part_ends_the_recording(tmp_path: Path, refused: 
         files.append(path.open("xb"))
         return files[-1]
 
-    robot = RecordedBench(tmp_path, config=SHORT, open_file=open_file)
+    robot = RecordedBench(tmp_path, open_file=open_file, part_s=1.0)
     robot.start(Mode.TRAIN)
-    for scene in range(200):
-        robot.step(scene, None)
-        if robot.recorder.queue.fault:
-            break
+    scene = 0
+    while not robot.recorder.queue.fault and scene < 200:
+        robot.step(scene := scene + 1, None)
     assert "No space left" in str(robot.recorder.queue.fault)
     [path] = sorted(tmp_path.glob("*.mcap"))
     assert open_episode(path).damage == CUT_SHORT and len(part_paths(path)) == refused

@@ -1,7 +1,7 @@
 """Kills at random moments: recordings are complete up to the last flush, and the learner continues.
 
-Virtual time checks how much a kill may cost (test_recorder.py); here it is only printed. CI kills
-200 times (a bit over two minutes).
+Virtual time checks how much a kill may cost (test_recorder.py). CI kills 200 times (a bit over two
+minutes).
 """
 
 from __future__ import annotations
@@ -46,7 +46,6 @@ def test_a_power_cut_leaves_whole_recordings_and_undoes_no_undo(tmp_path: Path) 
         assert process.returncode == 0, errors[-2000:]
         chains.append([Life(**life) for life in json.loads(said)])
     lives = [life for chain in chains for life in chain]
-    print_table(lives)
     assert len(lives) == KILLS // CHAINS * CHAINS
     assert [life.failure for life in lives if life.failure] == []
     assert sum(life.taught_on_disk for life in lives) > 0
@@ -63,14 +62,3 @@ def check_what_is_known(lives: list[Life]) -> None:
             possible = {life.loaded}
         since = set(life.told[max(0, life.kept - 1) :])
         possible = since if life.kept else possible | since
-
-
-def print_table(lives: list[Life]) -> None:
-    lost = sorted(life.lost_s for life in lives)
-    print(f"\n{len(lives)} kills")
-    for reached in ("starting", "loaded", "driving"):
-        print(f"  killed when {reached:9} {sum(life.reached == reached for life in lives)}")
-    print(f"  lost of an episode, s: median {lost[len(lost) // 2]:.2f}, most {lost[-1]:.2f}")
-    taught, kept = sum(x.taught for x in lives), sum(x.taught_on_disk for x in lives)
-    print(f"  lessons told {taught}, in the recordings {kept}")
-    print(f"  starts that failed: {sum(x.failure is not None for x in lives)}")

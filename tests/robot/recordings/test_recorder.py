@@ -7,7 +7,7 @@ import json
 import random
 import threading
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import pytest
 from jsonschema import Draft202012Validator
@@ -18,21 +18,20 @@ from robot.coaching.gallery import images
 from robot.policy.history import Taught
 from robot.recordings.episode import open_episode, taught_frames
 from robot.recordings.messages import Topic
-from robot.recordings.queue import RecorderConfig
 from robot.store.disk import FLUSH_EVERY_S
 from robot.testing import VirtualClock
 from robot.types import Action, Mode
 from tests.kit.protobuf import read_protobuf
 from tests.kit.sizes import seeds
+from tests.robot.store.models.lives import Disk
 
-from .drives import RecordedBench, record_drive
+from .drives import RecordedBench
 
 
 def test_everything_that_happened_is_in_the_recording(tmp_path: Path) -> None:
     robot = RecordedBench(tmp_path)
     robot.drive(range(40))
-    [path] = robot.finish()
-    episode = open_episode(path)
+    episode = robot.episode()
     assert episode.damage is None
     assert episode.run["robot"] == "bench" and episode.run["learner"] == "published-8"
     assert json.loads(episode.run["options"]) == {"world": "bench"}
@@ -44,6 +43,8 @@ def test_everything_that_happened_is_in_the_recording(tmp_path: Path) -> None:
     assert [words["mode"] for _, words in episode.messages(Topic.MODE)] == ["train", "stopped"]
     assert next(episode.messages(Topic.SENSORS))[1]["distance_m"] == 0.5
     assert list(episode.messages(Topic.PREDICTION))[-1][1]["confidence"] > 0
+    models = [episode.model_before(), episode.model_after()]
+    assert [model and model.summary.n_examples for model in models] == [0, 40]
     assert [name for name, _ in robot.told] == ["recording_on", "recording_done"]
 
 
@@ -72,7 +73,7 @@ def test_pictures_come_back_as_the_camera_gave_them(tmp_path: Path) -> None:
         frame = robot.camera.latest()
         assert frame is not None
         given[frame.frame_id] = frame
-    episode = open_episode(robot.finish()[0])
+    episode = robot.episode()
     for frame_id, frame in given.items():
         back = episode.frame(frame_id)
         assert back.data == frame.data and back.encoding is frame.encoding
@@ -86,8 +87,7 @@ def test_every_message_is_valid_against_its_schema(tmp_path: Path) -> None:
     robot.drive(range(30))
     node = images(robot.loop.history.policy)[0].node_id
     robot.loop.submit(lambda: robot.loop.history.edit("relabel", node, Action.LEFT))
-    robot.loop.submit(lambda: robot.loop.history.undo(0.3))
-    robot.tick()
+    robot.undo(0.3)
     [path] = robot.finish()
     seen = set()
     with path.open("rb") as file:
@@ -104,37 +104,25 @@ def test_every_message_is_valid_against_its_schema(tmp_path: Path) -> None:
                 assert (image.width, image.height, image.encoding) == (160, 120, "rgb8")
                 assert len(image.data) == image.step * image.height
                 assert image.timestamp.seconds * 10**9 + image.timestamp.nanos == message.log_time
-    assert seen == {
-        "/camera",
-        "/command",
-        "/decision",
-        "/prediction",
-        "/sensors",
-        "/mode",
-        "/lesson",
-    }
+    topics = {"/command", "/decision", "/prediction", "/sensors", "/mode", "/lesson"}
+    assert seen == {"/camera", *topics}
 
 
 def test_standing_for_a_while_ends_a_recording_and_the_next_drive_begins_another(
     tmp_path: Path,
 ) -> None:
     robot = RecordedBench(tmp_path)
-    robot.drive(range(20))
-    robot.stand(5)
-    robot.drive(range(20, 40))
-    robot.stand(12)
-    robot.drive(range(40, 60))
-    paths = robot.finish()
-    assert [len(taught_frames(open_episode(path))) for path in paths] == [40, 20]
+    for scenes, stands_s in ((range(20), 5), (range(20, 40), 12), (range(40, 60), 0)):
+        robot.drive(scenes)
+        robot.stand(stands_s)
+    assert [len(taught_frames(open_episode(path))) for path in robot.finish()] == [40, 20]
 
 
 def test_a_standing_robot_fills_no_disk(tmp_path: Path) -> None:
     robot = RecordedBench(tmp_path)
     robot.drive(range(20))
-    frames = len(range(20))
     robot.stand(9)
-    [path] = robot.finish()
-    assert len(open_episode(path).frames) <= frames + 5
+    assert len(robot.episode().frames) <= 20 + 5
 
 
 def test_pictures_from_before_the_start_go_along_when_they_are_labelled(tmp_path: Path) -> None:
@@ -144,13 +132,13 @@ def test_pictures_from_before_the_start_go_along_when_they_are_labelled(tmp_path
     robot.start(Mode.TRAIN, 2)
     robot.hold(Action.LEFT, frame_id=seen.frame_id)
     robot.tick()
-    episode = open_episode(robot.finish()[0])
+    episode = robot.episode()
     assert seen.frame_id in taught_frames(episode)
     assert episode.frame(seen.frame_id).data == seen.data
 
 
 def test_large_pictures_from_before_the_start_leave_room_for_those_after_it(tmp_path: Path) -> None:
-    robot = RecordedBench(tmp_path, config=RecorderConfig(queue_bytes=400_000, spare_bytes=0))
+    robot = RecordedBench(tmp_path, queue_bytes=400_000)
     for _ in range(20):
         robot.camera.show(1)  # 57,600 bytes each
         robot.tick()
@@ -178,8 +166,7 @@ class SlowFile(io.BytesIO):
 
 def test_a_disk_that_crawls_costs_pictures_and_neither_memory_nor_lessons(tmp_path: Path) -> None:
     file = SlowFile()
-    config = RecorderConfig(queue_bytes=1_000_000, spare_bytes=0)
-    robot = RecordedBench(tmp_path, config=config, open_file=lambda path: file)
+    robot = RecordedBench(tmp_path, open_file=lambda path: file, queue_bytes=1_000_000)
     queue, file.clock = robot.recorder.queue, robot.clock
     robot.start(Mode.TRAIN)
     most = 0
@@ -187,7 +174,7 @@ def test_a_disk_that_crawls_costs_pictures_and_neither_memory_nor_lessons(tmp_pa
         robot.step(scene, Action.LEFT)
         most = max(most, queue.waiting_bytes)
     assert most <= 1_000_000
-    assert robot.recorder.queue.lost["frames"] >= 80
+    assert queue.lost["frames"] >= 80
     robot.recorder.finish()
     file.awake.set()
     robot.recorder.stop()
@@ -198,51 +185,26 @@ def test_a_disk_that_crawls_costs_pictures_and_neither_memory_nor_lessons(tmp_pa
         isinstance(event, Taught) and (event.x.size or event.example.frame_id in episode.frames)
         for _, event in episode.events
     )
-    assert (
-        "recording_lossy",
-        {"dropped_frames": robot.recorder.queue.lost["frames"]},
-    ) in robot.told
-
-
-class FullFile(io.BytesIO):
-    """A disk that is full after this number of bytes."""
-
-    room = 300_000
-
-    def write(self, data: Any) -> int:
-        if self.tell() + len(data) > self.room:
-            raise OSError(28, "No space left on device")
-        return super().write(data)
+    assert ("recording_lossy", {"dropped_frames": queue.lost["frames"]}) in robot.told
 
 
 def test_a_full_disk_stops_recording_with_a_word_and_the_robot_drives_on(tmp_path: Path) -> None:
-    files: list[BinaryIO] = []
-
-    def open_file(path: Path) -> BinaryIO:
-        files.append(FullFile() if not files else path.open("xb"))
-        return files[-1]
-
-    config = RecorderConfig(spare_bytes=0)
-    robot = RecordedBench(tmp_path, config=config, open_file=open_file)
+    """A later drive is recorded again: see test_refusing_disk.py."""
+    disk = Disk()
+    robot = RecordedBench(tmp_path, open_file=disk.open)
     robot.start(Mode.TRAIN)
-    scene = 0
-    while robot.recorder.queue.fault is None and scene < 5000:
+    robot.step(0, Action.LEFT)
+    disk.is_full = True
+    for scene in range(1, 20):
         robot.step(scene, Action.LEFT)
-        scene += 1
-    assert robot.recorder.queue.fault is not None and "No space left" in robot.recorder.queue.fault
-    assert ("recording_off", {"detail": robot.recorder.queue.fault}) in robot.told
-    tick = robot.step(scene, Action.RIGHT)
-    assert tick.sent is Action.RIGHT
-
-    robot.stop()
-    robot.stand(12)
-    robot.drive(range(20))
-    assert robot.recorder.queue.fault is None
-    assert len(taught_frames(open_episode(robot.finish()[0]))) == 20
+    fault = robot.recorder.queue.fault
+    assert fault is not None and "No space left" in fault
+    assert ("recording_off", {"detail": fault}) in robot.told
+    assert robot.step(30, Action.RIGHT).sent is Action.RIGHT
 
 
 def test_recording_keeps_room_on_the_disk_for_models(tmp_path: Path) -> None:
-    robot = RecordedBench(tmp_path, config=RecorderConfig(spare_bytes=2**62))
+    robot = RecordedBench(tmp_path, spare_bytes=2**62)
     robot.drive(range(5))
     robot.recorder.finish()
     robot.recorder.stop()
@@ -256,41 +218,42 @@ def test_without_the_library_recording_is_off_with_a_word(
     monkeypatch.setitem(__import__("sys").modules, "mcap.writer", None)
     robot = RecordedBench(tmp_path)
     robot.drive(range(5))
-    assert (
-        robot.recorder.queue.fault is not None
-        and "drivelesson[episodes]" in robot.recorder.queue.fault
-    )
+    assert "drivelesson[episodes]" in str(robot.recorder.queue.fault)
     assert robot.finish() == []
 
 
-@pytest.mark.parametrize("learner", ["published-8", "default-8"])
-def test_a_recording_says_what_the_learner_knew_before_and_after(
-    tmp_path: Path, learner: str
+@pytest.mark.parametrize(("does", "kept"), [("nothing", 0), ("teaches", 1), ("edits", 2)])
+def test_runs_in_which_nothing_was_taught_or_driven_are_not_kept(
+    tmp_path: Path, does: str, kept: int
 ) -> None:
-    episode = record_drive(tmp_path, learner)
-    before, after = episode.model_before(), episode.model_after()
-    assert before is not None and before.summary.n_examples == 0
-    assert after is not None and after.summary.n_examples == 60
+    robot = RecordedBench(tmp_path)
+    robot.start(Mode.TRAIN, 0)
+    for scene in range(5):
+        robot.step(scene, None if does == "nothing" else Action.LEFT)
+    robot.stop()
+    if does == "edits":
+        robot.recorder.finish()
+        node = images(robot.loop.history.policy)[0].node_id
+        robot.loop.submit(lambda: robot.loop.history.edit("pin", node, True))
+        robot.tick()
+    assert len(robot.finish()) == kept
 
 
+@pytest.mark.parametrize(
+    ("keeps_drives", "is_asked_for", "kept"),
+    [(True, False, [40, 0]), (False, False, [40]), (False, True, [40, 0])],
+)
 def test_a_run_in_which_nothing_was_taught_is_dropped_unless_somebody_wants_it(
-    tmp_path: Path,
+    tmp_path: Path, keeps_drives: bool, is_asked_for: bool, kept: list[int]
 ) -> None:
-    def runs(folder: Path, *, keeps_drives: bool, is_asked_for: bool = False) -> list[int]:
-        folder.mkdir()
-        config = RecorderConfig(spare_bytes=0, keeps_drives=keeps_drives)
-        robot = RecordedBench(folder, config=config)
-        robot.drive(range(40))
-        robot.stand(12)
-        robot.start(Mode.AUTONOMOUS, 40)
-        for scene in range(40, 60):
-            robot.step(scene, None)
-        assert robot.loop.state.decision.action is not Action.STOP, "it drives itself"
-        if is_asked_for:
-            robot.recorder.keep()
-        robot.stop()
-        return [len(taught_frames(open_episode(path))) for path in robot.finish()]
-
-    assert runs(tmp_path / "all", keeps_drives=True) == [40, 0]
-    assert runs(tmp_path / "taught", keeps_drives=False) == [40]
-    assert runs(tmp_path / "study", keeps_drives=False, is_asked_for=True) == [40, 0]
+    robot = RecordedBench(tmp_path, keeps_drives=keeps_drives)
+    robot.drive(range(40))
+    robot.stand(12)
+    robot.start(Mode.AUTONOMOUS, 40)
+    for scene in range(40, 60):
+        robot.step(scene, None)
+    assert robot.loop.state.decision.action is not Action.STOP, "it drives itself"
+    if is_asked_for:
+        robot.recorder.keep()
+    robot.stop()
+    assert [len(taught_frames(open_episode(path))) for path in robot.finish()] == kept

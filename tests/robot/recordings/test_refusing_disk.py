@@ -11,7 +11,7 @@ from typing import BinaryIO
 import pytest
 
 from robot.recordings.edits import Notes
-from robot.recordings.episode import open_episode, taught_frames
+from robot.recordings.episode import taught_frames
 from robot.recordings.teaching import learn_again
 from robot.store.models.model import same_nodes
 from robot.types import Action, Mode
@@ -47,7 +47,7 @@ def test_the_drive_after_a_disk_refused_is_recorded(
     robot.drive(range(100, 140))
     live = history.policy.get_state()
     assert queue.fault is None and queue.episode_id is not None
-    episode = open_episode(robot.finish()[-1])
+    episode = robot.episode()
     before = episode.model_before()
     assert before is not None and episode.damage is None
     assert before.summary.n_examples - taught in (0, teaches_at_once)
@@ -57,7 +57,7 @@ def test_the_drive_after_a_disk_refused_is_recorded(
     assert same_nodes(again.get_state(), live)
 
 
-@crossed(refused=[0, 1, 2])
+@pytest.mark.parametrize("refused", [0, 1, 2])
 def test_every_file_is_closed_whichever_flush_the_disk_refuses(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: int
 ) -> None:

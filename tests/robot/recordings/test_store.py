@@ -31,15 +31,20 @@ def storage(tmp_path: Path) -> Storage:
 
 @pytest.fixture
 def store(storage: Storage) -> EpisodeStore:
+    """A store of one recording of 60 lessons."""
     record_drive(storage.folder("episodes"))
     return EpisodeStore(storage)
 
 
-def test_a_title_that_is_no_text_is_kept_as_far_as_it_is(store: EpisodeStore) -> None:
-    [episode_id] = store.ids()
+@pytest.fixture
+def name(store: EpisodeStore) -> str:
+    return store.ids()[0]
+
+
+def test_a_title_that_is_no_text_is_kept_as_far_as_it_is(store: EpisodeStore, name: str) -> None:
     for title in ("Fl\udcfcr", "\ud83d", "Küche"):
-        store.set_title(episode_id, title)
-        assert store.notes(episode_id).title == title.encode(errors="replace").decode()
+        store.set_title(name, title)
+        assert store.notes(name).title == title.encode(errors="replace").decode()
 
 
 def test_a_list_shows_what_an_episode_holds_without_reading_it_all(store: EpisodeStore) -> None:
@@ -52,63 +57,62 @@ def test_a_list_shows_what_an_episode_holds_without_reading_it_all(store: Episod
     assert summary.started_at_s == pytest.approx(episode.origin_ns / 1e9 + 100, abs=5)
 
 
-def test_labels_predictions_and_drivers_stand_beside_each_picture(store: EpisodeStore) -> None:
-    episode = store.open(store.ids()[0])
+def test_labels_predictions_and_drivers_stand_beside_each_picture(
+    store: EpisodeStore, name: str
+) -> None:
+    episode = store.open(name)
     found = list(moments(episode, Notes()))
     taught = [moment for moment in found if moment.label]
     assert len(taught) == 60
     assert taught[0].label is Action.FORWARD and taught[4].label is Action.LEFT
     assert {moment.driven_by for moment in taught[1:]} == {"pilot"}
     assert all(moment.predicted for moment in taught[2:])
-    assert [m.frame_id for m in sample(episode, Notes(), 3)] == [
-        found[0].frame_id,
-        found[len(found) // 2].frame_id,
-        found[-1].frame_id,
-    ]
     assert sample(episode, Notes(), 10**6) == found
     between = found[7].frame_id, found[20].frame_id
     assert sample(episode, Notes(), 10**6, between) == found[7:21]
 
 
-def test_edits_are_kept_beside_the_file_and_can_all_be_undone(store: EpisodeStore) -> None:
-    [episode_id] = store.ids()
-    path = store.path(episode_id)
+def test_edits_are_kept_beside_the_file_and_can_all_be_undone(
+    store: EpisodeStore, name: str
+) -> None:
+    path = store.path(name)
     before = path.read_bytes()
-    ids = list(store.open(episode_id).frames)
-    store.edit(episode_id, Edit(verb="delete", ranges=((ids[5], ids[9]),)))
-    store.edit(episode_id, Edit(verb="relabel", ranges=((ids[0], ids[20]),), label=Action.RIGHT))
-    store.set_title(episode_id, "  Flur, abends ")
-    store.protect(episode_id, True)
-    notes = EpisodeStore(Storage(path.parent.parent)).notes(episode_id)
+    ids = list(store.open(name).frames)
+    store.edit(name, Edit(verb="delete", ranges=((ids[5], ids[9]),)))
+    store.edit(name, Edit(verb="relabel", ranges=((ids[0], ids[20]),), label=Action.RIGHT))
+    store.set_title(name, "  Flur, abends ")
+    store.protect(name, True)
+    notes = EpisodeStore(Storage(path.parent.parent)).notes(name)
     assert (notes.title, notes.is_protected, len(notes.edits)) == ("Flur, abends", True, 2)
-    kept = [frame_id for frame_id in ids if not notes.is_deleted(frame_id)]
-    assert len(kept) == len(ids) - 5
+    assert sum(map(notes.is_deleted, ids)) == 5
     assert path.read_bytes() == before
-    store.undo_edit(episode_id)
-    store.undo_edit(episode_id)
-    assert store.notes(episode_id).edits == ()
+    for _ in range(2):
+        store.undo_edit(name)
+    assert store.notes(name).edits == ()
     with pytest.raises(ConfigurationError, match="nothing to undo"):
-        store.undo_edit(episode_id)
+        store.undo_edit(name)
 
 
-def test_compacting_works_the_edits_in_and_teaches_the_same(store: EpisodeStore) -> None:
-    [episode_id] = store.ids()
-    ids = list(store.open(episode_id).frames)
-    store.edit(episode_id, trim(ids, ids[5], ids[-5]))
-    store.edit(episode_id, Edit(verb="relabel", ranges=((ids[10], ids[20]),), label=Action.RIGHT))
-    before, size = make_policy("default-8"), store.summary(episode_id).bytes
-    learn_again(before, [(store.open(episode_id), store.notes(episode_id))])
-    undo = store.compact(episode_id)
-    assert store.summary(episode_id).bytes < size
-    assert store.notes(episode_id).edits == ()
-    after = make_policy("default-8")
-    learn_again(after, [(store.open(episode_id), Notes())])
+def test_compacting_works_the_edits_in_and_teaches_the_same(store: EpisodeStore, name: str) -> None:
+    ids = list(store.open(name).frames)
+    store.edit(name, trim(ids, ids[5], ids[-5]))
+    store.edit(name, Edit(verb="relabel", ranges=((ids[10], ids[20]),), label=Action.RIGHT))
+    before, after, size = (
+        make_policy("default-8"),
+        make_policy("default-8"),
+        store.summary(name).bytes,
+    )
+    learn_again(before, [(store.open(name), store.notes(name))])
+    undo = store.compact(name)
+    assert store.summary(name).bytes < size
+    assert store.notes(name).edits == ()
+    learn_again(after, [(store.open(name), Notes())])
     assert same_nodes(after.get_state(), before.get_state())
-    assert len(store.open(episode_id).frames) == len(ids) - 9
+    assert len(store.open(name).frames) == len(ids) - 9
 
-    assert store.restore(undo) == [f"{episode_id} (2)"]
-    assert len(store.notes(f"{episode_id} (2)").edits) == 2
-    assert len(store.open(f"{episode_id} (2)").frames) == len(ids)
+    assert store.restore(undo) == [f"{name} (2)"]
+    assert len(store.notes(f"{name} (2)").edits) == 2
+    assert len(store.open(f"{name} (2)").frames) == len(ids)
 
 
 def test_a_compact_recording_knows_what_corrected_the_robot(storage: Storage) -> None:
@@ -117,18 +121,17 @@ def test_a_compact_recording_knows_what_corrected_the_robot(storage: Storage) ->
     robot.start(Mode.AUTONOMOUS)
     for scene in range(100, 120):
         robot.step(scene, Action.RIGHT if scene % 5 < 2 else None)
-    robot.finish()
+    [path] = robot.finish()
     store = EpisodeStore(storage)
-    [episode_id] = store.ids()
 
     def corrections() -> list[int]:
-        steps = plan([(store.open(episode_id), store.notes(episode_id))])
+        steps = plan([(store.open(path.stem), store.notes(path.stem))])
         examples = [step.event.example for step in steps if isinstance(step.event, Taught)]
         return [example.frame_id for example in examples if example.is_intervention]
 
     before = corrections()
-    store.edit(episode_id, Edit(verb="delete", ranges=((before[0], before[0]),)))
-    store.compact(episode_id)
+    store.edit(path.stem, Edit(verb="delete", ranges=((before[0], before[0]),)))
+    store.compact(path.stem)
     assert len(before) > 3
     assert corrections() == before[1:]
 
@@ -137,14 +140,6 @@ def test_notes_of_a_recording_that_is_gone_edit_no_new_one(store: EpisodeStore) 
     path = store.new_path("tub")
     write_notes(path, Notes(edits=(Edit(verb="delete", ranges=((1, 9),)),)))
     assert path.name == "tub.mcap" and store.new_path("Tub").name == "Tub (2).mcap"
-
-
-def test_what_is_being_recorded_is_left_alone(storage: Storage) -> None:
-    episode_id = record_drive(storage.folder("episodes")).id
-    store = EpisodeStore(storage, recording=lambda: episode_id)
-    for refused in (store.delete, store.compact):
-        with pytest.raises(ConfigurationError, match="being recorded"):
-            refused(episode_id)
 
 
 def test_what_another_program_is_recording_is_left_alone(
@@ -165,33 +160,32 @@ def test_what_another_program_is_recording_is_left_alone(
         store.delete(episode_id)
 
 
-def test_what_was_cut_short_is_nobodys_any_more(store: EpisodeStore) -> None:
-    path = store.path(store.ids()[0])
+def test_what_was_cut_short_is_nobodys_any_more(store: EpisodeStore, name: str) -> None:
+    path = store.path(name)
     path.write_bytes(path.read_bytes()[:-1])
-    store.compact(path.stem)
+    store.compact(name)
     path.write_bytes(path.read_bytes()[:3])
-    store.delete(path.stem)
+    store.delete(name)
 
 
 def test_what_is_changed_while_it_is_made_compact_is_not_lost(
-    storage: Storage, store: EpisodeStore
+    storage: Storage, store: EpisodeStore, name: str
 ) -> None:
-    [episode_id] = store.ids()
-    other, path = EpisodeStore(storage), store.path(episode_id)
-    ids = list(store.open(episode_id).frames)
+    other, path, ids = EpisodeStore(storage), store.path(name), list(store.open(name).frames)
+    changes: list[Callable[[], object]] = [
+        lambda: other.edit(name, trim(ids, ids[5], ids[-5])),
+        lambda: path.write_bytes(path.read_bytes() + b" "),
+        lambda: other.delete(name),
+    ]
+    for change in changes:
 
-    def refuse_after(change: Callable[[], object]) -> None:
-        def write_slowly(*what: Any, **how: Any) -> None:
+        def write_slowly(*what: Any, change: Callable[[], object] = change, **how: Any) -> None:
             write_edited(*what, **how)
             change()
 
         with pytest.raises((ConfigurationError, NotFoundError)):
-            EpisodeStore(storage, write=write_slowly).compact(episode_id)
-
-    refuse_after(lambda: other.edit(episode_id, trim(ids, ids[5], ids[-5])))
-    refuse_after(lambda: path.write_bytes(path.read_bytes() + b" "))
-    refuse_after(lambda: other.delete(episode_id))
-    assert len(store.notes(episode_id).edits) == 1 and store.ids() == [episode_id]
+            EpisodeStore(storage, write=write_slowly).compact(name)
+    assert len(store.notes(name).edits) == 1 and store.ids() == [name]
 
 
 def test_beyond_the_budget_the_oldest_unprotected_are_offered_and_none_is_deleted(
@@ -209,26 +203,25 @@ def test_beyond_the_budget_the_oldest_unprotected_are_offered_and_none_is_delete
 
 
 @pytest.mark.parametrize(
-    "name",
+    "strange",
     [
         *("../x", "..", "/etc/passwd", "", "a/../b", "a/b", "a\\b", ".index"),
         *("\ud83d", "\udcff", "x" * 10_000, "a\0b"),
     ],
 )
-def test_a_strange_name_is_not_found_and_leads_nowhere(store: EpisodeStore, name: str) -> None:
-    for attempt in (
-        *(store.summary, store.open, store.notes),
-        *(store.delete, store.compact, store.restore),
-    ):
+def test_a_strange_name_is_not_found_and_leads_nowhere(store: EpisodeStore, strange: str) -> None:
+    reading, writing = (store.summary, store.open, store.notes), (store.delete, store.compact)
+    for attempt in (*reading, *writing, store.restore):
         with pytest.raises(NotFoundError):
-            attempt(name)
+            attempt(strange)
 
 
 @pytest.mark.parametrize("damaged", [b"{", b"\xf4", b"", b"[]", b'{"edits": 1}', b" " * 2**25])
-def test_damaged_notes_are_named_and_hide_no_episode(store: EpisodeStore, damaged: bytes) -> None:
-    [episode_id] = store.ids()
-    notes_path(store.path(episode_id)).write_bytes(damaged)
-    assert "edits.json is damaged" in str(store.summary(episode_id).damage)
-    assert len(taught_frames(store.open(episode_id))) == 60
+def test_damaged_notes_are_named_and_hide_no_episode(
+    store: EpisodeStore, name: str, damaged: bytes
+) -> None:
+    notes_path(store.path(name)).write_bytes(damaged)
+    assert "edits.json is damaged" in str(store.summary(name).damage)
+    assert len(taught_frames(store.open(name))) == 60
     with pytest.raises(RecordingError, match="damaged"):
-        store.set_title(episode_id, "x")
+        store.set_title(name, "x")

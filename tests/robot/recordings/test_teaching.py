@@ -23,16 +23,16 @@ from robot.store.models.events import describe_event
 from robot.store.models.model import Model, same_nodes
 from robot.types import Action, Example, Mode, Point
 
-from .drives import MOVES, RecordedBench, record_drive
+from .drives import RecordedBench, record_drive
 
 
-def examples(episode: Episode, notes: Notes) -> list[Example]:
-    events = (step.event for step in plan([(episode, notes)]))
+def examples(episode: Episode, *edits: Edit) -> list[Example]:
+    events = (step.event for step in plan([(episode, Notes(edits=edits))]))
     return [event.example for event in events if isinstance(event, Taught)]
 
 
-def frames_taught(episode: Episode, notes: Notes) -> list[int]:
-    return [example.frame_id for example in examples(episode, notes)]
+def frames_taught(episode: Episode, *edits: Edit) -> list[int]:
+    return [example.frame_id for example in examples(episode, *edits)]
 
 
 LEARNERS = ("published-8", "default-8", "published-32", "default-32")
@@ -45,8 +45,7 @@ def test_a_drive_with_corrections_and_undo_is_learned_again_bit_for_bit(
     robot = RecordedBench(tmp_path, learner)
     history = robot.loop.history
     robot.drive(range(60))
-    robot.loop.submit(lambda: history.undo(0.7))
-    robot.tick()
+    robot.undo(0.7)
     robot.start(Mode.AUTONOMOUS)
     for scene in range(200, 240):
         point = Point(0.3 + scene % 7 / 10, 0.3) if scene > 210 else None
@@ -60,13 +59,11 @@ def test_a_drive_with_corrections_and_undo_is_learned_again_bit_for_bit(
     robot.step(301, Action.FORWARD)
     robot.stop()
     live = history.policy.get_state()
-    [path] = robot.finish()
-    episode = open_episode(path)
+    episode = robot.episode()
     again = make_policy(learner)
     report = learn_again(again, [(episode, Notes())])
     assert same_nodes(again.get_state(), live)
-    assert report.taught == history.taught
-    assert report.missing_frames == 0
+    assert (report.taught, report.missing_frames) == (history.taught, 0)
     usual = again.usual_point(Action.RIGHT)
     assert usual is not None and usual == history.policy.usual_point(Action.RIGHT)
     after = episode.model_after()
@@ -78,27 +75,20 @@ def test_several_recordings_of_one_run_with_an_undo_across_them(
     tmp_path: Path, learner: str
 ) -> None:
     robot = RecordedBench(tmp_path, learner)
-    history = robot.loop.history
     robot.drive(range(30))
     robot.stand(12)
     robot.drive(range(30, 50))
-    robot.loop.submit(lambda: history.undo(1.8))
-    robot.tick()
+    robot.undo(1.8)
     robot.drive(range(50, 70))
-    live = history.policy.get_state()
-    paths = robot.finish()
-    assert len(paths) == 3
-    episodes = [(open_episode(path), Notes()) for path in paths]
-    again = make_policy(learner)
+    live = robot.loop.history.policy.get_state()
+    episodes = [(open_episode(path), Notes()) for path in robot.finish()]
+    assert len(episodes) == 3
+    again, before = make_policy(learner), episodes[-1][0].model_before()
     learn_again(again, episodes)
-    assert same_nodes(again.get_state(), live)
-
-    last = episodes[-1][0]
-    before = last.model_before()
     assert isinstance(before, Model)
     going_on = before.to_policy()
     learn_again(going_on, episodes[-1:])
-    assert same_nodes(going_on.get_state(), live)
+    assert same_nodes(again.get_state(), live) and same_nodes(going_on.get_state(), live)
 
 
 OWN = tuple(
@@ -155,22 +145,25 @@ def test_a_recording_that_declares_no_moves_takes_none_from_who_goes_on(tmp_path
     assert going_on.kinds.turns == turns == {"port": -1, "starboard": 1}
 
 
-def test_another_learner_learns_the_same_lessons(tmp_path: Path) -> None:
+def test_another_learner_learns_the_same_lessons_and_one_without_their_moves_none(
+    tmp_path: Path,
+) -> None:
     episode = record_drive(tmp_path, "published-8")
     other = make_policy("default-16")
     report = learn_again(other, [(episode, Notes())])
     assert report.taught.total() == 60
     assert other.n_nodes == 16
+    with pytest.raises(ConfigurationError, match="right"):
+        learn_again(make_policy("published-8", (Action.FORWARD, Action.LEFT)), [(episode, Notes())])
 
 
 def test_deleted_frames_are_not_learned(tmp_path: Path) -> None:
     episode = record_drive(tmp_path)
-    ids = frames_taught(episode, Notes())
-    notes = Notes().with_edit(Edit(verb="delete", ranges=((ids[10], ids[19]),)))
-    assert frames_taught(episode, notes) == ids[:10] + ids[20:]
-    kept = notes.with_edit(trim(episode.frames, ids[5], ids[14]))
-    assert frames_taught(episode, kept) == ids[5:10]
-    assert frames_taught(episode, kept.without_last_edit().without_last_edit())[0] == ids[0]
+    ids = frames_taught(episode)
+    deletion = Edit(verb="delete", ranges=((ids[10], ids[19]),))
+    trimming = trim(episode.frames, ids[5], ids[14])
+    assert frames_taught(episode, deletion) == ids[:10] + ids[20:]
+    assert frames_taught(episode, deletion, trimming) == ids[5:10]
 
 
 def test_relabelled_frames_are_learned_with_the_new_label_also_if_nobody_taught_them(
@@ -178,23 +171,13 @@ def test_relabelled_frames_are_learned_with_the_new_label_also_if_nobody_taught_
 ) -> None:
     robot = RecordedBench(tmp_path)
     robot.drive(range(12))
-    robot.start(Mode.AUTONOMOUS)
-    for scene in range(100, 110):
-        robot.step(scene, None)
-    episode = open_episode(robot.finish()[0])
-    taught = frames_taught(episode, Notes())
+    robot.drive(range(100, 110), Mode.AUTONOMOUS)
+    episode = robot.episode()
+    taught = frames_taught(episode)
     alone = [frame_id for frame_id in episode.frames if frame_id > taught[-1]][2:5]
-    edit = Edit(
-        verb="relabel", ranges=((taught[0], taught[2]), (alone[0], alone[-1])), label=Action.RIGHT
-    )
-    assert frames_taught(episode, Notes(edits=(edit,))) == taught + alone
-    labels = [example.label for example in examples(episode, Notes(edits=(edit,)))]
-    assert labels[:3] == [Action.RIGHT] * 3
-    assert labels[-3:] == [Action.RIGHT] * 3
-    assert labels[3] in MOVES
-
-
-def test_a_label_that_the_learner_cannot_do_is_refused(tmp_path: Path) -> None:
-    episode = record_drive(tmp_path)
-    with pytest.raises(ConfigurationError, match="right"):
-        learn_again(make_policy("published-8", (Action.FORWARD, Action.LEFT)), [(episode, Notes())])
+    ranges = ((taught[0], taught[2]), (alone[0], alone[-1]))
+    edit = Edit(verb="relabel", ranges=ranges, label=Action.RIGHT)
+    assert frames_taught(episode, edit) == taught + alone
+    labels = [example.label for example in examples(episode, edit)]
+    before = [example.label for example in examples(episode)]
+    assert labels == [Action.RIGHT] * 3 + before[3:] + [Action.RIGHT] * 3
