@@ -30,7 +30,6 @@ SKIPPED = {
         [
             "robot/exchange/test_exports.py",
             "robot/exchange/test_lerobot_in.py",
-            "robot/exchange/test_own_moves.py",
             "robot/exchange/test_timeline.py",
         ],
         NO_EXTRA.format("export"),

@@ -31,14 +31,14 @@ def import_pictures(
     and open it."""
     times_s = times_s if times_s is not None else (i / 10 for i in itertools.count())
     shots = [
-        FrameEvent(t_s=at_s, picture=partial(_raw, pixels), label=label, point=point)
+        FrameEvent(t_s=at_s, picture=partial(raw, pixels), label=label, point=point)
         for at_s, pixels, label, point in zip(times_s, pictures, labels, points, strict=False)
     ]
     write_episode(Drive(name=path.stem, shots=shots, **{"source": "test", **drive}), path)
     return open_episode(path)
 
 
-def _raw(pixels: NDArray[np.uint8]) -> Picture:
+def raw(pixels: NDArray[np.uint8]) -> Picture:
     height, width = pixels.shape[:2]
     return Picture(data=pixels.tobytes(), encoding=Encoding.RGB, width=width, height=height)
 

@@ -51,16 +51,44 @@ class Made:
     """One variant: its location, its true content, and a person's settings for it."""
 
     path: Path
-    truth: Truth
+    truth: Truth = field(default_factory=dict)
     reading: dict[str, Any] = field(default_factory=dict)
     damaged: set[int] = field(default_factory=set)
     """Missing or broken pictures, which must not be imported."""
+    names: dict[int, str] = field(default_factory=dict)
+
+    def add(self, name: str, number: int, label: Action | None) -> None:
+        """Write a picture, which an import must give this label."""
+        put(self.path, name, number)
+        self.names[number], self.truth[number] = name, label
+
+    def write(self, name: str, *lines: str, ending: str = "\n") -> None:
+        path = self.path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(ending.join([*lines, ""]), encoding="utf-8", newline="")
+
+    def spoil(self, dice: random.Random) -> Made:
+        """Remove or damage a picture or two."""
+        self.damaged = set(dice.sample(sorted(self.names), k=dice.choice([0, 0, 1, 2])))
+        for number in self.damaged:
+            path = self.path / self.names[number]
+            if dice.random() < 0.5:
+                path.unlink()
+            else:
+                path.write_bytes(path.read_bytes()[:60])
+        return self
+
+    def zipped(self, name: str | None = None) -> Made:
+        folder, self.path = self.path, self.path.with_name(name or f"{self.path.name}.zip")
+        with zipfile.ZipFile(self.path, "w") as archive:
+            for each in sorted(folder.rglob("*")):
+                archive.write(each, each.relative_to(folder))
+        return self
 
 
-def drive(dice: random.Random, least: int = 12, most: int = 24) -> list[tuple[int, Action]]:
-    """A drive of some pictures, with each label at least once."""
-    count = dice.randint(least, most)
-    labels = [F, L, R, *dice.choices([F, L, R], k=count - 3)]
+def drive(dice: random.Random) -> list[tuple[int, Action]]:
+    """A drive of 12 to 24 pictures, with each label at least once."""
+    labels = [F, L, R, *dice.choices([F, L, R], k=dice.randint(9, 21))]
     dice.shuffle(labels)
     return list(enumerate(labels))
 
@@ -72,18 +100,6 @@ def angle_of(dice: random.Random, label: Action, least: float = 0.25) -> float:
     return side if label is R else -side
 
 
-def spoil(dice: random.Random, folder: Path, names: dict[int, str]) -> set[int]:
-    """Remove or damage a picture or two."""
-    bad = set(dice.sample(sorted(names), k=dice.choice([0, 0, 1, 2])))
-    for number in bad:
-        path = folder / names[number]
-        if dice.random() < 0.5:
-            path.unlink()
-        else:
-            path.write_bytes(path.read_bytes()[:60])
-    return bad
-
-
 def put(folder: Path, name: str, number: int) -> None:
     path = folder / name
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -92,92 +108,65 @@ def put(folder: Path, name: str, number: int) -> None:
 
 def named_folders(dice: random.Random, home: Path) -> Made:
     """Folders named like moves, or classes mapped to moves; zips of a single class."""
-    folder, truth = home / "lesson", {}
-    is_mapped = dice.random() < 0.4
+    made, is_mapped = Made(home / "lesson"), dice.random() < 0.4
     classes = {F: "free", L: "blocked"} if is_mapped else {F: "forward", L: "left", R: "right"}
+    made.reading = {"moves": {"free": F, "blocked": L} if is_mapped else {}}
     if dice.random() < 0.3:
-        classes = {move: name.upper().replace("_", " ") for move, name in classes.items()}
+        classes = {move: name.upper() for move, name in classes.items()}
     for number, label in drive(dice):
-        if label not in classes:
-            continue
-        stem = f"{dice.getrandbits(128):032x}" if is_mapped else str(number)
-        put(folder, f"{classes[label]}/{stem}{dice.choice(['.jpg', '.jpeg', '.png'])}", number)
-        truth[number] = label
+        if label in classes:
+            stem = f"{dice.getrandbits(128):032x}" if is_mapped else str(number)
+            ending = dice.choice([".jpg", ".jpeg", ".png"])
+            made.add(f"{classes[label]}/{stem}{ending}", number, label)
     if dice.random() < 0.3:
-        (folder / ".ipynb_checkpoints").mkdir()
-        put(folder, ".ipynb_checkpoints/x.jpg", 999)
-    moves = {"free": F, "blocked": L} if is_mapped else {}
-    path = zipped(folder) if dice.random() < 0.3 else folder
-    return Made(path, truth, {"moves": moves})
-
-
-def zipped(folder: Path, name: str | None = None) -> Path:
-    path = folder.with_name(name or f"{folder.name}.zip")
-    with zipfile.ZipFile(path, "w") as archive:
-        for each in sorted(folder.rglob("*")):
-            archive.write(each, each.relative_to(folder))
-    return path
+        put(made.path, ".ipynb_checkpoints/x.jpg", 999)
+    return made.zipped() if dice.random() < 0.3 else made
 
 
 def one_class(dice: random.Random, home: Path) -> Made:
     """Samples of Teachable Machine: one class, named by its zip."""
     label = dice.choice([F, L, R])
-    name = dice.choice(
-        [str(label), str(label).upper(), f"{label} (1)", f"{label}-samples", "Class 1"]
-    )
-    truth: Truth = {}
+    names = [str(label), str(label).upper(), f"{label} (1)", f"{label}-samples", "Class 1"]
+    made = Made(home / "samples", reading={"moves": {"class_1": label}})
     for number in range(dice.randint(3, 12)):
-        put(home / "samples", f"{number}.jpg", number)
-        truth[number] = label
-    path = zipped(home / "samples", f"{name}.zip")
-    return Made(path, truth, {"moves": {"class_1": label}})
+        made.add(f"{number}.jpg", number, label)
+    return made.zipped(f"{dice.choice(names)}.zip")
 
 
 def project(dice: random.Random, home: Path) -> Made:
     """A project of Teachable Machine."""
     names = {F: "Class 1", L: "Left", R: "right"}
-    truth: Truth = {}
+    made = Made(home / "p", reading={"moves": {"class_1": F}})
     for number, label in drive(dice):
-        put(home / "p", f"{names[label]}-!-{number}.jpg", number)
-        truth[number] = label
-    (home / "p/manifest.json").write_text(
-        json.dumps(
-            {"type": "image", "version": "2.4.10", "appdata": {"classes": [*names.values()]}}
-        )
-    )
-    return Made(zipped(home / "p", "lesson.tm"), truth, {"moves": {"class_1": F}})
+        made.add(f"{names[label]}-!-{number}.jpg", number, label)
+    about = {"type": "image", "version": "2.4.10", "appdata": {"classes": [*names.values()]}}
+    made.write("manifest.json", json.dumps(about))
+    return made.zipped("lesson.tm")
 
 
 def table(dice: random.Random, home: Path) -> Made:
     """A table of pictures, with columns of any known name in any order, and any separator."""
-    folder, truth = home / "set", {}
+    made, rows = Made(home / "set"), list[dict[str, str]]()
     kind = dice.choice(["label", "steering", "wheels", "velocity", "numbers"])
     place = dice.choice(["images/", "", "a/b/"])
     said = dice.choice(["", "/home/x/set/", "C:\\Users\\x\\set\\", ".\\", "./"])
     separator = dice.choice([",", ",", ";", "\t"])
-    full = dice.choice([1.0, 100.0, 255.0])
-    lock = dice.choice([1.0, 1.0, 25.0])
+    full, lock = dice.choice([1.0, 100.0, 255.0]), dice.choice([1.0, 1.0, 25.0])
     stamp = dice.choice(["none", "s", "ms", "ns", "date"])
-    names: dict[int, str] = {}
-    rows: list[dict[str, str]] = []
-    reading: dict[str, Any] = {}
+    pictures = ["file", "Image", "filename", "file_name", "cam/image_array", "path"]
     headers = {
-        "picture": dice.choice(
-            ["file", "Image", "filename", "file_name", "cam/image_array", "path"]
-        ),
+        "picture": dice.choice(pictures),
         "label": dice.choice(["label", "Move", "action"]),
         "angle": dice.choice(["angle", "Steering", "steering_angle", "user/angle"]),
         "throttle": dice.choice(["throttle", "user/throttle"]),
         "time": {"s": "time_s", "ms": "time_ms", "ns": "timestamp[ns]"}.get(stamp, "timestamp"),
     }
-    has_throttle = dice.random() < 0.5
-    classes = {F: "0", L: "1", R: "2"}
+    has_throttle, classes = dice.random() < 0.5, {F: "0", L: "1", R: "2"}
     for number, label in drive(dice):
         name = f"{place}img_{number}.{dice.choice(['jpg', 'png'])}"
-        put(folder, name, number)
-        names[number] = name
+        stands = kind == "steering" and has_throttle and dice.random() < 0.15
+        made.add(name, number, None if stands else label)
         row = {headers["picture"]: said + (name.replace("/", "\\") if "\\" in said else name)}
-        truth[number] = label
         angle = angle_of(dice, label)
         if kind == "label":
             row[headers["label"]] = dice.choice([str(label), str(label).upper()])
@@ -185,10 +174,7 @@ def table(dice: random.Random, home: Path) -> Made:
             row[headers["label"]] = classes[label]
         elif kind == "steering":
             row[headers["angle"]] = f"{angle * lock:.4f}"
-            if has_throttle:
-                stands = dice.random() < 0.15
-                row[headers["throttle"]] = "0.0" if stands else "0.4"
-                truth[number] = None if stands else label
+            row |= {headers["throttle"]: "0.0" if stands else "0.4"} if has_throttle else {}
         elif kind == "wheels":
             outer, inner = 0.8, 0.8 if label is F else dice.uniform(0.0, 0.5)
             left, right = (inner, outer) if label is L else (outer, inner)
@@ -196,147 +182,123 @@ def table(dice: random.Random, home: Path) -> Made:
         else:
             row |= {"linear.x": "0.25", "angular.z": f"{-0.7 * angle:.4f}"}
         at_s = 1.7e9 + 0.1 * number
-        row |= {
-            "none": {},
-            "date": {headers["time"]: str(datetime.fromtimestamp(at_s, UTC).replace(tzinfo=None))},
-        }.get(stamp, {headers["time"]: repr(at_s * {"s": 1, "ms": 1e3, "ns": 1e9}.get(stamp, 1))})
+        if stamp == "date":
+            row[headers["time"]] = str(datetime.fromtimestamp(at_s, UTC).replace(tzinfo=None))
+        elif stamp != "none":
+            row[headers["time"]] = repr(at_s * {"s": 1, "ms": 1e3, "ns": 1e9}[stamp])
         rows.append(row)
-    if kind == "numbers":
-        reading["moves"] = {"0": F, "1": L, "2": R}
-    if kind == "steering":
-        reading["full_lock"] = lock
+    made.reading = {"moves": {"0": F, "1": L, "2": R}} if kind == "numbers" else {}
+    made.reading |= {"full_lock": lock} if kind == "steering" else {}
     columns = list(rows[0])
     dice.shuffle(columns)
-    ending = "\r\n" if dice.random() < 0.3 else "\n"
+    if separator == ";" and dice.random() < 0.5:
+        rows = [{name: decimal_comma(cell) for name, cell in row.items()} for row in rows]
     text = io.StringIO(newline="")
-    writer = csv.writer(text, delimiter=separator, lineterminator=ending)
-    writer.writerow(columns)
-    decimal = "," if separator == ";" and dice.random() < 0.5 else "."
-    for row in rows:
-        cells = [row[name] for name in columns]
-        if decimal == ",":
-            cells = [
-                c.replace(".", ",") if c.replace(".", "").lstrip("-").isdigit() else c
-                for c in cells
-            ]
-        writer.writerow(cells)
+    ending = "\r\n" if dice.random() < 0.3 else "\n"
+    writer = csv.DictWriter(text, columns, delimiter=separator, lineterminator=ending)
+    writer.writeheader()
+    writer.writerows(rows)
     bom = "\ufeff" if dice.random() < 0.2 else ""
-    (folder / dice.choice(["data.csv", "metadata.csv", "LABELS.CSV"])).write_text(
-        bom + text.getvalue(), encoding="utf-8", newline=""
-    )
-    return Made(folder, truth, reading, spoil(dice, folder, names))
+    name = dice.choice(["data.csv", "metadata.csv", "LABELS.CSV"])
+    made.write(name, bom + text.getvalue().removesuffix(ending), ending=ending)
+    return made.spoil(dice)
+
+
+def decimal_comma(cell: str) -> str:
+    is_number = cell.replace(".", "").lstrip("-").isdigit()
+    return cell.replace(".", ",") if is_number else cell
 
 
 def udacity(dice: random.Random, home: Path) -> Made:
     """A log of Udacity's simulator, with or without a header line, from another computer."""
-    folder, truth = home / "data", {}
     disk = dice.choice(["", "IMG/", "/home/me/sim/IMG/", "C:\\Users\\me\\Desktop\\IMG\\"])
-    names: dict[int, str] = {}
-    lines = []
+    made, lines = Made(home / "data"), []
     for number, label in drive(dice):
         stamp = datetime.fromtimestamp(1.7e9 + 0.1 * number, UTC)
         tail = f"{stamp:%Y_%m_%d_%H_%M_%S}_{stamp.microsecond // 1000:03d}.jpg"
-        names[number] = f"IMG/center_{tail}"
-        put(folder, names[number], number)
-        for side, wrong in (("left", 100), ("right", 200)):
-            put(folder, f"IMG/{side}_{tail}", wrong + number)
         stands, coasts = dice.random() < 0.15, dice.random() < 0.3
+        made.add(f"IMG/center_{tail}", number, None if stands else label)
+        for side, wrong in (("left", 100), ("right", 200)):
+            put(made.path, f"IMG/{side}_{tail}", wrong + number)
         throttle = 0 if stands or coasts else dice.choice([0.3, 1])
         speed = f"{dice.uniform(0, 1e-4):.6E}" if stands else f"{dice.uniform(3, 30):.5f}"
-        truth[number] = None if stands else label
-        three = dice.choice([", ", ","]).join(
-            f"{disk}{side}_{tail}" for side in ("center", "left", "right")
-        )
-        lines.append(f"{three},{angle_of(dice, label)},{throttle},0,{speed}")
+        three = (f"{disk}{side}_{tail}" for side in ("center", "left", "right"))
+        cells = [*three, angle_of(dice, label), throttle, 0, speed]
+        lines.append(dice.choice([", ", ","]).join(map(str, cells)))
     head = ["center,left,right,steering,throttle,brake,speed"] if dice.random() < 0.5 else []
-    (folder / "driving_log.csv").write_text("\n".join([*head, *lines, ""]))
-    return Made(folder, truth, {}, spoil(dice, folder, names))
+    made.write("driving_log.csv", *head, *lines)
+    return made.spoil(dice)
 
 
 def course(dice: random.Random, home: Path) -> Made:
     """A log of a robot-car course: no header line, and times in the names without final zeros."""
-    folder, truth = home / "DataCollected", {}
-    lines, names = [], {}
     trim = dice.choice([0.0, 0.0, -0.13])
+    made, lines = Made(home / "DataCollected", reading={"trim": trim}), []
     for number, label in drive(dice):
         stamp = str(1.7e9 + 0.05 * number + dice.choice([0, 0.001, 0.000123])).replace(".", "")
-        names[number] = f"IMG0/Image_{stamp}.jpg"
-        put(folder, names[number], number)
+        made.add(f"IMG0/Image_{stamp}.jpg", number, label)
         share = angle_of(dice, label, 0.3)
         angle = trim + share * (1 - trim if share > 0 else 1 + trim)
         lines.append(f"C:\\Users\\me\\DataCollected\\IMG0\\Image_{stamp}.jpg,{angle:.3f}")
-        truth[number] = label
-    (folder / "log_0.csv").write_text("\n".join([*lines, ""]))
-    return Made(folder, truth, {"trim": trim}, spoil(dice, folder, names))
+    made.write("log_0.csv", *lines)
+    return made.spoil(dice)
 
 
 def steered_names(dice: random.Random, home: Path) -> Made:
     """Pictures whose names contain the steering; the dash is a minus sign or a separator."""
-    folder, truth = home / "frames", {}
+    made = Made(home / "frames")
     form = dice.choice(["{:06d}{:.2f}", "{:06d}-{:.2f}", "{:06d}{:+.2f}", "{:06d}_{:.2f}"])
     for number, label in drive(dice):
-        put(folder, form.format(number, angle_of(dice, label)) + ".jpg", number)
-        truth[number] = label
-    return Made(folder, truth)
+        made.add(form.format(number, angle_of(dice, label)) + ".jpg", number, label)
+    return made
 
 
 def openbot(dice: random.Random, home: Path) -> Made:
     """A session of OpenBot, by its own logs or by its notebook's table."""
-    folder, truth = home / "session", {}
-    frames = ["timestamp[ns],frame"]
-    controls = ["timestamp[ns],leftCtrl,rightCtrl"]
-    matched = ["timestamp (frame),time_offset (cmd-frame),frame,left,right,cmd"]
-    matched = ["timestamp,frame,left,right,cmd"] if dice.random() < 0.5 else matched[:1]
-    is_raw, at, last = dice.random() < 0.6, 10**18, None
-    names: dict[int, str] = {}
+    made, at, last = Made(home / "session"), 10**18, None
+    frames, controls = ["timestamp[ns],frame"], ["timestamp[ns],leftCtrl,rightCtrl"]
+    heads = (
+        "timestamp,frame,left,right,cmd",
+        "timestamp (frame),time_offset (cmd-frame),frame,left,right,cmd",
+    )
+    matched, is_raw = [dice.choice(heads)], dice.random() < 0.6
     for number, label in drive(dice):
         at += dice.randint(25, 60) * 10**6
-        names[number] = f"images/{number}_crop.jpeg"
-        put(folder, names[number], number)
+        made.add(f"images/{number}_crop.jpeg", number, label)
         fast, slow = dice.randint(150, 255), dice.randint(0, 90)
         left, right = {F: (fast, fast), L: (slow, fast), R: (fast, slow)}[label]
         if label is not last:
             controls.append(f"{at - 10**6},{left},{right}")
         frames.append(f"{at},{number}")
-        matched.append(f"{at},/home/me/session/{names[number]},{left},{right},0")
-        truth[number], last = label, label
+        matched.append(f"{at},/home/me/session/{made.names[number]},{left},{right},0")
+        last = label
+    raw = {"rgbFrames.txt": frames, "ctrlLog.txt": controls}
     ending = dice.choice(["\n", "\r\n"])
-    logs = folder / "sensor_data"
-    logs.mkdir()
-    files = {"rgbFrames.txt": frames, "ctrlLog.txt": controls}
-    if not is_raw:
-        files = {"matched_frame_ctrl_cmd_processed.txt": matched}
-    for name, lines in files.items():
-        (logs / name).write_text(ending.join([*lines, ""]), newline="")
-    bad = spoil(dice, folder, names)
-    return Made(zipped(folder) if dice.random() < 0.3 else folder, truth, {}, bad)
+    for name, lines in (
+        raw if is_raw else {"matched_frame_ctrl_cmd_processed.txt": matched}
+    ).items():
+        made.write(f"sensor_data/{name}", *lines, ending=ending)
+    made.spoil(dice)
+    return made.zipped() if dice.random() < 0.3 else made
 
 
 def tub_of_version_1(dice: random.Random, home: Path) -> Made:
     """A tub of version 1, with any of its three times, missing pictures, and other drivers."""
-    folder, truth = home / "tub", {}
-    clock = dice.choice(["milliseconds", "timestamp", "none"])
-    names: dict[int, str] = {}
+    made, clock = Made(home / "tub"), dice.choice(["milliseconds", "timestamp", "none"])
     for number, label in drive(dice):
-        names[number] = f"{number}_cam-image_array_.jpg"
-        put(folder, names[number], number)
-        mode = dice.choice(["user", "user", "user", "local"])
-        record = {
-            "cam/image_array": names[number],
-            "user/angle": angle_of(dice, label),
-            "user/throttle": 0.3,
-            "user/mode": mode,
-        }
-        if clock == "milliseconds":
-            record[clock] = 50 * number
-        elif clock == "timestamp":
-            record[clock] = str(
-                datetime.fromtimestamp(1.5e9 + 0.05 * number, UTC).replace(tzinfo=None)
-            )
-        (folder / f"record_{number}.json").write_text(json.dumps(record))
-        truth[number] = label if mode == "user" else None
-    put(folder, "9999_cam-image_array_.jpg", 999)
-    return Made(folder, truth, {}, spoil(dice, folder, names))
+        name, mode = (
+            f"{number}_cam-image_array_.jpg",
+            dice.choice(["user", "user", "user", "local"]),
+        )
+        made.add(name, number, label if mode == "user" else None)
+        record = {"cam/image_array": name, "user/angle": angle_of(dice, label)}
+        record |= {"user/throttle": 0.3, "user/mode": mode}
+        at = datetime.fromtimestamp(1.5e9 + 0.05 * number, UTC).replace(tzinfo=None)
+        times = {"milliseconds": 50 * number, "timestamp": str(at)}
+        record |= {clock: times[clock]} if clock != "none" else {}
+        made.write(f"record_{number}.json", json.dumps(record))
+    put(made.path, "9999_cam-image_array_.jpg", 999)
+    return made.spoil(dice)
 
 
 MAKERS: dict[str, Callable[[random.Random, Path], Made]] = {
@@ -356,7 +318,8 @@ def ros_bag(dice: random.Random, home: Path) -> Made:
     from rosbags.rosbag2 import Writer as Writer2
     from rosbags.typesys import Stores, get_typestore
 
-    is_first, truth = dice.random() < 0.4, {}
+    is_first = dice.random() < 0.4
+    made = Made(home / ("drive.bag" if is_first else "drive"))
     store = get_typestore(Stores.ROS1_NOETIC if is_first else Stores.ROS2_HUMBLE)
     types = store.types
     raw, is_stamped = dice.choice(["", "", "rgb8", "bgr8", "mono8"]), dice.random() < 0.4
@@ -367,59 +330,51 @@ def ros_bag(dice: random.Random, home: Path) -> Made:
         return types["std_msgs/msg/Header"](stamp=stamp, frame_id="camera", **more)
 
     def image(number: int, at_ns: int) -> tuple[str, Any]:
+        packed = np.frombuffer(picture(number, ".png" if raw else ".jpg"), np.uint8)
+        kind = "sensor_msgs/msg/CompressedImage"
         if not raw:
-            kind = "sensor_msgs/msg/CompressedImage"
-            data = np.frombuffer(picture(number), np.uint8)
-            return kind, types[kind](header=header(at_ns), format="jpeg", data=data)
-        pixels = cv2.imdecode(np.frombuffer(picture(number, ".png"), np.uint8), cv2.IMREAD_COLOR)
-        pixels = pixels[:, :, 0] if raw == "mono8" else pixels[:, :, :: -1 if raw == "rgb8" else 1]
-        kind, channels = "sensor_msgs/msg/Image", 1 if raw == "mono8" else 3
-        return kind, types[kind](
-            header=header(at_ns),
-            height=8,
-            width=72,
-            encoding=raw,
-            is_bigendian=0,
-            step=72 * channels,
-            data=np.ascontiguousarray(pixels).reshape(-1),
-        )
+            return kind, types[kind](header=header(at_ns), format="jpeg", data=packed)
+        pixels = cv2.imdecode(packed, cv2.IMREAD_COLOR)
+        pixels = pixels[:, :, :1] if raw == "mono8" else pixels[:, :, :: -1 if raw == "rgb8" else 1]
+        height, width, channels = pixels.shape
+        sides = {"height": height, "width": width, "step": width * channels, "is_bigendian": 0}
+        data, kind = np.ascontiguousarray(pixels).reshape(-1), "sensor_msgs/msg/Image"
+        return kind, types[kind](header=header(at_ns), encoding=raw, data=data, **sides)
 
     def order(label: Action, at_ns: int) -> tuple[str, Any]:
-        vector = types["geometry_msgs/msg/Vector3"]
-        turn = -0.7 * angle_of(dice, label)
-        linear = vector(x=dice.uniform(0.1, 0.6), y=0.0, z=0.0)
-        twist = types["geometry_msgs/msg/Twist"](
-            linear=linear, angular=vector(x=0.0, y=0.0, z=turn)
-        )
+        vector, kind = types["geometry_msgs/msg/Vector3"], "geometry_msgs/msg/Twist"
+        turn = vector(x=0.0, y=0.0, z=-0.7 * angle_of(dice, label))
+        twist = types[kind](linear=vector(x=dice.uniform(0.1, 0.6), y=0.0, z=0.0), angular=turn)
         if not is_stamped:
-            return "geometry_msgs/msg/Twist", twist
-        kind = "geometry_msgs/msg/TwistStamped"
-        return kind, types[kind](header=header(at_ns), twist=twist)
+            return kind, twist
+        return f"{kind}Stamped", types[f"{kind}Stamped"](header=header(at_ns), twist=twist)
 
     at_ns, last, messages = 1_700_000_000 * 10**9, None, []
     for number, label in drive(dice):
         at_ns += dice.randint(30, 90) * 10**6
         if number == 0 and dice.random() < 0.3:
-            truth[500] = None  # there was no command yet
+            made.truth[500] = None  # there was no command yet
             messages.append(("/camera/image", at_ns - 2 * 10**6, *image(500, at_ns)))
         if label is not last or dice.random() < 0.5:
             messages.append(("/cmd_vel", at_ns - 10**6, *order(label, at_ns)))
         messages.append(("/camera/image", at_ns, *image(number, at_ns)))
-        truth[number], last = label, label
-    path = home / ("drive.bag" if is_first else "drive")
+        made.truth[number], last = label, label
     plugin = dice.choice([StoragePlugin.SQLITE3, StoragePlugin.MCAP])
-    writer: Any = Writer1(path) if is_first else Writer2(path, version=9, storage_plugin=plugin)
+    writer: Any = (
+        Writer1(made.path) if is_first else Writer2(made.path, version=9, storage_plugin=plugin)
+    )
     with writer:
+        kinds = {topic: kind for topic, _, kind, _ in messages}
         connections = {
             topic: writer.add_connection(topic, kind, typestore=store)
-            for topic, kind in {topic: kind for topic, _, kind, _ in messages}.items()
+            for topic, kind in kinds.items()
         }
+        write = store.serialize_ros1 if is_first else store.serialize_cdr
         for topic, at, kind, message in messages:
-            write = store.serialize_ros1 if is_first else store.serialize_cdr
             writer.write(connections[topic], at, write(message, kind))
     if not is_first and dice.random() < 0.5:
-        path = next(each for each in path.iterdir() if each.suffix in (".db3", ".mcap"))
-    return Made(path, truth)
+        made.path = next(each for each in made.path.iterdir() if each.suffix in (".db3", ".mcap"))
+    return made
 
 
 def lerobot_rover(dice: random.Random, home: Path) -> Made:
@@ -427,7 +382,7 @@ def lerobot_rover(dice: random.Random, home: Path) -> Made:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    folder, truth, rows = home / "set", {}, []
+    made, rows = Made(home / "set"), []
     body = dice.choice(["lekiwi", "earthrover", "car"])
     names: Any = {
         "lekiwi": ["arm_gripper.pos", "x.vel", "y.vel", "theta.vel"],
@@ -435,14 +390,13 @@ def lerobot_rover(dice: random.Random, home: Path) -> Made:
         "car": {"throttle": 1, "steering": 0},
     }[body]
     for number, label in drive(dice):
-        angle = angle_of(dice, label)
-        stands = dice.random() < 0.1
+        angle, goes = angle_of(dice, label), float(dice.random() >= 0.1)
         action = {
-            "lekiwi": [50.0, 0.0 if stands else 0.2, 0.0, 0.0 if stands else -60 * angle],
-            "earthrover": [0.0 if stands else 1.0, 0.0 if stands else -angle],
-            "car": [angle, 0.0 if stands else 0.4],
+            "lekiwi": [50.0, 0.2 * goes, 0.0, -60 * angle * goes],
+            "earthrover": [goes, -angle * goes],
+            "car": [angle, 0.4 * goes],
         }[body]
-        truth[number] = None if stands else label
+        made.truth[number] = label if goes else None
         near, far = ({"bytes": picture(n), "path": None} for n in (number, 300 + number))
         row = {"action": action, "timestamp": number / 10, "frame_index": number}
         rows.append({**row, "episode_index": 0, "front_depth": far, "wrist": near})
@@ -454,11 +408,10 @@ def lerobot_rover(dice: random.Random, home: Path) -> Made:
         "action": {"dtype": "float32", "shape": [len(names)], "names": names},
     }
     info = {"codebase_version": "v3.0", "fps": 10, "robot_type": body, "features": features}
-    for path in (folder / "meta", folder / "data/chunk-000"):
-        path.mkdir(parents=True)
-    (folder / "meta/info.json").write_text(json.dumps(info))
-    pq.write_table(pa.Table.from_pylist(rows), folder / "data/chunk-000/file-000.parquet")
-    return Made(folder, truth)
+    (made.path / "data/chunk-000").mkdir(parents=True)
+    made.write("meta/info.json", json.dumps(info))
+    pq.write_table(pa.Table.from_pylist(rows), made.path / "data/chunk-000/file-000.parquet")
+    return made
 
 
 MAKERS |= {"ros_bag": ros_bag, "lerobot_rover": lerobot_rover}

@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import random
 import shutil
 import tarfile
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
-import cv2
-import numpy as np
 import pytest
 
 from robot.errors import RecordingError
@@ -21,169 +15,125 @@ from robot.exchange.sources import unpacked
 from robot.recordings.episode import open_episode
 from robot.types import Action
 from tests.kit.sizes import size
-from tests.robot.exchange.imported import drive_at, taught_labels
+
+from .imported import drive_at, taught_labels
+from .tubs import Record, jpeg, tub_1, tub_2
 
 TUBS = size("TUBS", 12, 500)
 LABELS = {-0.7: Action.LEFT, 0.0: Action.FORWARD, 0.6: Action.RIGHT}
-
-
-def picture(number: int) -> bytes:
-    pixels = np.random.default_rng(number).integers(0, 256, (12, 16, 3), dtype=np.uint8)
-    return cv2.imencode(".jpg", pixels)[1].tobytes()
-
-
-@dataclass
-class Tub:
-    """A tub before it is written, and its true content."""
-
-    dice: random.Random
-    records: list[dict[str, Any]] = field(default_factory=list)
-    pictures: dict[int, bytes | None] = field(default_factory=dict)
-    truth: dict[int, Action | None] = field(default_factory=dict)
-    """The label of each intact record."""
-    catalogs: list[str] = field(default_factory=list)
-    lines: dict[str, bytes] = field(default_factory=dict)
-    manifest: bytes | None = b""
-    is_first: bool = False
-
-    def spoil(self, number: int) -> None:
-        self.truth.pop(number, None)
-
-
-def whole_tub(dice: random.Random, *, is_first: bool) -> Tub:
-    tub = Tub(dice, is_first=is_first)
-    for number in range(dice.randint(6, 30)):
-        angle = dice.choice(list(LABELS))
-        tub.records.append(
-            {
-                "_index": number,
-                "_timestamp_ms": 1_600_000_000_000 + 50 * number,
-                "cam/image_array": f"{number}_cam_image_array_.jpg",
-                "user/angle": angle,
-                "user/throttle": 0.4,
-                "user/mode": "user",
-            }
-        )
-        tub.pictures[number] = picture(number)
-        tub.truth[number] = LABELS[angle]
-    return tub
+PICTURE = "{}_cam_image_array_.jpg"
+Truth = dict[int, Action | None]
+"""The label of each intact record."""
 
 
 # On records, before they are written
 
 
-def bad_pictures(tub: Tub) -> None:
-    number = tub.dice.randrange(len(tub.records))
-    whole = picture(number)
-    tub.pictures[number] = tub.dice.choice(
-        [None, b"", whole[:-1], whole[: len(whole) // 2], whole[:99] + bytes(len(whole)), b"GIF89a"]
-    )
-    tub.spoil(number)
-
-
-def bad_numbers(tub: Tub) -> None:
-    number = tub.dice.randrange(len(tub.records))
+def bad_number(dice: random.Random, records: list[Record], truth: Truth) -> None:
+    number = dice.randrange(len(records))
     bad = [None, float("nan"), float("inf"), -float("inf"), "left", True, [], {}, 37.0, 10**400, ""]
-    tub.records[number][tub.dice.choice(["user/angle", "user/throttle"])] = tub.dice.choice(bad)
-    tub.spoil(number)
+    records[number][dice.choice(["user/angle", "user/throttle"])] = dice.choice(bad)
+    truth.pop(number, None)
 
 
-def no_angle(tub: Tub) -> None:
-    number = tub.dice.randrange(len(tub.records))
-    del tub.records[number]["user/angle"]
-    tub.spoil(number)
+def no_angle(dice: random.Random, records: list[Record], truth: Truth) -> None:
+    number = dice.randrange(len(records))
+    records[number].pop("user/angle", None)
+    truth.pop(number, None)
 
 
-def autopilot(tub: Tub) -> None:
-    first = tub.dice.randrange(len(tub.records))
-    mode = tub.dice.choice(["local", "local_angle", "pilot", "auto", None, 7])
-    for number in range(first, len(tub.records)):
-        tub.records[number].update({"user/mode": mode, "user/angle": 0, "user/throttle": 0.4})
-        if number in tub.truth:
-            tub.truth[number] = None
+def autopilot(dice: random.Random, records: list[Record], truth: Truth) -> None:
+    mode = dice.choice(["local", "local_angle", "pilot", "auto", None, 7])
+    for number in range(dice.randrange(len(records)), len(records)):
+        records[number] |= {"user/mode": mode, "user/angle": 0, "user/throttle": 0.4}
+        if number in truth:
+            truth[number] = None
 
 
-def moved(tub: Tub) -> None:
-    home = tub.dice.choice(["/home/pi/mycar/data/images/", "C:\\cars\\data\\images\\"])
-    for record in tub.records:
-        if isinstance(record["cam/image_array"], str):
-            record["cam/image_array"] = home + record["cam/image_array"]
+def moved(dice: random.Random, records: list[Record], truth: Truth) -> None:
+    home = dice.choice(["/home/pi/mycar/data/images/", "C:\\cars\\data\\images\\"])
+    for number, record in enumerate(records):
+        record["cam/image_array"] = home + PICTURE.format(number)
 
 
-def strange_times(tub: Tub) -> None:
-    for record in tub.records[tub.dice.randrange(len(tub.records)) :]:
+def strange_times(dice: random.Random, records: list[Record], truth: Truth) -> None:
+    for record in records[dice.randrange(len(records)) :]:
         strange = [0, None, "x", -5, float("nan"), 10**30, 1_600_000_000_000, 1e12, True]
-        record["_timestamp_ms"] = tub.dice.choice(strange)
+        record["_timestamp_ms"] = dice.choice(strange)
 
 
-# On the text of catalogs and manifest (version 2)
+# On the files of a tub, which may be damaged already; `count` is the number of its records
 
 
-def any_catalog(tub: Tub) -> tuple[str, list[int]]:
-    place = tub.dice.randrange(len(tub.catalogs))
-    return tub.catalogs[place], list(range(10 * place, min(10 * place + 10, len(tub.records))))
+def bad_picture(dice: random.Random, tub: Path, truth: Truth, count: int) -> None:
+    path = dice.choice(sorted(tub.rglob("*.jpg")))
+    whole, number = path.read_bytes(), int(path.name.partition("_")[0])
+    cut = whole[: len(whole) // 2]
+    path.write_bytes(dice.choice([b"", whole[:-1], cut, whole[:99] + bytes(len(whole)), b"GIF89a"]))
+    if dice.random() < 0.2:
+        path.unlink()
+    truth.pop(number, None)
 
 
-def lost_catalog(tub: Tub) -> None:
-    name, numbers = any_catalog(tub)
-    tub.lines.pop(name, None)
+def a_catalog(dice: random.Random, tub: Path, count: int) -> tuple[Path, list[int]]:
+    """Return a catalog, and the numbers of its records."""
+    first = 10 * dice.randrange((count + 9) // 10)
+    return tub / f"catalog_{first // 10}.catalog", list(range(first, min(first + 10, count)))
+
+
+def lost_catalog(dice: random.Random, tub: Path, truth: Truth, count: int) -> None:
+    path, numbers = a_catalog(dice, tub, count)
+    path.unlink(missing_ok=True)
     for number in numbers:
-        tub.spoil(number)
+        truth.pop(number, None)
 
 
-def cut_line(tub: Tub) -> None:
-    name, numbers = any_catalog(tub)
-    lines = tub.lines.get(name, b"").splitlines(keepends=True)
+def cut_line(dice: random.Random, tub: Path, truth: Truth, count: int) -> None:
+    path, numbers = a_catalog(dice, tub, count)
+    lines = path.read_bytes().splitlines(keepends=True) if path.exists() else []
     if len(lines) == len(numbers):  # no line break is lost yet
-        place = tub.dice.randrange(len(lines))
-        ending = tub.dice.choice([b"", b"\n", bytes(50), b"\xff\xfe\n"])
-        lines[place] = lines[place][: tub.dice.randint(1, len(lines[place]) - 3)] + ending
-        tub.lines[name] = b"".join(lines)
-        tub.spoil(numbers[place])
+        place = dice.randrange(len(lines))
+        ending = dice.choice([b"", b"\n", bytes(50), b"\xff\xfe\n"])
+        lines[place] = lines[place][: dice.randint(1, len(lines[place]) - 3)] + ending
+        path.write_bytes(b"".join(lines))
+        truth.pop(numbers[place], None)
 
 
-def lost_line_breaks(tub: Tub) -> None:
-    name, _ = any_catalog(tub)
-    if name in tub.lines:
-        tub.lines[name] = tub.lines[name].replace(b"\n", b"")
+def lost_line_breaks(dice: random.Random, tub: Path, truth: Truth, count: int) -> None:
+    path, _ = a_catalog(dice, tub, count)
+    if path.exists():
+        path.write_bytes(path.read_bytes().replace(b"\n", b""))
 
 
-def spoilt_manifest(tub: Tub) -> None:
-    text = tub.manifest or b"\n" * 5
+def spoilt_manifest(dice: random.Random, tub: Path, truth: Truth, count: int) -> None:
+    path = tub / "manifest.json"
+    text = path.read_bytes() if path.exists() else b"\n" * 5
     deleted = text.replace(b'"deleted_indexes": []', b'"deleted_indexes": null')
     moved = text.replace(b'"catalog_', b'"/home/pi/mycar/data/catalog_')
-    cut = text[: tub.dice.randrange(len(text))]
-    tub.manifest = tub.dice.choice([None, b"", b"\0" * 90, cut, deleted, moved, b"[]\n" * 5])
+    cut = text[: dice.randrange(len(text) + 1)]
+    path.write_bytes(dice.choice([b"", b"\0" * 90, cut, deleted, moved, b"[]\n" * 5]))
+    if dice.random() < 0.15:
+        path.unlink()
 
 
-ON_RECORDS = [bad_pictures, bad_numbers, no_angle, autopilot, moved, strange_times]
-ON_TEXT = [lost_catalog, cut_line, lost_line_breaks, spoilt_manifest]
+ON_RECORDS = [bad_number, no_angle, autopilot, moved, strange_times]
+ON_FILES = [bad_picture, lost_catalog, cut_line, lost_line_breaks, spoilt_manifest]
 
 
-def write(tub: Tub, folder: Path, damages: list[Callable[[Tub], None]]) -> None:
-    images = folder if tub.is_first else folder / "images"
-    images.mkdir(parents=True)
-    for number, data in tub.pictures.items():
-        if data is not None:
-            (images / f"{number}_cam_image_array_.jpg").write_bytes(data)
-    if tub.is_first:
-        for number, record in enumerate(tub.records):
-            (folder / f"record_{number}.json").write_text(json.dumps(record))
-        return
-    for start in range(0, len(tub.records), 10):
-        name = f"catalog_{start // 10}.catalog"
-        tub.catalogs.append(name)
-        text = "".join(json.dumps(record) + "\n" for record in tub.records[start : start + 10])
-        tub.lines[name] = text.encode()
-    catalogs = {"paths": tub.catalogs, "current_index": len(tub.records), "deleted_indexes": []}
-    lines = [["cam/image_array"], ["image_array"], {}, {}, catalogs]
-    tub.manifest = "".join(json.dumps(line) + "\n" for line in lines).encode()
-    for damage in damages:
-        damage(tub)
-    for name, data in tub.lines.items():
-        (folder / name).write_bytes(data)
-    if tub.manifest is not None:
-        (folder / "manifest.json").write_bytes(tub.manifest)
+def damaged_tub(dice: random.Random, folder: Path) -> Truth:
+    """Write a tub with some faults, and return its true content."""
+    angles = dice.choices(list(LABELS), k=dice.randint(6, 30))
+    drive = {"user/throttle": 0.4, "user/mode": "user"}
+    records, truth = [{"user/angle": angle, **drive} for angle in angles], Truth()
+    truth |= {number: LABELS[angle] for number, angle in enumerate(angles)}
+    is_first = dice.random() < 0.25
+    for spoil in dice.choices(ON_RECORDS, k=dice.randint(0, 3)):
+        spoil(dice, records, truth)
+    (tub_1 if is_first else tub_2)(folder, records)
+    kinds = ON_FILES[:1] if is_first else ON_FILES
+    for spoil_files in dice.choices(kinds, k=dice.randint(0, 2)):
+        spoil_files(dice, folder, truth, len(records))
+    return truth
 
 
 def packed(folder: Path, dice: random.Random) -> Path:
@@ -200,15 +150,11 @@ def packed(folder: Path, dice: random.Random) -> Path:
 
 def test_of_any_damaged_tub_what_is_whole_is_taken_and_nothing_wrong(tmp_path: Path) -> None:
     whole = kept = wrong = 0
-    numbers = {picture(number): number for number in range(30)}
+    numbers = {jpeg(number): number for number in range(30)}
     for seed in range(TUBS):
-        dice = random.Random(seed)
-        tub = whole_tub(dice, is_first=dice.random() < 0.25)
-        for damage in dice.choices(ON_RECORDS, k=dice.randint(0, 3)):
-            damage(tub)
-        home = tmp_path / str(seed)
-        write(tub, home / "drives/tub", dice.choices(ON_TEXT, k=dice.randint(0, 2)))
-        found: dict[int, Action | None] = {}
+        dice, home = random.Random(seed), tmp_path / str(seed)
+        truth = damaged_tub(dice, home / "drives/tub")
+        found: Truth = {}
         with unpacked(packed(home / "drives/tub", dice), home, ImportReport()) as path:
             try:
                 drive = drive_at(path)
@@ -221,11 +167,11 @@ def test_of_any_damaged_tub_what_is_whole_is_taken_and_nothing_wrong(tmp_path: P
                 found = {numbers[episode.frame(i).data]: labels.get(i) for i in episode.frames}
                 times_s = [entry.captured_s for entry in episode.frames.values()]
                 assert times_s == sorted(set(times_s)) and episode.duration_s < 100
-                told = len(found) + len(drive.report.skipped) >= len(tub.truth)
+                told = len(found) + len(drive.report.skipped) >= len(truth)
                 assert told, drive.report.lines()
-        whole += len(tub.truth)
-        kept += len(found.keys() & tub.truth.keys())
-        wrong += sum(label is not None and label != tub.truth.get(n) for n, label in found.items())
+        whole += len(truth)
+        kept += len(found.keys() & truth.keys())
+        wrong += sum(label is not None and label != truth.get(n) for n, label in found.items())
         shutil.rmtree(home)
     print(f"{TUBS} damaged tubs: {kept} of {whole} whole examples kept, {wrong} wrong labels")
     assert whole > 5 * TUBS and kept >= 0.99 * whole and wrong == 0
@@ -233,8 +179,8 @@ def test_of_any_damaged_tub_what_is_whole_is_taken_and_nothing_wrong(tmp_path: P
 
 @pytest.mark.parametrize("ending", ["", "\n"])
 def test_the_last_row_of_a_table_that_was_cut_is_not_believed(tmp_path: Path, ending: str) -> None:
-    (tmp_path / "a.jpg").write_bytes(picture(1))
-    (tmp_path / "b.jpg").write_bytes(picture(2))
+    (tmp_path / "a.jpg").write_bytes(jpeg(1))
+    (tmp_path / "b.jpg").write_bytes(jpeg(2))
     (tmp_path / "t.csv").write_text("file,angle\na.jpg,0.9\nb.jpg,-0" + ending)
     report = ImportReport()
     assert len(list(drive_at(tmp_path, report=report).shots)) == (2 if ending else 1)

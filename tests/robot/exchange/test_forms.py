@@ -21,40 +21,29 @@ from robot.recordings.messages import Topic
 from robot.types import Action
 
 from .imported import drive_at, taught_labels
-from .made import MAKERS, Made, number_of, put
+from .made import MAKERS, number_of, put
 from .sim_drive import drive_in_simulator
 
 VARIANTS = int(os.environ.get("DRIVELESSON_FORMS", 30 if "DRIVELESSON_FULL" in os.environ else 3))
 
 
-def came_in(made: Made, home: Path, report: ImportReport) -> dict[int, str | None]:
-    """Import the generated drive; return the label of each imported picture."""
-    target = home / "got.mcap"
-    with unpacked(made.path, home, report) as path:
-        [source] = find_drives(path)
-        write_episode(source.read(Reading(**made.reading), report), target)
-    episode = open_episode(target)
-    labels = taught_labels(episode)
-    times_s = [entry.captured_s for entry in episode.frames.values()]
-    assert times_s == sorted(set(times_s))
-    return {number_of(episode.frame(i)): labels.get(i) for i in episode.frames}
-
-
 @pytest.mark.parametrize("form", MAKERS)
 def test_each_variant_of_a_form_comes_in_right(form: str, tmp_path: Path) -> None:
-    wrong = []
     for seed in range(VARIANTS):
-        home = tmp_path / str(seed)
+        home, report = tmp_path / str(seed), ImportReport()
         home.mkdir()
         made = MAKERS[form](random.Random(f"{form} {seed}"), home)
-        report = ImportReport()
-        found = came_in(made, home, report)
+        with unpacked(made.path, home, report) as path:
+            [source] = find_drives(path)
+            write_episode(source.read(Reading(**made.reading), report), home / "got.mcap")
+        episode = open_episode(home / "got.mcap")
+        labels = taught_labels(episode)
+        times_s = [entry.captured_s for entry in episode.frames.values()]
+        assert times_s == sorted(set(times_s))
+        found = {number_of(episode.frame(i)): labels.get(i) for i in episode.frames}
         true = {number: label for number, label in made.truth.items() if number not in made.damaged}
-        if found != true:
-            wrong.append((seed, found, true, report.lines()))
+        assert found == true, (seed, report.lines())
         shutil.rmtree(home)
-    print(f"{form}: {VARIANTS} variants, {len(wrong)} wrong")
-    assert not wrong
 
 
 def table_of(folder: Path, text: str, *names: str) -> Path:

@@ -65,43 +65,39 @@ class Dataset:
     info: dict[str, Any] = field(default_factory=dict)
 
     def write(self, folder: Path) -> None:
-        at = 0
-        table_rows: list[dict[str, Any]] = []
-        rows: list[dict[str, Any]] = []
-        films: list[list[np.ndarray[Any, Any]]] = []
+        """Write data, films and descriptions: a file for each episode (v2), or one for all (v3)."""
+        listed, files, at = [], list[list[dict[str, Any]]](), 0
         for index, frames in enumerate(self.episodes):
-            pictures = [drawn(frame["number"]) for frame in frames]
-            plain = [{k: v for k, v in f.items() if k != "number"} for f in frames]
-            for frame, picture in zip(plain, pictures, strict=True):
-                if not self.has_films:
-                    frame[CAMERA] = {"bytes": to_jpeg(picture).data, "path": None}
             row = {"episode_index": index, "length": len(frames), "tasks": ["drive"]}
             if self.is_v3:
-                begin_s = at / 10
                 row |= {"data/chunk_index": 0, "data/file_index": 0}
                 row |= {f"videos/{CAMERA}/{n}_index": 0 for n in ("chunk", "file")}
-                row |= {f"videos/{CAMERA}/from_timestamp": begin_s}
-                rows += plain
-            else:
-                write_rows(plain, folder / f"data/chunk-000/episode_{index:06d}.parquet")
-                films.append(pictures)
-            table_rows.append(row)
+                row |= {f"videos/{CAMERA}/from_timestamp": at / 10}
+            listed.append(row)
             at += len(frames)
-        if self.is_v3:
-            write_rows(rows, folder / "data/chunk-000/file-000.parquet")
-            write_rows(table_rows, folder / "meta/episodes/chunk-000/file-000.parquet")
-            numbers = (f["number"] for frames in self.episodes for f in frames)
-            films = [[drawn(number) for number in numbers]]
-        name = "{video_key}/chunk-000/file-000" if self.is_v3 else "chunk-000/{video_key}/episode_"
-        for index, pictures in enumerate(films if self.has_films else []):
-            path = folder / "videos" / name.replace("{video_key}", CAMERA)
-            path = path.with_name(path.name + ("" if self.is_v3 else f"{index:06d}") + ".mp4")
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write_film(pictures, path, 10, key_every=2)
-        (folder / "meta").mkdir(exist_ok=True)
+            if self.is_v3 and files:
+                files[0] += frames
+            else:
+                files.append(list(frames))
+        name = "file-{:03d}" if self.is_v3 else "episode_{:06d}"
+        for index, frames in enumerate(files):
+            pictures = [drawn(frame["number"]) for frame in frames]
+            plain = [{k: v for k, v in frame.items() if k != "number"} for frame in frames]
+            if self.has_films:
+                place = f"{CAMERA}/chunk-000" if self.is_v3 else f"chunk-000/{CAMERA}"
+                path = folder / "videos" / place / f"{name.format(index)}.mp4"
+                path.parent.mkdir(parents=True, exist_ok=True)
+                write_film(pictures, path, 10, key_every=2)
+            else:
+                for row, picture in zip(plain, pictures, strict=True):
+                    row[CAMERA] = {"bytes": to_jpeg(picture).data, "path": None}
+            write_rows(plain, folder / "data/chunk-000" / f"{name.format(index)}.parquet")
+        (folder / "meta").mkdir()
         (folder / "meta/info.json").write_text(json.dumps(self.info))
-        if not self.is_v3:
-            lines = "".join(json.dumps(row) + "\n" for row in table_rows)
+        if self.is_v3:
+            write_rows(listed, folder / "meta/episodes/chunk-000/file-000.parquet")
+        else:
+            lines = "".join(json.dumps(row) + "\n" for row in listed)
             (folder / "meta/episodes.jsonl").write_text(lines)
 
 
@@ -112,22 +108,13 @@ def write_rows(rows: list[dict[str, Any]], path: Path) -> None:
 
 def whole(dice: random.Random, *, is_v3: bool, has_films: bool) -> Dataset:
     made = Dataset(dice, is_v3, has_films)
-    number = 0
     for index in range(dice.randint(1, 3)):
         frames = []
         for n in range(dice.randint(4, 12)):
-            angle = dice.choice(list(ANGLES))
+            angle, number = dice.choice(list(ANGLES)), len(made.truth)
             made.truth[number] = ANGLES[angle]
-            frames.append(
-                {
-                    "number": number,
-                    "action": [angle, 0.5],
-                    "timestamp": n / 10,
-                    "frame_index": n,
-                    "episode_index": index,
-                }
-            )
-            number += 1
+            frame = {"number": number, "action": [angle, 0.5], "timestamp": n / 10}
+            frames.append({**frame, "frame_index": n, "episode_index": index})
         made.episodes.append(frames)
     shape = [2 * _BLOCK_PX, _BITS * _BLOCK_PX, 3]
     kind = "video" if has_films else "image"
@@ -135,21 +122,15 @@ def whole(dice: random.Random, *, is_v3: bool, has_films: bool) -> Dataset:
         "action": {"dtype": "float32", "shape": [2], "names": ["steering", "throttle"]},
         CAMERA: {"dtype": kind, "shape": shape, "names": ["height", "width", "channels"]},
     }
-    of_v3 = (
-        "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
-        "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4",
-    )
-    of_v2 = (
-        "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet",
-        "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4",
-    )
-    data_path, video_path = of_v3 if is_v3 else of_v2
+    place = "chunk-{chunk_index:03d}" if is_v3 else "chunk-{episode_chunk:03d}"
+    name = "file-{file_index:03d}" if is_v3 else "episode_{episode_index:06d}"
+    films = f"{{video_key}}/{place}" if is_v3 else f"{place}/{{video_key}}"
     made.info = {
         "codebase_version": "v3.0" if is_v3 else "v2.1",
         "fps": 10,
         "features": made.features,
-        "data_path": data_path,
-        "video_path": video_path if has_films else None,
+        "data_path": f"data/{place}/{name}.parquet",
+        "video_path": f"videos/{films}/{name}.mp4" if has_films else None,
         "chunks_size": 1000,
     }
     return made
@@ -245,14 +226,8 @@ def describe_nothing(folder: Path, made: Dataset) -> None:
     forget(made, None)
 
 
-AFTER = [
-    lose_a_film,
-    lose_data,
-    lose_the_list,
-    lead_out,
-    describe_what_is_not_there,
-    describe_nothing,
-]
+AFTER = [lose_a_film, lose_data, lose_the_list, lead_out]
+AFTER += [describe_what_is_not_there, describe_nothing]
 
 
 def forget(made: Dataset, episode: int | None) -> None:
@@ -312,24 +287,22 @@ def episode(tmp_path_factory: pytest.TempPathFactory) -> Episode:
     return open_episode(drive_in_simulator(tmp_path_factory.mktemp("sim"), "default-8").path)
 
 
+def corrections(one: Episode) -> int:
+    return sum(event.example.is_intervention for _, event in one.events)  # type: ignore[union-attr]
+
+
 def test_an_export_comes_back_with_its_labels_and_corrections(
     episode: Episode, tmp_path: Path
 ) -> None:
-    ids = list(episode.frames)
+    ids, given = list(episode.frames), taught_labels(episode)
     backward = Edit(verb="relabel", ranges=((ids[20], ids[29]),), label=Action.BACKWARD)
     write_lerobot([(episode, Notes(edits=(backward,)))], tmp_path / "set")
     [(back, report)] = imported(tmp_path / "set", tmp_path)
-    given, got = taught_labels(episode), taught_labels(back)
     wanted = [given.get(frame_id) for frame_id in ids]
     wanted[20:30] = [Action.BACKWARD] * 10
-    assert [got.get(frame_id) for frame_id in back.frames] == wanted
-    assert (
-        None in wanted and report.skipped == [] and "the pilot did not drive" in report.lines()[0]
-    )
-
-    def corrections(one: Episode) -> int:
-        return sum(event.example.is_intervention for _, event in one.events)  # type: ignore[union-attr]
-
+    got = taught_labels(back)
+    assert [got.get(frame_id) for frame_id in back.frames] == wanted and None in wanted
+    assert report.skipped == [] and "the pilot did not drive" in report.lines()[0]
     assert corrections(back) == corrections(episode) > 0
 
 

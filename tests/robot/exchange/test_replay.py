@@ -35,19 +35,13 @@ def play(camera: ReplayCamera, count: int) -> list[Frame]:
     return frames
 
 
-def test_it_plays_the_very_bytes_and_begins_again(tmp_path: Path) -> None:
-    path = write_footage(tmp_path / "hall_A.npz", n_frames=3, period_s=0.01)
-    camera = ReplayCamera(ReplayCameraOptions(recording=str(path)), VirtualClock())
-    frames = play(camera, 7)
+def test_it_plays_the_very_bytes_at_their_pace_and_begins_again(tmp_path: Path) -> None:
+    path = write_footage(tmp_path / "hall_A.npz", n_frames=3, period_s=0.05)
+    frames = play(ReplayCamera(ReplayCameraOptions(recording=str(path)), VirtualClock()), 7)
     files = [shot.picture().data for shot in load_recording(path).shots]
     assert [frame.data for frame in frames] == [files[i % 3] for i in range(7)]
     assert [frame.frame_id for frame in frames] == list(range(1, 8))
-
-
-def test_it_keeps_the_pace_of_the_recording(tmp_path: Path) -> None:
-    path = write_footage(tmp_path / "hall_A.npz", n_frames=9, period_s=0.05)
-    frames = play(ReplayCamera(ReplayCameraOptions(recording=str(path)), VirtualClock()), 9)
-    assert frames[-1].captured_s - frames[0].captured_s == pytest.approx(0.40)
+    assert frames[2].captured_s - frames[0].captured_s == pytest.approx(0.10)
 
 
 def test_an_episode_plays_its_pictures_in_order_without_the_deleted_ones(tmp_path: Path) -> None:

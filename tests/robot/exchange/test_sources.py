@@ -20,7 +20,7 @@ from robot.exchange.sources import find_drives, unpacked
 from tests.kit.sizes import crossed
 from tests.robot.footage import write_footage
 
-from .test_imports import jpeg, tub_1, tub_2
+from .tubs import jpeg, tub_1, tub_2
 
 PLACES = ("", "a", "a/b", "a/b/c/d/e", "two words")
 
@@ -47,7 +47,7 @@ def test_recordings_are_found_in_folders_and_archives(tmp_path: Path, seed: int,
         write_footage(folder / place / name, wanted[name])
     for hidden in ("._copy.npz", "_kept.npz", ".git/x.npz", "_old/x.npz"):
         write_footage(folder / hidden, 1)
-    tub_1(folder / "tub", [0.0, 0.5])
+    tub_1(folder / "tub", [{"user/angle": 0.5, "user/throttle": 0.3} for _ in range(2)])
     report = ImportReport()
     with unpacked(pack(folder, form), tmp_path, report) as path:
         sources = find_drives(path)
@@ -110,23 +110,16 @@ def test_a_name_that_no_file_can_have_spoils_nothing_but_itself(
     assert place == bad[:80] and why.startswith("cannot be unpacked")
 
 
-def test_no_name_in_an_archive_commands_the_terminal(tmp_path: Path) -> None:
-    path = tmp_path / "drive.zip"
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("../\x1b[2J\x07\nskipped: none", b"")
-    report = ImportReport()
-    with unpacked(path, tmp_path, report):
-        assert all(line.isprintable() for line in report.lines())
-
-
-def test_of_an_archive_without_a_drive_it_is_told_what_and_why(tmp_path: Path) -> None:
+def test_what_leads_out_of_an_archive_is_told_and_commands_no_terminal(tmp_path: Path) -> None:
     path, report = tmp_path / "drive.zip", ImportReport()
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("../frames.csv", b"")
+        archive.writestr("../\x1b[2J\x07\nskipped: none", b"")
     with pytest.raises(RecordingError) as refused, unpacked(path, tmp_path, report) as folder:
         find_drives(folder)
     assert str(refused.value).startswith(f"{path} cannot be imported: it is empty")
     assert "the first in ../frames.csv: leads out of the archive" in str(refused.value)
+    assert all(line.isprintable() for line in report.lines())
 
 
 @pytest.mark.parametrize("name", ["a\0b.catalog", "\ud800.catalog", "x" * 300])

@@ -17,8 +17,8 @@ from robot.exchange.lerobot import CAMERA, write_lerobot
 from robot.exchange.stamps import seconds_of
 from robot.exchange.timeline import make_timeline
 from robot.recordings.edits import Notes
-from robot.recordings.episode import Episode
 from robot.types import Action
+from tests.kit.sizes import seeds
 
 from .imported import import_pictures
 
@@ -66,17 +66,10 @@ def test_what_is_in_order_is_left_as_it_is() -> None:
     assert line.times_s == pytest.approx(times_s, abs=1e-3) and line.remark is None
 
 
-def recorded(times_s: list[float], folder: Path) -> Episode:
-    pictures = [np.full((12, 16, 3), 4 * index, np.uint8) for index in range(len(times_s))]
-    labels = [Action.FORWARD] * len(times_s)
-    return import_pictures(folder / "x.mcap", pictures, labels, times_s, started_at_s=1.6e9)
-
-
 def frames_of(path: Path) -> list[int]:
     with av.open(str(path)) as film:
-        return [
-            round(frame.to_ndarray(format="rgb24")[:9].mean() / 4) for frame in film.decode(video=0)
-        ]
+        pictures = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
+    return [round(picture[:9].mean() / 4) for picture in pictures]
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -84,24 +77,34 @@ def test_films_and_data_sets_have_all_pictures_and_the_right_length(
     name: str, tmp_path: Path
 ) -> None:
     times_s, n_parts = CASES[name]
-    episode = recorded(times_s, tmp_path)
+    n = len(times_s)
+    pictures = [np.full((12, 16, 3), 4 * index, np.uint8) for index in range(n)]
+    labels = [Action.FORWARD] * n
+    episode = import_pictures(tmp_path / "x.mcap", pictures, labels, times_s, started_at_s=1.6e9)
     assert write_lerobot([(episode, Notes())], tmp_path / "set") == n_parts
     table = pq.read_table(tmp_path / "set/data/chunk-000/file-000.parquet")
-    shown = [
-        n for f in sorted((tmp_path / f"set/videos/{CAMERA}").rglob("*.mp4")) for n in frames_of(f)
-    ]
-    n = len(times_s)
+    films = sorted((tmp_path / f"set/videos/{CAMERA}").rglob("*.mp4"))
+    shown = [number for film in films for number in frames_of(film)]
     in_set = 20 * 2 * (n - 1) + 1 if name == "slow" else n  # data sets have 20 pictures a second
     assert table.num_rows == len(shown) == in_set
     assert np.abs(np.unique(shown)[:, None] - np.arange(n)).min(axis=0).max() <= 1
-    count = write_look(episode, Notes(), tmp_path / "x.mp4")
-    expected = (
-        2 * n - 1 if name == "slow" else n
-    )  # one picture a second is the slowest rate of a film
-    assert abs(count - expected) <= 1
-    assert (make_timeline(times_s).remark is None) is (
-        name in ("even", "slow", "five seconds without pictures")
-    )
+    in_film = 2 * n - 1 if name == "slow" else n  # a film has at least one picture a second
+    assert abs(write_look(episode, Notes(), tmp_path / "x.mp4") - in_film) <= 1
+    is_as_it_was = make_timeline(times_s).remark is None
+    assert is_as_it_was is (name in ("even", "slow", "five seconds without pictures"))
+
+
+@pytest.mark.parametrize("seed", seeds(5, 20))
+def test_a_film_takes_as_long_as_the_drive(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    times_s = np.cumsum(rng.uniform(0.02, 0.09, 400)) + rng.uniform(0, 100)
+    times_s[200:] += rng.uniform(0, 0.9)  # the camera paused for a moment
+    rate = int(rng.integers(5, 61))
+    (shown,) = make_timeline(times_s.tolist()).evenly(rate)
+    assert len(shown) / rate == pytest.approx(times_s[-1] - times_s[0], abs=0.1 + 1.5 / rate)
+    due_s = times_s[0] + np.arange(len(shown)) / rate
+    nearest_s = np.abs(times_s[:, None] - due_s).min(axis=0)
+    assert np.abs(times_s[shown] - due_s) == pytest.approx(nearest_s, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -121,13 +124,16 @@ def test_a_written_time_is_read(text: str) -> None:
     assert apart_s < 1e-3 or apart_s == pytest.approx(29 * 86400), "or the other of day and month"
 
 
-@pytest.mark.parametrize("text", ["Fri Apr  5 20:43:31 2019", "Fri, 05 Apr 2019 20:43:31 GMT"])
-def test_a_written_time_without_a_fraction_is_read(text: str) -> None:
-    assert seconds_of(text) == 1554497011.0
-
-
 @pytest.mark.parametrize(
-    "text", ["", "soon", "left", "12:30", "99/99/2019 20:43", "1.2.3.4", "0x10"]
+    ("text", "seconds"),
+    [
+        ("Fri Apr  5 20:43:31 2019", 1554497011.0),
+        ("Fri, 05 Apr 2019 20:43:31 GMT", 1554497011.0),
+        *((text, None) for text in ("", "soon", "left", "12:30", "99/99/2019 20:43", "1.2.3.4")),
+        ("0x10", None),
+    ],
 )
-def test_what_is_no_time_is_none(text: str) -> None:
-    assert seconds_of(text) is None
+def test_a_time_without_a_fraction_is_read_and_what_is_no_time_is_none(
+    text: str, seconds: float | None
+) -> None:
+    assert seconds_of(text) == seconds
