@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import sys
 import tempfile
-import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
@@ -61,19 +61,16 @@ def speed() -> int:
         folder = Path(name)
         alone, left, right, workers = (Watch(cluster) for _ in range(4))
         expected = run(folder, "here", store="alone", on_done=alone)
-        second = partial(run, folder, "here", store="right", on_done=right)
-        other = threading.Thread(target=second)
-        other.start()
-        run(folder, "here", store="left", on_done=left)
-        other.join()
+        with ThreadPoolExecutor(2) as two:
+            for store, watch in (("left", left), ("right", right)):
+                two.submit(run, folder, "here", store=store, on_done=watch)
         for _ in range(2):
             cluster.add("good")
         both = run(folder, cluster.address, on_done=workers)
-    each_minute, cpu_s = alone.pace()
+    (each_minute, cpu_s), (shared, shared_s) = alone.pace(), workers.pace()
     at_once = left.pace()[0] + right.pace()[0]
     print(f"one process            {each_minute:6.1f} trials a minute, {cpu_s:.3f} s of CPU each")
     print(f"two separate processes {at_once:6.1f}: {at_once / each_minute:.2f} times")
-    shared, shared_s = workers.pace()
     print(f"two workers            {shared:6.1f}: {shared / each_minute:.2f} times, ", end="")
     print(f"{shared_s:.3f} s of CPU each, scheduler and client included")
     return _say_equal(expected, both)
@@ -87,15 +84,12 @@ def memory(trials: int) -> int:
         expected = run(Path(name), "here", store="here", on_done=here)
         cluster.add("good")
         ended = run(Path(name), cluster.address, on_done=there)
-    rows = [("one process", here.memory_mb(0))]
-    rows += [(of, there.memory_mb(n)) for n, of in enumerate(("client", "scheduler", "worker"))]
-    for of, (early_mb, late_mb) in rows:
-        print(
-            f"{of:12} {early_mb:6.1f} MB after {_EARLY} trials, {late_mb:6.1f} after {trials}: ",
-            end="",
-        )
-        print(f"{late_mb / early_mb:.3f} times")
-    is_bounded = all(late_mb <= _MOST_GROWTH * early_mb for _, (early_mb, late_mb) in rows)
+    rows = {"one process": here.memory_mb(0)}
+    rows |= {of: there.memory_mb(n) for n, of in enumerate(("client", "scheduler", "worker"))}
+    for of, (early_mb, late_mb) in rows.items():
+        print(f"{of:12} {early_mb:6.1f} MB after {_EARLY} trials, ", end="")
+        print(f"{late_mb:6.1f} after {trials}: {late_mb / early_mb:.3f} times")
+    is_bounded = all(late_mb <= _MOST_GROWTH * early_mb for early_mb, late_mb in rows.values())
     return _say_equal(expected, ended) or (0 if is_bounded else 1)
 
 

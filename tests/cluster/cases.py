@@ -11,206 +11,110 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tests.cluster.processes import Cluster, Ended, run_client
+from tests.cluster.processes import Cluster, Ended, Process, run_client
 
 Case = Callable[[Path], tuple[Ended, str]]
-CASES: dict[str, Case] = {}
 
 
-def case(function: Case) -> Case:
-    CASES[function.__name__] = function
-    return function
-
-
-def plain(folder: Path, expected: str, *workers: str, **client: Any) -> tuple[Ended, str]:
+def workers(expected: str, *kinds: str, scheduler: str = "good", **client: Any) -> Case:
     """Run with these workers from the beginning; `expected` is `equal`, or part of the sentence."""
-    with Cluster(folder) as cluster:
-        for kind in workers:
-            cluster.add(kind)
-        return run_client(folder, cluster.address, **client), expected
+
+    def case(folder: Path) -> tuple[Ended, str]:
+        with Cluster(folder, scheduler) as cluster:
+            for kind in kinds:
+                cluster.add(kind)
+            return run_client(folder, cluster.address, **client), expected
+
+    return case
 
 
-@case
-def one_worker(folder: Path) -> tuple[Ended, str]:
-    return plain(folder, "equal", "good")
+def alone(expected: str, scheduler: str = "here", **client: Any) -> Case:
+    """Run without a cluster, perhaps at an address where there is none."""
+    return lambda folder: (run_client(folder, scheduler, **client), expected)
 
 
-@case
-def two_workers(folder: Path) -> tuple[Ended, str]:
-    return plain(folder, "equal", "good", "good")
+def after_first(expected: str, act: Callable[[Cluster, Process], object], **client: Any) -> Case:
+    """Do something to the cluster or to its first worker after the first finished task."""
+    n_workers = int(client.pop("n_workers", 1))
+
+    def case(folder: Path) -> tuple[Ended, str]:
+        with Cluster(folder) as cluster:
+            victim, *_ = [cluster.add("good") for _ in range(n_workers)]
+            act_now = lambda: act(cluster, victim)  # noqa: E731
+            return run_client(folder, cluster.address, after_first=act_now, **client), expected
+
+    return case
 
 
-@case
-def four_threads(folder: Path) -> tuple[Ended, str]:
-    return plain(folder, "equal", "threads")
+def later(kind: str, *kinds: str, **client: Any) -> Case:
+    """Add a worker of a kind four seconds after the others; the results are equal."""
+
+    def case(folder: Path) -> tuple[Ended, str]:
+        with Cluster(folder) as cluster:
+            for each in kinds:
+                cluster.add(each)
+            cluster.add_later(kind, 4.0)
+            return run_client(folder, cluster.address, **client), "equal"
+
+    return case
 
 
-@case
-def without_the_product(folder: Path) -> tuple[Ended, str]:
-    return plain(folder, "does not have Drivelesson", "bare")
-
-
-@case
-def other_code(folder: Path) -> tuple[Ended, str]:
-    return plain(folder, r"drivelesson [0-9a-f]+ there, [0-9a-f]+ here", "changed")
-
-
-@case
-def other_python(folder: Path) -> tuple[Ended, str]:
-    return plain(folder, r"Python 3\.\S+ there, 3\.\S+ here", "python")
-
-
-@case
-def other_numpy(folder: Path) -> tuple[Ended, str]:
-    return plain(folder, r"numpy \S+ there, \S+ here", "numpy")
-
-
-@case
-def other_sums(folder: Path) -> tuple[Ended, str]:
-    return plain(folder, "its sums differ in the last digits", "blas")
-
-
-@case
-def good_and_changed(folder: Path) -> tuple[Ended, str]:
-    return plain(folder, "equal", "changed", "good")
-
-
-@case
-def good_and_bare(folder: Path) -> tuple[Ended, str]:
-    return plain(folder, "equal", "bare", "good", "bare")
-
-
-@case
-def scheduler_without_the_product(folder: Path) -> tuple[Ended, str]:
-    with Cluster(folder, kind="bare") as cluster:
-        cluster.add("good")
-        return run_client(folder, cluster.address), "equal"
-
-
-@case
-def no_worker(folder: Path) -> tuple[Ended, str]:
-    return plain(folder, "has had no worker for 10 s; all finished tasks are kept")
-
-
-@case
-def nothing_listens(folder: Path) -> tuple[Ended, str]:
-    return run_client(folder, "tcp://127.0.0.1:9"), "no Dask scheduler answers at tcp://127.0.0.1:9"
-
-
-@case
-def without_certificates(folder: Path) -> tuple[Ended, str]:
-    return run_client(folder, "tls://127.0.0.1:9"), "no Dask scheduler answers at tls://"
-
-
-@case
-def no_such_host(folder: Path) -> tuple[Ended, str]:
-    return run_client(folder, "tcp://nowhere.invalid:8786"), "no Dask scheduler answers"
-
-
-@case
-def no_address(folder: Path) -> tuple[Ended, str]:
-    return run_client(folder, "what://is:this"), "no Dask scheduler answers"
-
-
-@case
-def scheduler_killed(folder: Path) -> tuple[Ended, str]:
-    with Cluster(folder) as cluster:
-        cluster.add("good")
-        ended = run_client(folder, cluster.address, after_first=cluster.kill_scheduler)
-    return ended, "the Dask scheduler at .* is lost"
-
-
-@case
-def one_of_two_killed(folder: Path) -> tuple[Ended, str]:
-    with Cluster(folder) as cluster:
-        victim = cluster.add("good")
-        cluster.add("good")
-        return run_client(folder, cluster.address, after_first=victim.kill), "equal"
-
-
-@case
-def one_of_two_frozen(folder: Path) -> tuple[Ended, str]:
+def _freeze(cluster: Cluster, victim: Process) -> None:
     """Like a laptop that falls asleep, perhaps before its answer was fetched."""
-    with Cluster(folder) as cluster:
-        victim = cluster.add("good")
-        cluster.add("good")
-
-        def freeze() -> None:
-            time.sleep(1.5)
-            victim.freeze()
-
-        return run_client(folder, cluster.address, after_first=freeze, hold="3"), "equal"
+    time.sleep(1.5)
+    victim.freeze()
 
 
-@case
-def killed_and_started_again(folder: Path) -> tuple[Ended, str]:
-    with Cluster(folder) as cluster:
-        victim = cluster.add("good")
-
-        def restart() -> None:
-            victim.kill()
-            time.sleep(5)
-            cluster.add("good")
-
-        return run_client(folder, cluster.address, after_first=restart), "equal"
+def _restart(cluster: Cluster, victim: Process) -> None:
+    victim.kill()
+    time.sleep(5)
+    cluster.add("good")
 
 
-@case
-def all_killed(folder: Path) -> tuple[Ended, str]:
-    with Cluster(folder) as cluster:
-        victim = cluster.add("good")
-        ended = run_client(folder, cluster.address, after_first=victim.kill)
-    return ended, "has had no worker for 60 s"
+def _kill(cluster: Cluster, victim: Process) -> None:
+    victim.kill()
 
 
-@case
-def late_worker(folder: Path) -> tuple[Ended, str]:
-    with Cluster(folder) as cluster:
-        cluster.add_later("good", 4.0)
-        return run_client(folder, cluster.address), "equal"
-
-
-@case
-def late_stranger(folder: Path) -> tuple[Ended, str]:
-    with Cluster(folder) as cluster:
-        cluster.add("good")
-        cluster.add_later("changed", 4.0)
-        return run_client(folder, cluster.address, runs="8"), "equal"
-
-
-@case
-def idea_of_this_folder(folder: Path) -> tuple[Ended, str]:
-    return plain(folder, "equal", "good", learner="ideas.py:honest")
-
-
-@case
-def idea_fails_to_learn(folder: Path) -> tuple[Ended, str]:
-    return plain(folder, "ValueError: nothing can be learned", "good", learner="ideas.py:Teaching")
-
-
-@case
-def idea_fails_to_drive(folder: Path) -> tuple[Ended, str]:
-    return plain(folder, "ValueError: nothing can be said", "good", learner="ideas.py:Driving")
-
-
-@case
-def idea_fails_oddly(folder: Path) -> tuple[Ended, str]:
-    return plain(folder, "NotPicklableError: odd", "good", learner="ideas.py:Odd")
-
-
-@case
-def idea_ends_its_worker(folder: Path) -> tuple[Ended, str]:
-    """The third worker is lost with it."""
-    return plain(folder, "each time its worker was lost", "nanny", learner="ideas.py:Deadly")
-
-
-@case
-def idea_fails_here(folder: Path) -> tuple[Ended, str]:
-    ended = run_client(folder, "here", learner="ideas.py:Teaching")
-    return ended, "ValueError: nothing can be learned"
-
-
-@case
-def idea_ends_its_process_here(folder: Path) -> tuple[Ended, str]:
-    ended = run_client(folder, "here", jobs="2", learner="ideas.py:Deadly")
-    return ended, "a process that ran trials was killed"
+CASES: dict[str, Case] = {
+    "one_worker": workers("equal", "good"),
+    "two_workers": workers("equal", "good", "good"),
+    "four_threads": workers("equal", "threads"),
+    "without_the_product": workers("does not have Drivelesson", "bare"),
+    "other_code": workers(r"drivelesson [0-9a-f]+ there, [0-9a-f]+ here", "changed"),
+    "other_python": workers(r"Python 3\.\S+ there, 3\.\S+ here", "python"),
+    "other_numpy": workers(r"numpy \S+ there, \S+ here", "numpy"),
+    "other_sums": workers("its sums differ in the last digits", "blas"),
+    "good_and_changed": workers("equal", "changed", "good"),
+    "good_and_bare": workers("equal", "bare", "good", "bare"),
+    "scheduler_without_the_product": workers("equal", "good", scheduler="bare"),
+    "no_worker": workers("has had no worker for 10 s; all finished tasks are kept"),
+    "nothing_listens": alone("no Dask scheduler answers at tcp://127.0.0.1:9", "tcp://127.0.0.1:9"),
+    "without_certificates": alone("no Dask scheduler answers at tls://", "tls://127.0.0.1:9"),
+    "no_such_host": alone("no Dask scheduler answers", "tcp://nowhere.invalid:8786"),
+    "no_address": alone("no Dask scheduler answers", "what://is:this"),
+    "scheduler_killed": after_first(
+        "the Dask scheduler at .* is lost", lambda cluster, victim: cluster.kill_scheduler()
+    ),
+    "one_of_two_killed": after_first("equal", _kill, n_workers=2),
+    "one_of_two_frozen": after_first("equal", _freeze, n_workers=2, hold="3"),
+    "killed_and_started_again": after_first("equal", _restart),
+    "all_killed": after_first("has had no worker for 60 s", _kill),
+    "late_worker": later("good"),
+    "late_stranger": later("changed", "good", runs="8"),
+    "idea_of_this_folder": workers("equal", "good", learner="ideas.py:honest"),
+    "idea_fails_to_learn": workers(
+        "ValueError: nothing can be learned", "good", learner="ideas.py:Teaching"
+    ),
+    "idea_fails_to_drive": workers(
+        "ValueError: nothing can be said", "good", learner="ideas.py:Driving"
+    ),
+    "idea_fails_oddly": workers("NotPicklableError: odd", "good", learner="ideas.py:Odd"),
+    # The third worker is lost with it.
+    "idea_ends_its_worker": workers(
+        "each time its worker was lost", "nanny", learner="ideas.py:Deadly"
+    ),
+    "idea_fails_here": alone("ValueError: nothing can be learned", learner="ideas.py:Teaching"),
+    "idea_ends_its_process_here": alone(
+        "a process that ran trials was killed", jobs="2", learner="ideas.py:Deadly"
+    ),
+}

@@ -91,19 +91,16 @@ class Cluster:
         elif kind == "numpy":
             path = [str(self._other_numpy()), *path]
         threads = dict.fromkeys(_ONE_THREAD, "2") if kind == "blas" else _ONE_THREAD
-        environment = {**os.environ, **threads, "PYTHONPATH": os.pathsep.join(path)}
-        command = [python, *flags, "-m", f"distributed.cli.{module}", *args]
         with (self._folder / f"{kind}-{len(self._processes)}.log").open("wb") as log:
-            process = Process(
-                subprocess.Popen(
-                    command,
-                    cwd=self._folder,
-                    env=environment,
-                    stdout=log,
-                    stderr=log,
-                    start_new_session=True,
-                )
+            popen = subprocess.Popen(
+                [python, *flags, "-m", f"distributed.cli.{module}", *args],
+                cwd=self._folder,
+                env={**os.environ, **threads, "PYTHONPATH": os.pathsep.join(path)},
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
             )
+        process = Process(popen)
         self._processes.append(process)
         return process
 

@@ -16,8 +16,8 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from . import players, worlds
 from .driving import tries
@@ -28,15 +28,13 @@ ROOT = HERE.parents[1]
 PATIENCE_S = 3600
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Result:
-    """One line of the table."""
+class Result(NamedTuple):
+    """One line of the table. The outcome is `passed`, `FAILED: why` or `not to be had: why`."""
 
     peer: str
     version: str
     check: str
     outcome: str
-    """`passed`, `FAILED: why` or `not to be had: why`."""
 
 
 class NotToBeHadError(Exception):
@@ -44,7 +42,7 @@ class NotToBeHadError(Exception):
 
 
 def check_lerobot(home: Path, samples: Samples) -> Iterator[Result]:
-    """Load, edit, merge and train three steps on an export; import one of its datasets."""
+    """Load, edit and merge an export; import its datasets."""
     python = _environment(home, ["lerobot[dataset,training]"], "lerobot")
     out = _fresh(home / "out")
     given = samples.lerobot, samples.other, samples.plain
@@ -89,14 +87,12 @@ def check_ffprobe(home: Path, samples: Samples) -> Iterator[Result]:
     for film in (samples.film, next(samples.lerobot.rglob("*.mp4"))):
         fields = "stream=codec_name,pix_fmt,nb_read_frames"
         words = [probe, "-v", "error", "-count_frames", "-show_entries", fields, "-of", "json"]
-        done = subprocess.run([*words, film], capture_output=True, text=True, check=False)
+        done = _tried([*words, film])
         [stream] = json.loads(done.stdout or "{}").get("streams") or [{}]
         frames = stream.get("nb_read_frames")
         is_good = not done.stderr and stream.get("codec_name") == "h264" and int(frames or 0) > 9
         outcome = "passed" if is_good else f"FAILED: {done.stderr or stream}"
-        yield Result(
-            peer=home.name, version=version, check=f"{film.name}: {frames} frames", outcome=outcome
-        )
+        yield Result(home.name, version, f"{film.name}: {frames} frames", outcome)
 
 
 def check_promtool(home: Path, samples: Samples) -> Iterator[Result]:
@@ -108,11 +104,9 @@ def check_promtool(home: Path, samples: Samples) -> Iterator[Result]:
         ("metrics", ["check", "metrics"], samples.metrics),
         ("alerts", ["check", "rules", str(alerts)], ""),
     ):
-        done = subprocess.run(
-            [promtool, *words], input=text, capture_output=True, text=True, check=False
-        )
+        done = _tried([promtool, *words], input=text)
         outcome = f"FAILED: {done.stderr or done.stdout}" if done.returncode else "passed"
-        yield Result(peer=home.name, version=version, check=check, outcome=outcome)
+        yield Result(home.name, version, check, outcome)
 
 
 def check_lerobot_robot(home: Path, samples: Samples) -> Iterator[Result]:
@@ -125,12 +119,8 @@ def check_lerobot_robot(home: Path, samples: Samples) -> Iterator[Result]:
     _get([python, "-m", "pip", "install", "--quiet", "--force-reinstall", "--no-deps", plugin])
     version = _said([python, "-c", "import lerobot; print(lerobot.__version__)"]).strip()
     for check, attempt in tries(python, _fresh(home / "out"), samples):
-        try:
-            told, outcome = attempt(), "passed"
-        except Exception as error:
-            told, outcome = "", f"FAILED: {str(error)[:200]}"
-        check = f"{check}: {told}" if told else check
-        yield Result(peer=home.name, version=version, check=check, outcome=outcome)
+        told, outcome = _attempted(attempt)
+        yield Result(home.name, version, f"{check}: {told}" if told else check, outcome)
 
 
 def check_fastdds(home: Path, samples: Samples) -> Iterator[Result]:
@@ -143,11 +133,7 @@ def check_fastdds(home: Path, samples: Samples) -> Iterator[Result]:
     _get([_program("g++"), "-O1", "-o", program, source, "-lfastrtps", "-lfastcdr"])
     said = _said(["dpkg-query", "-W", "-f", "${Version}", "libfastrtps-dev"])
     for attempt in on_dds.attempts(program):
-        try:
-            told, outcome = attempt(), "passed"
-        except Exception as error:
-            told, outcome = "", f"FAILED: {str(error)[:200]}"
-        yield Result(peer=home.name, version=said, check=told, outcome=outcome)
+        yield Result(home.name, said, *_attempted(attempt))
 
 
 def check_pythons(home: Path, samples: Samples) -> Iterator[Result]:
@@ -158,11 +144,9 @@ def check_pythons(home: Path, samples: Samples) -> Iterator[Result]:
     for python in pythons():
         version = _said([python, "-c", "import platform; print(platform.python_version())"])
         words = [python, ROOT / "tests/docs/try_wheel.py", dist]
-        done = subprocess.run(words, capture_output=True, text=True, check=False, cwd=home)
+        done = _tried(words, cwd=home)
         outcome = "passed" if not done.returncode else f"FAILED: {done.stderr.strip()[-200:]}"
-        yield Result(
-            peer=home.name, version=version.strip(), check="wheel and README", outcome=outcome
-        )
+        yield Result(home.name, version.strip(), "wheel and README", outcome)
 
 
 CHECKS: dict[str, Callable[[Path, Samples], Iterator[Result]]] = {
@@ -200,11 +184,10 @@ def main() -> int:
         return _drive_worlds(folder / "worlds", args.worlds)
     samples = make_samples(_fresh(folder / "samples"))
     results = [r for name in args.only for r in _results(name, folder / name, samples)]
-    widths = [max(len(getattr(r, n)) for r in results) for n in ("peer", "version", "check")]
+    widths = [max(map(len, column)) for column in zip(*results, strict=True)][:3]
     print()
-    for result in results:
-        cells = (result.peer, result.version, result.check)
-        print("  ".join(c.ljust(w) for c, w in zip(cells, widths, strict=True)), result.outcome)
+    for *cells, outcome in results:
+        print("  ".join(c.ljust(w) for c, w in zip(cells, widths, strict=True)), outcome)
     return any(result.outcome.startswith("FAILED") for result in results)
 
 
@@ -228,8 +211,7 @@ def _results(name: str, home: Path, samples: Samples) -> Iterator[Result]:
     try:
         yield from CHECKS[name](home, samples)
     except NotToBeHadError as error:
-        outcome = f"not to be had: {str(error).strip()[-200:]}"
-        yield Result(peer=name, version="", check="", outcome=outcome)
+        yield Result(name, "", "", f"not to be had: {str(error).strip()[-200:]}")
 
 
 def pythons() -> list[Path]:
@@ -239,12 +221,7 @@ def pythons() -> list[Path]:
     there = [shutil.which(name) for name in names]
     there += [str(p) for name in names for p in Path.home().glob(f".pyenv/versions/*/bin/{name}")]
     for path in filter(None, there):
-        done = subprocess.run(
-            [path, "-c", "import sys, venv, ssl; print(*sys.version_info[:3])"],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        done = _tried([path, "-c", "import sys, venv, ssl; print(*sys.version_info[:3])"])
         if done.returncode == 0:
             found[tuple(map(int, done.stdout.split()))] = Path(path)
     newest = {version[:2]: version for version in sorted(found)}
@@ -303,16 +280,15 @@ def _program(*names: str, package: str = "", home: Path | None = None) -> str:
     return str(unpacked)
 
 
+def _tried(words: list[object], **how: Any) -> subprocess.CompletedProcess[str]:
+    """Run a command; it may fail."""
+    words = list(map(str, words))
+    return subprocess.run(words, **{"capture_output": True, "text": True, "check": False, **how})
+
+
 def _get(words: list[object], cwd: Path | None = None) -> None:
     try:
-        subprocess.run(
-            list(map(str, words)),
-            cwd=cwd,
-            check=True,
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE_S,
-        )
+        _tried(words, cwd=cwd, check=True, timeout=PATIENCE_S)
     except subprocess.CalledProcessError as error:
         raise NotToBeHadError(error.stderr or error.stdout) from error
     except (OSError, subprocess.TimeoutExpired) as error:
@@ -320,20 +296,21 @@ def _get(words: list[object], cwd: Path | None = None) -> None:
 
 
 def _said(words: list[object]) -> str:
-    return subprocess.run(list(map(str, words)), capture_output=True, text=True, check=True).stdout
+    return _tried(words, check=True).stdout
+
+
+def _attempted(attempt: Callable[[], str]) -> tuple[str, str]:
+    """Return what an attempt tells, and its outcome."""
+    try:
+        return attempt(), "passed"
+    except Exception as error:
+        return "", f"FAILED: {str(error)[:200]}"
 
 
 def _run(peer: str, words: list[object]) -> Iterator[Result]:
     """Run a script in a program's environment: each printed line is a version or a result."""
     environ = {**os.environ, "HF_HUB_OFFLINE": "1", "PYTHONDONTWRITEBYTECODE": "1"}
-    process = subprocess.run(
-        list(map(str, words)),
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        env=environ,
-        check=False,
-    )
+    process = _tried(words, timeout=PATIENCE_S, env=environ)
     version, check = "", "starts"
     for line in process.stdout.splitlines():
         kind, _, text = line.partition(" ")
@@ -342,18 +319,15 @@ def _run(peer: str, words: list[object]) -> Iterator[Result]:
         elif kind == "TRY":
             check = text
         elif kind == "PASSED":
-            yield Result(peer=peer, version=version, check=f"{check}{text}", outcome="passed")
+            yield Result(peer, version, f"{check}{text}", "passed")
     if process.returncode:
         why = (process.stderr.strip().splitlines() or ["no reason"])[-1]
-        yield Result(peer=peer, version=version, check=check, outcome=f"FAILED: {why[:200]}")
+        yield Result(peer, version, check, f"FAILED: {why[:200]}")
 
 
 def _import(peer: str, folder: Path) -> Result:
-    try:
-        told = imports_of(folder)
-    except Exception as error:
-        return Result(peer=peer, version="", check="comes in", outcome=f"FAILED: {error}")
-    return Result(peer=peer, version="", check=f"comes in: {told}", outcome="passed")
+    told, outcome = _attempted(lambda: imports_of(folder))
+    return Result(peer, "", f"comes in: {told}", outcome)
 
 
 def _fresh(folder: Path) -> Path:

@@ -24,7 +24,6 @@ from tests.server.live_robot import Pilot
 from .samples import Samples, imports_of
 
 _PATIENCE_S = 600
-_RANDOM_MINUTES = 10
 _TRAINING = (
     "--policy.type=act --policy.push_to_hub=false --policy.pretrained_backbone_weights=null "
     "--policy.chunk_size=4 --policy.n_action_steps=4 --policy.dim_model=64 --policy.n_heads=2 "
@@ -67,13 +66,6 @@ def served(python: Path, folder: Path, *words: str, **environ: str) -> Iterator[
         process.wait(60)
 
 
-def refused(address: str) -> dict[str, int]:
-    """Return how many messages a robot has refused, by their reason."""
-    text = httpx.get(f"{address}/metrics").text
-    found = re.findall(r'messages_refused_total\{code="(\w+)"\} (\d+)', text)
-    return {code: int(count) for code, count in found if int(count)}
-
-
 def taught(address: str) -> int:
     """Return a robot's number of examples, which shows that a pilot drives it."""
     text = httpx.get(f"{address}/metrics").text
@@ -83,117 +75,81 @@ def taught(address: str) -> int:
 
 def tries(python: Path, out: Path, samples: Samples) -> Iterator[Tried]:
     """Yield what is tried, in order; each returns what a person should know, or fails."""
-    here, here_is = Path(sys.executable), Path(__file__).parent
+    here = Path(sys.executable)
     with (
         served(here, out / "led") as leader,
         served(here, out / "followed") as follower,
         _pilot(leader),
     ):
         robot = f"--robot.type=drivelesson --robot.address={follower} --robot.id=follower"
+        robot += " --robot.restarts=true"
         page = f"--teleop.type=drivelesson_page --teleop.address={leader} --teleop.id=leader"
-        both = f"{robot} --robot.restarts=true {page} --fps=10"
-
-        def command(name: str, words: str, fails_with: str = "") -> None:
-            environ = {**os.environ, "HF_HUB_OFFLINE": "1", "OMP_NUM_THREADS": "1"}
-            done = subprocess.run(
-                [python, "-m", f"lerobot.scripts.{name}", *words.split()],
-                capture_output=True,
-                text=True,
-                timeout=_PATIENCE_S,
-                env=environ,
-                check=False,
-            )
-            last = (done.stderr.strip().splitlines() or [""])[-1]
-            if fails_with:
-                assert done.returncode != 0 and fails_with in last, (done.returncode, last)
-            else:
-                assert done.returncode == 0, last
 
         def drives(name: str, words: str) -> str:
             before = taught(follower)
-            command(name, words)
+            _run(python, "-m", f"lerobot.scripts.{name}", *words.split())
             moves = taught(follower) - before
             assert moves > 5, f"the robot was driven on {moves} pictures"
             return f"drove on {moves} pictures"
 
-        driven, trained = out / "driven", out / "trained"
+        driven, merged, trained = out / "driven", out / "merged", out / "trained"
         recording = (
             f"--dataset.repo_id=me/driven --dataset.root={driven} --dataset.num_episodes=1 "
             "--dataset.episode_time_s=6 --dataset.reset_time_s=0 --dataset.fps=10 "
             "--dataset.push_to_hub=false --play_sounds=false --dataset.single_task=drive"
         )
-        yield (
-            "lerobot-record",
-            lambda: drives("lerobot_record", f"{both.removesuffix(' --fps=10')} {recording}"),
-        )
+        yield "lerobot-record", lambda: drives("lerobot_record", f"{robot} {page} {recording}")
         yield "its recording comes in", lambda: imports_of(driven)
-        merged = out / "merged"
 
         def merge() -> str:
             parts = [driven]
             for recording in (samples.recording, samples.lesson):
                 parts.append(out / f"plain-{len(parts)}")
                 write_lerobot([(open_episode(recording), Notes())], parts[-1], fps=10, plain=True)
-            done = subprocess.run(
-                [python, "-c", _MERGE, *parts, merged],
-                capture_output=True,
-                text=True,
-                env={**os.environ, "HF_HUB_OFFLINE": "1"},
-                check=False,
-            )
-            assert done.returncode == 0, done.stderr.strip()[-200:]
+            _run(python, "-c", _MERGE, *parts, merged)
             apart, together = imports_of(*parts), imports_of(merged)
             assert apart == together, (apart, together)
             return together
 
         yield "merges with two lessons, and comes back", merge
         replay = f"--dataset.repo_id=me/driven --dataset.root={driven} --dataset.episode=0"
-        yield (
-            "lerobot-replay",
-            lambda: drives(
-                "lerobot_replay", f"{robot} --robot.restarts=true {replay} --play_sounds=false"
-            ),
-        )
-        yield (
-            "lerobot-teleoperate",
-            lambda: drives("lerobot_teleoperate", f"{both} --teleop_time_s=5"),
-        )
-
-        def at_random() -> str:
-            with served(here, out / "random") as address:
-                done = subprocess.run(
-                    [python, here_is / "in_lerobot_robot.py", address, str(_RANDOM_MINUTES)],
-                    capture_output=True,
-                    text=True,
-                    env={**os.environ, "HF_HUB_OFFLINE": "1", "OMP_NUM_THREADS": "1"},
-                    check=False,
-                )
-                assert done.returncode == 0, done.stderr[-200:]
-                by_reason = refused(address)
-            # A machine that stands still meanwhile makes an order late on its way: it is repeated.
-            assert set(by_reason) <= {"stale"}, by_reason
-            return f"{done.stdout.strip()}, {by_reason.get('stale', 0)} refused as too late"
-
-        yield f"{_RANDOM_MINUTES} minutes of random actions", at_random
+        replay += " --play_sounds=false"
+        yield "lerobot-replay", lambda: drives("lerobot_replay", f"{robot} {replay}")
+        teleoperate = f"{robot} {page} --fps=10 --teleop_time_s=5"
+        yield "lerobot-teleoperate", lambda: drives("lerobot_teleoperate", teleoperate)
 
         def is_refused() -> str:
             with _pilot(follower):
-                command("lerobot_teleoperate", f"{both} --teleop_time_s=5", "in other hands")
+                words = ("-m", "lerobot.scripts.lerobot_teleoperate", *teleoperate.split())
+                _run(python, *words, fails_with="in other hands")
             return "an error that says so"
 
         yield "lerobot-teleoperate without the wheel", is_refused
-        words = f"{_TRAINING} --dataset.root={merged} --output_dir={trained}"
-        yield (
-            "lerobot-train on all three, three steps of ACT",
-            lambda: command("lerobot_train", words) or "",
-        )
+
+        def train() -> str:
+            words = f"{_TRAINING} --dataset.root={merged} --output_dir={trained}".split()
+            _run(python, "-m", "lerobot.scripts.lerobot_train", *words)
+            return ""
+
+        yield "lerobot-train on all three, three steps of ACT", train
         policy = trained / "checkpoints" / "last" / "pretrained_model"
         rollout = f"--policy.path={policy} --policy.device=cpu --duration=5 --task=drive --fps=10"
-        yield (
-            "lerobot-rollout",
-            lambda: drives("lerobot_rollout", f"{rollout} {robot} --robot.restarts=true"),
-        )
+        yield "lerobot-rollout", lambda: drives("lerobot_rollout", f"{rollout} {robot}")
     yield "the policy as a learner", lambda: _drive_as_learner(python, out / "alone", policy)
+
+
+def _run(python: Path, *words: object, fails_with: str = "") -> None:
+    """Run a command of LeRobot; it must succeed, or fail with this in its last line."""
+    done = subprocess.run(
+        list(map(str, (python, *words))),
+        capture_output=True,
+        text=True,
+        timeout=_PATIENCE_S,
+        env={**os.environ, "HF_HUB_OFFLINE": "1", "OMP_NUM_THREADS": "1"},
+        check=False,
+    )
+    last = (done.stderr.strip().splitlines() or [""])[-1]
+    assert bool(done.returncode) is bool(fails_with) and fails_with in last, (done.returncode, last)
 
 
 @contextmanager

@@ -2,7 +2,6 @@
 //
 //   fastdds DOMAIN read TOPIC TYPE     prints each message that comes, as a line of hexadecimal digits
 //   fastdds DOMAIN write TOPIC TYPE    publishes each such line of its input, and ends with it
-//   fastdds DOMAIN stamp TOPIC TYPE    the same, with the monotonic time in the last eight bytes, in seconds
 //
 // It uses 127.0.0.1 without multicast, and is told of no peer: the other side has to find it.
 // Debian 12: apt install libfastrtps-dev; g++ -O1 -o fastdds fastdds.cpp -lfastrtps -lfastcdr
@@ -107,10 +106,6 @@ int main(int count, char** words) {
     for (size_t at = 0; at + 1 < line.size(); at += 2) {
       const auto value = [](char digit) { return digit <= '9' ? digit - '0' : digit - 'a' + 10; };
       bytes += static_cast<char>(value(line[at]) * 16 + value(line[at + 1]));
-    }
-    if (mode == "stamp") {
-      const double now_s = std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-      std::memcpy(&bytes[bytes.size() - sizeof now_s], &now_s, sizeof now_s);
     }
     writer->write(&bytes);
   }

@@ -75,28 +75,20 @@ class WatchedDriver(GymnasiumDriver):
         return made
 
 
-class Pilot:
-    """Holds moves, ten commands a second."""
+def hold(rig: Rig, move: Action | None, seconds: float) -> None:
+    """Hold a move, ten commands a second."""
+    for _ in range(round(seconds / 0.1)):
+        frame, now_s = rig.camera.latest(), rig.clock.now_s()
+        assert frame is not None
+        held = PilotCommand(
+            held=move, frame_id=frame.frame_id, seq=round(now_s * 1000), received_s=now_s
+        )
+        rig.loop.command(held)
+        rig.clock.sleep(0.1)
 
-    def __init__(self, rig: Rig) -> None:
-        self.rig, self.seq = rig, 0
 
-    def hold(self, move: Action | None, seconds: float) -> None:
-        for _ in range(round(seconds / 0.1)):
-            frame, self.seq = self.rig.camera.latest(), self.seq + 1
-            assert frame is not None
-            self.rig.loop.command(
-                PilotCommand(
-                    held=move,
-                    frame_id=frame.frame_id,
-                    seq=self.seq,
-                    received_s=self.rig.clock.now_s(),
-                )
-            )
-            self.rig.clock.sleep(0.1)
-
-    def choose(self, mode: Mode) -> None:
-        assert self.rig.clock.result(self.rig.loop.set_mode(mode), 5.0), f"{mode} was refused"
+def choose(rig: Rig, mode: Mode) -> None:
+    assert rig.clock.result(rig.loop.set_mode(mode), 5.0), f"{mode} was refused"
 
 
 def drive(name: str, options: str, steps: int, folder: Path) -> dict[str, Any]:
@@ -118,21 +110,20 @@ def drive(name: str, options: str, steps: int, folder: Path) -> dict[str, Any]:
         told["equals"] = _equals(to_rgb(frame), watched.given)
         if told["equals"] is False:
             wrong.append("its picture is not what the environment gave")
-        pilot = Pilot(rig)
-        pilot.choose(Mode.TRAIN)
+        choose(rig, Mode.TRAIN)
         ends = []
         loop.subscribe(lambda tick: ends.append(tick.sensors.game))
         for move in body.moves[:MOST_MOVES]:
             n_acts = len(watched.acts)
-            pilot.hold(move, 0.4)
+            hold(rig, move, 0.4)
             if len(watched.acts) == n_acts:  # the end of a game should have come by then
-                pilot.hold(move, OVER_S + 0.6)
+                hold(rig, move, OVER_S + 0.6)
             acts = watched.acts[n_acts:]
             if not any(_same(act, body._actions[move]) for act in acts):
                 wrong.append(f"{move} was not what the environment got")
             if not all(space.contains(act) for act in acts):
                 wrong.append(f"{move} is no action")
-        pilot.hold(body.moves[min(len(body.moves), MOST_MOVES) - 1], LONGEST * 0.1 + OVER_S)
+        hold(rig, body.moves[min(len(body.moves), MOST_MOVES) - 1], LONGEST * 0.1 + OVER_S)
         games = [game for game in ends if game is not None]
         told["end"] = any(game.is_over for game in games)
         told["games"] = max(game.number for game in games)
@@ -141,9 +132,9 @@ def drive(name: str, options: str, steps: int, folder: Path) -> dict[str, Any]:
         wrong.extend(
             f"{move} was not learned" for move in body.moves[:MOST_MOVES] if not taught[move]
         )
-        pilot.choose(Mode.AUTONOMOUS)
+        choose(rig, Mode.AUTONOMOUS)
         n_acts = len(watched.acts)
-        pilot.hold(None, 2.0)
+        hold(rig, None, 2.0)
         told["driven"] = len(watched.acts) - n_acts
         if loop.state.stops or loop.state.fault:
             wrong.append(f"{dict(loop.state.stops)} {loop.state.fault}")

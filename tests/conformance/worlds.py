@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -36,7 +35,7 @@ class Package:
     """
 
     install: str
-    envs: tuple[str, ...]
+    envs: list[str]
     python: str = ""
     steps: int = 0
 
@@ -45,88 +44,45 @@ class Package:
         return re.split(r"[\[ ]", self.install)[0]
 
 
+def _of(module: str, names: str) -> list[str]:
+    return [f"{module}:{name}" for name in names.split()]
+
+
+_GYMNASIUM = """
+CarRacing-v3 LunarLander-v3 BipedalWalker-v3 CartPole-v1 MountainCar-v0 MountainCarContinuous-v0
+Pendulum-v1 Acrobot-v1 FrozenLake-v1 CliffWalking-v1 Blackjack-v1 InvertedPendulum-v5 Reacher-v5
+Swimmer-v5
+"""
+_MINIWORLD = "MiniWorld-Sidewalk-v0 MiniWorld-Hallway-v0 MiniWorld-OneRoom-v0"
+_MINIGRID = "MiniGrid-Empty-8x8-v0 MiniGrid-DoorKey-6x6-v0 BabyAI-GoToRedBall-v0"
+_VIZDOOM = "VizdoomHealthGathering-v1 VizdoomBasic-v1 VizdoomDefendLine-v1"
+_HIGHWAY = "highway-v0 racetrack-v0 parking-v0 merge-v0"
+_BULLET = "InvertedPendulumBulletEnv-v0 HopperBulletEnv-v0"
+_QUADX = _of("PyFlyt.gym_envs", "PyFlyt/QuadX-Hover-v4")
 PACKAGES = (
-    Package(
-        "gymnasium[box2d,classic-control,mujoco,toy-text]",
-        (
-            "CarRacing-v3",
-            "LunarLander-v3",
-            "BipedalWalker-v3",
-            "CartPole-v1",
-            "MountainCar-v0",
-            "MountainCarContinuous-v0",
-            "Pendulum-v1",
-            "Acrobot-v1",
-            "FrozenLake-v1",
-            "CliffWalking-v1",
-            "Blackjack-v1",
-            "InvertedPendulum-v5",
-            "Reacher-v5",
-            "Swimmer-v5",
-        ),
-    ),
-    Package(
-        "miniworld",
-        (
-            "miniworld:MiniWorld-Sidewalk-v0",
-            "miniworld:MiniWorld-Hallway-v0",
-            "miniworld:MiniWorld-OneRoom-v0",
-        ),
-    ),
-    Package(
-        "minigrid",
-        (
-            "minigrid:MiniGrid-Empty-8x8-v0",
-            "minigrid:MiniGrid-DoorKey-6x6-v0",
-            "minigrid:BabyAI-GoToRedBall-v0",
-        ),
-    ),
-    Package(
-        "vizdoom",
-        (
-            "vizdoom.gymnasium_wrapper:VizdoomHealthGathering-v1",
-            "vizdoom.gymnasium_wrapper:VizdoomBasic-v1",
-            "vizdoom.gymnasium_wrapper:VizdoomDefendLine-v1",
-        ),
-        steps=4,
-    ),
-    Package(
-        "highway-env",
-        (
-            "highway_env:highway-v0",
-            "highway_env:racetrack-v0",
-            "highway_env:parking-v0",
-            "highway_env:merge-v0",
-        ),
-    ),
-    Package("ale-py", ("ale_py:ALE/Breakout-v5", "ale_py:ALE/Pong-v5", "ale_py:ALE/Freeway-v5")),
-    Package("stable-retro", ("stable_retro:make game=Airstriker-Genesis-v0",), steps=4),
-    Package("gym-super-mario-bros", ("gym_super_mario_bros:SuperMarioBros-1-1-v0",), steps=4),
-    Package(
-        "pybullet-envs-gymnasium",
-        (
-            "pybullet_envs_gymnasium:InvertedPendulumBulletEnv-v0",
-            "pybullet_envs_gymnasium:HopperBulletEnv-v0",
-        ),
-        python="3.11",
-    ),
-    Package("panda-gym", ("panda_gym:PandaReach-v3", "panda_gym:PandaPush-v3"), python="3.11"),
-    Package(
-        "gymnasium-robotics",
-        ("gymnasium_robotics:FetchReach-v4", "gymnasium_robotics:PointMaze_UMaze-v3"),
-    ),
-    Package("gym-pusht", ("gym_pusht:gym_pusht/PushT-v0",)),
-    Package("gym-aloha", ("gym_aloha:gym_aloha/AlohaInsertion-v0",)),
-    Package("flappy-bird-gymnasium", ("flappy_bird_gymnasium:FlappyBird-v0",)),
-    Package("mo-gymnasium", ("mo_gymnasium:minecart-v0", "mo_gymnasium:deep-sea-treasure-v0")),
-    Package("gymnasium-2048", ("gymnasium_2048:gymnasium_2048/TwentyFortyEight-v0",)),
-    Package("gymnasium-cartpole-swingup", ("gymnasium_cartpole_swingup:CartPoleSwingUp-v0",)),
-    Package("miniworld-maze", ("miniworld_maze:FourRooms-v0",)),
-    Package("pgtg", ("pgtg:pgtg-exploration_2x2-v0",)),
-    Package("mazegym", ("mazegym:Maze21x21Random-v0",)),
-    Package("crafter", ("crafter:Env",)),
-    Package("pyflyt", ("PyFlyt.gym_envs:PyFlyt/QuadX-Hover-v4",), python="3.11"),
-    Package("shimmy[dm-control]", ("shimmy:dm_control/cartpole-balance-v0",)),
+    Package("gymnasium[box2d,classic-control,mujoco,toy-text]", _GYMNASIUM.split()),
+    Package("miniworld", _of("miniworld", _MINIWORLD)),
+    Package("minigrid", _of("minigrid", _MINIGRID)),
+    Package("vizdoom", _of("vizdoom.gymnasium_wrapper", _VIZDOOM), steps=4),
+    Package("highway-env", _of("highway_env", _HIGHWAY)),
+    Package("ale-py", _of("ale_py", "ALE/Breakout-v5 ALE/Pong-v5 ALE/Freeway-v5")),
+    Package("stable-retro", ["stable_retro:make game=Airstriker-Genesis-v0"], steps=4),
+    Package("gym-super-mario-bros", ["gym_super_mario_bros:SuperMarioBros-1-1-v0"], steps=4),
+    Package("pybullet-envs-gymnasium", _of("pybullet_envs_gymnasium", _BULLET), "3.11"),
+    Package("panda-gym", _of("panda_gym", "PandaReach-v3 PandaPush-v3"), "3.11"),
+    Package("gymnasium-robotics", _of("gymnasium_robotics", "FetchReach-v4 PointMaze_UMaze-v3")),
+    Package("gym-pusht", ["gym_pusht:gym_pusht/PushT-v0"]),
+    Package("gym-aloha", ["gym_aloha:gym_aloha/AlohaInsertion-v0"]),
+    Package("flappy-bird-gymnasium", ["flappy_bird_gymnasium:FlappyBird-v0"]),
+    Package("mo-gymnasium", _of("mo_gymnasium", "minecart-v0 deep-sea-treasure-v0")),
+    Package("gymnasium-2048", ["gymnasium_2048:gymnasium_2048/TwentyFortyEight-v0"]),
+    Package("gymnasium-cartpole-swingup", ["gymnasium_cartpole_swingup:CartPoleSwingUp-v0"]),
+    Package("miniworld-maze", ["miniworld_maze:FourRooms-v0"]),
+    Package("pgtg", ["pgtg:pgtg-exploration_2x2-v0"]),
+    Package("mazegym", ["mazegym:Maze21x21Random-v0"]),
+    Package("crafter", ["crafter:Env"]),
+    Package("pyflyt", _QUADX, "3.11"),
+    Package("shimmy[dm-control]", ["shimmy:dm_control/cartpole-balance-v0"]),
 )
 """The packages that are tried."""
 
@@ -199,18 +155,11 @@ def write_table(results: list[dict[str, Any]]) -> None:
 
 def _installed(home: Path, package: Package) -> tuple[Path, str]:
     """Return a Python with this package and our requirements, and the package's version."""
-    uv = shutil.which("uv")
-    place = home / "env"
-    python = place / "bin" / "python"
+    python = home / "env" / "bin" / "python"
+    if not python.exists():
+        _run([_python(package.python), "-m", "venv", str(home / "env")])
     wanted = [f"{ROOT}[gymnasium]", *package.install.split()]
-    if uv is not None:
-        if not python.exists():
-            _run([uv, "venv", "--quiet", "--python", _python(package.python), str(place)])
-        _run([uv, "pip", "install", "--quiet", "--upgrade", "--python", str(python), *wanted])
-    else:
-        if not python.exists():
-            _run([_python(package.python), "-m", "venv", str(place)])
-        _run([str(python), "-m", "pip", "install", "--quiet", "--upgrade", *wanted])
+    _run([str(python), "-m", "pip", "install", "--quiet", "--upgrade", *wanted])
     say = f"import importlib.metadata as m; print(m.version({package.name!r}))"
     return python, _run([str(python), "-c", say]).strip()
 
@@ -229,16 +178,9 @@ def _drive(python: Path, env: str, steps: int, home: Path) -> dict[str, Any]:
     given = f"max_episode_steps={LONGEST}" if is_registered else options
     words = [str(python), "-m", "tests.conformance.in_world", name, given, str(steps), str(home)]
     environ = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1"}
+    how: dict[str, Any] = {"cwd": ROOT, "env": environ, "capture_output": True, "text": True}
     try:
-        done = subprocess.run(
-            words,
-            cwd=ROOT,
-            env=environ,
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE_S,
-            check=False,
-        )
+        done = subprocess.run(words, **how, timeout=PATIENCE_S, check=False)
     except subprocess.TimeoutExpired:
         return {"env": env, "refused": f"not done within {PATIENCE_S} s"}
     line = next((one for one in done.stdout.splitlines() if one.startswith("WORLD ")), None)

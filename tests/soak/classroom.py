@@ -16,7 +16,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Self
 from urllib.request import Request, urlopen
@@ -24,10 +23,9 @@ from urllib.request import Request, urlopen
 from server.board.class_key import read_class_key
 from tests.kit.wait import wait_until
 from tests.server.live_robot import Pilot
-from tests.soak.measured import describe_growth, disk_mb, measure_process
+from tests.soak.measured import Growth, disk_mb, measure_process
+from tests.soak.served import ROOT, teach_and_hand_over
 
-ROOT = Path(__file__).parents[2]
-MOVES = ("forward", "left", "forward", "right")
 EVERY_S, STOP_EVERY_S = 10.0, 300.0
 STARTED_S = 300.0
 
@@ -57,12 +55,11 @@ class Class:
             return [robot["status"] for robot in self._now()] == ["there"] * self._count
         return False
 
-    def ask(self, path: str, **body: object) -> dict[str, Any]:
+    def _ask(self, path: str, body: object = None) -> Any:
         headers = {"Content-Type": "application/json"}
         data = json.dumps(body).encode() if body else None
         with urlopen(Request(self.board + path, data, headers), timeout=30) as answer:
-            found: dict[str, Any] = json.load(answer)
-            return found
+            return json.load(answer)
 
     def pupils(self) -> list[Pilot]:
         """Pair a pilot with each robot by the code on paper."""
@@ -97,13 +94,12 @@ class Class:
     def stop_all(self) -> float:
         """Press STOP for all; return the time until all stand, in seconds."""
         began_s = time.monotonic()
-        self.ask("/api/stop", robot=None)
+        self._ask("/api/stop", {"robot": None})
         wait_until(lambda: all(one["emergency"] for one in self._now()), "all are stopped", 30)
         return time.monotonic() - began_s
 
     def _now(self) -> list[dict[str, Any]]:
-        robots: list[dict[str, Any]] = self.ask("/api/robots")["robots"]
-        return robots
+        return list(self._ask("/api/robots")["robots"])
 
     def __enter__(self) -> Self:
         return self
@@ -126,63 +122,33 @@ def descendants(pid: int) -> list[int]:
     return found
 
 
-def drive(pupils: list[Pilot], minutes: float) -> Iterator[None]:
-    """Teach for 20 s, hand over for 10, and yield once a second."""
-    end_s, turn = time.monotonic() + minutes * 60, 0
-    while time.monotonic() < end_s:
-        wanted = "train" if turn % 30 < 20 else "autonomous"
-        for number, pilot in enumerate(pupils):
-            with contextlib.suppress(Exception):  # a robot may be stopped or slow
-                if pilot.states and pilot.state["mode"] != wanted:
-                    pilot.mode(wanted)
-                move = MOVES[(turn // 2 + number) % len(MOVES)]
-                pilot.hold(move if wanted == "train" else None)
-                del pilot.messages[:-50]
-        turn += 1
-        time.sleep(1.0)
-        yield
-
-
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--robots", type=int, default=10)
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--port", type=int, default=23400)
     args = parser.parse_args()
-    times_s: list[float] = []
-    rows: list[dict[str, float]] = []
     stops_s: list[float] = []
     with (
         tempfile.TemporaryDirectory() as name,
         Class(Path(name), args.robots, args.port) as held,
     ):
-        pupils = held.pupils()
-        began_s = due_s = time.monotonic()
-        stop_s = began_s + min(STOP_EVERY_S, args.minutes * 20)
-        for _ in drive(pupils, args.minutes):
-            now_s = time.monotonic()
-            if now_s >= stop_s:
+        pupils, growth = held.pupils(), Growth(EVERY_S, held.measure)
+        stop_s = time.monotonic() + min(STOP_EVERY_S, args.minutes * 20)
+        for _ in teach_and_hand_over(pupils, args.minutes):
+            if time.monotonic() >= stop_s:
                 stop_s += STOP_EVERY_S
                 stops_s.append(held.stop_all())
                 for pilot in pupils:
                     stopped = pilot.wait_for_state(emergency=True)
                     pilot.send(type="release", stop_number=stopped["stop_number"])
-            if now_s >= due_s:
-                due_s += EVERY_S
-                times_s.append(now_s - began_s)
-                rows.append(held.measure())
-                if len(rows) % 30 == 0:  # every five minutes: the run may be ended early
-                    told = ", ".join(f"{name} {value:.1f}" for name, value in rows[-1].items())
-                    print(f"{times_s[-1] / 60:.0f} minutes: {told}", file=sys.stderr)
-        lessons = [pilot.state["lessons"] for pilot in pupils]
+            growth.measure_if_due()
+        lessons = sorted(pilot.state["lessons"] for pilot in pupils)
         for pilot in pupils:
             pilot.close()
-    kept = [index for index, at_s in enumerate(times_s) if at_s >= min(300.0, times_s[-1] / 4)]
-    print(
-        f"{args.robots} robots, {args.minutes:g} minutes, lessons {min(lessons)} to {max(lessons)}"
-    )
-    for line in describe_growth([times_s[i] for i in kept], [rows[i] for i in kept]):
-        print(line)
+    told = f"lessons {lessons[0]} to {lessons[-1]}"
+    print(f"{args.robots} robots, {args.minutes:g} minutes, {told}")
+    print(growth.table())
     print(f"started in {held.started_s:.1f} s, ended in {held.ended_s:.1f} s; ", end="")
     print(f"{len(stops_s)} times STOP: ", end="")
     print(f"all stood after at most {1000 * max(stops_s, default=0):.0f} ms, as the board shows it")

@@ -22,8 +22,7 @@ import sys
 import tempfile
 import time
 import urllib.request
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +37,7 @@ from robot.testing import VirtualClock
 from robot.types import DEFAULT_MOVES
 from tests.kit.frames import jpeg_frame
 from tests.server.live_robot import Pilot
-from tests.soak.__main__ import Served
+from tests.soak.served import Served
 
 RATE_HZ = 30
 NAME = "2026-01-01_100000_000"
@@ -65,6 +64,7 @@ def record(data: Path, pictures: int) -> None:
     )
     queue.begin(run, None)
     decision = {"mode": "train", "driven_by": "pilot", "speed_scale": 1.0, "stop_reason": None}
+    lesson = {"event": "taught", "intervention": False, "x": None}
     for number in range(1, pictures + 1):
         now_s, label = number / RATE_HZ, DEFAULT_MOVES[number // 40 % len(DEFAULT_MOVES)]
         queue.write_frame(jpeg_frame(number, now_s, seen[number % len(seen)]))
@@ -73,14 +73,7 @@ def record(data: Path, pictures: int) -> None:
             Topic.SENSORS: {"distance_m": 0.5, "bumped": False, "battery": None, "pose": pose},
             Topic.PREDICTION: {"frame": number, "action": label, "confidence": 0.9},
             Topic.DECISION: decision | {"asks_pilot": False, "action": label, "sent": label},
-            Topic.LESSON: {
-                "event": "taught",
-                "frame": number,
-                "label": label,
-                "intervention": False,
-                "at_s": now_s,
-                "x": None,
-            },
+            Topic.LESSON: lesson | {"frame": number, "label": label, "at_s": now_s},
         }
         queue.write_messages(now_s, lambda said=said: list(said.items()))
         if number % 6 == 0:
@@ -93,16 +86,12 @@ def record(data: Path, pictures: int) -> None:
 
 def _scene() -> list[bytes]:
     """Return JPEGs of a road that turns."""
-    chance = np.random.default_rng(1)
-    found = []
+    chance, found = np.random.default_rng(1), []
     for turn in np.linspace(0, 2 * np.pi, 400):
-        picture = np.full((120, 160, 3), 90, np.uint8)
-        picture[:50] = 180, 160, 120
-        x = 80 + int(60 * np.sin(turn))
+        picture, x = np.full((120, 160, 3), 90, np.uint8), 80 + int(60 * np.sin(turn))
         cv2.line(picture, (x, 119), (160 - x, 50), (230, 230, 230), 7)
         noisy = picture.astype(int) + chance.integers(-6, 7, picture.shape)
-        _, data = cv2.imencode(".jpg", noisy.clip(0, 255).astype(np.uint8))
-        found.append(data.tobytes())
+        found.append(cv2.imencode(".jpg", noisy.clip(0, 255).astype(np.uint8))[1].tobytes())
     return found
 
 
@@ -120,78 +109,48 @@ def command(*words: str) -> tuple[float, float]:
 
 def compare_commands(folder: Path, short: Path, long: Path, pictures: int) -> None:
     print(f"{'':24} {_SHORT:>9} {pictures:>9} pictures")
-    for form in _FORMS:
+    out = folder / "out.npz"
+    for form in (*_FORMS, "learn"):
         spent = []
-        for number, data in enumerate((short, long)):
-            out = folder / f"{form}-{number}{'.npz' if form == 'npz' else ''}"
-            words = ("export", NAME, "--as", form, "--out", str(out), "--data", str(data))
-            spent.append(command("episodes", *words))
+        for data in (short, long):
+            export = ("episodes", "export", NAME, "--as", form, "--out", str(out))
+            words = ("learn", NAME) if form == "learn" else export
+            spent.append(command(*words, "--data", str(data)))
             subprocess.run(["rm", "-rf", str(out)], check=True)
-        _print_costs(form, spent, pictures)
-    spent = [command("learn", NAME, "--data", str(data)) for data in (short, long)]
-    _print_costs("learn", spent, pictures)
+        (first_s, first_mb), (last_s, last_mb) = spent
+        each_us = 1e6 * (last_s - first_s) / max(pictures - _SHORT, 1)
+        grown = f"{first_mb:6.0f} MB {last_mb:6.0f} MB {last_mb - first_mb:+6.0f} MB"
+        print(f"{form:24} {grown}, {each_us:.0f} us of CPU a picture", flush=True)
 
 
-def _print_costs(name: str, spent: list[tuple[float, float]], pictures: int) -> None:
-    (first_s, first_mb), (last_s, last_mb) = spent
-    each_us = 1e6 * (last_s - first_s) / max(pictures - _SHORT, 1)
-    print(
-        f"{name:24} {first_mb:6.0f} MB {last_mb:6.0f} MB {last_mb - first_mb:+6.0f} MB, "
-        f"{each_us:.0f} us of CPU a picture",
-        flush=True,
-    )
-
-
-@dataclass
 class Lessons:
-    """A pilot who changes the move each half second, and the measured times until each change."""
+    """A pilot who changes the move each half second for some seconds, and what came of it: lessons
+    per second, stops, and the times until each change."""
 
-    pilot: Pilot
-    waited_s: list[float] = field(default_factory=list)
-    lessons: int = 0
-    stops: int = 0
-    seconds: float = 0.0
-
-    def teach(self, is_over: Callable[[], bool]) -> Lessons:
-        pilot = self.pilot
-        began_s, before, taught_now = time.monotonic(), self._taught(), False
-        for turn in _until(is_over):
+    def __init__(self, pilot: Pilot, seconds: float) -> None:
+        waited_s: list[float] = []
+        began_s, before, turn, was_taught = time.monotonic(), _taught(pilot), 0, False
+        self.stops = 0
+        while time.monotonic() < began_s + seconds:
             if pilot.state["mode"] != "train":
-                self.stops += taught_now
-                taught_now = False
+                self.stops += was_taught
+                was_taught = False
                 pilot.mode("train")  # a busy machine stops the robot, as it must
                 time.sleep(0.2)
                 continue
-            taught_now = True
-            move = ("left", "right")[turn % 2]
-            ordered_s = time.monotonic()
-            pilot.hold(move)
+            turn, was_taught, ordered_s = turn + 1, True, time.monotonic()
+            pilot.hold(move := ("left", "right")[turn % 2])
             with contextlib.suppress(AssertionError):  # the robot stopped
                 pilot.wait_for_state(2.0, action=move)
-                self.waited_s.append(time.monotonic() - ordered_s)
+                waited_s.append(time.monotonic() - ordered_s)
             time.sleep(max(0.0, 0.5 - (time.monotonic() - ordered_s)))
             del pilot.messages[:-50]
-        self.seconds = time.monotonic() - began_s
-        self.lessons = self._taught() - before
-        return self
-
-    def _taught(self) -> int:
-        return sum(self.pilot.state["taught"].values())
-
-    @property
-    def each_second(self) -> float:
-        return self.lessons / self.seconds
-
-    @property
-    def p95_s(self) -> float:
-        return float(np.quantile(self.waited_s, 0.95)) if self.waited_s else float("nan")
+        self.each_second = (_taught(pilot) - before) / (time.monotonic() - began_s)
+        self.p95_s = float(np.quantile(waited_s, 0.95)) if waited_s else float("nan")
 
 
-def _until(is_over: Callable[[], bool]) -> Iterator[int]:
-    turn = 0
-    while not is_over():
-        yield turn
-        turn += 1
+def _taught(pilot: Pilot) -> int:
+    return sum(pilot.state["taught"].values())
 
 
 class Reader:
@@ -199,7 +158,7 @@ class Reader:
     the pilot, so it has a process of its own, with low priority: it stands for another computer."""
 
     def __init__(self, served: Served) -> None:
-        self._served, self._base = served, f"http://127.0.0.1:{served.port}/api"
+        self._served, self._base = served, f"{served.http}/api"
         self.times_s: dict[str, list[float]] = {}
         self.grown_mb = 0.0
         context = multiprocessing.get_context("fork")
@@ -261,12 +220,12 @@ class Reader:
 
 
 def teach_meanwhile(folder: Path, seconds: float) -> None:
-    served = Served(folder, RATE_HZ)
-    with Pilot(f"ws://127.0.0.1:{served.port}/ws/drive", sees=True) as pilot:
+    served = Served(folder, "--frame-rate-hz", str(RATE_HZ))
+    with Pilot(served.drive, sees=True) as pilot:
         pilot.wait_for_state(60, you_are_pilot=True)
-        quiet = Lessons(pilot).teach(_after(seconds))
+        quiet = Lessons(pilot, seconds)
         reader = Reader(served)
-        busy = Lessons(pilot).teach(_after(seconds))
+        busy = Lessons(pilot, seconds)
         peak_mb = served.peak_mb()
         ended_s = served.stop()  # while the recording is being read
         reader.end()
@@ -283,11 +242,6 @@ def teach_meanwhile(folder: Path, seconds: float) -> None:
     print(f"SIGTERM while reading    {ended_s:6.2f} s")
     reasons = re.findall(r"stop reason=(\w+)", (folder / "log").read_text(errors="replace"))
     print(f"stops in the log: {', '.join(reasons) or 'none'}")
-
-
-def _after(seconds: float) -> Callable[[], bool]:
-    end_s = time.monotonic() + seconds
-    return lambda: time.monotonic() >= end_s
 
 
 def main() -> int:

@@ -1,13 +1,21 @@
-"""A process measured from outside, and growth printed as a table."""
+"""A process measured from outside, and the growth of such figures as a table."""
 
 from __future__ import annotations
 
 import contextlib
+import math
 import os
-from collections.abc import Sequence
+import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
-from tests.soak.slopes import slope
+import numpy as np
+from numpy.typing import ArrayLike
+
+_SKIPPED_S = 300.0
+"""What happens before does not count, in seconds; of a shorter run a quarter."""
 
 
 def measure_process(pid: int, memory: str = "Rss") -> dict[str, float]:
@@ -30,24 +38,78 @@ def measure_process(pid: int, memory: str = "Rss") -> dict[str, float]:
 
 def disk_mb(folder: Path) -> float:
     """Return the size of all files below a folder, without those that are gone meanwhile."""
-
-    def size(path: Path) -> int:
+    total = 0
+    for path in folder.rglob("*"):
         with contextlib.suppress(OSError):
-            return path.stat().st_size if path.is_file() else 0
-        return 0
-
-    return sum(map(size, folder.rglob("*"))) / 1e6
+            total += path.stat().st_size if path.is_file() else 0
+    return total / 1e6
 
 
-def describe_growth(times_s: Sequence[float], rows: Sequence[dict[str, float]]) -> list[str]:
-    """Return a table: each figure but CPU time at first and at last, and its growth in an hour."""
-    lines = [f"{'':16} {'at first':>10} {'at last':>10} {'an hour':>10}  95 % of the slope"]
-    for name in (name for name in rows[0] if not name.endswith("CPU s")):
-        values = [row[name] for row in rows]
-        line = slope(times_s, values)
-        grows = "" if line.is_flat else "  GROWS" if line.hourly > 0 else ""
-        lines.append(
-            f"{name:16} {values[0]:10.1f} {values[-1]:10.1f} {line.hourly:+10.2f}  "
-            f"+-{line.margin:.2f}{grows}"
-        )
-    return lines
+class Slope(NamedTuple):
+    """Growth of a figure per hour, and half the width of its 95 % interval."""
+
+    hourly: float
+    margin: float
+
+    @property
+    def is_flat(self) -> bool:
+        """True if the interval includes no growth."""
+        return abs(self.hourly) <= self.margin
+
+
+def slope(times_s: ArrayLike, values: ArrayLike) -> Slope:
+    """Fit a line by least squares; correlated neighbours widen the interval (Bartlett)."""
+    t, y = np.asarray(times_s, float) / 3600, np.asarray(values, float)
+    if len(t) < 4 or np.ptp(t) == 0:
+        return Slope(math.nan, math.inf)
+    hourly, start = np.polyfit(t, y, 1)
+    rest = y - (hourly * t + start)
+    spread = float((rest**2).sum())
+    alike = float((rest[1:] * rest[:-1]).sum() / spread) if spread else 0.0
+    alike = min(max(alike, 0.0), 0.95)
+    deviation = math.sqrt(spread / (len(t) - 2) / (len(t) * float(t.var())))
+    return Slope(float(hourly), 1.96 * deviation * math.sqrt((1 + alike) / (1 - alike)))
+
+
+class Growth:
+    """Figures that are measured at regular times."""
+
+    def __init__(self, every_s: float, figures: Callable[[], dict[str, float]]) -> None:
+        self._every_s, self._figures = every_s, figures
+        self._began_s = time.monotonic()
+        self._times_s: list[float] = []
+        self._rows: list[dict[str, float]] = []
+
+    def measure_if_due(self) -> None:
+        """Measure if it is time to; print the figures every five minutes, for a run that is ended
+        early."""
+        now_s = time.monotonic() - self._began_s
+        if now_s >= len(self._rows) * self._every_s:
+            self._times_s.append(now_s)
+            self._rows.append(row := self._figures())
+            if len(self._rows) % round(300 / self._every_s) == 0:
+                told = ", ".join(f"{name} {value:.1f}" for name, value in row.items())
+                print(f"{now_s / 60:.0f} minutes: {told}", file=sys.stderr, flush=True)
+
+    def _kept(self) -> slice:
+        skipped_s = min(_SKIPPED_S, self._times_s[-1] / 4)
+        return slice(sum(at_s < skipped_s for at_s in self._times_s), None)
+
+    def gain(self, name: str) -> float:
+        """Return by how much a figure grew, from what counts on."""
+        kept = self._rows[self._kept()]
+        return kept[-1][name] - kept[0][name]
+
+    def table(self) -> str:
+        """Return each figure but CPU time at first and at last, and its growth in an hour."""
+        lines = [f"{'':16} {'at first':>10} {'at last':>10} {'an hour':>10}  95 % of the slope"]
+        times_s, rows = self._times_s[self._kept()], self._rows[self._kept()]
+        for name in (name for name in rows[0] if not name.endswith(("CPU s", "pictures"))):
+            values = [row[name] for row in rows]
+            line = slope(times_s, values)
+            grows = "  GROWS" if line.hourly > 0 and not line.is_flat else ""
+            lines.append(
+                f"{name:16} {values[0]:10.1f} {values[-1]:10.1f} {line.hourly:+10.2f}  "
+                f"+-{line.margin:.2f}{grows}"
+            )
+        return "\n".join(lines)

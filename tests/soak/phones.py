@@ -30,8 +30,8 @@ from server.gateway.roles import Role
 from server.protocol import encode_acknowledgement, parse_picture
 from tests.kit.ports import free_port
 from tests.soak.measured import measure_process
+from tests.soak.served import ROOT
 
-ROOT = Path(__file__).parents[2]
 FIRST_RETRY_S, LAST_RETRY_S = 0.25, 2.0
 """The page's pauses before it connects again, in seconds; see `web/js/connection.js`."""
 GIVE_UP_S = 300.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tests.soak.slopes import slope
+from tests.soak.measured import slope
 
 
 def test_a_growth_is_found_and_chance_is_not() -> None:

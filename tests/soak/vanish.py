@@ -16,13 +16,11 @@ import subprocess
 import sys
 import tempfile
 import time
-import urllib.request
 from pathlib import Path
 
-from tests.kit.ports import free_port
 from tests.server.live_robot import Pilot
+from tests.soak.served import Served
 
-ROOT = Path(__file__).parents[2]
 WATCHED_S = 1.2
 ASKED_S = 0.5
 
@@ -37,28 +35,16 @@ class TimedPilot(Pilot):
         super().send(**message)
 
 
-class Wheels:
-    """The motion of the simulated wheels."""
-
-    def __init__(self, notes: Path) -> None:
-        self._notes = notes
-
-    def turns(self) -> list[tuple[float, bool]]:
-        """Return the times at which they began to turn (True) or stood."""
-        lines = self._notes.read_text().splitlines() if self._notes.exists() else []
-        return [(float(at), move != "stop") for at, move in map(str.split, lines)]
-
-    def are_turning(self) -> bool:
-        turns = self.turns()
-        return bool(turns) and turns[-1][1]
-
-
 class Drives:
     """Makes drives one after the other; a pilot that was only silent drives again."""
 
-    def __init__(self, url: str, wheels: Wheels, seed: int) -> None:
-        self._url, self._wheels, self._dice = url, wheels, random.Random(seed)
+    def __init__(self, served: Served, seed: int) -> None:
+        self._served, self._dice = served, random.Random(seed)
         self._pilot: TimedPilot | None = None
+
+    def _is_turning(self) -> bool:
+        turns = self._served.turns()
+        return bool(turns) and turns[-1][1]
 
     def drive(self) -> list[tuple[float, bool]] | None:
         """Drive, vanish, and return the wheels' motion since the pilot's last message.
@@ -66,22 +52,21 @@ class Drives:
         None if they stood when the pilot vanished, because a busy machine had stopped the robot
         before.
         """
-        dice, wheels = self._dice, self._wheels
-        pilot = self._pilot = self._pilot or TimedPilot(self._url)
+        dice = self._dice
+        pilot = self._pilot = self._pilot or TimedPilot(self._served.drive)
         pilot.is_silent = False
-        pilot.drive_until(wheels.are_turning, mode=dice.choice(["train", "autonomous"]))
+        pilot.drive_until(self._is_turning, mode=dice.choice(["train", "autonomous"]))
         time.sleep(dice.uniform(0.1, 0.4))
         with pilot._lock:
             pilot.is_silent = True
-        was_turning = wheels.are_turning()
-        gone_s = pilot.sent_s
+        was_turning, gone_s = self._is_turning(), pilot.sent_s
         if dice.random() < 0.5:
             pilot.vanish()
             gone_s, self._pilot = time.monotonic(), None
         time.sleep(WATCHED_S)
         if self._pilot is None:
             pilot.close()
-        after = [(at_s - gone_s, turn) for at_s, turn in wheels.turns() if at_s > gone_s]
+        after = [(at_s - gone_s, turn) for at_s, turn in self._served.turns() if at_s > gone_s]
         return after if was_turning and after else None
 
 
@@ -94,28 +79,12 @@ def main() -> int:
     took_s: list[float] = []
     again = again_late = skipped = 0
     with tempfile.TemporaryDirectory() as name:
-        folder, port = Path(name), free_port()
-        words = ["-m", "tests.soak.wheels", "serve", "--no-page", "--robot", "sim"]
-        server = subprocess.Popen(
-            [sys.executable, *words, "--port", str(port), "--data", str(folder / "data")],
-            cwd=ROOT,
-            env={**os.environ, "SOAK_WHEELS": str(folder / "wheels")},
-            stdout=subprocess.DEVNULL,
-            stderr=(folder / "log").open("ab"),
-        )
-        busy = [
-            subprocess.Popen([sys.executable, "-c", "while True: pass"])
-            for _ in range(args.load * (os.cpu_count() or 1))
-        ]
+        endless, n_busy = [sys.executable, "-c", "while True: pass"], os.cpu_count() or 1
+        busy = [subprocess.Popen(endless) for _ in range(args.load * n_busy)]
         try:
-            while True:
-                try:
-                    urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=30).close()
-                    break
-                except OSError:
-                    time.sleep(0.2)
-            url = f"ws://127.0.0.1:{port}/ws/drive"
-            drives = Drives(url, Wheels(folder / "wheels"), args.seed)
+            served = Served(Path(name))
+            busy.append(served.process)
+            drives = Drives(served, args.seed)
             while len(took_s) < args.drives:
                 after = drives.drive()
                 if after is None:
@@ -127,7 +96,7 @@ def main() -> int:
                     again_late += any(turn and at_s > ASKED_S for at_s, turn in after)
                     print("turned again:", [(round(at_s, 3), turn) for at_s, turn in after])
         finally:
-            for process in [*busy, server]:
+            for process in busy:
                 process.kill()
                 process.wait()
     took_s.sort()

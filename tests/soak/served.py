@@ -1,0 +1,128 @@
+"""The server that the soaks use, in a separate process.
+
+Run as a program, this is `drivelesson`. It writes its number of Python objects into a file of
+$SOAK_FOLDER when it gets SIGUSR1. It writes a line into another when the simulated wheels begin to
+turn or stand: the system's monotonic time in seconds, and the move.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import os
+import signal
+import subprocess
+import sys
+import time
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from robot.simulator.driver import SimDriver
+from server.__main__ import main
+from tests.kit.ports import free_port
+from tests.kit.wait import wait_until
+from tests.server.live_robot import Pilot
+from tests.soak.measured import disk_mb, measure_process
+
+ROOT = Path(__file__).parents[2]
+MOVES = ("forward", "left", "forward", "right")
+
+
+class Served:
+    """A simulated robot's server, measured from outside."""
+
+    def __init__(self, folder: Path, *options: str) -> None:
+        self.folder, port = folder, free_port()
+        self.http, self.drive = f"http://127.0.0.1:{port}", f"ws://127.0.0.1:{port}/ws/drive"
+        began_s = time.monotonic()
+        words = ["serve", "--no-page", "--robot", "sim", "--port", str(port), *options]
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "tests.soak.served", *words, "--data", str(folder / "data")],
+            cwd=ROOT,
+            env={**os.environ, "SOAK_FOLDER": str(folder)},
+            stdout=subprocess.DEVNULL,
+            stderr=(folder / "log").open("ab"),
+        )
+        wait_until(self._answers, "the server answers", 300.0)
+        self.ready_s = time.monotonic() - began_s
+
+    def _answers(self) -> bool:
+        with contextlib.suppress(OSError):
+            urllib.request.urlopen(self.http, timeout=30).close()
+            return True
+        return False
+
+    def measure(self) -> dict[str, float]:
+        objects = self.folder / "objects"
+        objects.unlink(missing_ok=True)
+        self.process.send_signal(signal.SIGUSR1)
+        wait_until(lambda: objects.exists() and objects.read_text(), "the objects are counted")
+        disk = {"objects": float(objects.read_text()), "disk MB": disk_mb(self.folder / "data")}
+        return measure_process(self.process.pid) | disk
+
+    def peak_mb(self) -> float:
+        """Return the highest resident memory so far, in MB."""
+        status = Path(f"/proc/{self.process.pid}/status").read_text()
+        return int(status.split("VmHWM:")[1].split()[0]) / 1024
+
+    def turns(self) -> list[tuple[float, bool]]:
+        """Return the times at which the wheels began to turn (True) or stood."""
+        notes = self.folder / "wheels"
+        lines = notes.read_text().splitlines() if notes.exists() else []
+        return [(float(at), move != "stop") for at, move in map(str.split, lines)]
+
+    def stop(self) -> float:
+        """End it as a system does; return the time that takes, in seconds."""
+        began_s = time.monotonic()
+        self.process.send_signal(signal.SIGTERM)
+        self.process.wait(60)
+        return time.monotonic() - began_s
+
+
+def teach_and_hand_over(pilots: list[Pilot], minutes: float) -> Iterator[None]:
+    """Teach for 20 s and hand over for 10, again and again; yield once a second."""
+    end_s, turn = time.monotonic() + minutes * 60, 0
+    while time.monotonic() < end_s:
+        wanted = "train" if turn % 30 < 20 else "autonomous"
+        for number, pilot in enumerate(pilots):
+            with contextlib.suppress(Exception):  # a robot may be stopped or slow
+                if pilot.states and pilot.state["mode"] != wanted:
+                    pilot.mode(wanted)
+                move = MOVES[(turn // 2 + number) % len(MOVES)]
+                pilot.hold(move if wanted == "train" else None)
+                del pilot.messages[:-50]
+        turn += 1
+        time.sleep(1.0)
+        yield
+
+
+def _count_objects(signum: int, frame: object) -> None:
+    gc.collect()
+    Path(os.environ["SOAK_FOLDER"], "objects").write_text(str(len(gc.get_objects())))
+
+
+def _note_wheels() -> None:
+    notes = (Path(os.environ["SOAK_FOLDER"]) / "wheels").open("a", buffering=1)
+    told = "stop"
+
+    def noting(real: Any) -> Any:
+        def call(driver: SimDriver, *args: Any) -> None:
+            nonlocal told
+            with driver._lock:
+                real(driver, *args)
+                if (now := str(driver.simulation.action)) != told:
+                    told = now
+                    notes.write(f"{time.monotonic():.4f} {now}\n")
+
+        return call
+
+    for name in ("_drive", "stop"):
+        setattr(SimDriver, name, noting(getattr(SimDriver, name)))
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGUSR1, _count_objects)
+    _note_wheels()
+    sys.exit(main())
