@@ -7,7 +7,7 @@ squared differences (SSD) of two profiles over all moves and all c is the measur
 
 The paper does not define the profile of a move that was never made. Here this profile is 0 for
 every c, like a profile without readings. So a robot that never turns is far from a teacher who
-turns. Such moves are listed, and `made` is the sum over only the moves that both drivers made.
+turns. Such moves are listed, and `made` is the sum over the moves that both drivers made.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Difference:
 
     @property
     def made(self) -> float:
-        """The sum over only the moves that both drivers made."""
+        """The sum over the moves that both drivers made."""
         never = {*self.never_by_teacher, *self.never_by_robot}
         return float(sum(ssd for move, ssd in self.per_move.items() if move not in never))
 

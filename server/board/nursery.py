@@ -39,8 +39,8 @@ _COLD = 6.0
 cold, sockets and the disk add time, and a tenth of the computer stays free for a STOP. Measured
 with thirty robots on two cores."""
 _BATCHES, _BATCH = 5, 20
-"""Number of batches of pictures by which this computer is measured, and the pictures of a batch.
-The fastest batch counts, because other programs only slow a batch down."""
+"""This computer is measured with five batches of twenty pictures each. The fastest batch counts,
+because other programs only slow a batch down."""
 _MODULES = (
     *("anyio._backends._asyncio", "cv2", "encodings.ascii", "encodings.idna"),
     *("encodings.utf_8_sig", "fastapi.telemetry._runtime", "filelock", "google.protobuf"),
