@@ -5,9 +5,7 @@ the irregular hand of one of `robot/lab/simulated_pilots/habits.py`. While the r
 newcomer first corrects it by habit. After reading when the page wants to be touched, the newcomer
 touches it only then. Each has another screen and language: five sizes and en, es, zh in turn. The
 requirement: within four minutes of opening the page the robot drives by itself for a minute without
-pushing a wall. With `--challenge` the newcomer continues: it finds the challenge, starts it, and
-completes three tries. With `--beside FOLDER` the same newcomer uses another checkout at the same
-time, so that both have the same load.
+pushing a wall.
 
 All runs in real time: a newcomer takes two to four minutes. `--habits regular,late` chooses some.
 """
@@ -16,15 +14,11 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import json
 import re
-import subprocess
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 from robot.lab.simulated_pilots.habits import HABITS
@@ -39,13 +33,9 @@ from .world import World, new_context, running_chromium, running_world
 LIMIT_S = 240.0
 SOON_S = 120.0
 ALONE_S = 60.0
-CHALLENGE_S = 420.0
-"""A newcomer has three tries of a minute, and time to read and to free its robot."""
 RATE_HZ = 10.0
 """Pictures a second, as the camera of a real EV3 sends. Tests of the page use half of that, with
 which a robot learns half as much in the same time and reacts later."""
-FREEING_S = 6.0
-"""Time to drive the robot away before the next try, after a try that ended at a wall."""
 PUSHED_S = 0.5
 """Driving against something for longer than this is pushing; a brief touch is not."""
 READ_EVERY_S = 0.4
@@ -80,13 +70,6 @@ class Story:
     corrections: int = 0
     longest_push_s: float = 0.0
     """While the robot drove by itself."""
-    lessons: int = 0
-    offered_s: float | None = None
-    started_s: float | None = None
-    tried_s: float | None = None
-    """The time at which the third try ended."""
-    tries: list[dict[str, Any]] = field(default_factory=list)
-    read: list[str] = field(default_factory=list)
 
     @property
     def is_done(self) -> bool:
@@ -138,7 +121,6 @@ class Newcomer:
             self._go_on()
             self._watch()
         self._hold(None)
-        self.story.lessons = self.world.lessons
         return self.story
 
     def _go_on(self) -> None:
@@ -148,57 +130,6 @@ class Newcomer:
         self._drive()
         time.sleep(0.03)
 
-    def take_challenge(self) -> Story:
-        """Find the challenge, start it, and complete three tries without touching the pad.
-
-        Until the page offers it, the newcomer continues as before, because the robot may not be
-        ready yet.
-        """
-        until_s, freed_s, story = self.now_s + CHALLENGE_S, 0.0, self.story
-        challenge = next(
-            part.challenge  # type: ignore[attr-defined]
-            for part in self.world.services.extensions.values()
-            if hasattr(part, "challenge")
-        )
-        while self.now_s < until_s and not self._is_offered():
-            for _ in range(12):
-                self._go_on()
-        while story.tried_s is None and self.now_s < until_s:
-            time.sleep(READ_EVERY_S)
-            if len(challenge.tries) > len(story.tries):
-                story.tries = [asdict(one) for one in challenge.tries]
-                freed_s = self.now_s + FREEING_S if story.tries[-1]["ended_by"] != "time" else 0.0
-                if len(story.tries) == 3:
-                    story.tried_s = self.now_s
-                    break
-            while self.now_s < freed_s and not challenge.is_armed:
-                self._drive()
-                time.sleep(0.03)
-            self._hold(None)
-            if challenge.is_on:
-                continue
-            screen = self.page.locator("challenge-screen .primary:enabled")
-            offer = self.page.locator(".notice button, toast-bar button")
-            if challenge.is_armed and self.world.mode is not Mode.AUTONOMOUS:
-                self._choose(Mode.AUTONOMOUS)
-            elif screen.count() and screen.is_visible():
-                time.sleep(READING_S)
-                self._tap("challenge-screen .primary")
-                story.started_s = story.started_s or self.now_s
-            elif offer.count() and offer.first.is_visible():
-                wanted = [self._words[f"challenge.{name}"] for name in ("open", "next")]
-                if offer.first.inner_text() in wanted:
-                    story.offered_s = story.offered_s or self.now_s
-                    time.sleep(READING_S)
-                    self._tap(".notice button" if not screen.count() else "toast-bar button")
-            elif self.world.mode is Mode.STOPPED:
-                self._choose(Mode.AUTONOMOUS)
-        return story
-
-    def _is_offered(self) -> bool:
-        offers = self.page.locator(".notice button, toast-bar button").all_inner_texts()
-        return self._words["challenge.open"] in offers
-
     # Reading -----------------------------------------------------------------------------------
 
     def _read(self) -> None:
@@ -206,8 +137,6 @@ class Newcomer:
         text = self.page.evaluate(_TEXT)
         if text != self._text:
             self._text, self._text_since_s = text, self.now_s
-            if text:
-                self.story.read.append(f"{self.now_s:.0f} s: {text}")
         if text and self.now_s - self._text_since_s > READING_S:
             self._do_as_told(text)
 
@@ -303,7 +232,7 @@ def asked_by(text: str, words: dict[str, str]) -> str | None:
     return None
 
 
-def run(story: Story, world_name: str = "box", with_challenge: bool = False) -> Story:
+def run(story: Story, world_name: str) -> Story:
     """Return the result of a newcomer with a new robot and a new browser."""
     width, height = map(int, story.screen.split("x"))
     with (
@@ -317,51 +246,22 @@ def run(story: Story, world_name: str = "box", with_challenge: bool = False) -> 
         opened_s = time.monotonic()
         page.goto(world.address)
         page.wait_for_selector("video-view[data-frames]", state="attached", timeout=20_000)
-        newcomer = Newcomer(page, world, story, opened_s)
-        story = newcomer.live()
-        return newcomer.take_challenge() if with_challenge else story
+        return Newcomer(page, world, story, opened_s).live()
 
 
-@contextlib.contextmanager
-def beside(folder: Path | None, habit: str, world: str) -> Iterator[list[dict[str, Any]]]:
-    """Run the same newcomer on another checkout meanwhile; afterwards the list has its result."""
-    stories: list[dict[str, Any]] = []
-    if folder is None:
-        yield stories
-        return
-    with tempfile.TemporaryDirectory() as kept:
-        told = Path(kept) / "stories.json"
-        command = [folder / ".venv/bin/python", "-m", "tests.e2e.newcomers"]
-        options = ["--habits", habit, "--world", world, "--json", told]
-        out = subprocess.DEVNULL
-        with subprocess.Popen([*command, *options], cwd=folder, stdout=out) as other:
-            yield stories
-        # Its exit status says whether the newcomer was in time, which the result says as well.
-        assert told.exists(), f"{folder} ended with {other.returncode} and without a result"
-        stories += json.loads(told.read_text())
-
-
-def main(argv: list[str] | None = None, run: Callable[..., Story] = run) -> int:
+def main() -> int:
     """Run them one after the other; 0 if at most one in twelve fails."""
     parser = argparse.ArgumentParser(prog="python -m tests.e2e.newcomers", description=__doc__)
     parser.add_argument("--habits", default=",".join(HABITS), help="comma-separated")
     parser.add_argument("--world", default="box")
-    text = "and take the challenge: three minutes more each"
-    parser.add_argument("--challenge", action="store_true", help=text)
-    text = "run each newcomer on this checkout at the same time"
-    parser.add_argument("--beside", type=Path, metavar="FOLDER", help=text)
-    parser.add_argument("--json", type=Path, help="write all that happened here")
-    args = parser.parse_args(argv)
-    stories, others = [], []
+    args = parser.parse_args()
+    stories = []
     print("habit        screen          taps  hands over   ready    done  corrected  longest push")
     for habit in args.habits.split(","):
         i = list(HABITS).index(habit)
         (width, height), language = SIZES[i % len(SIZES)], LANGUAGES[i % len(LANGUAGES)]
-        story = Story(habit, f"{width}x{height}", language)
-        with beside(args.beside, habit, args.world) as other:
-            story = run(story, args.world, args.challenge)
+        story = run(Story(habit, f"{width}x{height}", language), args.world)
         stories.append(story)
-        others += other
         times = (story.first_move_s, story.handed_over_s, story.called_ready_s, story.done_s)
         told = [f"{at_s:5.0f} s" if at_s is not None else "   none" for at_s in times]
         print(
@@ -369,29 +269,10 @@ def main(argv: list[str] | None = None, run: Callable[..., Story] = run) -> int:
             f"{story.corrections:9} {story.longest_push_s:11.2f} s",
             flush=True,
         )
-        if args.challenge:
-            at = (story.offered_s, story.started_s, story.tried_s)
-            said = ", ".join(f"{at_s:.0f} s" if at_s is not None else "never" for at_s in at)
-            tries = ", ".join(f"{one['metres']:.1f} m ({one['ended_by']})" for one in story.tries)
-            print(f"            challenge offered, started, three tries over: {said}; {tries}")
-        for one in other:
-            at = (one["handed_over_s"], one["called_ready_s"], one["done_s"])
-            said = ", ".join(f"{at_s:.0f} s" if at_s is not None else "never" for at_s in at)
-            print(f"            beside: hands over, ready, done: {said}", flush=True)
     done = sum(story.is_done for story in stories)
     soon = sum((story.done_s or LIMIT_S) <= SOON_S for story in stories)
     print(f"{done} of {len(stories)} have a robot that drives a minute by itself within 4 minutes")
     print(f"{soon} of them within {SOON_S:.0f} s")
-    for what in ("offered_s", "started_s", "tried_s") if args.challenge else ():
-        n = sum(getattr(story, what) is not None for story in stories)
-        verb = {"offered_s": "found", "started_s": "started", "tried_s": "finished"}[what]
-        print(f"{n} of {len(stories)} have {verb} the challenge")
-    for what in ("handed_over_s", "called_ready_s", "done_s") if others else ():
-        ours = median(getattr(story, what) or LIMIT_S for story in stories)
-        theirs = median(other[what] or LIMIT_S for other in others)
-        print(f"{what}, median: {ours:.0f} s; beside {theirs:.0f} s")
-    if args.json:
-        args.json.write_text(json.dumps([asdict(story) for story in stories], indent=1))
     return 0 if 12 * done >= 11 * len(stories) else 1
 
 

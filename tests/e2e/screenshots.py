@@ -25,6 +25,7 @@ from .broken_way import BrokenWay
 from .class_world import running_class
 from .film import take_film
 from .hand import Fingers, choose, drive_on, pad, teach
+from .test_study import PLAN
 from .world import (
     DESKTOP,
     LANDSCAPE,
@@ -252,33 +253,6 @@ def _take_result(page: Any, world: World, shoot: Shoot) -> None:
     page.wait_for_timeout(1500)
     page.locator("study-screen .lead").first.scroll_into_view_if_needed()
     shoot("result")
-
-
-PLAN = """
-title = "Short or long teaching"
-participants = 12
-world = "box"
-moves = ["forward", "left"]
-consent = "You teach a small robot to drive. It records what its camera sees. \
-You may stop at any time."
-[[phase]]
-kind = "teach"
-seconds = 90
-[[phase]]
-kind = "alone"
-seconds = 60
-[[condition]]
-name = "short"
-[[condition]]
-name = "long"
-seconds = { teach = 180 }
-instructions = "This time you teach for three minutes."
-[[question]]
-name = "again"
-kind = "choice"
-text = "Would you do it again?"
-options = ["yes", "perhaps", "no"]
-"""
 
 
 def _take_participants(browser: Any, folder: Path) -> None:

@@ -6,7 +6,6 @@ tests used the same robot.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -14,11 +13,10 @@ import pytest
 
 from robot.simulator.driver import SimDriver
 from robot.types import Action, Mode
-from tests.kit.sizes import few
 from tests.kit.wait import wait_until
 
 from .boxes import drive_faults
-from .hand import Fingers, choose, hold_until, pad, press_until, turning, wait_until_standing
+from .hand import Fingers, choose, hold_until, pad, turning
 from .world import (
     DESKTOP,
     LANDSCAPE,
@@ -26,64 +24,10 @@ from .world import (
     World,
     new_context,
     open_page,
-    remember,
-    running_chromium,
     wait_until_free,
 )
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
-
-
-@pytest.fixture
-def whole_chromium() -> Iterator[Any]:
-    """The Chromium with windows, although none is opened, because the other one has no tilt
-    sensor."""
-    with running_chromium(whole=True) as browser:
-        yield browser
-
-
-_KNOWS_UPRIGHT = "(document.querySelector('drive-pad').tilt?.zero ?? null) !== null"
-
-
-def test_tilting_drives_while_the_thumb_rests(whole_chromium: Any, world: World) -> None:
-    context = whole_chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
-    context.add_init_script(remember(hintsShown=["teach", "bars", "correct"], tilt=True))
-    page = open_page(context, world.address, hints=True)
-    lean = context.new_cdp_session(page)
-
-    def tilt(beta: float, gamma: float) -> None:
-        lean.send(
-            "DeviceOrientation.setDeviceOrientationOverride",
-            {"alpha": 0, "beta": beta, "gamma": gamma},
-        )
-
-    choose(page, world, Mode.TRAIN)
-    fingers = Fingers(page)
-
-    def lean_to(beta: float, gamma: float) -> None:
-        if fingers.are_lifted:
-            tilt(40, 0)
-            fingers.press(".move.tilt")
-            wait_until(  # an event that came before the thumb was not heard
-                lambda: tilt(40, 0) or page.evaluate(_KNOWS_UPRIGHT), "it knows what is upright"
-            )
-            page.wait_for_timeout(300)
-            assert world.action is Action.STOP, "upright is as it was when the thumb went down"
-        tilt(beta, gamma)
-
-    turned = turning(world)
-
-    def turns_left() -> bool:
-        return turned() and world.action is Action.LEFT
-
-    press_until(page, world, lambda: lean_to(40, -30), fingers.lift, turns_left)
-    # Leaning the phone away drives on, under the same thumb.
-    press_until(
-        page, world, lambda: lean_to(10, 0), fingers.lift, lambda: world.action is Action.FORWARD
-    )
-    fingers.lift()
-    wait_until_standing(world)
-    context.close()
 
 
 def test_a_second_tab_watches_asks_and_takes_over_politely(
@@ -114,12 +58,11 @@ def test_a_second_tab_watches_asks_and_takes_over_politely(
     context.close()
 
 
-@pytest.mark.parametrize("size", few([PHONE, DESKTOP, {"width": 1920, "height": 1080}], 1))
-def test_directions_and_stop_stay_where_they_are_when_the_map_comes(
-    chromium: Any, world: World, size: dict[str, int]
+def test_the_map_moves_no_button_when_it_comes_and_leaves_the_pad_its_place(
+    chromium: Any, world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The map is fetched after the first picture, when a hand may be on its way to the pad."""
-    context = new_context(chromium, size)
+    context = new_context(chromium, DESKTOP)
     on_its_way: list[Any] = []
     context.route("**/*-screens.js", lambda route: on_its_way.append(route))
     page = open_page(context, world.address)
@@ -131,18 +74,9 @@ def test_directions_and_stop_stay_where_they_are_when_the_map_comes(
     on_its_way[0].continue_()
     page.locator("drive-map .body").first.wait_for(state="attached")
     assert page.evaluate(places) == before
-    context.close()
 
-
-def test_where_there_is_no_map_the_pad_takes_its_place(
-    chromium: Any, world: World, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    context = new_context(chromium, DESKTOP)
-    page = open_page(context, world.address)
-    page.locator("drive-map .body").first.wait_for(state="attached")
     height = "document.querySelector('drive-pad').getBoundingClientRect().height"
     beside_the_map = page.evaluate(height)
-
     sense = SimDriver.sense
     monkeypatch.setattr(SimDriver, "sense", lambda self: replace(sense(self), pose=None))
     page.locator("drive-map").wait_for(state="hidden")
@@ -169,12 +103,9 @@ WRONGLY_HIT = """(n) => {
 }"""
 
 
-@pytest.mark.parametrize("size", few([PHONE, LANDSCAPE, {"width": 320, "height": 568}], 2))
-def test_no_word_of_a_move_lies_over_another_move(
-    chromium: Any, world: World, size: dict[str, int]
-) -> None:
+def test_no_word_of_a_move_lies_over_another_move(phone: Any) -> None:
     """A finger on it would drive that robot."""
-    context = new_context(chromium, size)
-    page = open_page(context, world.address)
-    assert [move for n in (5, 12) for move in page.evaluate(WRONGLY_HIT, n)] == []
-    context.close()
+    for size in (PHONE, LANDSCAPE, {"width": 320, "height": 568}):
+        phone.set_viewport_size(size)
+        for moves in (5, 12):
+            assert phone.evaluate(WRONGLY_HIT, moves) == [], (size, moves)

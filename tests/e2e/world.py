@@ -147,13 +147,9 @@ def passing_world(name: str) -> Iterator[World]:
         yield world
 
 
-def find_chromium(*, whole: bool = False) -> str:
-    """Return Chromium's path; skips visibly if there is none, and fails in CI.
-
-    Args:
-        whole: The one with windows, where the other one lacks something.
-    """
-    for path in (os.environ.get("CHROMIUM", ""), *CHROMIUMS[1 if whole else 0 :]):
+def find_chromium() -> str:
+    """Return Chromium's path; skips visibly if there is none, and fails in CI."""
+    for path in (os.environ.get("CHROMIUM", ""), *CHROMIUMS):
         if path and Path(path).exists():
             return path
     if IN_CI:
@@ -181,13 +177,13 @@ def _running_playwright() -> Iterator[Any]:
 
 
 @contextlib.contextmanager
-def running_chromium(*flags: str, whole: bool = False) -> Iterator[Any]:
+def running_chromium(*flags: str) -> Iterator[Any]:
     """Start a Chromium, headless and with a fresh profile; see find_chromium.
 
     Its pages stand still unless a test asks for `reduced_motion="no-preference"`: an animation
     costs as much as the pictures.
     """
-    path = find_chromium(whole=whole)
+    path = find_chromium()
     with _running_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=[*CHROMIUM_FLAGS, *flags])
         make = browser.new_context
