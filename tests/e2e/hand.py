@@ -12,6 +12,11 @@ from robot.types import Mode
 
 from .world import World
 
+SET_HIDDEN = """(hidden) => {
+  Object.defineProperty(document, 'hidden', { get: () => hidden, configurable: true });
+  document.dispatchEvent(new Event('visibilitychange'));
+}"""
+"""Treats the page as a browser does when another tab is chosen, or a call comes."""
 Way = tuple[float, float]
 """Distance from a control's middle to the right and upwards, as shares of its width and height."""
 MIDDLE: Way = (0.0, 0.0)

@@ -1,5 +1,5 @@
 // Plays generated histories of keyboards (tests/web/keyboards.mjs) on the page; returns what went wrong.
-async ({ histories, isLive }) => {
+async (histories) => {
   const { page } = document.querySelector('app-bar');
   const { helm, connection } = page;
   const made = {
@@ -15,14 +15,8 @@ async ({ histories, isLive }) => {
   };
   const robot = { ...page.store.state.robot, you_are_pilot: true };
   const answer = (mode, emergency) => page.follow({ ...robot, mode, emergency, fault: null });
-  const begin = async (mode) => {
-    if (!isLive) return answer(mode, false);
-    await page.release();
-    await until(() => !page.store.state.robot.emergency);
-    page.choose(mode);
-    return until(() => helm.mode === mode);
-  };
-  if (!isLive) connection.say = (what) => (what === 'stop' && answer('stopped', true), true);
+  const begin = (mode) => answer(mode, false);
+  connection.say = (what) => (what === 'stop' && answer('stopped', true), true);
   const hide = (isHidden) => {
     Object.defineProperty(document, 'hidden', { get: () => isHidden, configurable: true });
     document.dispatchEvent(new Event('visibilitychange'));
@@ -33,7 +27,7 @@ async ({ histories, isLive }) => {
     let target = document.body;
     made.dialog.close();
     dispatchEvent(new Event('blur'));
-    await begin('train');
+    begin('train');
     for (const [i, step] of steps.entries()) {
       const wasMoving = helm.mode !== 'stopped';
       if (step.type === 'silence' || step.type === 'unlink') step.type = 'blur'; // these take time: tests/web/keys.test.mjs
@@ -43,7 +37,7 @@ async ({ histories, isLive }) => {
         else made.dialog.close();
         if (target === document.body) document.activeElement?.blur();
         else target.focus();
-      } else if (step.type === 'train' || step.type === 'autonomous') await begin(step.type);
+      } else if (step.type === 'train' || step.type === 'autonomous') begin(step.type);
       else if (step.type === 'hidden') {
         hide(true);
         hide(false);

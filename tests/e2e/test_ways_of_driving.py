@@ -5,16 +5,18 @@ from __future__ import annotations
 import json
 import subprocess
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from robot.types import Action, Mode
-from tests.kit.sizes import crossed, in_ci, size
+from tests.kit.sizes import IS_FULL, size
 from tests.kit.wait import wait_until
 
 from .hand import (
+    SET_HIDDEN,
     Fingers,
     choose,
     drive_on,
@@ -28,11 +30,7 @@ from .hand import (
     turning,
     wait_until_standing,
 )
-from .world import (
-    LANDSCAPE,
-    World,
-    release_stop,
-)
+from .world import LANDSCAPE, PHONE, World, release_stop
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -81,40 +79,22 @@ def test_a_mouse_lets_go_though_its_other_button_is_down(desktop: Any, world: Wo
 
 
 def test_enter_holds_a_focused_button_for_as_long_as_it_is_down(desktop: Any, world: World) -> None:
-    note = """() => {
-      const { helm, store } = document.querySelector('app-bar').page;
-      helm.addEventListener('held', () => window.changes?.push(helm.held));
-      store.watch(['link', 'robot'], ({ link, robot }) => (
-        window.isStopped ||= link !== 'open' || robot?.mode !== 'train'));
-    }"""
-    desktop.evaluate(note)
-    for _ in range(20):
-        choose(desktop, world, Mode.TRAIN)
-        desktop.locator(pad("left")).focus()
-        desktop.evaluate("Object.assign(window, { changes: [], isStopped: false })")
-        for _ in range(10):  # as a keyboard repeats it
-            desktop.keyboard.down("Enter")
-            desktop.wait_for_timeout(40)
-        held = desktop.evaluate("changes")
-        desktop.keyboard.up("Enter")
-        wait_until_standing(world)
-        if not desktop.evaluate("isStopped"):  # a busy computer stops a robot, rightly
-            break
-    else:
-        pytest.fail("it was stopped each time")
-    assert held == ["left"]
-    assert desktop.evaluate("changes") == ["left", None]
-
-
-def test_space_stops_from_every_screen(desktop: Any, world: World) -> None:
     choose(desktop, world, Mode.TRAIN)
-    for screen in ("gallery", "teaching", "undo", "home", "settings"):
-        desktop.evaluate(f"location.hash = '{screen}'")
-        desktop.wait_for_selector(f"{screen}-screen")
-        assert desktop.locator("app-bar .stop").is_visible()
-        desktop.keyboard.press("Space")
-        wait_until(lambda: world.rig.loop.state.emergency, f"space stops on {screen}")
-        release_stop(desktop, world)
+    desktop.evaluate(
+        """() => {
+          const { page } = document.querySelector('app-bar');
+          page.follow = () => {};  // a busy computer stops a robot
+          window.changes = [];
+          page.helm.addEventListener('held', () => changes.push(page.helm.held));
+        }"""
+    )
+    desktop.locator(pad("left")).focus()
+    for _ in range(5):  # as a keyboard repeats it
+        desktop.keyboard.down("Enter")
+        desktop.wait_for_timeout(40)
+    desktop.keyboard.up("Enter")
+    assert desktop.evaluate("changes") == ["left", None]
+    desktop.reload()  # it follows the robot again
 
 
 KEYBOARDS = Path(__file__).parents[1] / "web" / "keyboards.mjs"
@@ -138,27 +118,11 @@ PAGE_KEYS = size("PAGE_KEYS", 20, 500)
 def test_no_generated_keyboard_drives_on_in_a_browser(desktop: Any, world: World) -> None:
     for first in range(1, PAGE_KEYS + 1, 100):
         histories = _histories(first, min(100, PAGE_KEYS + 1 - first))
-        played = desktop.evaluate(PLAY, {"histories": histories, "isLive": False})
+        played = desktop.evaluate(PLAY, histories)
         assert played["wrong"] == []
         assert played["counts"]["stops"] and played["counts"]["driven"]
     desktop.reload()  # its robot answers again
     wait_until_standing(world)
-
-
-@in_ci
-def test_no_generated_keyboard_drives_on_beside_the_robot(desktop: Any, world: World) -> None:
-    """Its answers come late at their own pace; node tests most histories
-    (tests/web/keys.test.mjs)."""
-    played = desktop.evaluate(PLAY, {"histories": _histories(1, 40), "isLive": True})
-    assert played["wrong"] == []
-    assert played["counts"]["stops"] and played["counts"]["driven"]
-    wait_until_standing(world)
-
-
-SET_HIDDEN = """(hidden) => {
-  Object.defineProperty(document, 'hidden', { get: () => hidden, configurable: true });
-  document.dispatchEvent(new Event('visibilitychange'));
-}"""
 
 
 def _a_call_comes(page: Any, fingers: Fingers) -> None:
@@ -208,46 +172,65 @@ NOTE_SAID = """() => {
 }"""
 
 
-@crossed(name=LETTING_GO, by=["moves", "stick"])
-def test_letting_go_stops(phone: Any, world: World, name: str, by: str) -> None:
+@pytest.mark.parametrize("by", ["moves", "stick"])
+def test_letting_go_stops(
+    rovers_page: Callable[[dict[str, int]], Any], world: World, by: str
+) -> None:
     """The page reports it while it handles the event itself. Later delays are due to the link, and
     from there the table of faults applies, in virtual time (tests/faults)."""
-    steer_by(phone, by)
-    choose(phone, world, Mode.TRAIN)
-    fingers = Fingers(phone)
-    drives = turning(world)
-    press_until(phone, world, lambda: hold_left(fingers, by), fingers.lift, drives)
-    event, let_go = LETTING_GO[name]
-    phone.evaluate(NOTE_SAID)
-    let_go(phone, fingers)
-    wait_until_standing(world)
-    if not event:
-        return
-    said = phone.evaluate("said.filter(([held], i) => !held && (i === 0 || said[i - 1][0]))")
-    assert said == [[None, event]], "let go of once, at once, and held no more"
-    if not fingers.are_lifted:
-        phone.evaluate(SET_HIDDEN, False)
-        phone.evaluate("location.hash = 'drive'")
-        release_stop(phone, world)
+    phone = None
+    for name in LETTING_GO if IS_FULL else list(LETTING_GO)[by == "stick" :: 2]:
+        if phone is None:
+            phone = rovers_page(PHONE)
+            steer_by(phone, by)
         choose(phone, world, Mode.TRAIN)
-        lain_on = pad("left") if by == "moves" else stick()
-        trembling = ((0.1, 0.1), (0.0, 0.0), (-0.8, 0.1)) if event != "pointermove" else ()
-        for at in trembling:  # as a finger does that lies on
-            fingers.slide(lain_on, at=at)
-        wait_until_standing(world)
-        assert phone.evaluate("said.at(-1)[0]") is None, "what is still held must be held anew"
-        fingers.cancel()
-    phone.evaluate(SET_HIDDEN, False)
-    steer_by(phone, "moves")
+        fingers = Fingers(phone)
+        press = partial(hold_left, fingers, by)
+        press_until(phone, world, press, fingers.lift, lambda: world.action is Action.LEFT)
+        event, let_go = LETTING_GO[name]
+        phone.evaluate(NOTE_SAID)
+        let_go(phone, fingers)
+        wait_until(lambda: world.action is Action.STOP, name)
+        if not event:
+            phone = None  # it was left
+            continue
+        said = phone.evaluate("said.filter(([held], i) => !held && (!i || said[i - 1][0]))")
+        assert said == [[None, event]], f"{name}: let go of once, at once, and held no more"
+        phone.evaluate(SET_HIDDEN, False)
+        if not fingers.are_lifted:
+            what_is_still_held_must_be_held_anew(phone, world, fingers, by, name)
+    if phone is not None:
+        steer_by(phone, "moves")
 
 
-def test_a_stick_steers_by_degrees_to_both_sides(phone: Any, world: World) -> None:
+def what_is_still_held_must_be_held_anew(
+    phone: Any, world: World, fingers: Fingers, by: str, name: str
+) -> None:
+    phone.evaluate("location.hash = 'drive'")
+    if world.rig.loop.state.emergency:
+        release_stop(phone, world)
+        phone.wait_for_timeout(600)  # two presses of STOP within half a second count as one
+    choose(phone, world, Mode.TRAIN)
+    if "slides off" not in name:
+        for at in ((0.1, 0.1), (0.0, 0.0), (-0.8, 0.1)):  # as a finger does that lies on
+            fingers.slide(pad("left") if by == "moves" else stick(), at=at)
+    phone.wait_for_timeout(200)
+    assert phone.evaluate("said.at(-1)[0]") is None, f"{name}: it is held without a new touch"
+    assert world.action is Action.STOP, name
+    fingers.cancel()
+    phone.set_viewport_size(PHONE)
+
+
+def test_a_stick_steers_by_degrees_which_are_shown_over_the_picture_and_in_the_gallery(
+    phone: Any, world: World
+) -> None:
     steer_by(phone, "stick")
     choose(phone, world, Mode.TRAIN)
-    fingers = Fingers(phone)
-    press_until(
-        phone, world, lambda: fingers.press(stick(), at=(-0.5, 0.7)), fingers.lift, turning(world)
-    )
+    fingers, wanted = Fingers(phone), world.lessons + 8
+    press = partial(fingers.press, stick(), at=(-0.5, 0.7))
+    press_until(phone, world, press, fingers.lift, lambda: world.lessons > wanted)
+    phone.locator("video-view .needle[aria-label*='taught -4']").wait_for()
+    assert phone.locator("video-view .needle [class^=at-]:visible").count() >= 2
     for way, side in {(-0.5, 0.7): -1, (0.5, 0.7): 1, (0.3, 0.9): 1, (0.0, 0.9): 0}.items():
         fingers.slide(stick(), at=way)
         wait_until(lambda w=way: near(world, w[0]), f"the wheels are turned to {way}")
@@ -260,26 +243,6 @@ def test_a_stick_steers_by_degrees_to_both_sides(phone: Any, world: World) -> No
     wait_until(lambda: world.action is Action.FORWARD, "and drives on")
     fingers.lift()
     wait_until_standing(world)
-
-
-def test_what_is_taught_by_degrees_is_seen_over_the_picture_and_in_the_gallery(
-    phone: Any, world: World
-) -> None:
-    steer_by(phone, "stick")
-    choose(phone, world, Mode.TRAIN)
-    fingers, wanted = Fingers(phone), world.lessons + 8
-    press_until(
-        phone,
-        world,
-        lambda: fingers.press(stick(), at=(-0.5, 0.7)),
-        fingers.lift,
-        lambda: world.lessons > wanted,
-    )
-    needle = phone.locator("video-view .needle[aria-label*='taught -4']")
-    needle.wait_for()
-    assert phone.locator("video-view .needle [class^=at-]:visible").count() >= 2
-    fingers.lift()
-    wait_until_standing(world)
     phone.evaluate("location.hash = 'gallery'")
     phone.locator(".card .needle[aria-label*='taught -']").first.wait_for()
 
@@ -290,35 +253,26 @@ def near(world: World, steering: float) -> bool:
     return point is not None and abs(point.steering - steering) < 0.25
 
 
-@pytest.mark.parametrize("side", ["left", "right"])
-def test_each_thumb_has_a_stick_when_the_phone_lies_on_its_side(
-    phone: Any, world: World, side: str
+def test_each_thumb_has_its_moves_or_a_stick_when_the_phone_lies_on_its_side(
+    phone: Any, world: World
 ) -> None:
-    steer_by(phone, "stick")
     phone.set_viewport_size(LANDSCAPE)
     phone.wait_for_function(f"() => innerWidth === {LANDSCAPE['width']}")
-    choose(phone, world, Mode.TRAIN)
-    box = phone.locator(stick(side)).bounding_box()
-    middle = (box["x"] + box["width"] / 2) / LANDSCAPE["width"]
-    assert middle < 0.3 if side == "left" else middle > 0.7
-    fingers = Fingers(phone)
-    press_until(
-        phone,
-        world,
-        lambda: fingers.press(stick(side), at=(0.7, 0.5)),
-        fingers.lift,
-        lambda: world.action is Action.RIGHT and near(world, 0.7),
-    )
-    fingers.lift()
-    wait_until_standing(world)
-
-
-def test_each_thumb_has_its_moves_when_the_phone_lies_on_its_side(phone: Any) -> None:
-    phone.set_viewport_size(LANDSCAPE)
-    phone.wait_for_function(f"() => innerWidth === {LANDSCAPE['width']}")
-    left, _, forward = (phone.locator(pad(m)).bounding_box() for m in ("left", "right", "forward"))
+    left, forward = (phone.locator(pad(move)).bounding_box() for move in ("left", "forward"))
     assert left["x"] + left["width"] < LANDSCAPE["width"] / 3, "turns: left thumb"
     assert forward["x"] > LANDSCAPE["width"] * 2 / 3, "forward: right thumb"
+    steer_by(phone, "stick")
+    choose(phone, world, Mode.TRAIN)
+    fingers = Fingers(phone)
+    for side in ("left", "right"):
+        box = phone.locator(stick(side)).bounding_box()
+        middle = (box["x"] + box["width"] / 2) / LANDSCAPE["width"]
+        assert middle < 0.3 if side == "left" else middle > 0.7
+        press = partial(fingers.press, stick(side), at=(0.7, 0.5))
+        press_until(phone, world, press, fingers.lift, lambda: near(world, 0.7))
+        fingers.lift()
+        wait_until(lambda: world.action is Action.STOP, f"the {side} thumb lets go")
+    steer_by(phone, "moves")
 
 
 def test_modes_are_chosen_while_another_finger_holds(phone: Any, world: World) -> None:
@@ -399,42 +353,3 @@ def test_arrows_move_between_modes_and_drive_nothing_and_space_keeps_the_focus(
     wait_until(lambda: world.rig.loop.state.emergency, "space stops wherever the focus is")
     desktop.wait_for_selector("mode-bar [data-mode=train][aria-disabled=true]")
     assert desktop.evaluate(focused) == "autonomous", "the focus stays"
-
-
-def test_what_is_ready_is_celebrated_once_and_what_is_to_be_pressed_is_lit(phone: Any) -> None:
-    phone.evaluate(
-        """() => {
-          window.notes = 0;
-          const { createOscillator } = AudioContext.prototype;
-          AudioContext.prototype.createOscillator = function () {
-            window.notes += 1;
-            return createOscillator.call(this);
-          };
-          const { page } = document.querySelector('app-bar');
-          const set = page.store.set.bind(page.store);
-          page.store.set = () => {}; // what the robot itself tells meanwhile
-          window.tell = (mode, stage, link = 'good') => set({
-            link: 'open', localStop: null, notice: null, toast: null,
-            robot: { ...page.store.state.robot, mode, lessons: 300, stop_reason: null,
-              camera: null, busy: false, link,
-              taught: { forward: 200, left: 90, right: 90 } },
-            readiness: { stage, alone_s: 0, alone_needed_s: 45, unknown_share: 0, missing: [] },
-          });
-        }"""
-    )
-    for stage, lit in (("teach", 0), ("try", 1), ("ready", 1)):
-        phone.evaluate(f"tell('train', '{stage}')")
-        assert phone.locator("mode-bar [data-mode=autonomous].lit").count() == lit, stage
-    phone.evaluate("tell('autonomous', 'try')")
-    assert phone.locator(".lit, .joy").count() == 0
-    shown = phone.evaluate(
-        """["good", "slow", "good"].map((link) => (tell('autonomous', 'ready', link),
-          document.querySelector('teach-panel').classList.value.split(' ').sort().join(' ')))"""
-    )
-    assert shown == ["joy ready", "joy noticing", "joy ready"], "a notice only hides it"
-    phone.evaluate("(tell('train', 'ready'), tell('autonomous', 'ready'))")
-    assert phone.evaluate("notes") == 3, "it was told once"
-    phone.evaluate("tell('autonomous', 'try')")
-    phone.evaluate("document.querySelector('app-bar').page.preferences.set('sound', false)")
-    phone.evaluate("tell('autonomous', 'ready')")
-    assert phone.evaluate("notes") == 3, "muted"

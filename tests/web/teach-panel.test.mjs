@@ -20,3 +20,34 @@ test('advice is read out; a clock that goes on in it is not, each second', () =>
   }
   assert.deepEqual(heard, ['polite', 'off', 'polite']);
 });
+
+test('what is ready is celebrated once, a notice only hides it, and no note sounds where sound is off', (t) => {
+  t.mock.timers.enable({ apis: ['setTimeout'] });
+  let [notes, isNoticed] = [0, false];
+  const gain = { setValueAtTime() {}, exponentialRampToValueAtTime() {} };
+  const joined = () => ({ connect: joined, frequency: {}, gain, start() {}, stop() {} });
+  globalThis.AudioContext = class { currentTime = 0; createOscillator = () => { notes += 1; return joined(); }; createGain = joined; };
+  const classes = new Set();
+  const classList = { add: (name) => classes.add(name), remove: (name) => classes.delete(name), toggle: (name, isOn) => classes[isOn ? 'add' : 'delete'](name) };
+  const preferences = { sound: true };
+  const advice = { textContent: '', getAttribute: () => 'polite' };
+  const panel = Object.assign(new TeachPanel(), { advice, agreement: {}, lessons: {}, classList, page: { preferences }, renderNotice: () => isNoticed });
+  const robot = { mode: 'autonomous', you_are_pilot: true, lessons: 300, agreement: null, agreement_frames: 0, taught: { forward: 200, left: 90, right: 90 } };
+  const tell = (stage) => {
+    panel.render({ ...initialState(), link: 'open', robot, readiness: { stage, alone_s: 0, alone_needed_s: 45, unknown_share: 0, missing: [] } });
+    return [...classes].sort().join(' ');
+  };
+  assert.equal(tell('try'), '');
+  assert.equal(tell('ready'), 'joy ready');
+  isNoticed = true;
+  assert.equal(tell('ready'), 'joy');
+  isNoticed = false;
+  assert.equal(tell('ready'), 'joy ready');
+  assert.equal(notes, 3, 'it was told once');
+  t.mock.timers.tick(2000);
+  assert.equal(tell('ready'), 'ready', 'the joy is over');
+  preferences.sound = false;
+  tell('try');
+  assert.equal(tell('ready'), 'joy ready');
+  assert.equal(notes, 3, 'muted');
+});
