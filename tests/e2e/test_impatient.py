@@ -1,4 +1,4 @@
-"""People who tap twice, go back and forth, or meet a robot that refuses see the true state."""
+"""People who go back and forth, or meet a robot that refuses, see the true state."""
 
 from __future__ import annotations
 
@@ -16,36 +16,34 @@ from .world import PHONE, World, new_context, open_page
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 
-def open_screen(context: Any, world: World, screen: str) -> Any:
-    page = open_page(context, world.address)
-    page.evaluate("(screen) => location.hash = screen", screen)
-    return page
-
-
-def test_who_goes_back_while_a_screen_is_loaded_gets_it_once(chromium: Any, world: World) -> None:
+def test_who_goes_back_while_a_screen_is_loaded_is_told_and_gets_it_once(
+    chromium: Any, world: World
+) -> None:
     context = new_context(chromium, PHONE)
     held: list[Any] = []
     context.route(re.compile(r"/[0-9a-f]{10}-screens\.js"), lambda route: held.append(route))
-    page = open_screen(context, world, "gallery")
-    wait_until(lambda: held or page.wait_for_timeout(50), "the screen is asked for")
-    for screen in ("drive", "gallery"):
+    page = open_page(context, world.address)
+    for screen in ("gallery", "drive", "gallery"):
         page.evaluate("(screen) => location.hash = screen", screen)
         page.wait_for_function("(screen) => document.body.dataset.screen === screen", arg=screen)
+    told = page.get_by_role("alert").filter(has_text="did not answer")
+    told.wait_for()
     for route in held:
         route.continue_()
     page.locator("gallery-screen .lead").first.wait_for()
-    assert page.locator("gallery-screen").count() == 1
+    assert (page.locator("gallery-screen").count(), told.count()) == (1, 0)
     context.close()
 
 
-def test_a_file_that_has_changed_since_it_was_chosen_is_asked_for_again(
+def test_what_is_refused_or_has_changed_is_told_and_not_shown_as_done(
     chromium: Any, world: World, tmp_path: Path
 ) -> None:
     plan, model = tmp_path / "plan.toml", tmp_path / "model.npz"
     for file in (plan, model):
         file.write_text("no plan, no model")
     context = new_context(chromium, PHONE)
-    page = open_screen(context, world, "study")
+    page = open_page(context, world.address)
+    page.evaluate("location.hash = 'study'")
     page.get_by_label("Name of the study").fill("mine")
     page.locator("details select").select_option("plan")
     page.locator("input[type=file]").set_input_files(plan)
@@ -62,14 +60,9 @@ def test_a_file_that_has_changed_since_it_was_chosen_is_asked_for_again(
     upload.set_input_files(model)
     page.locator("toast-bar", has_text="model").wait_for()
     assert upload.input_value() == "", "the same file can be chosen again"
-    context.close()
 
-
-def test_what_is_refused_is_not_shown_as_done(chromium: Any, world: World) -> None:
-    context = new_context(chromium, PHONE)
-    page = open_screen(context, world, "settings")
+    page.evaluate("location.hash = 'settings'")
     speed = page.get_by_label("Speed")
-    speed.wait_for()
     before = speed.input_value()
 
     def refuse(route: Any) -> None:
