@@ -82,8 +82,9 @@ def _by_logs(folder: Path, logs: Path, reading: Reading, report: ImportReport) -
         )
 
     rows = list(_rows(logs / _FRAMES, report, 2))
-    if extra := len(names) - len({fields[1].strip().lstrip("0") or "0" for _, fields in rows}):
-        report.remark(f"pictures without a line in {_FRAMES}: {max(extra, 0)}")
+    extra = len(names) - len({fields[1].strip().lstrip("0") or "0" for _, fields in rows})
+    if extra > 0:
+        report.remark(f"pictures without a line in {_FRAMES}: {extra}")
     return _drive(folder, rows, read, report)
 
 

@@ -272,6 +272,7 @@ def openbot(dice: random.Random, home: Path) -> Made:
         frames.append(f"{at},{number}")
         matched.append(f"{at},/home/me/session/{made.names[number]},{left},{right},0")
         last = label
+    put(made.path, "images/999_crop.jpeg", 999)  # without a line
     raw = {"rgbFrames.txt": frames, "ctrlLog.txt": controls}
     ending = dice.choice(["\n", "\r\n"])
     for name, lines in (

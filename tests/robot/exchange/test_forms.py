@@ -24,6 +24,10 @@ from .imported import drive_at, taught_labels
 from .made import MAKERS, number_of, put
 from .sim_drive import drive_in_simulator
 
+UDACITY = "".join(
+    f"{n}.jpg,left_{n}.jpg,right_{n}.jpg,{steering},1,0,9\n"
+    for n, steering in {"a": -0.8, "b": 0.45, "c": 0.0}.items()
+)
 VARIANTS = int(os.environ.get("DRIVELESSON_FORMS", 30 if "DRIVELESSON_FULL" in os.environ else 3))
 
 
@@ -91,10 +95,11 @@ def test_where_the_columns_are_in_doubt_it_is_asked(
             "id,choice,image\n3,left,/data/a.jpg\n4,right,/data/b.jpg\n5,forward,/data/c.jpg",
         ),
         ("wheels.csv", "file,left,right\na.jpg,0,1\nb.jpg,1,0\nc.jpg,1,1"),
+        ("driving_log.csv", UDACITY.rstrip()),
     ],
 )
 def test_tables_of_other_programs_come_in(tmp_path: Path, name: str, text: str) -> None:
-    """Roboflow, S. Chen's and Label Studio's tables, and wheels that are on or off."""
+    """Roboflow, S. Chen's, Label Studio's and Udacity's tables, and wheels that are on or off."""
     for number, picture in enumerate(("a.jpg", "b.jpg", "c.jpg")):
         put(tmp_path / "set", picture, number)
     (tmp_path / "set" / name).write_text(f"{text}\n")

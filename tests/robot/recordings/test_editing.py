@@ -88,6 +88,8 @@ def test_edits_of_images_and_their_undos_are_learned_again_also_from_rewritten_r
     assert same_nodes(live, made.history.policy.get_state()) and left_out == 0
     edits = made.edits_of_images(names)
     assert len(edits) == 4 + 2 * (seed % 2) - n_undone
+    later = made.edits_of_images(names[2:])
+    assert len(later) == 2 * (seed % 2), "learned alone, it takes back nothing of its own"
 
     edited, ids = names[1], made.ids(names[1])
     if seed % 3 == 0:

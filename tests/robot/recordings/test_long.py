@@ -66,12 +66,13 @@ def test_a_few_pictures_are_found_without_the_others(long: Path) -> None:
     assert sample(episode, Notes(), 3, (7000, 8000)) == []
 
 
-def test_an_index_that_lies_is_not_believed(long: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("offset", [2**63 + 5, 3])
+def test_an_index_that_lies_is_not_believed(long: Path, tmp_path: Path, offset: int) -> None:
     found, data, at = messages(long), bytearray(long.read_bytes()), 8
     while data[at] != 2:  # the footer
         opcode, length = struct.unpack_from("<BQ", data, at)
         if opcode == 7 and length > 6 + 32:  # a message index: its second offset
-            struct.pack_into("<Q", data, at + 9 + 6 + 16 + 8, 2**63 + 5)
+            struct.pack_into("<Q", data, at + 9 + 6 + 16 + 8, offset)
         at += 9 + length
     lying = tmp_path / "lying.mcap"
     lying.write_bytes(data)
