@@ -1,3 +1,5 @@
+"""The gallery: what it says of each image, and the parts by which an image decides."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -10,11 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot.control.camera_timing import USUAL_PERIOD_S, CameraTiming, CameraTimingConfig
+from robot.control.state import Tick
 from robot.types import Action, Mode, PilotCommand, StopReason
 from tests.kit.sizes import crossed, examples, few, size
 from tests.robot.bench_robot import BenchRobot
 
 SHORTEST_S = 0.2
+FORWARD = Action.FORWARD
 
 
 def _timing_of(period_s: float, age_s: float, frames: int = 60) -> CameraTiming:
@@ -103,24 +105,20 @@ def test_a_pause_of_the_camera_is_no_period_of_it(pause_s: float) -> None:
 
 @dataclass
 class Drive:
-    """The results of a drive of some seconds."""
+    """The ticks of a drive, the pictures that came in it, and the reasons of its stops."""
 
-    held_s: float = 0.0
-    moving_s: float = 0.0
-    full_speed_s: float = 0.0
-    starts: int = 1
-    taught: int = 0
+    ticks: list[Tick] = field(default_factory=list)
     pictures: int = 0
-    stops: list[StopReason] = field(default_factory=list)
-    scales: list[float] = field(default_factory=list)
+    stops: list[StopReason | None] = field(default_factory=list)
+
+    def moving(self, speed_scale: float = 0.0) -> float:
+        """Return the share of time in which the robot drove at least at this share of its speed."""
+        scales = [tick.decision.speed_scale for tick in self.ticks if tick.sent is FORWARD]
+        return sum(scale >= speed_scale for scale in scales) / len(self.ticks)
 
     @property
-    def moving(self) -> float:
-        return self.moving_s / self.held_s
-
-    @property
-    def full_speed(self) -> float:
-        return self.full_speed_s / self.held_s
+    def taught(self) -> int:
+        return sum(self.ticks[-1].taught.values())
 
 
 def drive(
@@ -170,7 +168,7 @@ def drive(
             next_beat_s += 0.1
             seq += 1
             command = PilotCommand(
-                held=Action.FORWARD if is_driving else None,
+                held=FORWARD if is_driving else None,
                 frame_id=screen[0],
                 seq=seq,
                 received_s=now_s + link_s,
@@ -181,22 +179,13 @@ def drive(
             to_robot.append((now_s + link_s, command))
         while to_robot and to_robot[0][0] <= now_s:
             robot.loop.command(to_robot.pop(0)[1])
-        if is_driving and robot.loop.mode is Mode.STOPPED and (result.held_s == 0.0 or restarts):
-            if result.held_s > 0.0:
-                result.starts += 1
-                reason = robot.loop.state.decision.stop_reason
-                assert reason is not None
-                result.stops.append(reason)
+        if is_driving and robot.loop.mode is Mode.STOPPED and (not result.ticks or restarts):
+            if result.ticks:
+                result.stops.append(robot.loop.state.decision.stop_reason)
             robot.loop.set_mode(Mode.TRAIN)
         tick = robot.tick()
         if is_driving:
-            result.held_s += step_s
-            result.moving_s += step_s * (tick.sent is Action.FORWARD)
-            result.full_speed_s += step_s * (
-                tick.sent is Action.FORWARD and tick.decision.speed_scale == 1.0
-            )
-            result.scales.append(tick.decision.speed_scale)
-    result.taught = sum(robot.loop.state.taught.values())
+            result.ticks.append(tick)
     return result
 
 
@@ -209,9 +198,9 @@ def test_with_an_ordinary_camera_it_drives_and_learns(
 ) -> None:
     period_s, age_s = camera
     result = drive(period_s, age_s, jitter_s=min(jitter_s, age_s))
-    assert result.starts == 1, result.stops
-    assert result.moving >= 0.99
-    assert result.full_speed >= 0.9
+    assert not result.stops
+    assert result.moving() >= 0.99
+    assert result.moving(1.0) >= 0.9
     assert result.taught >= 0.98 * (result.pictures - 3), (result.taught, result.pictures)
 
 
@@ -228,37 +217,37 @@ def test_a_camera_that_is_slow_or_sends_in_bursts_drives_slowly(
         seconds=float(size("DRIVE", 8, 20)),
         seed=seed,
     )
-    assert result.starts == 1, result.stops
-    assert result.moving >= 0.95
+    assert not result.stops
+    assert result.moving() >= 0.95
     assert result.taught >= 0.6 * result.pictures / burst - 3
-    assert result.scales[-1] <= max(0.3 / pause_s, 0.05) + 0.02
+    assert result.ticks[-1].decision.speed_scale <= max(0.3 / pause_s, 0.05) + 0.02
 
 
 def test_with_pictures_300_ms_old_it_drives_on_more_slowly() -> None:
     result = drive(0.1, 0.3)
-    assert result.moving >= 0.95
-    assert result.full_speed < 0.1
-    assert 0.5 < result.scales[-1] < 1.0
+    assert result.moving() >= 0.95
+    assert result.moving(1.0) < 0.1
+    assert 0.5 < result.ticks[-1].decision.speed_scale < 1.0
 
 
 def test_with_pictures_600_ms_old_it_stands() -> None:
     result = drive(0.1, 0.6, restarts=False)
-    assert result.moving == 0.0
+    assert result.moving() == 0.0
 
 
 @pytest.mark.parametrize("phone_s", few([0.1, 0.2, 0.25], 2))
 def test_a_slow_phone_costs_pictures_not_examples(phone_s: float) -> None:
     result = drive(1 / 30, 0.005, phone_s=phone_s)
-    assert result.starts == 1, result.stops
-    assert result.moving >= 0.99
-    assert result.full_speed >= 0.99, "the link is good"
+    assert not result.stops
+    assert result.moving() >= 0.99
+    assert result.moving(1.0) >= 0.99, "the link is good"
     assert result.taught >= 0.95 * (result.pictures - 30 * phone_s - 3)
 
 
 def test_a_slow_link_of_the_same_age_is_not_taken_for_a_slow_phone() -> None:
     result = drive(1 / 30, 0.005, link_s=0.1)
-    assert result.moving >= 0.9
-    assert drive(1 / 30, 0.005, link_s=0.4, restarts=False).moving < 0.1
+    assert result.moving() >= 0.9
+    assert drive(1 / 30, 0.005, link_s=0.4, restarts=False).moving() < 0.1
 
 
 @crossed(age_s=[0.005, 0.095, 0.145, 0.3], period_s=[1 / 30, 0.1])
@@ -273,12 +262,12 @@ def test_after_the_camera_freezes_it_stands_within_half_a_second_and_a_period(
         last_s = clock.now_s() - age_s
         if i == 40:
             robot.loop.set_mode(Mode.AUTONOMOUS)
-        robot.hold(Action.FORWARD)
+        robot.hold(FORWARD)
         tick = robot.tick()
-    assert tick.sent is Action.FORWARD
-    while tick.sent is Action.FORWARD:
+    assert tick.sent is FORWARD
+    while tick.sent is FORWARD:
         clock.advance(0.01)
-        robot.hold(Action.FORWARD)
+        robot.hold(FORWARD)
         tick = robot.tick()
         assert clock.now_s() - last_s < 1.0, "it never stands"
     assert tick.decision.stop_reason is StopReason.FRAME_STALE
