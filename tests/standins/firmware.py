@@ -16,7 +16,8 @@ from typing import Any, Self
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from tests.kit.needed import ROOT, missing
+
 FIRMWARE = ROOT / "docs/examples/firmware/robot.py"
 _MODULES = Path(__file__).parent / "board_modules"
 SECRET = "geheim"
@@ -24,13 +25,10 @@ SECRET = "geheim"
 
 def find_micropython() -> str:
     """Return the program; skips visibly if it is missing, and fails in CI."""
-    for path in (shutil.which("micropython"), str(ROOT / "var/micropython/run")):
-        if path and Path(path).exists():
-            return path
-    hint = "tests/standins/get_micropython.sh var/micropython"
-    if os.environ.get("CI") == "true":
-        pytest.fail(f"CI needs micropython: {hint}")
-    pytest.skip(f"MICROPYTHON IS MISSING: {hint}")
+    found = Path(shutil.which("micropython") or ROOT / "var/micropython/run")
+    if not found.exists():
+        missing("micropython", "tests/standins/get_micropython.sh var/micropython")
+    return str(found)
 
 
 def firmware(secret: bytes, port: int) -> str:

@@ -8,29 +8,20 @@ from __future__ import annotations
 
 import asyncio
 import importlib
-import os
 import struct
 import sys
 import time
 from collections.abc import Awaitable, Callable
 from typing import Any, Self
 
-import pytest
-
-from tests.standins.firmware import ROOT
-
-FOLDER = ROOT / "var/legoeducation"
+from tests.kit.needed import installed
 
 
 def find_library() -> Any:
     """Return LEGO's library; skips visibly if it is missing, and fails in CI."""
-    if not (FOLDER / "legoeducation").is_dir():
-        hint = "pip install --no-deps --target var/legoeducation legoeducation"
-        if os.environ.get("CI") == "true":
-            pytest.fail(f"CI needs LEGO's library: {hint}")
-        pytest.skip(f"LEGO'S LIBRARY IS MISSING: {hint}")
-    if str(FOLDER) not in sys.path:
-        sys.path.append(str(FOLDER))
+    folder = str(installed("legoeducation", "legoeducation", "--no-deps "))
+    if folder not in sys.path:
+        sys.path.append(folder)
     return importlib.import_module("legoeducation")
 
 

@@ -25,8 +25,6 @@ ENTRY_POINT = "[drivelesson.cameras]\nfilm = film_camera:FilmCamera\n"
 class FilmOptions:
     film: str = field(default="", metadata={"help": "file of YUYV pictures of 160x120"})
     frame_rate: float = field(default=10.0, metadata={"help": "pictures a second"})
-    age_s: float = field(default=0.095, metadata={"help": "how old a picture is, at least"})
-    age_spread_s: float = field(default=0.05, metadata={"help": "and so much more at most"})
 
 
 class FilmCamera(Camera):
@@ -69,7 +67,7 @@ class FilmCamera(Camera):
     def _age_s(self) -> float:
         """The ages of pictures on an EV3, 95 to 145 ms, each of six in turn."""
         self._shown += 1
-        return self._options.age_s + self._options.age_spread_s * (self._shown % 6) / 5
+        return 0.095 + 0.05 * (self._shown % 6) / 5
 
     def _say_what_is_imported(self) -> None:
         """Reports from inside the serving process, each time the film ends."""

@@ -9,29 +9,18 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from robot.bodies.ev3.stock import codec
 from robot.bodies.ev3.stock.lines import BEACON_PORT
+from tests.kit.needed import ROOT, installed
 from tests.standins.ev3_stock import StockBrick
-
-ROOT = Path(__file__).parents[4]
-CLIENT = ROOT / "var/ev3-dc"
-
-
-@pytest.fixture
-def client() -> Path:
-    if not (CLIENT / "ev3_dc").is_dir():
-        if os.environ.get("CI") == "true":
-            pytest.fail("CI needs ev3-dc: pip install --target var/ev3-dc ev3-dc")
-        pytest.skip("EV3-DC IS MISSING: pip install --target var/ev3-dc ev3-dc")
-    return CLIENT
 
 
 @pytest.mark.realtime
-def test_a_foreign_client_drives_the_stand_in_and_sends_what_we_send(client: Path) -> None:
+def test_a_foreign_client_drives_the_stand_in_and_sends_what_we_send() -> None:
+    client = installed("ev3-dc", "ev3_dc")
     with StockBrick(BEACON_PORT) as brick:
         told = subprocess.Popen(
             [

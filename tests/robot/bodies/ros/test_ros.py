@@ -28,12 +28,12 @@ from tests.contract.real_parts import (
     check_camera_on_its_real_line,
     check_driver_on_its_real_line,
 )
+from tests.kit.needed import installed
 from tests.kit.wait import wait_until
 from tests.robot.bodies.sending import send_until
 from tests.standins.firmware import ROOT
 from tests.standins.rosbridge import RosBridgeServer, grey_image
 
-FOREIGN = ROOT / "var/roslibpy"
 ADVICE = "/drivelesson/advice"
 
 
@@ -193,13 +193,10 @@ def what_the_learner_would_do_is_a_topic(ros: RosBridgeServer) -> None:
 @pytest.mark.realtime
 def test_a_foreign_client_hears_what_we_say(ros: RosBridgeServer) -> None:
     """CI installs `roslibpy` only for this test."""
-    if not (FOREIGN / "roslibpy").is_dir():
-        if os.environ.get("CI") == "true":
-            pytest.fail("CI needs roslibpy: pip install --target var/roslibpy roslibpy")
-        pytest.skip("ROSLIBPY IS MISSING: pip install --target var/roslibpy roslibpy")
+    path = installed("roslibpy", "roslibpy")
     client = subprocess.Popen(
         [sys.executable, "-m", "tests.robot.bodies.ros.foreign_client", ros.address],
-        env={**os.environ, "PYTHONPATH": str(FOREIGN)},
+        env={**os.environ, "PYTHONPATH": str(path)},
         cwd=ROOT,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
@@ -212,7 +209,7 @@ def test_a_foreign_client_hears_what_we_say(ros: RosBridgeServer) -> None:
         theirs = ros.told["/cmd_vel_foreign"][0]
         wait_until(lambda: ros._listeners["/cmd_vel"])
         with driver_for(ros) as driver:
-            driver.send_action(Action.FORWARD)
+            send_until(driver)
             heard = [json.loads(client.stdout.readline()) for _ in range(2)]
     finally:
         client.kill()

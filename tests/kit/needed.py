@@ -1,0 +1,26 @@
+"""What CI has, and another machine may lack."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import NoReturn
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+def missing(what: str, how: str) -> NoReturn:
+    """Skip the test visibly, or fail it in CI."""
+    if os.environ.get("CI") == "true":
+        pytest.fail(f"CI needs {what}: {how}")
+    pytest.skip(f"{what.upper()} IS MISSING: {how}")
+
+
+def installed(name: str, package: str, options: str = "") -> Path:
+    """Return the folder of a third-party package that CI installs only for the tests."""
+    folder = ROOT / "var" / name
+    if not (folder / package).is_dir():
+        missing(name, f"pip install {options}--target var/{name} {name}")
+    return folder
