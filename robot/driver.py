@@ -140,7 +140,7 @@ def move_at(point: Point, moves: Iterable[Move], threshold: float = TURNS_BEYOND
     if not all(-1.0 <= number <= 1.0 for number in point):
         raise ValueError(f"steering and throttle must lie in [-1, 1], not {tuple(point)}")
     side, way = side_of(point.steering, threshold), side_of(point.throttle, 0.0)
-    known = [(move.name, move.point) for move in moves if move.point is not None]
+    known = [(move.name, at) for move in moves if (at := move.point) is not None]
     ahead = [(name, at) for name, at in known if side_of(at.throttle, 0.0) == way]
     near = [(name, at) for name, at in ahead if side_of(at.steering) == side]
     choice = near or (ahead if way else [])

@@ -25,7 +25,6 @@ from robot.policy.history import Taught
 from robot.recordings.messages import Topic, describe_command
 from robot.recordings.writer import EpisodeWriter, describe_run
 from robot.store.folder import whole_file
-from robot.store.models.events import describe_event
 from robot.types import DEFAULT_MOVES, Action, Example, Frame, PilotCommand, Point
 
 _T = TypeVar("_T")
@@ -231,8 +230,7 @@ def _write_label(writer: EpisodeWriter, shot: FrameEvent, frame_id: int, t_s: fl
     example = Example(
         frame_id=frame_id, label=label, is_intervention=shot.is_intervention, point=point
     )
-    taught = Taught(example=example, x=np.zeros(0), at_s=t_s)
-    writer.write_message(Topic.LESSON, t_s, describe_event(taught))
+    writer.write_lesson(t_s, Taught(example=example, x=np.zeros(0), at_s=t_s))
 
 
 def _moves_with(labels: Iterable[Action | None]) -> tuple[Action, ...]:

@@ -197,15 +197,21 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
             self._add(now_s, json.loads(text))
 
     def _add_plain(self, times_s: Sequence[float], plain: Sequence[Fields]) -> bool:
-        """Add examples of the common form. If any has another form, add none and return False."""
+        """Add examples of the common form: all or none have points. If any has another form, add
+        none and return False."""
         try:
             frames = [fields["frame"] for fields in plain]
             labels = [fields["label"] for fields in plain]
             interventions = [fields["intervention"] for fields in plain]
             at_s = [fields["at_s"] for fields in plain]
+            steering = [fields["steering"] for fields in plain if "steering" in fields]
+            throttle = [fields["throttle"] for fields in plain if "throttle" in fields]
             is_plain = (
                 all(fields["event"] == "taught" and not fields["x"] for fields in plain)
-                and not any("steering" in fields or "throttle" in fields for fields in plain)
+                and len(steering) == len(throttle)
+                and len(steering) in (0, len(plain))
+                and {type(share) for share in (*steering, *throttle)} <= {float, int}
+                and all(-1.0 <= share <= 1.0 for share in (*steering, *throttle))
                 and {type(frame) for frame in frames} <= {int}
                 and {type(time_s) for time_s in at_s} <= {float, int}
                 and {type(is_one) for is_one in interventions} <= {bool}
@@ -216,6 +222,10 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
             return False
         if not is_plain or _NOT_PLAIN in numbers.values():
             return False
+        if steering:
+            self._fill_points()
+            self._steering.extend(steering)
+            self._throttle.extend(throttle)
         self._frame.extend(frames)
         self._now_s.extend(times_s)
         self._label.extend(map(numbers.__getitem__, labels))

@@ -23,7 +23,7 @@ from robot.recordings.parts import scan_parts
 from robot.recordings.reader import Block, Message
 from robot.recordings.teaching import plan, surviving
 from robot.recordings.writer import FORMAT, EpisodeWriter
-from robot.store.models.events import describe_event, read_point
+from robot.store.models.events import read_point
 from robot.types import Action, Point
 
 _SOON_S = 0.5
@@ -332,4 +332,4 @@ def _write_events(
             continue
         if isinstance(event, Taught) and event.example.frame_id in episode.frames:
             now_s = episode.frames[event.example.frame_id].captured_s
-        writer.write_message(Topic.LESSON, now_s, describe_event(event))
+        writer.write_lesson(now_s, event)

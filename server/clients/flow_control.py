@@ -79,9 +79,7 @@ class VideoWindow:
             and len(self._flight) + 1 < self._ASK_EVERY
             and self._bytes + 3 * n_bytes <= self.LARGEST_BYTES
         )
-        self._flight[frame_id] = _Sent(
-            at_s=now_s, size=n_bytes, in_flight=len(self._flight), is_quiet=is_quiet
-        )
+        self._flight[frame_id] = _Sent(now_s, n_bytes, len(self._flight), is_quiet)
         self._bytes += n_bytes
         self._asked += not is_quiet
         return is_quiet
