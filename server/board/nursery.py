@@ -59,9 +59,16 @@ _MODULES = (
 """The modules that a robot of a class imports; a test fails if one of ours is missing. Each robot
 would read a missing module separately, and keep it in its own memory."""
 
-_ARENAS = "1"
-"""Number of heaps of glibc's allocator. By default each thread gets its own heap, and keeps some
-megabytes of freed memory there; a robot has 14 threads, of which only one runs Python at a time."""
+_ALLOCATOR = {
+    "MALLOC_ARENA_MAX": "1",
+    "MALLOC_MMAP_THRESHOLD_": str(1 << 20),
+    "MALLOC_TRIM_THRESHOLD_": str(1 << 19),
+}
+"""Settings of glibc's allocator. By default each thread gets its own heap, and keeps some megabytes
+of freed memory there; a robot has 14 threads, of which only one runs Python at a time. Also, glibc
+keeps freed memory at the heap's end up to twice the largest freed block, unless a limit is set. One
+robot keeps 2 to 4 MB less with these settings. Pictures are smaller than the second size, so they
+still come from the heap."""
 
 
 class Nursery:
@@ -81,7 +88,7 @@ class Nursery:
             pass_fds=[life],
             start_new_session=True,
             text=True,
-            env={"MALLOC_ARENA_MAX": _ARENAS, **os.environ},
+            env={**_ALLOCATOR, **os.environ},
         )
         os.close(life)
         self._lock = threading.Lock()
