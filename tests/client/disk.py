@@ -62,7 +62,8 @@ class Disk:
             real = getattr(module, name)
 
             def call(path: Any, *args: Any, **named: Any) -> Any:
-                if not isinstance(path, int) and writes(*args, *named.values()):
+                is_there = name == "mkdir" and Path(path).is_dir()  # nothing changes
+                if not isinstance(path, int) and not is_there and writes(*args, *named.values()):
                     self.count(path)
                 return real(path, *args, **named)
 

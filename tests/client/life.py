@@ -18,8 +18,6 @@ from typing import Any
 
 import httpx
 
-from robot.bodies.phone.camera import PhoneCamera, PhoneOptions
-from robot.camera import Camera
 from robot.control.state import Tick
 from robot.devices.rig import Rig
 from robot.policy.registry import make_policy
@@ -28,25 +26,21 @@ from robot.testing import FakeCamera, FakeDriver, LinkConditions
 from robot.types import Action
 from server.access.config import NetworkConfig, NetworkLimits
 from server.access.pairing import Pairing, cookie_name
-from server.board.classroom import LOCKS, Classroom
-from server.board.stopping import Stopping
-from server.board.teacher_session import Status
 from server.gateway.roles import Role
 from server.identity import IdentityFile
 from tests.client.bodies import Pool, Requests, Route
+from tests.client.commands import Command
 from tests.client.disk import Disk
 from tests.client.facts import GROUPS, Facts, lost, read
-from tests.client.others import EYE_RATE_HZ, Command, Eye, Teacher
 from tests.kit.green_clock import GreenClock
-from tests.server.board.classroom_world import KEY
 from tests.server.live_robot import WEB
 from tests.server.test_fuzz import drive_message
-from tests.server.virtual_pilot import VirtualPilot
-from tests.server.virtual_server import VirtualServer
+from tests.server.virtual_server import VirtualPilot, VirtualServer
 
 WATCHED_S = 0.5
 """Longest time after its pilot's last message for which a wheel may turn, in seconds."""
 _MANY = 10**9
+RATE_HZ = 12.0
 LATE_S = 2.0
 """Longest delay of a message on a disturbed link, in seconds."""
 _LATER = 40
@@ -109,12 +103,10 @@ class Errors(logging.Handler):
         self.found.append(self.format(record))
 
 
-def make_rig(*, has_eye: bool = False) -> Rig:
+def make_rig() -> Rig:
     """Return a robot in virtual time whose camera gives few pictures, which costs less."""
     clock = GreenClock(100.0)
-    camera: Camera = FakeCamera(clock, rate_hz=EYE_RATE_HZ)
-    if has_eye:
-        camera = PhoneCamera(PhoneOptions(eye_rate=EYE_RATE_HZ), clock)
+    camera = FakeCamera(clock, rate_hz=RATE_HZ)
     return Rig(FakeDriver(clock=clock), camera, make_policy("published-8"), clock)
 
 
@@ -174,10 +166,6 @@ class Life:
         self.released: set[int] = set()
         """The numbers of the STOPs that somebody has released who had seen them."""
         self._was_emergency = False
-        self._shown_stopped_s: float | None = None
-        self.has_eye, self.has_board = self.dice.random() < 0.25, self.dice.random() < 0.25
-        self.eye: Eye | None = None
-        self.teacher: Teacher | None = None
         self._driver_id = ""
         self._bad_s = 0.0
         self._was_latched = False
@@ -197,10 +185,7 @@ class Life:
             (self.disturb_body, 3),
             (self.disturb_disk, 3),
             (self.sleep, 1),
-            (self.move_house, 2),
             (self.command, 2),
-            *([(self.use_eye, 5)] if self.has_eye else []),
-            *([(self.use_board, 8)] if self.has_board else []),
         ]
 
     def run(self, steps: int, *, dies: bool) -> None:
@@ -215,18 +200,10 @@ class Life:
         prepare(self.root)
         pairing = Pairing(_MANY, file=self.root / "paired.json")
         config = NetworkConfig(
-            port=0,
-            web=WEB,
-            lan=True,
-            tls=self.has_eye,  # browsers give a page the camera on https only
-            data=self.root,
-            limits=LIMITS,
-            host="127.0.0.1",
+            port=0, web=WEB, lan=True, data=self.root, limits=LIMITS, host="127.0.0.1"
         )
-        options = {"classroom": Classroom(KEY)} if self.has_board else None
-        rig = make_rig(has_eye=self.has_eye)
         with VirtualServer(
-            config, pairing=pairing, data=self.root, rig=rig, name="bench", options=options
+            config, pairing=pairing, data=self.root, rig=make_rig(), name="bench"
         ) as server:
             self.server, self.pairing = server, pairing
             identity = server.services.identity
@@ -238,9 +215,6 @@ class Life:
             self.cookies = {
                 person: {"cookie": f"{name}={secret}"} for person, secret in self.secrets.items()
             } | {"stranger": {}}
-            self._open_eye()
-            if self.has_board:
-                self.teacher = Teacher(server, self.dice)
             server.forward(0.5)
             if (writer := server.persistence.journal._writer) is not None:
                 writer._files = self.disk.lay_beneath(writer._files)
@@ -265,8 +239,6 @@ class Life:
             self.disk.heal()
             for page in self.pages:
                 page.pilot.vanish()
-            if self.teacher is not None:
-                self.teacher.close()
 
     def violate(self, sentence: str) -> None:
         self.tell({"violation": f"{self.step}: {sentence}"})
@@ -308,8 +280,6 @@ class Life:
             said_s = max(self.said_s.values(), default=-1.0)
             if self.server.clock.now_s() - said_s > WATCHED_S:
                 self.violate("the wheels turn without a pilot")
-        if self.teacher is not None and not state.emergency:
-            self._is_board_right(self.teacher)
         if state.fault is not None and not self.caused:
             self.violate(f"a fault is said without cause: {state.fault}")
         found, self.errors.found = self.errors.found, []
@@ -382,9 +352,8 @@ class Life:
         if page is None:
             self.come_or_go()
             return
-        if self.server.hub.stop_held_by is None:  # else only the board releases it
-            self.released.add(self.server.hub.stop_number)
-            self.server.rig.loop.release_emergency()
+        self.released.add(self.server.hub.stop_number)
+        self.server.rig.loop.release_emergency()
         page.pilot.is_silent = False
         page.pilot.send(type="take")
         self.server.forward(0.1)
@@ -443,13 +412,7 @@ class Life:
         """Anybody's STOP is obeyed: within 100 ms, or when late messages have arrived."""
         is_late = self._was_latched = False
         socket = None
-        if self.eye is not None and not self.eye.socket.is_closed and self.dice.random() < 0.3:
-            if self._is_link_bad():
-                return
-            socket = self.eye.socket
-            self.eye.stop()
-            is_late = self.server.clock.now_s() - self._bad_s < LATE_S
-        elif self.dice.random() < 0.5:
+        if self.dice.random() < 0.5:
             person = self.dice.choice(PEOPLE)
             answer = self._send("POST", "/api/stop", None, self.cookies[person])
             if not answer.is_success:
@@ -463,9 +426,9 @@ class Life:
             is_late = self.server.clock.now_s() - self._bad_s < LATE_S
         self.server.forward(LATE_S if is_late else 0.1)
         if socket is not None and socket.is_closed:
-            return  # the connection had ended: a page or an eye says it again on the next one
+            return  # the connection had ended: a page says it again on the next one
         if not self._was_latched:  # a release that was late may have come since
-            self.violate(f"a STOP was not obeyed (late: {is_late}, eye: {self.has_eye})")
+            self.violate(f"a STOP was not obeyed (late: {is_late})")
 
     def release(self) -> None:
         page = self._page()
@@ -519,19 +482,21 @@ class Life:
         )
 
     def disturb_body(self) -> None:
-        server, what = self.server, self.dice.randrange(5)
+        server, what = self.server, self.dice.randrange(4)
         self._heal_body()
         if what == 0:
             self.caused["driver"] += 1
             server.driver.failure = "The left motor does not answer."
-        elif self.has_eye:
-            self.use_eye()
         elif what == 1:
             self.caused["camera"] += 1
             server.camera.is_frozen = True
         elif what == 2:
             self.caused["camera"] += 1
             server.camera.break_down("The camera was unplugged.")
+
+    def _heal_body(self) -> None:
+        self.server.driver.failure = None
+        self.server.camera.is_frozen = False
 
     def disturb_disk(self) -> None:
         self.disk.heal()
@@ -550,94 +515,6 @@ class Life:
         self.server.forward(0.0)
         if self.server.driver.moved_s != before and self.server.driver.now is not Action.STOP:
             self.violate("it moves when its computer wakes")
-
-    def move_house(self) -> None:
-        """The address changes; the robot answers at the new one."""
-        place = self.server.services.gateway.surroundings  # type: ignore[attr-defined]
-        address = f"10.0.0.{self.dice.randrange(1, 250)}"
-        place._look = lambda config: (address,)
-        place.look()
-        host = {"host": f"{address}:{self.server.port}"}
-        answer = self._send("GET", "/api/state", None, self.cookies["owner"] | host)
-        if answer.status_code != 200:
-            self.violate(f"at the new address {address} it answers {answer.status_code}")
-
-    def use_eye(self) -> None:
-        """The phone that is the eye is covered, slow, gone, back, or another phone takes over."""
-        eye, what = self.eye, self.dice.randrange(6)
-        self.caused["camera"] += 1
-        if eye is None or eye.socket.is_closed or what == 0:
-            self._open_eye()  # while the first is open, too: the newest is the eye
-        elif what == 1:
-            eye.is_silent = not eye.is_silent
-        elif what == 2:
-            eye.is_covered = not eye.is_covered
-        elif what == 3:
-            eye.vanish()
-        else:
-            self._heal_body()
-        self.server.forward(self.dice.choice([0.0, 0.1, 1.0]))
-
-    def _open_eye(self) -> None:
-        if self.has_eye:
-            self.eye = Eye(self.server, self.cookies["owner"])
-            self.server.forward(0.1)
-
-    def _heal_body(self) -> None:
-        self.server.driver.failure = None
-        if not self.has_eye:
-            self.server.camera.is_frozen = False
-        elif self.eye is None or self.eye.socket.is_closed:
-            self._open_eye()
-        else:
-            self.eye.is_silent = self.eye.is_covered = False
-
-    def use_board(self) -> None:
-        """The teacher looks, stops, releases, renames, locks or orders; or the network fails."""
-        teacher, server, dice = self.teacher, self.server, self.dice
-        assert teacher is not None
-        what = dice.choice(["look", "look", "stop", "release", "name", "locks", "order", "network"])
-        self.step = self.kind = f"board {what}"
-        is_good = not self._is_link_bad() and server.clock.now_s() - self._bad_s > LATE_S
-        is_there = is_good and server.fault == "none" and teacher.link.status is Status.THERE
-        if what == "look":
-            teacher.look()
-        elif what == "stop":
-            self._was_latched = False
-            teacher.stop()
-            server.forward(0.3)
-            if is_there and not self._was_latched:
-                self.violate("a STOP of the board was not obeyed")
-        elif what == "release":
-            if (number := teacher.release()) is not None:
-                self.released.add(number)
-            server.forward(0.1)
-        elif what == "network":
-            server.fault = "none" if server.fault != "none" else dice.choice(["slow", "gone"])
-            server.forward(0.5)
-        elif what == "order":
-            touched = ("models", "learner")
-            self.tell({"begin": list(touched), "step": self.step})
-            is_done = teacher.order()
-            self._note(touched, "", is_done=True, is_kept=is_done)
-        else:
-            touched = ("identity",) if what == "name" else ()
-            self.tell({"begin": list(touched), "step": self.step})
-            locks = dice.sample(sorted(LOCKS), dice.randrange(2))
-            named = dice.choice(["Wren", "Ada", "bench"])
-            is_done = teacher.rename(named) if what == "name" else teacher.lock(locks)
-            self._note(touched, "", is_done=True, is_kept=is_done)
-
-    def _is_board_right(self, teacher: Teacher) -> None:
-        """The robot is free: the board may say for a moment only that it has stopped it."""
-        now_s = self.server.clock.now_s()
-        is_good = not self._is_link_bad() and self.server.fault == "none"
-        if not is_good or teacher.link.stop.stage is not Stopping.STOPPED:
-            self._shown_stopped_s = None
-        elif self._shown_stopped_s is None:
-            self._shown_stopped_s = now_s
-        elif now_s - self._shown_stopped_s > 2 * LATE_S and teacher.link.status is Status.THERE:
-            self.violate("the board says for seconds that a robot is stopped, which is free")
 
     def command(self) -> None:
         """A call of the command line, beside the server."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -153,3 +154,12 @@ def test_the_server_takes_what_is_described_and_nothing_else(
     is_described = jsonschema.Draft7Validator(UP[str(kind)]).is_valid(message)
     assert is_taken == is_described, message
     assert all(math.isfinite(v) for v in fields.values() if isinstance(v, float))
+
+
+def test_every_message_and_field_of_the_description_is_in_the_reference() -> None:
+    reference = PAGE.with_name("protocol.md").read_text("utf-8")
+    for kind, schema in (UP | DOWN).items():
+        assert f"| `{kind}` |" in reference
+        names = schema.get("properties", {}).keys() - {"type"}
+        missing = [name for name in names if not re.search(rf"[`\"]{name}[`\"]", reference)]
+        assert missing == [], kind

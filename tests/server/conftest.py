@@ -1,11 +1,12 @@
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from robot.store.folder import Storage
+from server.__main__ import main
 from tests.robot.recordings.drives import record_drive
 
 from .virtual_server import VirtualServer
@@ -15,6 +16,21 @@ from .virtual_server import VirtualServer
 def server() -> Iterator[VirtualServer]:
     with VirtualServer() as running:
         yield running
+
+
+Say = Callable[..., str]
+
+
+@pytest.fixture
+def say(capsys: pytest.CaptureFixture[str]) -> Say:
+    """Run a command as a user types it; return what it says, on stderr if its status is not 0."""
+
+    def run(words: str, status: int = 0) -> str:
+        assert main(words.split()) == status
+        captured = capsys.readouterr()
+        return captured.out if status == 0 else captured.err
+
+    return run
 
 
 @pytest.fixture

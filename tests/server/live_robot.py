@@ -138,11 +138,16 @@ class Pilot:
                     self._say_drive()
 
     def _say_drive(self) -> None:
+        self._say(type="drive", held=self.held)
+
+    def _say(self, **order: Any) -> None:
+        """Send an order with the proof that it needs: the picture on the screen, the newest
+        nonce."""
         with self._lock:
             self.seq += 1
             state = self.state if self.states else {"frame": None, "nonce": None}
             frame = self.picture or state["frame"]
-            self.send(type="drive", held=self.held, frame=frame, seq=self.seq, nonce=state["nonce"])
+            self.send(**order, frame=frame, seq=self.seq, nonce=state["nonce"])
 
     def send(self, **message: Any) -> None:
         self.socket.send(json.dumps(message))
@@ -154,11 +159,7 @@ class Pilot:
     def mode(self, mode: str) -> None:
         if mode != "stopped" and self.picture is None:
             self.wait_for_state_with(lambda state: state["frame"] is not None)
-        with self._lock:
-            self.seq += 1
-            state = self.state if self.states else {"frame": None, "nonce": None}
-            frame = self.picture or state["frame"]
-            self.send(type="mode", mode=mode, seq=self.seq, frame=frame, nonce=state["nonce"])
+        self._say(type="mode", mode=mode)
 
     def wait_for_state_with(
         self, wanted: Callable[[dict[str, Any]], bool], within_s: float = STANDING_AFTER_S
@@ -201,13 +202,7 @@ class Pilot:
 
     def wait_for_state(self, within_s: float = STANDING_AFTER_S, **fields: Any) -> dict[str, Any]:
         """Return the newest state with these fields, or the first later one."""
-        return self.wait_for(
-            lambda m: (
-                m["type"] == "state" and all(m[name] == value for name, value in fields.items())
-            ),
-            within_s,
-            seen=max(len(self.messages) - 1, 0),
-        )
+        return self.wait_for_state_with(lambda state: fields.items() <= state.items(), within_s)
 
     def drive_until(
         self, is_so: Callable[[], bool], held: str = "forward", mode: str = "train"

@@ -3,8 +3,7 @@
 Each route that writes runs on a robot in virtual time. Its disk refuses one call, or all calls from
 one on. The folder is copied when the answer arrives, as a kill would leave it, and a new start
 reads the copy. Unless the answer is a refusal or has `kept` false, the copy must contain what it
-contains with a sound disk. The same holds for each command that ends with 0; a command that fails
-has done all of its work or none.
+contains with a sound disk. Commands on a full disk: cli/test_full_disk.py.
 """
 
 from __future__ import annotations
@@ -18,11 +17,9 @@ import httpx
 import pytest
 
 from robot.coaching.gallery import images
-from robot.recordings.store import EpisodeStore
 from robot.store.folder import Storage
-from robot.types import Example, Mode
+from robot.types import Mode
 from server.access.pairing import Pairing, cookie_name
-from server.cli.main import main as run_command
 from server.gateway.roles import Role
 from server.identity import IdentityFile
 from server.library.models import ModelLibrary
@@ -66,28 +63,12 @@ WRITES: dict[str, tuple[str, str, Any]] = {
 }
 
 
-def teach_unlike(server: VirtualServer) -> None:
-    """Teach a dozen examples with different images."""
-    loop, latest = server.rig.loop, server.camera.latest
-    server.wait_until(lambda: latest() is not None)
-
-    def teach() -> None:
-        x = loop.history.policy.extract(latest())  # type: ignore[arg-type]
-        for i in range(12):
-            example = Example(
-                frame_id=1000 + i, label=loop.state.moves[i % 2], is_intervention=False
-            )
-            loop.history.teach(example, (x + (i * 37) % 91).astype(x.dtype), i * 0.1)
-
-    server.ask_loop(teach)
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A data folder with two models, a recording, and a model in the trash."""
     root = tmp_path_factory.mktemp("facts") / "data"
     with VirtualServer(data=root, name="bench") as server:
-        teach_unlike(server)
+        server.teach(12, server.rig.loop.state.moves[:2], every_s=0.1)
         server.persistence.autosave.save()
         models = server.persistence.models
         for name in ("other", "gone"):
@@ -171,14 +152,8 @@ def ask(
             }
         cookie = {"cookie": f"{cookie_name(server.services.gateway.config)}={secret.secret}"}
         disk.fail(first - 1 if first else MANY, lasts=for_ever)
-        answer = httpx.request(
-            method,
-            server.address + path.format(**known),
-            headers=cookie,
-            timeout=10,
-            verify=False,
-            **options,
-        )
+        url = server.address + path.format(**known)
+        answer = httpx.request(method, url, headers=cookie, timeout=10, verify=False, **options)
         disk.heal()
         shutil.copytree(root, scratch / "killed")
     return answer, scratch / "killed", disk.calls
@@ -214,66 +189,3 @@ def test_a_change_that_was_answered_as_saved_is_never_lost(
         assert answer.status_code in (200, 201, 404, 409, 422, 507), answer.text
         if is_kept(answer):
             assert holds(killed) == wanted, f"call {first} failed, all later ones: {always}"
-
-
-COMMANDS = {
-    "title": ["title", "{episode}", "a title"],
-    "protect": ["protect", "{episode}"],
-    "trim": ["trim", "{episode}", "--from", "0.1", "--to", "0.5"],
-    "relabel": ["relabel", "{episode}", "--label", "left", "--from", "0.1", "--to", "0.5"],
-    "delete a range": ["delete", "{episode}", "--from", "0.1", "--to", "0.3"],
-    "undo": ["undo", "{episode}"],
-    "compact": ["compact", "{episode}"],
-    "delete": ["delete", "{episode}"],
-    "restore": ["restore"],
-    "empty the trash": ["empty-trash"],
-    "import": ["import", "{source}"],
-    "learn": ["learn", "{episode}"],
-}
-BEFORE = {
-    "undo": ["trim", "{episode}", "--from", "0.1", "--to", "0.5"],
-    "compact": ["trim", "{episode}", "--from", "0.1", "--to", "0.5"],
-    "restore": ["delete", "{episode}"],
-}
-"""The preparation, on a sound disk."""
-
-
-@pytest.mark.parametrize("command", few(COMMANDS, 2))
-def test_a_command_that_says_it_is_done_has_done_it(
-    folder: Path, tmp_path: Path, command: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    source = tmp_path / "tub"
-    store = EpisodeStore(Storage(folder))
-    [episode] = [one.id for one in store.summaries() if one.frames]
-
-    def run(words: list[str], root: Path) -> tuple[int, str]:
-        given = [word.format(source=source, episode=episode) for word in words]
-        verb = given if given[0] == "learn" else ["episodes", *given]
-        status = run_command([*verb, "--data", str(root)])
-        return status, capsys.readouterr().err
-
-    def make(first: int, *, for_ever: bool) -> tuple[int, str, dict[str, Any], int]:
-        root = tmp_path / f"{first} {for_ever}"
-        shutil.copytree(folder, root)
-        if command in BEFORE:
-            assert run(BEFORE[command], root)[0] == 0
-        disk = Disk(root)
-        with pytest.MonkeyPatch.context() as patch:
-            disk.install(patch.setattr)
-            disk.fail(first - 1 if first else MANY, lasts=for_ever)
-            status, said = run(COMMANDS[command], root)
-        return status, said, holds(root), disk.calls
-
-    if command == "import":
-        assert run(["export", "{episode}", "--as", "tub", "--out", str(source)], folder)[0] == 0
-    before = holds(folder) if command not in BEFORE else None
-    status, said, wanted, calls = make(0, for_ever=False)
-    assert status == 0, said
-    for first, always in failures(calls):
-        status, said, held, _ = make(first, for_ever=always)
-        assert "Traceback" not in said
-        if status == 0:
-            assert held == wanted, f"call {first} failed, all later ones: {always}"
-        else:
-            assert said.strip(), "it says why not"
-            assert before is None or held in (before, wanted), f"half done at call {first}"

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import random
 import shutil
 import socket
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -16,7 +16,6 @@ from robot.devices.rig import Rig
 from robot.policy.registry import make_policy
 from robot.recordings.store import EpisodeStore
 from robot.store.folder import Storage
-from robot.store.models.store import ModelStore
 from robot.store.prepare import prepare
 from robot.testing import FakeCamera, FakeDriver, VirtualClock
 from robot.types import Action, Example
@@ -25,7 +24,6 @@ from server.identity import IdentityFile
 from server.library.models import ModelLibrary
 from server.persistence import Persistence
 from server.recordings.part import Recordings
-from server.recordings.selection import find_id
 from tests.client.disk import Disk
 from tests.kit.sizes import size
 from tests.robot.recordings.drives import record_drive
@@ -60,6 +58,10 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (root / "lessons").mkdir(exist_ok=True)
     (root / "lessons" / "20260101-120000-trial-1.json").write_text("{}")
     return root
+
+
+def episodes(persistence: Persistence) -> EpisodeStore:
+    return persistence.part(Recordings).episodes
 
 
 class running:  # noqa: N801
@@ -125,15 +127,11 @@ def damage(root: Path, rng: random.Random) -> str:
         whole = [path for path in everything if path.is_file()]
         path = rng.choice([path for path in whole if path.stat().st_size < LARGEST] or whole[:1])
         data = bytearray(path.read_bytes() or b"x")
+        at = rng.randrange(len(data))
         if how == "flip":
-            data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
-        path.write_bytes(
-            {
-                "cut": bytes(data[: rng.randrange(len(data))]),
-                "empty": b"",
-                "not utf-8": b"\xff\xfe" + bytes(data),
-            }.get(how, bytes(data))
-        )
+            data[at] ^= 1 << rng.randrange(8)
+        changed = {"cut": data[:at], "empty": b"", "not utf-8": b"\xff\xfe" + data}
+        path.write_bytes(changed.get(how, data))
         if how == "huge":
             os.truncate(path, 3 * 2**30)
         if how == "unreadable":
@@ -146,21 +144,14 @@ def damage(root: Path, rng: random.Random) -> str:
         path.unlink()
     if how == "folder":
         (path / "inner").mkdir(parents=True)
-    elif how == "dangling":
-        path.symlink_to(root / "nowhere")
-    elif how == "loop":
-        path.symlink_to(path)
-    elif how == "link to folder":
-        path.symlink_to(root.parent)
+    elif how in ("dangling", "loop", "link to folder"):
+        target = {"dangling": root / "nowhere", "loop": path}.get(how, root.parent)
+        path.symlink_to(target)
     elif how == "fifo":
         os.mkfifo(path)
     elif how == "socket":
-        here = Path.cwd()
-        os.chdir(path.parent)
-        try:
+        with contextlib.chdir(path.parent):
             socket.socket(socket.AF_UNIX).bind(path.name)
-        finally:
-            os.chdir(here)
     return f"{how} {path.name}"
 
 
@@ -179,8 +170,8 @@ def test_after_every_start_the_robot_serves_drives_and_saves(
         lessons = teach(rig)
         assert lessons >= 5
         ModelLibrary(persistence.storage, persistence.models).saved()
-        persistence.part(Recordings).episodes.summaries()
-        persistence.part(Recordings).episodes.offered()
+        episodes(persistence).summaries()
+        episodes(persistence).offered()
         name = persistence.autosave.save()
         assert persistence.models.load(name).summary.n_examples == lessons, done
         assert persistence.part(Recordings).recorder.queue.fault is None, done
@@ -212,10 +203,8 @@ def test_if_nothing_can_be_saved_the_robot_drives_and_reports_it(tmp_path: Path)
         assert started.storage.fault and str(Path("/proc/drivelesson")) in started.storage.fault
         assert teach(rig) == 5
         assert persistence.part(Recordings).recorder.queue.fault and "recording_off" in started.told
-        assert (
-            ModelLibrary(persistence.storage, persistence.models).saved() == []
-            and persistence.part(Recordings).episodes.summaries() == []
-        )
+        assert ModelLibrary(persistence.storage, persistence.models).saved() == []
+        assert episodes(persistence).summaries() == []
         with pytest.raises(OSError):
             persistence.autosave.save()
 
@@ -228,10 +217,8 @@ def test_a_data_folder_may_have_the_name_of_one_of_its_parts(
     started = running(tmp_path / name)
     assert started.moved == []
     with started as (_, persistence):
-        assert (
-            persistence.autosave.name == "second"
-            and persistence.part(Recordings).episodes.summaries() != []
-        )
+        assert persistence.autosave.name == "second"
+        assert episodes(persistence).summaries() != []
 
 
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EIO])
@@ -240,19 +227,20 @@ def test_a_disk_that_cannot_be_written_prevents_neither_start_nor_drive(
 ) -> None:
     root = tmp_path / "data"
     shutil.copytree(whole, root)
-    refusing = DiskThatRefuses(root, code)
+    disk = Disk(root)
     with monkeypatch.context() as patch:
-        refusing.install(patch)
+        disk.install(patch.setattr)
+        disk.fail(0, lasts=True, why=code)
         started = running(root)
         with started as (rig, persistence):
             assert teach(rig) >= 5
-            persistence.part(Recordings).episodes.summaries()
+            episodes(persistence).summaries()
             ModelLibrary(persistence.storage, persistence.models).saved()
             with pytest.raises(OSError):
                 persistence.autosave.save()
             persistence.autosave.save_if_changed()
             assert "model_not_saved" in started.told
-    assert refusing.refused > 0
+    assert disk.calls > 0
 
 
 def test_every_message_is_obeyed_even_if_the_disk_cannot_be_written(tmp_path: Path) -> None:
@@ -308,35 +296,6 @@ def test_a_failing_model_is_reported_and_set_aside_at_the_next_start(tmp_path: P
         assert rig.loop.state.prediction.action is Action.LEFT
 
 
-class DiskThatRefuses:
-    """Allows reading everything below a folder, but refuses every write."""
-
-    def __init__(self, root: Path, code: int) -> None:
-        self.root, self.code, self.refused = os.fspath(root), code, 0
-
-    def install(self, patch: pytest.MonkeyPatch) -> None:
-        real_open, real_write, real_mkdir = os.open, os.write, os.mkdir
-
-        def refuse(path: Any) -> None:
-            if os.fspath(path).startswith(self.root):
-                self.refused += 1
-                raise OSError(self.code, os.strerror(self.code), os.fspath(path))
-
-        def open_(path: Any, flags: int, mode: int = 0o777, **more: Any) -> int:
-            if flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT):
-                refuse(path)
-            return real_open(path, flags, mode, **more)
-
-        def mkdir(path: Any, *more: Any, **named: Any) -> None:
-            if not Path(path).is_dir():
-                refuse(path)
-            real_mkdir(path, *more, **named)
-
-        patch.setattr(os, "open", open_)
-        patch.setattr(os, "mkdir", mkdir)
-        patch.setattr(os, "write", real_write)
-
-
 FOREIGN = (
     ".stfolder/marker", "@eaDir/SYNO@.fileindexdb", "lost+found/#1234", ".Trash-1000/info/a",
     "$RECYCLE.BIN/desktop.ini", "System Volume Information/x", ".fseventsd/y", "Thumbs.db",
@@ -367,50 +326,9 @@ def test_files_of_other_programs_are_neither_moved_listed_nor_deleted(
         system = running(root)
         with system as (_, persistence):
             assert persistence.models.names() == ["bench", "second"]
-            recorded = persistence.part(Recordings).episodes.ids()
-            assert all(name.startswith("2023-") for name in recorded)
-            persistence.part(Recordings).episodes.restore(
-                persistence.part(Recordings).episodes.delete(recorded[0]).key or ""
-            )
+            store = episodes(persistence)
+            assert all(name.startswith("2023-") for name in store.ids())
+            store.restore(store.delete(store.ids()[0]).key or "")
             persistence.storage.empty_trash()
         assert system.moved == []
     assert all(path.read_text() == "theirs" for path in foreign)
-
-
-@pytest.mark.parametrize(
-    "ending",
-    [
-        ".sync-conflict-20261129-101010-ABCDEFG", " (conflicted copy 2026-11-29 101010)", " (1)",
-        " - Copy", " (Ada's conflicted copy 2026-11-29)", "-LAPTOP",
-    ],
-)  # fmt: skip
-def test_the_copy_of_a_synchroniser_is_never_the_newest(tmp_path: Path, ending: str) -> None:
-    storage = Storage(tmp_path)
-    episode = record_drive(storage.folder("episodes"), frames=3)
-    shutil.copy(episode.path, episode.path.with_stem(episode.path.stem + ending))
-    store = EpisodeStore(storage)
-    assert len(store.ids()) == 2
-    assert find_id(store, "last") == episode.path.stem
-
-
-def test_files_that_an_older_version_set_aside_are_used_again_even_if_it_ran_since(
-    tmp_path: Path,
-) -> None:
-    root = tmp_path / "data"
-    with running(root) as (rig, persistence):
-        for _ in range(2):
-            teach(rig)
-            persistence.autosave.save()
-            rig.clock.sleep(1.0)
-        learned = rig.loop.history.n_examples
-    for version in sorted((root / "models" / "bench").glob("*.npz"))[1:]:
-        version.rename(version.with_name(version.name + ".damaged"))
-    # It reads the previous version, and changes nothing.
-    with pytest.MonkeyPatch.context() as older:
-        older.setattr(ModelStore, "retry_damaged", lambda store: None)
-        older.setattr("server.persistence.recover", lambda *_: None)
-        with running(root) as (rig, _):
-            rig.clock.sleep(3.0)
-            assert rig.loop.history.n_examples < learned
-    with running(root) as (rig, _):
-        assert rig.loop.history.n_examples == learned

@@ -3,11 +3,7 @@ path."""
 
 from __future__ import annotations
 
-import os
 import random
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -22,28 +18,10 @@ from tests.kit.sizes import size
 from .test_damaged_folder import running, teach
 
 MOMENTS = size("MOMENTS", 4, 30)
-ON_A_DISK = "DRIVELESSON_TEST_ON_A_DISK"
-"""Set in the process whose data folders are mounted, and removed by unmounting."""
-
-
-def mount(*words: str | Path) -> None:
-    subprocess.run(["mount", *words], check=True)
-
-
-def plug_in_first(root: Path) -> None:
-    """Mount a disk at the path of the data folder."""
-    if ON_A_DISK in os.environ:
-        for folder in (root, disk := root.with_name("disk")):
-            folder.mkdir()
-        mount("-t", "tmpfs", "-o", "size=64m", "none", disk)
-        mount("--bind", disk, root)
 
 
 def pull(root: Path) -> Path:
     """Leave an empty folder at the path of the data folder, as below a mount point."""
-    if ON_A_DISK in os.environ:
-        subprocess.run(["umount", "--lazy", root], check=True)
-        return root.with_name("disk")
     away = root.with_name("away")
     root.rename(away)
     root.mkdir()
@@ -52,37 +30,12 @@ def pull(root: Path) -> Path:
 
 def plug_in(root: Path, away: Path) -> None:
     root.rmdir()  # fails if anything was written there
-    if ON_A_DISK in os.environ:
-        root.mkdir()
-        mount("--bind", away, root)
-    else:
-        away.rename(root)
-
-
-@pytest.mark.skipif(ON_A_DISK in os.environ, reason="it runs the others on a disk")
-def test_a_disk_that_is_unmounted_during_teaching_loses_nothing() -> None:
-    """Repeat the tests of a removed folder with real mounts, in a separate namespace."""
-    may = shutil.which("unshare") and subprocess.run(
-        ["unshare", "--map-root-user", "--mount", "mount", "-t", "tmpfs", "none", "/mnt"],
-        capture_output=True,
-    )
-    if not may or may.returncode:
-        pytest.skip("mounting in a namespace is refused here")
-    own = f"{__file__}::{test_a_folder_that_disappears_during_teaching_loses_nothing.__name__}"
-    words = ["unshare", "--map-root-user", "--mount", sys.executable, "-m", "pytest", "-q", "-n0"]
-    ran = subprocess.run(
-        [*words, "-p", "no:cacheprovider", own],
-        env=os.environ | {ON_A_DISK: "1"},
-        capture_output=True,
-        text=True,
-    )
-    assert ran.returncode == 0 and f"{MOMENTS} passed" in ran.stdout, ran.stdout + ran.stderr
+    away.rename(root)
 
 
 @pytest.mark.parametrize("seed", range(MOMENTS))
 def test_a_folder_that_disappears_during_teaching_loses_nothing(tmp_path: Path, seed: int) -> None:
     root, dice = tmp_path / "data", random.Random(seed)
-    plug_in_first(root)
     system = running(root)
     pairing, identity = Pairing(10, root / "paired.json"), IdentityFile(root)
     with system as (rig, persistence):

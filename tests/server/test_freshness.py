@@ -7,8 +7,6 @@ app, hub and loop in virtual time.
 
 from __future__ import annotations
 
-import asyncio
-import json
 from collections.abc import Callable, Coroutine
 from typing import Any, NamedTuple
 
@@ -17,11 +15,10 @@ import pytest
 from robot.control.state import Tick
 from robot.testing import FakeCamera, FakePolicy, VirtualClock
 from robot.types import Action, Mode, Point, StopReason
-from server.protocol import encode_acknowledgement, parse_picture
 from tests.kit.sizes import combined, crossed, size
 from tests.robot.bench_robot import BenchRobot
 
-from .virtual import ServedWorld, Socket, virtually
+from .virtual import Pilot, ServedWorld, Socket, in_virtual_time
 
 FAULTS = ("freeze", "stall up", "stall down", "cut", "reorder")
 MOMENTS = ("before", "while", "after")
@@ -48,101 +45,81 @@ class Sent(NamedTuple):
     seq: int | None
 
 
-class Page:
-    """A page without a screen, whose connection to the robot can be held up, cut or reordered.
-
-    Every sent message is noted with its time.
-    """
+class Page(Pilot):
+    """A pilot whose connection to the robot can be held up, cut or reordered."""
 
     def __init__(self, world: ServedWorld) -> None:
-        self.world = world
-        self.state: dict[str, Any] = {}
-        self.errors: list[str] = []
-        self.sight: dict[str, int | None] = {"frame": None, "nonce": None}
-        self.held: str | None = None
-        self.seq = 0
-        self.is_beating = True
-        self.acknowledges = True
-        self.seen_s = 0.0
         self.stalls_up = self.stalls_down = self.reorders = False
         self.sent: list[Sent] = []
-        self._late_up: list[str | bytes] = []
+        self.seen_s = 0.0
+        self._late_up: list[tuple[Socket, str | bytes]] = []
         self._late_down: list[Callable[[], None]] = []
-        self.drive = world.connect("/ws/drive", self._later(self._hear))
-        self.video = world.connect("/ws/video", self._later(self._see))
-        asyncio.get_running_loop().call_later(0.05, self._beat)
+        super().__init__(world, sees=True)
 
-    def _later(self, act: Callable[[str | bytes], None]) -> Callable[[str | bytes], None]:
-        def arrive(message: str | bytes) -> None:
-            if self.stalls_down:
-                self._late_down.append(lambda: act(message))
-            else:
-                act(message)
+    def grip(self, move: str | None) -> None:
+        """Hold a move from the next message on, by degrees if the robot supports them."""
+        self.held = move
+        self.point = POINTS[move] if move and self._world.driver.takes_points else None
 
-        return arrive
+    def say(self, kind: str) -> None:
+        """Send one message of a kind, as a page would."""
+        if kind == "drive":
+            self.hold(self.held, self.point)
+        elif kind == "mode":
+            self.mode("autonomous")
+        elif kind == "release":
+            self.release()
+        else:
+            self.send(type=kind, **({"client_ms": 1.0} if kind == "ping" else {}))
 
-    def _hear(self, text: str | bytes) -> None:
-        message = json.loads(text)
-        if message["type"] == "state":
-            self.state = message
-            self.sight["nonce"] = message["nonce"]
-        elif message["type"] == "error":
-            self.errors.append(message["code"])
-
-    def _see(self, data: str | bytes) -> None:
-        assert isinstance(data, bytes)
-        picture = parse_picture(data)
-        self.sight = {"frame": picture.frame_id, "nonce": picture.nonce}
-        self.seen_s = self.world.clock.now_s()
-        if self.acknowledges:
-            self._up(self.video, encode_acknowledgement(picture.frame_id))
+    def send(self, **message: Any) -> None:
+        self.sent.append(Sent(self._world.clock.now_s(), message["type"], message.get("seq")))
+        super().send(**message)
 
     def _up(self, socket: Socket, message: str | bytes) -> None:
-        if self.stalls_up or (self.reorders and self.world.dice.random() < 0.5):
-            self._late_up.append(message)
+        if self.stalls_up or (self.reorders and self._world.dice.random() < 0.5):
+            self._late_up.append((socket, message))
         else:
-            socket.send(message)
+            super()._up(socket, message)
 
-    def release_up(self) -> None:
-        """Release the held messages; in another order if the fault is reordering."""
-        late, self._late_up = self._late_up, []
+    def _hear(self, text: str | bytes) -> None:
+        self._down(super()._hear, text)
+
+    def _see(self, message: str | bytes) -> None:
+        self._down(self._note_picture, message)
+
+    def _note_picture(self, message: str | bytes) -> None:
+        self.seen_s = self._world.clock.now_s()
+        super()._see(message)
+
+    def _down(self, act: Callable[[str | bytes], None], message: str | bytes) -> None:
+        if self.stalls_down:
+            self._late_down.append(lambda: act(message))
+        else:
+            act(message)
+
+    def deliver_what_is_late(self) -> None:
+        """Release all held messages; those up in another order if the fault is reordering."""
+        up, self._late_up = self._late_up, []
+        down, self._late_down = self._late_down, []
         if self.reorders:
-            self.world.dice.shuffle(late)
-        self.stalls_up = self.reorders = False
-        for message in late:
-            (self.drive if isinstance(message, str) else self.video).send(message)
-
-    def release_down(self) -> None:
-        """Deliver the held messages."""
-        late, self._late_down = self._late_down, []
-        self.stalls_down = False
-        for act in late:
+            self._world.dice.shuffle(up)
+        self.stalls_up = self.stalls_down = self.reorders = False
+        for socket, message in up:
+            socket.send(message)
+        for act in down:
             act()
 
-    def say(self, kind: str, mode: str = "autonomous") -> None:
-        """Send one message of a kind, as a page would."""
-        fields: dict[str, Any] = {}
-        if kind in ("drive", "mode"):
-            self.seq += 1
-            fields = {"seq": self.seq, **self.sight}
-            fields |= _hold(self.world, self.held) if kind == "drive" else {"mode": mode}
-        elif kind == "ping":
-            fields = {"client_ms": 1.0}
-        elif kind == "release":
-            fields = {"stop_number": self.state["stop_number"]}
-        self.sent.append(Sent(self.world.clock.now_s(), kind, fields.get("seq")))
-        self._up(self.drive, json.dumps({"type": kind, **fields}))
 
-    def _beat(self) -> None:
-        if self.is_beating:
-            self.say("drive")
-        asyncio.get_running_loop().call_later(0.1, self._beat)
-
-    def cut(self) -> None:
-        """Lose both sockets, as when the browser is killed."""
-        self.is_beating = False
-        self.drive.cut()
-        self.video.cut()
+async def driven(world: ServedWorld) -> Page:
+    """Return a page that sees, before a robot that was taught a move for its view."""
+    page = Page(world)
+    await world.until(lambda: page.picture is not None and bool(page.state))
+    frame, policy = world.camera.latest(), world.loop.history.policy
+    assert frame is not None
+    point = POINTS[Action.FORWARD] if world.driver.takes_points else None
+    policy.learn(policy.extract(frame), Action.FORWARD, None, point)
+    return page
 
 
 class Watch:
@@ -176,16 +153,10 @@ class Watch:
             self.faults.append(f"{what} {1000 * age_s:.0f} ms before the robot acted upon it")
 
 
-def _hold(world: ServedWorld, move: str | None) -> dict[str, Any]:
-    """Return the fields of a `drive` message for a move, by degrees if the robot supports them."""
-    is_point = world.driver.takes_points and move is not None
-    return {"held": move, **(POINTS[move]._asdict() if is_point else {})}
-
-
 def _break(page: Page, fault: str, lasts_s: float) -> None:
     """Begin the fault. A freeze ends at once, except for the clock."""
     if fault == "freeze":
-        page.world.clock.advance(lasts_s)
+        page._world.clock.advance(lasts_s)
     elif fault == "stall up":
         page.stalls_up = True
     elif fault == "stall down":
@@ -193,28 +164,18 @@ def _break(page: Page, fault: str, lasts_s: float) -> None:
     elif fault == "reorder":
         page.reorders = True
     else:
-        page.cut()
-
-
-def _teach(world: ServedWorld) -> None:
-    """Teach the robot a move for its view, so that it can drive by itself."""
-    frame, policy = world.camera.latest(), world.loop.history.policy
-    assert frame is not None
-    point = POINTS[Action.FORWARD] if world.driver.takes_points else None
-    policy.learn(policy.extract(frame), Action.FORWARD, None, point)
+        page.vanish()
 
 
 async def play(world: ServedWorld, case: tuple[str, str, str, str]) -> list[str]:
     """Drive, cause the fault around the message, and watch; return the violations."""
     fault, moment, client, kind = case
-    dice, page = world.dice, Page(world)
-    await world.until(lambda: page.sight["frame"] is not None and "nonce" in page.state)
-    _teach(world)
+    dice, page = world.dice, await driven(world)
     await world.forward(dice.uniform(0.0, 0.2))
     watch = Watch(world, page)
     if dice.random() < 0.7:
-        page.say("mode", dice.choice(["train", "autonomous"]))
-        page.held = dice.choice([None, "forward", "left"])
+        page.mode(dice.choice(["train", "autonomous"]))
+        page.grip(dice.choice([None, "forward", "left"]))
         await world.forward(dice.uniform(0.15, 0.6))
     lasts_s = dice.choice([0.1, 0.31, 0.6, 1.0, 3.0]) * dice.uniform(0.9, 1.1)
 
@@ -226,14 +187,12 @@ async def play(world: ServedWorld, case: tuple[str, str, str, str]) -> list[str]
     if moment != "before":
         _break(page, fault, lasts_s)
     if client != "back":
-        page.is_beating = False
+        page.is_silent = True
     await world.forward(lasts_s)
-    page.release_up()
-    page.release_down()
+    page.deliver_what_is_late()
     released_s = world.clock.now_s()
     if client == "gone":
-        page.drive.close()
-        page.video.close()
+        page.close()
     await world.forward(1.2)
 
     if kind == "stop" and (fault != "cut" or moment == "after"):
@@ -269,18 +228,16 @@ def test_nothing_moves_without_a_fresh_message(chunk: int) -> None:
         assert faults == [], f"run {number}: {case}"
 
 
-def test_a_stop_overtakes_all_messages_sent_before_it() -> None:
-    async def scenario(world: ServedWorld) -> None:
-        pilot = await world.pilot(sees=True)
-        pilot.mode("autonomous")
-        await world.until(lambda: world.mode is Mode.AUTONOMOUS)
-        for _ in range(400):
-            pilot.send(type="ping", client_ms=1.0)
-        pilot.send(type="stop")
-        await world.until(lambda: world.loop.state.emergency, 0.1)
-        assert "too_fast" in pilot.errors()
-
-    virtually(scenario)
+@in_virtual_time()
+async def test_a_stop_overtakes_all_messages_sent_before_it(world: ServedWorld) -> None:
+    pilot = await world.pilot(sees=True)
+    pilot.mode("autonomous")
+    await world.until(lambda: world.mode is Mode.AUTONOMOUS)
+    for _ in range(400):
+        pilot.send(type="ping", client_ms=1.0)
+    pilot.send(type="stop")
+    await world.until(lambda: world.loop.state.emergency, 0.1)
+    assert "too_fast" in pilot.errors()
 
 
 def test_a_stop_overtakes_queued_messages_and_cancels_earlier_requests() -> None:
@@ -298,54 +255,53 @@ def test_a_stop_overtakes_queued_messages_and_cancels_earlier_requests() -> None
 
 
 @crossed(kind=["drive", "mode"], lie=["no nonce", "another nonce", "no frame"], by=STEERED)
-def test_a_message_without_a_proof_moves_nothing(kind: str, lie: str, by: str) -> None:
-    async def scenario(world: ServedWorld) -> None:
-        world.driver.takes_points = by == "degrees"
-        pilot = await world.pilot(sees=True)
-        if kind == "drive":
-            pilot.mode("train")
-            await world.until(lambda: world.mode is Mode.TRAIN)
-        pilot.is_silent = True
-        await world.forward(0.1)
-        moved_s = world.driver.moved_s
-        for _ in range(20):
-            sight = pilot.sight() | {"seq": pilot.seq + 1}
-            pilot.seq += 1
-            sight |= {"no nonce": {"nonce": None}, "no frame": {"frame": None}}.get(
-                lie, {"nonce": world.dice.randrange(1, 2**32)}
-            )
-            what = _hold(world, "forward") if kind == "drive" else {"mode": "autonomous"}
-            pilot.send(type=kind, **what, **sight)
-            await world.forward(0.05)
-        assert world.driver.moved_s == moved_s, "it moved"
-        assert world.mode is Mode.STOPPED
-        assert set(pilot.errors()) == {"no_picture" if lie == "no frame" else "stale"}
-        if kind == "drive":
-            assert world.loop.state.decision.stop_reason is StopReason.LINK_SLOW
-
-    virtually(scenario)
+@in_virtual_time()
+async def test_a_message_without_a_proof_moves_nothing(
+    world: ServedWorld, kind: str, lie: str, by: str
+) -> None:
+    world.driver.takes_points = by == "degrees"
+    pilot = await world.pilot(sees=True)
+    if kind == "drive":
+        pilot.mode("train")
+        await world.until(lambda: world.mode is Mode.TRAIN)
+    pilot.is_silent = True
+    await world.forward(0.1)
+    moved_s = world.driver.moved_s
+    for _ in range(20):
+        sight = pilot.sight() | {"seq": pilot.seq + 1}
+        pilot.seq += 1
+        sight |= {"no nonce": {"nonce": None}, "no frame": {"frame": None}}.get(
+            lie, {"nonce": world.dice.randrange(1, 2**32)}
+        )
+        point = POINTS["forward"]._asdict() if by == "degrees" else {}
+        what = {"held": "forward", **point} if kind == "drive" else {"mode": "autonomous"}
+        pilot.send(type=kind, **what, **sight)
+        await world.forward(0.05)
+    assert world.driver.moved_s == moved_s, "it moved"
+    assert world.mode is Mode.STOPPED
+    assert set(pilot.errors()) == {"no_picture" if lie == "no frame" else "stale"}
+    if kind == "drive":
+        assert world.loop.state.decision.stop_reason is StopReason.LINK_SLOW
 
 
 @crossed(mode=["train", "autonomous"], seed=range(size("STALLS", 2, 10)))
-def test_the_robot_stops_if_only_the_acknowledgements_stop(mode: str, seed: int) -> None:
+@in_virtual_time()
+async def test_the_robot_stops_if_only_the_acknowledgements_stop(
+    world: ServedWorld, mode: str, seed: int
+) -> None:
     """Messages continue with fresh nonces, but a picture that was not acknowledged was not seen."""
 
-    async def scenario(world: ServedWorld) -> None:
-        page = Page(world)
-        await world.until(lambda: page.sight["frame"] is not None and "nonce" in page.state)
-        _teach(world)
-        page.say("mode", mode)
-        page.held = "forward" if mode == "train" else None
-        await world.until(lambda: not world.stands())
-        await world.forward(world.dice.uniform(0.5, 1.0))
-        page.acknowledges = False
-        stalled_s = world.clock.now_s()
-        assert await world.until(world.stands, 2.0) < 0.5
-        assert page.seen_s - stalled_s < 0.25, "no more pictures than the window"
-        assert world.loop.state.decision.stop_reason is StopReason.LINK_SLOW
-        assert not page.errors, "the messages themselves are fresh"
-        moved_s = world.driver.moved_s
-        await world.forward(1.0)
-        assert world.driver.moved_s == moved_s, "it goes on standing"
-
-    virtually(scenario, seed=seed)
+    page = await driven(world)
+    page.mode(mode)
+    page.grip("forward" if mode == "train" else None)
+    await world.until(lambda: not world.stands())
+    await world.forward(world.dice.uniform(0.5, 1.0))
+    page.acknowledges = False
+    stalled_s = world.clock.now_s()
+    assert await world.until(world.stands, 2.0) < 0.5
+    assert page.seen_s - stalled_s < 0.25, "no more pictures than the window"
+    assert world.loop.state.decision.stop_reason is StopReason.LINK_SLOW
+    assert not page.errors(), "the messages themselves are fresh"
+    moved_s = world.driver.moved_s
+    await world.forward(1.0)
+    assert world.driver.moved_s == moved_s, "it goes on standing"

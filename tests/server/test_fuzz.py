@@ -27,7 +27,6 @@ from tests.robot.store.models.test_checking import malformed
 
 from .described_routes import check_every_route_answers_what_the_description_states
 from .own_process import OwnProcess, own_process
-from .test_hostile_values import BODIES, PATHS, VALUES
 
 pytestmark = pytest.mark.realtime
 
@@ -38,6 +37,32 @@ BODY_MB = 40
 COPIES = 4
 """Number of copies of that body that all hostile requests together may add to a started server. Two
 exist while one is read; allocators and Python versions keep up to one more."""
+
+VALUES = (
+    '"\\ud83d"', '"Kitchen \\ud83d"', '"' + "x" * 10_000 + '"', "NaN", "Infinity", "-1", "1e400",
+    "9" * 5_000, "null", "true", "[]", "{}", '[["x"]]', '""', '"default-999999"', '"../../x"',
+    '"\\u0000"', "-0", '"CON"', '"\\u202e"',
+)  # fmt: skip
+BODIES = [
+    ("POST", "/api/models", "name"), ("POST", "/api/models", "learner"),
+    ("POST", "/api/models", "place"), ("POST", "/api/models", "like"),
+    ("POST", "/api/models/restore", "undo"),
+    ("PATCH", "/api/models/bench", "name"), ("PATCH", "/api/models/bench", "place"),
+    ("POST", "/api/models/bench/copy", "name"), ("POST", "/api/episodes/restore", "undo"),
+    ("PATCH", "/api/episodes/ID", "title"), ("PATCH", "/api/episodes/ID", "protected"),
+    ("POST", "/api/episodes/ID/edits", "verb"), ("POST", "/api/episodes/ID/edits", "first"),
+    ("POST", "/api/episodes/ID/edits", "last"), ("POST", "/api/episodes/ID/edits", "label"),
+    ("POST", "/api/teaching/undo", "seconds"),
+]  # fmt: skip
+PATHS = [
+    ("GET", "/api/models/NAME/preview"), ("GET", "/api/models/NAME/file"),
+    ("POST", "/api/models/NAME/load"), ("DELETE", "/api/models/NAME"),
+    ("GET", "/api/episodes/NAME"), ("GET", "/api/episodes/NAME/timeline"),
+    ("GET", "/api/episodes/NAME/frames/1"), ("GET", "/api/episodes/NAME/file"),
+    ("DELETE", "/api/episodes/NAME"), ("POST", "/api/episodes/NAME/compact"),
+    ("GET", "/api/episodes/ID/frames/NAME"), ("GET", "/api/episodes/ID/timeline?count=NAME"),
+    ("GET", "/api/teaching/last?seconds=NAME"),
+]  # fmt: skip
 
 TYPES = ("drive", "mode", "stop", "release", "take", "yield", "ping")
 KNOWN = {

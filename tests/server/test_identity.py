@@ -7,8 +7,14 @@ from pathlib import Path
 import httpx
 import pytest
 
+from robot.clock import RealClock
+from robot.devices.rig import Rig
 from robot.errors import ConfigurationError
+from robot.policy.registry import make_policy
+from robot.testing import FakeCamera, FakeDriver
+from server.config import Config
 from server.identity import COLOURS, NAMES, Identity, IdentityFile
+from server.services import Services, make_services
 
 from .virtual_server import VirtualServer
 
@@ -57,3 +63,22 @@ def test_clients_are_told_of_a_new_name(monkeypatch: pytest.MonkeyPatch) -> None
         assert server.hub.name == http.get("/api/settings").json()["name"] == "Ada"
         assert http.put("/api/settings", json={"name": "a/b"}).status_code == 409
         assert http.put("/api/settings", json={"colour": "red"}).status_code == 409
+
+
+def make() -> Services:
+    clock = RealClock()
+    rig = Rig(FakeDriver(), FakeCamera(clock), make_policy("published-8"), clock)
+    return make_services(Config(port=0), rig)
+
+
+def test_an_event_reaches_present_clients_and_a_lasting_event_also_later_ones() -> None:
+    make().hub.announce("nobody_listens")  # before the start
+    with VirtualServer() as server:
+        with server.pilot() as first:
+            server.hub.announce("model_saved", model="kitchen")
+            server.hub.announce("nothing_kept", detail="full")
+            first.wait_for(lambda m: m.get("name") == "model_saved" and m["model"] == "kitchen")
+            first.wait_for(lambda m: m.get("name") == "nothing_kept")
+        with server.pilot() as second:
+            second.wait_for(lambda m: m.get("name") == "nothing_kept" and m["detail"] == "full")
+            assert not any(m.get("name") == "model_saved" for m in second.page.messages)

@@ -12,7 +12,7 @@ from server.bodies.eye_routes import EYE
 from server.gateway.roles import Role
 from tests.kit.sizes import size
 
-from .virtual import Pilot, ServedWorld, virtually
+from .virtual import Pilot, ServedWorld, in_virtual_time, virtually
 
 SLOW = LinkConditions(delay_s=0.4)
 Stop = Callable[[ServedWorld], Awaitable[None]]
@@ -52,36 +52,36 @@ async def _stopped(world: ServedWorld) -> Pilot:
 
 
 @pytest.mark.parametrize("newer", STOPS)
-def test_a_release_that_is_under_way_does_not_undo_a_newer_stop(newer: str) -> None:
-    async def scenario(world: ServedWorld) -> None:
-        pilot = await _stopped(world)
-        pilot.release()
-        await STOPS[newer](world)
-        await world.forward(1.5)
-        assert world.loop.state.emergency
-        refusal = await pilot.wait_for(lambda message: message["type"] == "error")
-        assert refusal["code"] == "newer_stop" and "STOP was pressed again" in refusal["message"]
-        pilot.release()
-        await world.until(lambda: not world.loop.state.emergency, 1.5, "the newer one was seen")
+@in_virtual_time()
+async def test_a_release_that_is_under_way_does_not_undo_a_newer_stop(
+    world: ServedWorld, newer: str
+) -> None:
+    pilot = await _stopped(world)
+    pilot.release()
+    await STOPS[newer](world)
+    await world.forward(1.5)
+    assert world.loop.state.emergency
+    refusal = await pilot.wait_for(lambda message: message["type"] == "error")
+    assert refusal["code"] == "newer_stop" and "STOP was pressed again" in refusal["message"]
+    pilot.release()
+    await world.until(lambda: not world.loop.state.emergency, 1.5, "the newer one was seen")
 
-    virtually(scenario)
 
-
-def test_a_release_after_a_reconnection_names_the_stop_of_the_new_state() -> None:
-    async def scenario(world: ServedWorld) -> None:
-        before = await _stopped(world)
-        before.release()
-        before.vanish()
-        await _by_http(world)
-        await world.forward(1.5)
-        assert world.loop.state.emergency, "what is said on the old connection is late"
-        after = await world.pilot(sees=True)
-        after.send(type="release", stop_number=before.state["stop_number"])
-        await after.wait_for(lambda message: message.get("code") == "newer_stop")
-        after.release()
-        await world.until(lambda: not world.loop.state.emergency, 1.5)
-
-    virtually(scenario)
+@in_virtual_time()
+async def test_a_release_after_a_reconnection_names_the_stop_of_the_new_state(
+    world: ServedWorld,
+) -> None:
+    before = await _stopped(world)
+    before.release()
+    before.vanish()
+    await _by_http(world)
+    await world.forward(1.5)
+    assert world.loop.state.emergency, "what is said on the old connection is late"
+    after = await world.pilot(sees=True)
+    after.send(type="release", stop_number=before.state["stop_number"])
+    await after.wait_for(lambda message: message.get("code") == "newer_stop")
+    after.release()
+    await world.until(lambda: not world.loop.state.emergency, 1.5)
 
 
 def test_a_message_to_an_earlier_server_never_names_a_stop_of_this_server() -> None:
@@ -92,70 +92,66 @@ def test_a_message_to_an_earlier_server_never_names_a_stop_of_this_server() -> N
 
 
 @pytest.mark.parametrize("fields", [{}, {"stop_number": None}, {"stop_number": True}])
-def test_a_release_without_a_stop_number_releases_nothing(fields: dict[str, object]) -> None:
-    async def scenario(world: ServedWorld) -> None:
-        pilot = await world.pilot()
-        pilot.send(type="stop")
-        await pilot.wait_for_state(emergency=True)
-        pilot.send(type="release", **fields)
-        refusal = await pilot.wait_for(lambda message: message["type"] == "error")
-        assert "'stop_number' must be" in refusal["message"]
-        assert world.loop.state.emergency
-
-    virtually(scenario)
+@in_virtual_time()
+async def test_a_release_without_a_stop_number_releases_nothing(
+    world: ServedWorld, fields: dict[str, object]
+) -> None:
+    pilot = await world.pilot()
+    pilot.send(type="stop")
+    await pilot.wait_for_state(emergency=True)
+    pilot.send(type="release", **fields)
+    refusal = await pilot.wait_for(lambda message: message["type"] == "error")
+    assert "'stop_number' must be" in refusal["message"]
+    assert world.loop.state.emergency
 
 
 @pytest.mark.parametrize("nonce", ["fresh", "unknown"])
-def test_a_start_requested_before_a_stop_does_not_start_the_released_robot(
-    nonce: str,
+@in_virtual_time()
+async def test_a_start_requested_before_a_stop_does_not_start_the_released_robot(
+    world: ServedWorld, nonce: str
 ) -> None:
     """A pilot taps a mode; somebody else stops and releases the robot before that message
     arrives."""
 
-    async def scenario(world: ServedWorld) -> None:
-        pilot = await world.pilot(sees=True)
-        await world.forward(0.2)
-        world.link.conditions = LinkConditions(delay_s=0.2)
-        if nonce == "unknown":
-            pilot.nonce = 1
-        pilot.mode("autonomous")
-        world.link.conditions = LinkConditions()
-        await _by_http(world)
-        await world.forward(0.05)
-        world.loop.release_emergency()
-        await world.forward(0.3)
-        assert world.mode is Mode.STOPPED
-        assert pilot.errors() == ["newer_stop"], "a page repeats no such start"
-        pilot.mode("autonomous")
-        await world.until(lambda: world.mode is Mode.AUTONOMOUS, 1.0, "asked for after it")
-
-    virtually(scenario)
+    pilot = await world.pilot(sees=True)
+    await world.forward(0.2)
+    world.link.conditions = LinkConditions(delay_s=0.2)
+    if nonce == "unknown":
+        pilot.nonce = 1
+    pilot.mode("autonomous")
+    world.link.conditions = LinkConditions()
+    await _by_http(world)
+    await world.forward(0.05)
+    world.loop.release_emergency()
+    await world.forward(0.3)
+    assert world.mode is Mode.STOPPED
+    assert pilot.errors() == ["newer_stop"], "a page repeats no such start"
+    pilot.mode("autonomous")
+    await world.until(lambda: world.mode is Mode.AUTONOMOUS, 1.0, "asked for after it")
 
 
 @pytest.mark.parametrize("seed", range(size("RELEASES", 3, 60)))
-def test_on_links_of_any_delay_no_order_undoes_a_stop_that_its_sender_had_not_seen(
-    seed: int,
+@in_virtual_time()
+async def test_on_links_of_any_delay_no_order_undoes_a_stop_that_its_sender_had_not_seen(
+    world: ServedWorld, seed: int
 ) -> None:
-    async def scenario(world: ServedWorld) -> None:
-        dice, seen = world.dice, {world.hub.stop_number}
-        pages = [await world.pilot(sees=True) for _ in range(2)]
-        for _ in range(40):
-            page = dice.choice(pages)
-            step = dice.choice(["stop", "http", "eye", "release", "take", "mode", "pass", "pass"])
-            if step in STOPS:
-                await STOPS[step](world)
-            elif step == "release":
-                seen.add(page.state["stop_number"])
-                page.release()
-            elif step == "mode":
-                page.mode(dice.choice(["train", "autonomous"]))
-            elif step == "pass":
-                world.link.conditions = LinkConditions(delay_s=dice.choice([0.0, 0.05, 0.3, 1.0]))
-                await world.forward(dice.choice([0.0, 0.05, 0.5, 2.0]))
-            else:
-                page.send(type=step)
-            await world.until(
-                lambda: world.loop.state.emergency or world.hub.stop_number in seen, 0.06, step
-            )
-
-    virtually(scenario, seed=seed)
+    dice, seen = world.dice, {world.hub.stop_number}
+    pages = [await world.pilot(sees=True) for _ in range(2)]
+    for _ in range(40):
+        page = dice.choice(pages)
+        step = dice.choice(["stop", "http", "eye", "release", "take", "mode", "pass", "pass"])
+        if step in STOPS:
+            await STOPS[step](world)
+        elif step == "release":
+            seen.add(page.state["stop_number"])
+            page.release()
+        elif step == "mode":
+            page.mode(dice.choice(["train", "autonomous"]))
+        elif step == "pass":
+            world.link.conditions = LinkConditions(delay_s=dice.choice([0.0, 0.05, 0.3, 1.0]))
+            await world.forward(dice.choice([0.0, 0.05, 0.5, 2.0]))
+        else:
+            page.send(type=step)
+        await world.until(
+            lambda: world.loop.state.emergency or world.hub.stop_number in seen, 0.06, step
+        )

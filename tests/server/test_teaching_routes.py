@@ -12,9 +12,8 @@ import httpx
 import pytest
 
 from robot.coaching.readiness import CLEAN_S
-from robot.policy.registry import make_policy
 from robot.store.models.autosave import Autosave
-from robot.types import Action, DrivenBy, Example, Mode
+from robot.types import Action, DrivenBy, Mode
 from server.coaching.extension import CoachingExtension
 
 from .virtual_server import VirtualServer
@@ -24,25 +23,13 @@ from .virtual_server import VirtualServer
 def taught(tmp_path: Path) -> Iterator[VirtualServer]:
     """A running robot that was taught 40 frames within four seconds of its time."""
     with VirtualServer(data=tmp_path) as server:
-        _teach(server, 40)
+        teach_a_default_model(server)
         yield server
 
 
-def _teach(server: VirtualServer, lessons: int) -> None:
-    loop = server.rig.loop
-    frame = server.hub.robot.camera.latest
-    server.wait_until(lambda: frame() is not None)
-
-    def teach() -> None:
-        loop.history.replace_policy(make_policy("default-8"))
-        x = loop.history.policy.extract(frame())
-        for i in range(lessons):
-            label = Action.LEFT if i % 4 == 0 else Action.FORWARD
-            varied = (x + (i * 37) % 91).astype(x.dtype)
-            example = Example(frame_id=1000 + i, label=label, is_intervention=False)
-            loop.history.teach(example, varied, i * 0.1)
-
-    server.clock.result(loop.submit(teach), 5)
+def teach_a_default_model(server: VirtualServer) -> None:
+    labels = (Action.LEFT, *3 * [Action.FORWARD])
+    server.teach(40, labels, every_s=0.1, policy="default-8")
 
 
 def ask(server: VirtualServer, method: str, path: str, **options: Any) -> httpx.Response:
@@ -73,14 +60,9 @@ def test_an_image_merged_before_it_was_listed_still_has_a_picture(taught: Virtua
     """The state names an image that no longer exists when the page requests it."""
     loop = taught.rig.loop
 
-    def named() -> int | None:
-        prediction = loop.state.prediction
-        return prediction.node if prediction is not None else None
-
-    taught.wait_until(lambda: named() is not None)
-    node = named()
-
-    taught.clock.result(loop.submit(lambda: loop.history.edit("delete", node)), 5)
+    taught.wait_until(lambda: getattr(loop.state.prediction, "node", None) is not None)
+    node = loop.state.prediction.node  # type: ignore[union-attr]
+    taught.ask_loop(lambda: loop.history.edit("delete", node))
     assert ask(taught, "GET", f"/api/gallery/{node}.png").content.startswith(b"\x89PNG")
 
 
@@ -122,17 +104,13 @@ def test_the_setting_of_symmetry_is_set_shown_and_withdrawn(taught: VirtualServe
     assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": True, "kept": True}
     assert not word()["alike"]
     assert ask(taught, "POST", "/api/teaching/alike", json={"alike": "left"}).status_code == 400
-    loop = taught.rig.loop
-    published = make_policy("published-8")
-    taught.clock.result(loop.submit(lambda: loop.history.replace_policy(published)), 5)
+    taught.use_policy("published-8")
     assert not word()["possible"]
     assert ask(taught, "POST", "/api/teaching/alike", json={"alike": True}).status_code == 409
 
 
 def test_a_learner_that_cannot_change_its_mind_says_so(taught: VirtualServer) -> None:
-    loop = taught.rig.loop
-    published = make_policy("published-8")
-    taught.clock.result(loop.submit(lambda: loop.history.replace_policy(published)), 5)
+    taught.use_policy("published-8")
     answer = ask(taught, "POST", "/api/teaching/outdate")
     assert (answer.status_code, "empty model" in answer.json()["detail"]) == (409, True)
 
@@ -237,10 +215,8 @@ def test_readiness_says_what_is_missing(taught: VirtualServer) -> None:
 
 
 def test_readiness_shows_the_view_in_which_the_pilot_took_the_wheel(taught: VirtualServer) -> None:
-    readiness, loop = (
-        taught.services.extension(CoachingExtension).progress.readiness,
-        taught.rig.loop,
-    )
+    readiness = taught.services.extension(CoachingExtension).progress.readiness
+    loop = taught.rig.loop
     ticks: list[Any] = []
     unsubscribe = loop.subscribe(lambda tick: ticks.append(tick) if tick.frame else None)
     taught.wait_until(lambda: bool(ticks))
@@ -252,8 +228,7 @@ def test_readiness_shows_the_view_in_which_the_pilot_took_the_wheel(taught: Virt
             ticks[0].decision, driven_by=DrivenBy.PILOT, action=Action.LEFT, mode=Mode.AUTONOMOUS
         ),
     )
-    request = loop.submit(lambda: [readiness.note(tick) for tick in (by_robot, by_pilot)])
-    taught.clock.result(request, 5)
+    taught.ask_loop(lambda: [readiness.note(tick) for tick in (by_robot, by_pilot)])
     gaps = ask(taught, "GET", "/api/teaching/readiness").json()["missing"]
     [corrected] = [gap for gap in gaps if gap["kind"] == "corrected"]
     assert corrected["move"] == "left"

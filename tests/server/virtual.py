@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import functools
+import inspect
 import json
 from collections.abc import Callable, Coroutine
 from typing import Any, Self, TypeVar
@@ -42,6 +43,36 @@ def virtually(
             return await scenario(world)
 
     return clock.run(main())
+
+
+def in_virtual_time(
+    config: Config | None = None, **options: Any
+) -> Callable[[Callable[..., Coroutine[Any, Any, None]]], Callable[..., None]]:
+    """Run a test that is a coroutine on a served robot in virtual time, its first argument.
+
+    Arguments as in `virtually`; if the test has a parameter `seed`, it is the robot's seed, too.
+    """
+
+    def run(scenario: Callable[[ServedWorld], Coroutine[Any, Any, None]], **named: Any) -> None:
+        virtually(scenario, config, **options, **named)
+
+    return lambda test: with_first_argument(run, test)
+
+
+def with_first_argument(
+    run: Callable[..., None], test: Callable[..., Coroutine[Any, Any, None]]
+) -> Callable[..., None]:
+    """Return a test for pytest: `run` gives the coroutine its first argument, and the `seed`."""
+
+    @functools.wraps(test)
+    def wrapped(**fixtures: Any) -> None:
+        seed = {name: value for name, value in fixtures.items() if name == "seed"}
+        run(lambda world: test(world, **fixtures), **seed)
+
+    signature = inspect.signature(test)
+    wanted = list(signature.parameters.values())[1:]
+    wrapped.__signature__ = signature.replace(parameters=wanted)  # type: ignore[attr-defined]
+    return wrapped
 
 
 class ServedWorld(VirtualRobot):
@@ -226,7 +257,7 @@ class Pilot:
 
     def send(self, **message: Any) -> None:
         """Send one message of any kind."""
-        self.socket.send(json.dumps(message))
+        self._up(self.socket, json.dumps(message))
 
     def errors(self) -> list[str]:
         """Return the codes of all refusals."""
@@ -271,6 +302,9 @@ class Pilot:
         )
         return self.state
 
+    def _up(self, socket: Socket, message: str | bytes) -> None:
+        socket.send(message)
+
     def _open_sockets(self) -> list[Socket]:
         return [socket for socket in (self.socket, self._video) if socket is not None]
 
@@ -286,7 +320,7 @@ class Pilot:
         picture = parse_picture(message)
         self.picture, self.nonce = picture.frame_id, picture.nonce
         if self._video is not None and self.acknowledges and not self.has_ended:
-            self._video.send(encode_acknowledgement(self.picture))
+            self._up(self._video, encode_acknowledgement(self.picture))
 
     def _beat(self) -> None:
         if self.has_ended:

@@ -9,7 +9,7 @@ import asyncio
 import contextlib
 import itertools
 import random
-from collections.abc import Callable, Coroutine, Iterator, Mapping
+from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self, TypeVar
 from urllib.parse import urlsplit
@@ -29,9 +29,8 @@ from server.config import Config
 from server.persistence import Persistence
 from server.services import make_services
 
-from .virtual import Socket
+from .virtual import Pilot, Socket
 from .virtual_connections import Body, Exchange, VirtualSocket
-from .virtual_pilot import VirtualPilot
 
 WEB = Path(__file__).resolve().parents[2] / "web"
 _T = TypeVar("_T")
@@ -95,18 +94,34 @@ class VirtualServer:
         """Choose a mode as the loop's own thread would."""
         assert self.clock.result(self.rig.loop.set_mode(mode), 5.0)
 
-    def teach(self, lessons: int) -> None:
-        """Teach this number of examples of one move, each with another image."""
+    def use_policy(self, name: str) -> None:
+        """Begin anew with an untaught policy of this name."""
+        self.ask_loop(lambda: self.rig.loop.history.replace_policy(make_policy(name)))
+
+    def teach(
+        self,
+        lessons: int,
+        labels: Sequence[Action] = (Action.LEFT,),
+        every_s: float = 0.05,
+        policy: str = "",
+    ) -> None:
+        """Teach this number of examples, each with another image, with these labels in turn.
+
+        With `policy`, an untaught policy of this name is taught.
+        """
         loop, latest = self.rig.loop, self.camera.latest
         self.wait_until(lambda: latest() is not None)
 
         def request() -> None:
+            if policy:
+                loop.history.replace_policy(make_policy(policy))
             frame = latest()
             assert frame is not None
             x = loop.history.policy.extract(frame)
             for i in range(lessons):
-                example = Example(frame_id=i, label=Action.LEFT, is_intervention=False)
-                loop.history.teach(example, x + i, i * 0.05)
+                label = labels[i % len(labels)]
+                example = Example(frame_id=1000 + i, label=label, is_intervention=False)
+                loop.history.teach(example, (x + (i * 37) % 91).astype(x.dtype), i * every_s)
 
         self.ask_loop(request)
 
@@ -215,6 +230,50 @@ class VirtualServer:
 
     async def _begin(self, request: httpx.Request, path: str | None) -> Exchange:
         return Exchange(self, request, path)
+
+
+class VirtualPilot:
+    """The pilot `page`, for a test that is not a coroutine: it acts within the server's loop."""
+
+    def __init__(
+        self, server: VirtualServer, *, sees: bool = False, headers: dict[str, str] | None = None
+    ) -> None:
+        self._server = server
+
+        async def begin() -> Pilot:
+            return Pilot(server, sees=sees, headers=headers)
+
+        self.page = server.run(begin())
+        server.wait_until(lambda: bool(self.page.state.get("frame")), what="the first state")
+
+    def __getattr__(self, name: str) -> Any:
+        value = getattr(self.page, name)
+        if not callable(value):
+            return value
+
+        async def act(*args: Any, **fields: Any) -> Any:
+            made = value(*args, **fields)
+            return await made if name.startswith("wait_for") else made
+
+        return lambda *args, **fields: self._server.run(act(*args, **fields))
+
+    @property
+    def is_silent(self) -> bool:
+        return self.page.is_silent
+
+    @is_silent.setter
+    def is_silent(self, is_silent: bool) -> None:
+        self.page.is_silent = is_silent
+
+    def close(self) -> None:
+        if not self.page.has_ended:
+            self.__getattr__("close")()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
 
 
 @contextlib.contextmanager

@@ -22,7 +22,6 @@ EXTRA_LIBRARIES = ("sklearn", "scipy", "matplotlib", "river", "pyarrow", "av")
 SKIPPED = {
     "robot/bodies/gpio": KERNEL + "GPIO",
     "robot/bodies/ev3/test_v4l2.py": KERNEL + "V4L2",
-    "server/test_hostile_values.py::test_no_value": KERNEL + "the memory that a process takes",
     "robot/recordings/test_hostile.py": KERNEL + "limits of memory",
     "server/board/test_classroom.py::test_a_key_is_made_once": RIGHTS,
     "server/access/test_security.py::test_pairings_outlive_a_restart": RIGHTS,

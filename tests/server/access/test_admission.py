@@ -114,151 +114,149 @@ TestPeopleAtTheDoor.settings = settings(
 )
 
 
+class Crowd:
+    """An admission control, and the ports of the connections that it closed, in that order."""
+
+    def __init__(self, limits: NetworkLimits = LIMITS, capacity: int = CAPACITY) -> None:
+        self.control, self.gone = AdmissionControl(limits, capacity), list[int]()
+        self.now_s = 0.0
+
+    def arrive(self, port: int, address: str = "10.0.0.1") -> Peer:
+        self.control.arrive((address, port), self.now_s, lambda: self.gone.append(port))
+        return address, port
+
+    def ask(self, peer: Peer, person: str | Session | None, *, lasts: bool = False) -> bool:
+        """Have a connection send a request; return whether it is served."""
+        if isinstance(person, str):
+            person = Session(Role.PILOT, person)
+        return self.control.asked(peer, person, self.now_s, lasts=lasts)
+
+    def come(self, port: int, person: str | Session, *, lasts: bool = False) -> bool:
+        return self.ask(self.arrive(port), person, lasts=lasts)
+
+    def wait_for_room(self) -> float:
+        """Wait until the next connection is accepted; return the time that it took."""
+        start_s = self.now_s
+        while not self.control.has_room(self.now_s):
+            self.now_s += 0.02
+        return self.now_s - start_s
+
+
 def test_a_newcomer_is_served_in_the_middle_of_a_flood() -> None:
-    admission, gone = AdmissionControl(LIMITS, 100), list[int]()
-    for port in range(1, 6000):
-        admission.arrive(("10.0.0.1", port), 0.0, lambda port=port: gone.append(port))
-    admission.arrive(("10.0.0.2", 1), 0.0, lambda: gone.append(0))
-    for port in range(6000, 6100):
-        admission.arrive(("10.0.0.1", port), 0.0, lambda port=port: gone.append(port))
-    assert 0 not in gone, "a flood pushes out itself, not others"
-    assert gone == sorted(gone), "the oldest first"
+    crowd = Crowd(capacity=100)
+    for port in range(1, 6100):
+        crowd.arrive(port)
+        if port == 5999:
+            crowd.arrive(0, "10.0.0.2")
+    assert 0 not in crowd.gone, "a flood pushes out itself, not others"
+    assert crowd.gone == sorted(crowd.gone), "the oldest first"
 
 
 @pytest.mark.parametrize("held_up_s", [0.0, 3.0, 60.0])
 def test_a_silent_connection_is_closed_but_not_because_the_computer_was_blocked(
     held_up_s: float,
 ) -> None:
-    admission, gone = AdmissionControl(LIMITS, CAPACITY), list[int]()
-    admission.arrive(("10.0.0.1", 1), 1000.0, lambda: gone.append(1))
-    admission.arrive(("10.0.0.1", 2), 1000.0, lambda: gone.append(2))
-    admission.asked(("10.0.0.1", 2), None, 1000.0, lasts=True)
-    admission.expire(now_s := 1000.5 + held_up_s)
-    assert not gone
-    while not gone:
-        admission.expire(now_s := now_s + 0.5)
+    crowd = Crowd()
+    crowd.now_s = 1000.0
+    crowd.arrive(1)
+    crowd.ask(crowd.arrive(2), None, lasts=True)
+    crowd.control.expire(now_s := 1000.5 + held_up_s)
+    assert not crowd.gone
+    while not crowd.gone:
+        crowd.control.expire(now_s := now_s + 0.5)
     assert 4.0 <= now_s - held_up_s - 1000.0 <= LIMITS.pending_s + 0.5
-    admission.expire(now_s + 3600.0)
-    assert gone == [1], "a websocket stays"
+    crowd.control.expire(now_s + 3600.0)
+    assert crowd.gone == [1], "a websocket stays"
 
 
 @pytest.mark.parametrize("address", ADDRESSES)
 def test_without_pairing_an_answer_may_take_long(address: str) -> None:
     """A board copies a model from robot to robot, and reports the failures at the end."""
-    admission, gone = AdmissionControl(LIMITS, CAPACITY), list[int]()
-    person = Session(Role.PILOT, address_key(address), is_crowd=True)
+    crowd = Crowd()
     for port in range(8):
-        admission.arrive((address, port), 0.0, lambda port=port: gone.append(port))
-        admission.asked((address, port), person, 0.1, lasts=False)
+        peer = crowd.arrive(port, address)
+        crowd.ask(peer, Session(Role.PILOT, address_key(address), is_crowd=True))
     for second in range(60):
-        admission.expire(float(second))
-    assert not gone and len(admission.connections) == 8
+        crowd.control.expire(float(second))
+    assert not crowd.gone and len(crowd.control.connections) == 8
 
 
 def test_no_answer_is_cut_short_for_the_request_of_somebody_else() -> None:
     """Pages that load together open more connections than there are places for admitted ones."""
-    admission, gone = (
-        AdmissionControl(NetworkLimits(pending=6, connections_each=6), 16),
-        list[Peer](),
-    )
-    people = [Session(role=Role.PILOT, name=name) for name in ("one", "other", "third")]
-    busy = [(f"10.0.0.{n}", port) for port in range(5) for n in range(3)]
-    for peer in busy:
-        admission.arrive(peer, 0.0, lambda peer=peer: gone.append(peer))
-        admission.asked(peer, people[int(peer[0][-1])], 0.0, lasts=False)
+    crowd = Crowd(NetworkLimits(pending=6, connections_each=6), 16)
+    people = ("one", "other", "third")
+    busy = []
+    for port in range(15):
+        busy.append(crowd.arrive(port, f"10.0.0.{port % 3}"))
+        crowd.ask(busy[-1], people[port % 3])
     for second in range(int(LIMITS.idle_s)):
-        admission.expire(float(second))
-    assert not gone and admission.admitted.taken == 10 and admission.pending.taken == 5
+        crowd.control.expire(float(second))
+    assert not crowd.gone
+    assert crowd.control.admitted.taken == 10 and crowd.control.pending.taken == 5
 
-    admission.answered(busy[4], 29.0)
-    admission.asked(busy[-2], people[1], 29.5, lasts=False)
-    assert gone == [busy[4]], "the connection that waits for a request gives way"
-    admission.asked(busy[-1], people[2], 30.5, lasts=False)
-    assert gone == [busy[4]], "nobody has more than this one"
+    crowd.control.answered(busy[4], 29.0)
+    crowd.now_s = 29.5
+    crowd.ask(busy[13], "other")
+    assert crowd.gone == [4], "the connection that waits for a request gives way"
+    crowd.now_s = 30.5
+    crowd.ask(busy[14], "third")
+    assert crowd.gone == [4], "nobody has more than this one"
 
 
 def test_a_newcomer_waits_for_an_idle_place_before_it_takes_a_busy_one() -> None:
     """A class whose pages load at once: with few slots, newcomers ended connections that others
     needed."""
-    admission, gone, now_s = (
-        AdmissionControl(NetworkLimits(pending=6, connections_each=6), 16),
-        list[Peer](),
-        0.0,
-    )
-
-    def come(port: int) -> Peer:
-        peer = ("10.0.0.1", port)
-        admission.arrive(peer, now_s, lambda: gone.append(peer))
-        return peer
-
-    def wait_s() -> float:
-        nonlocal now_s
-        start_s = now_s
-        while not admission.has_room(now_s):
-            now_s += 0.02
-        return now_s - start_s
-
-    peers = []
+    crowd = Crowd(NetworkLimits(pending=6, connections_each=6), 16)
     for port in range(16):
-        peers.append(come(port))
-        admission.asked(peers[-1], Session(Role.PILOT, f"page {port % 4}"), now_s, lasts=port == 10)
-    assert not gone and admission.pending.taken == 6
+        crowd.come(port, f"page {port % 4}", lasts=port == 10)
+    assert not crowd.gone and crowd.control.pending.taken == 6
     for _ in range(20):
-        now_s += 0.02
-        assert not admission.has_room(now_s), "nobody's answer is cut short as soon as it was read"
-    admission.answered(peers[13], now_s)
-    assert admission.has_room(now_s)
-    newcomer = come(16)
-    assert gone == [peers[13]], "an idle connection before all others"
-    assert 0.2 < wait_s() < 0.4
-    come(17)
-    assert gone[-1] == newcomer, "who has said nothing before who waits for an answer"
+        crowd.now_s += 0.02
+        assert not crowd.control.has_room(crowd.now_s), "nobody's answer is cut short at once"
+    crowd.control.answered(("10.0.0.1", 13), crowd.now_s)
+    assert crowd.wait_for_room() == 0.0
+    crowd.arrive(16)
+    assert crowd.gone == [13], "an idle connection before all others"
+    assert 0.2 < crowd.wait_for_room() < 0.4
+    crowd.arrive(17)
+    assert crowd.gone[-1] == 16, "who has said nothing before who waits for an answer"
     for port in range(18, 30):
-        admission.asked(come(port), Session(Role.PILOT, "other"), now_s, lasts=False)
-        assert wait_s() < 2.5, "a STOP need not wait for who never gets an answer"
-    assert set(peers[11:]) < set(gone) and peers[10] not in gone, "a websocket stays"
+        crowd.come(port, "other")
+        assert crowd.wait_for_room() < 2.5, "a STOP need not wait for who never gets an answer"
+    assert {11, 12, 13, 14, 15} < set(crowd.gone) and 10 not in crowd.gone, "a websocket stays"
 
 
 def test_a_stop_is_obeyed_even_if_all_websocket_slots_are_taken() -> None:
-    admission, now_s = AdmissionControl(NetworkLimits(pending=6), 16), 0.0
+    crowd = Crowd(NetworkLimits(pending=6), 16)
     for port in range(16):
-        admission.arrive(("10.0.0.1", port), now_s, lambda: None)
-        admission.asked(("10.0.0.1", port), Session(Role.PILOT, f"page {port}"), now_s, lasts=True)
-    while not admission.has_room(now_s):
-        now_s += 0.02
-    assert now_s < 2.5, "they were there before"
+        crowd.come(port, f"page {port}", lasts=True)
+    assert crowd.wait_for_room() < 2.5, "they were there before"
 
 
 def test_a_request_that_hangs_gives_way_in_the_end() -> None:
-    admission, gone = (
-        AdmissionControl(NetworkLimits(pending=6, connections_each=20), 16),
-        list[int](),
-    )
+    crowd = Crowd(NetworkLimits(pending=6, connections_each=20), 16)
     for port in range(10):
-        admission.arrive(("10.0.0.1", port), 0.0, lambda port=port: gone.append(port))
-        admission.asked(("10.0.0.1", port), Session(Role.VIEWER, "greedy"), 0.0, lasts=False)
-    for port, now_s in enumerate((1.0, LIMITS.idle_s + 1.0), 10):
-        assert not gone
-        admission.arrive(("10.0.0.2", port), now_s, lambda port=port: gone.append(port))
-        admission.asked(("10.0.0.2", port), Session(Role.VIEWER, "other"), now_s, lasts=False)
-    assert gone == [0] and admission.admitted.has("other")
+        crowd.come(port, Session(Role.VIEWER, "greedy"))
+    for port, crowd.now_s in enumerate((1.0, LIMITS.idle_s + 1.0), 10):
+        assert not crowd.gone
+        crowd.ask(crowd.arrive(port, "10.0.0.2"), Session(Role.VIEWER, "other"))
+    assert crowd.gone == [0] and crowd.control.admitted.has("other")
 
 
 def test_a_session_whose_connections_are_all_busy_gets_429_and_keeps_them() -> None:
-    admission, gone = AdmissionControl(NetworkLimits(connections_each=4), 500), list[int]()
-    session = Session(Role.PILOT, "a curl loop")
+    crowd = Crowd(NetworkLimits(connections_each=4), 500)
 
-    def come(port: int, now_s: float, *, lasts: bool = False) -> bool:
-        admission.arrive(("10.0.0.1", port), now_s, lambda: gone.append(port))
-        return admission.asked(("10.0.0.1", port), session, now_s, lasts=lasts)
+    def comes(port: int, now_s: float, *, lasts: bool = False) -> bool:
+        crowd.now_s = now_s
+        return crowd.come(port, "a curl loop", lasts=lasts)
 
-    assert [come(port, 1.0) for port in range(10)] == [True] * 4 + [False] * 6
-    assert not gone
-    admission.answered(("10.0.0.1", 2), 2.0)
-    assert come(10, 3.0) and gone == [2], "an idle one gives way"
-    assert not come(11, 4.0)
-    assert come(12, 5.0, lasts=True) and gone == [2, 0], "a page's socket always finds a place"
-    assert come(13, 1.0 + LIMITS.idle_s + 1.0) and gone == [2, 0, 1], "a request that hangs, too"
+    assert [comes(port, 1.0) for port in range(10)] == [True] * 4 + [False] * 6
+    assert not crowd.gone
+    crowd.control.answered(("10.0.0.1", 2), 2.0)
+    assert comes(10, 3.0) and crowd.gone == [2], "an idle one gives way"
+    assert not comes(11, 4.0)
+    assert comes(12, 5.0, lasts=True) and crowd.gone == [2, 0], "a page's socket finds a place"
+    assert comes(13, 2.0 + LIMITS.idle_s) and crowd.gone == [2, 0, 1], "a request that hangs, too"
 
 
 def test_a_person_with_many_connections_never_evicts_a_person_with_fewer() -> None:

@@ -21,12 +21,14 @@ NOW = dt.datetime.now(dt.UTC)
 NAMES = ["localhost", "127.0.0.1", "::1", "drivelesson.local", "laptop", "laptop.local"]
 
 
-def _shake_hands(made: Certificates, name: str) -> None:
-    """Request a name from a server with these files; SSLError if the client refuses it."""
-    client = ssl.create_default_context(cafile=made.authority)
-    client.verify_flags |= ssl.VERIFY_X509_STRICT
+def serving(made: Certificates) -> ssl.SSLContext:
     server = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     server.load_cert_chain(made.chain, made.key)
+    return server
+
+
+def handshake(client: ssl.SSLContext, server: ssl.SSLContext, name: str | None = None) -> bytes:
+    """Connect in memory; return the server's certificate, or raise SSLError if it is refused."""
     up, down = ssl.MemoryBIO(), ssl.MemoryBIO()
     ends = [
         client.wrap_bio(down, up, server_hostname=name),
@@ -37,7 +39,16 @@ def _shake_hands(made: Certificates, name: str) -> None:
             end.do_handshake()
         except ssl.SSLWantReadError:
             continue
-    assert ends[0].version(), "the client has agreed"
+    shown = ends[0].getpeercert(binary_form=True)
+    assert shown and ends[0].version(), "the client has agreed"
+    return shown
+
+
+def _shake_hands(made: Certificates, name: str) -> None:
+    """Request a name from a server with these files; SSLError if the client refuses it."""
+    client = ssl.create_default_context(cafile=made.authority)
+    client.verify_flags |= ssl.VERIFY_X509_STRICT
+    handshake(client, serving(made), name)
 
 
 def test_the_certificate_contains_the_robots_names_on_the_network(tmp_path: Path) -> None:
@@ -49,16 +60,7 @@ def test_the_certificate_contains_the_robots_names_on_the_network(tmp_path: Path
 
 @pytest.mark.parametrize(
     "other",
-    [
-        "0.0.0.0",
-        "::",
-        "131.220.6.5",
-        "100.64.0.1",
-        "2001:db8::5",
-        "pc.example",
-        "jürgen",
-        "ü.local",
-    ],
+    ["0.0.0.0", "::", "131.220.6.5", "2001:db8::5", "pc.example", "jürgen", "ü.local"],
 )
 def test_a_name_that_cannot_be_certified_does_not_affect_the_others(
     tmp_path: Path, other: str

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime as dt
-import random
 import socket
 import ssl
 from collections.abc import Sequence
@@ -27,6 +26,8 @@ from server.gateway.roles import Role
 from server.gateway.rules import AccessRules
 from server.hosting.serving import open_sockets
 from tests.kit.wait import wait_until
+
+from .test_certificates import handshake, serving
 
 LAN = NetworkConfig(host="::", lan=True, port=8000)
 
@@ -75,20 +76,6 @@ def test_an_address_that_comes_late_is_announced_and_shown(
     out = capsys.readouterr().out
     assert "this one is drivelesson-2.local" in out and "http://[fd99::1]:8000" in out
     assert "drivelesson-2.local" in around and "drivelesson.local" not in around
-
-
-def test_any_history_of_addresses_is_followed_within_five_seconds() -> None:
-    """After twenty changes at random times, the terminal is right within two checks."""
-    chance, clock, network = random.Random(3), VirtualClock(), Network("10.0.0.1")
-    around = network.surroundings()
-    for _ in range(20):
-        pool = ["10.0.0.1", "192.168.178.20", "fd00::5", "2001:db8::7", "172.16.0.3"]
-        network.there = chance.sample(pool, chance.randint(0, 3))
-        clock.advance(chance.uniform(0.0, LOOK_EVERY_S))
-        around.look()
-        assert around.page_addresses == page_addresses(LAN, network.there)
-        assert network.claimed[-1] == tuple(network.there)
-    assert 2 * LOOK_EVERY_S < 5.0
 
 
 def test_the_watch_looks_again_and_outlives_a_network_that_fails() -> None:
@@ -190,14 +177,14 @@ NOW = dt.datetime(2026, 9, 1, tzinfo=dt.UTC)
 
 def test_a_certificate_of_1970_is_renewed_when_the_clock_is_set(tmp_path: Path) -> None:
     made = RenewedCertificates(tmp_path, ["drivelesson.local"], NEW_YEAR)
-    server = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-    server.load_cert_chain(made.files.chain, made.files.key)
+    server, anybody = serving(made.files), ssl.create_default_context()
+    anybody.check_hostname, anybody.verify_mode = False, ssl.CERT_NONE
     made.use(server)
     authority = made.files.authority.read_bytes()
-    before = _shown_to_a_client(server)
+    before = handshake(anybody, server)
     assert made.renew(["drivelesson.local"], NEW_YEAR) is None
     assert made.renew(["drivelesson.local"], NOW) == "the clock was set"
-    assert _shown_to_a_client(server) != before, "in the context that serves"
+    assert handshake(anybody, server) != before, "in the context that serves"
     assert made.renew(["drivelesson.local"], NOW) is None
     assert made.renew(["drivelesson.local", "192.168.1.7"], NOW) == "names or addresses changed"
     assert made.renew(["drivelesson.local", "192.168.1.7"], NOW + dt.timedelta(days=380))
@@ -205,28 +192,13 @@ def test_a_certificate_of_1970_is_renewed_when_the_clock_is_set(tmp_path: Path) 
     assert made.files.authority.read_bytes() == authority, "phones trust that one"
 
 
-def _shown_to_a_client(server: ssl.SSLContext) -> bytes:
-    """Return the certificate that a new connection gets."""
-    client = ssl.create_default_context()
-    client.check_hostname, client.verify_mode = False, ssl.CERT_NONE
-    up, down = ssl.MemoryBIO(), ssl.MemoryBIO()
-    ends = [client.wrap_bio(down, up), server.wrap_bio(up, down, server_side=True)]
-    for end in ends * 3:
-        try:
-            end.do_handshake()
-        except ssl.SSLWantReadError:
-            continue
-    shown = ends[0].getpeercert(binary_form=True)
-    assert shown is not None
-    return shown
-
-
-def test_of_two_robots_that_nobody_named_the_second_takes_another_name(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    zeroconf = pytest.importorskip("zeroconf")
-    if not hasattr(zeroconf, "AddressResolver"):
+@pytest.fixture
+def mdns() -> None:
+    if not hasattr(pytest.importorskip("zeroconf"), "AddressResolver"):
         pytest.skip("this zeroconf cannot ask for a host's addresses")
+
+
+def test_of_two_robots_that_nobody_named_the_second_takes_another_name(mdns: None) -> None:
     one, two, named = (
         Announcement(NetworkConfig(lan=True, port=8130 + i, hostname=name), "Ada")
         for i, name in enumerate(["drivelesson", "drivelesson", "ada"])
@@ -241,10 +213,7 @@ def test_of_two_robots_that_nobody_named_the_second_takes_another_name(
             each.close()
 
 
-def test_of_two_robots_that_start_at_the_same_moment_the_second_gives_way() -> None:
-    zeroconf = pytest.importorskip("zeroconf")
-    if not hasattr(zeroconf, "AddressResolver"):
-        pytest.skip("this zeroconf cannot ask for a host's addresses")
+def test_of_two_robots_that_start_at_the_same_moment_the_second_gives_way(mdns: None) -> None:
     config, places = NetworkConfig(lan=True, port=8135), ["127.0.0.7", "127.0.0.10"]
     robots = [Announcement(config, "Ada") for _ in places]
     try:
@@ -284,13 +253,12 @@ def test_the_computers_own_name_may_change_and_a_taken_name_is_given_up_while_it
         assert around.look(1.0 + CLAIM_EVERY_S) and "drivelesson-2.local" in around
 
 
-def test_addresses_of_six_are_announced_and_served(caplog: pytest.LogCaptureFixture) -> None:
-    zeroconf = pytest.importorskip("zeroconf")
+def test_addresses_of_six_are_announced_and_served() -> None:
+    pytest.importorskip("zeroconf")
     config = NetworkConfig(lan=True, host="fd99::1", port=8140)
     service = Announcement(config, "Ada")._service(lan_addresses(config))
     assert service.parsed_addresses() == ["fd99::1"]
     assert page_addresses(config)[0] == "http://[fd99::1]:8140"
-    assert isinstance(service, zeroconf.ServiceInfo)
     listeners = open_sockets("::", 0)
     ports = {listener.getsockname()[1] for listener in listeners}
     families = {listener.family for listener in listeners}

@@ -25,7 +25,7 @@ from server.board.transport import HttpAnswer, RobotAddress, ServerPlace, Unreac
 from server.config import Config
 from server.gateway.roles import Role
 from server.services import make_services
-from tests.server.virtual import ServedWorld, Socket
+from tests.server.virtual import ServedWorld, Socket, with_first_argument
 from tests.server.virtual_connections import Exchange
 from tests.server.virtual_server import WEB, threads_of_the_pool_inline
 
@@ -42,22 +42,24 @@ class Pupil(ServedWorld):
 
     def __init__(self, clock: VirtualClock, port: int, key: ClassKey | None) -> None:
         super().__init__(clock, camera=FakeCamera(clock, rate_hz=10.0), seed=port)
-        config = Config(port=port, web=WEB)
-        self.port = port
+        self.port, self.fault = port, "none"
         self.pairing = Pairing(10)
+        self._begin(f"R{port}", key)
+        pair = self.pairing.redeem(self.pairing.tokens[Role.PILOT], clock.now_s())
+        assert isinstance(pair, Paired)
+        self._cookie = f"{cookie_name(NetworkConfig.of(self.services.config))}={pair.secret}"
+
+    def _begin(self, name: str, key: ClassKey | None) -> None:
+        config = Config(port=self.port, web=WEB)
         self.classroom = Classroom(key) if key else None
         self.services = make_services(
             config,
             self.rig,
-            name=f"R{port}",
+            name=name,
             gateway=NetworkGateway(config, self.rig.clock, self.pairing),
             options={"classroom": self.classroom},
         )
         self.hub = self.services.hub
-        self.fault = "none"
-        pair = self.pairing.redeem(self.pairing.tokens[Role.PILOT], clock.now_s())
-        assert isinstance(pair, Paired)
-        self._cookie = f"{cookie_name(NetworkConfig.of(config))}={pair.secret}"
 
     def connect(self, path: str, on_message: Callable[[str | bytes], None]) -> Socket:
         """Open a websocket like a pupil's phone."""
@@ -67,19 +69,9 @@ class Pupil(ServedWorld):
         return socket
 
     def restart(self) -> None:
-        """Forget all sessions, like a restarted server."""
-        config = self.services.config
-        assert self.classroom is not None
-        self.classroom = Classroom(KEY)
-        services = make_services(
-            config,
-            self.rig,
-            name="Anew",
-            gateway=NetworkGateway(config, self.rig.clock, self.pairing),
-            options={"classroom": self.classroom},
-        )
-        self.services = services
-        self.__dict__["app"] = create_app(services)
+        """Forget all sessions, like a restarted server, whose hub the test starts."""
+        self._begin("Anew", KEY)
+        self.__dict__["app"] = create_app(self.services)
         for socket in self._sockets:
             socket.cut()
 
@@ -193,7 +185,14 @@ class ClassWorld:
             await self.clock.pause(0.005)
         return self.clock.now_s() - start_s
 
-    async def until_there(self, pupils: list[Pupil], within_s: float = 20.0) -> None:
+    async def first(self) -> tuple[Pupil, RobotLink]:
+        """Wait until all robots are there; return the first of them, and the board's link to it."""
+        await self.until_there()
+        pupil = next(iter(self.pupils.values()))
+        return pupil, self.link(pupil)
+
+    async def until_there(self, pupils: list[Pupil] | None = None, within_s: float = 20.0) -> None:
+        pupils = list(self.pupils.values()) if pupils is None else pupils
         await self.until(
             lambda: all(self.link(p).status is Status.THERE and self.link(p).state for p in pupils),
             within_s,
@@ -237,6 +236,17 @@ def in_class(
             return await scenario(world)
 
     return clock.run(main())
+
+
+def in_class_time(
+    **options: Any,
+) -> Callable[[Callable[..., Coroutine[Any, Any, None]]], Callable[..., None]]:
+    """Run a test that is a coroutine in a class, its first argument; arguments as in `in_class`."""
+
+    def run(scenario: Callable[[ClassWorld], Coroutine[Any, Any, None]], **named: Any) -> None:
+        in_class(scenario, **options, **named)
+
+    return lambda test: with_first_argument(run, test)
 
 
 def break_down(pupil: Pupil, fault: str) -> None:

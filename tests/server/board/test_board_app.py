@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import random
 import re
-from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from robot.types import Action
 from server.board.app import create_board_app
-from server.board.transport import RobotAddress, ServerPlace, UnreachableError
+from server.board.transport import HttpAnswer, RobotAddress, ServerPlace, UnreachableError
 from server.config import Config
 from tests.server.virtual_server import WEB
 
-from .classroom_world import ClassWorld, VirtualNetwork, in_class
+from .classroom_world import ClassWorld, VirtualNetwork, in_class_time
 
 PATHS = (
     ("POST", "/api/stop"),
@@ -50,92 +49,86 @@ WORDS = (
 
 
 class _Served:
-    """The board's application in place of a robot's."""
+    """The board's application in place of a robot's, and the way to it."""
 
     fault = "none"
 
-    def __init__(self, app: Any, port: int, link: Any = None) -> None:
-        self.app, self.port, self.link = app, port, link
+    def __init__(self, world: ClassWorld) -> None:
+        self.app = create_board_app(
+            Config(port=8080, web=WEB), world.board, world.clock, lesson="fair-data"
+        )
+        self.port, self.link = 8080, next(iter(world.pupils.values())).link
         self._sockets: list[Any] = []
+        self._network = VirtualNetwork({self.port: self}, random.Random(1))
+        self._place = ServerPlace(RobotAddress("127.0.0.1", self.port), "")
+
+    async def ask(
+        self, method: str, path: str, headers: dict[str, str], body: bytes = b""
+    ) -> HttpAnswer:
+        return await self._network.request(self._place, method, path, headers, body)
+
+    def page(self) -> contextlib.AbstractAsyncContextManager[Any]:
+        return self._network.connect(self._place, "/ws/board", {})
 
 
-def test_no_request_crashes_the_board_and_other_sites_are_refused() -> None:
-    async def scenario(world: ClassWorld) -> Counter[int]:
-        await world.until_there(list(world.pupils.values()))
-        config = Config(port=8080, web=WEB)
-        app = create_board_app(config, world.board, world.clock, lesson="fair-data")
-        network = VirtualNetwork({8080: _Served(app, 8080)}, random.Random(1))
-        place = ServerPlace(RobotAddress("127.0.0.1", 8080), "")
-        lesson = await network.request(place, "GET", "/api/lesson", {}, b"")
-        assert lesson.json() == {"lesson": "fair-data"}
-        seen: Counter[int] = Counter()
-        for method, path in PATHS:
-            for foreign in ({"host": "evil.example"}, {"origin": "http://evil.example"}):
-                answer = await network.request(place, method, path, foreign, b"{}")
-                assert answer.status in (403, 421), (method, path, foreign)
-            for body in BODIES:
-                answer = await network.request(place, method, path, {}, body)
-                assert answer.status < 500 or answer.status in (502, 503), (path, body[:40])
-                seen[answer.status] += 1
-        return seen
-
-    assert set(in_class(scenario, robots=2)) >= {200, 400, 404}
+@in_class_time(robots=2)
+async def test_no_request_crashes_the_board_and_other_sites_are_refused(world: ClassWorld) -> None:
+    await world.until_there()
+    board = _Served(world)
+    assert (await board.ask("GET", "/api/lesson", {})).json() == {"lesson": "fair-data"}
+    seen = set()
+    for method, path in PATHS:
+        for foreign in ({"host": "evil.example"}, {"origin": "http://evil.example"}):
+            answer = await board.ask(method, path, foreign, b"{}")
+            assert answer.status in (403, 421), (method, path, foreign)
+        for body in BODIES:
+            answer = await board.ask(method, path, {}, body)
+            assert answer.status < 500 or answer.status in (502, 503), (path, body[:40])
+            seen.add(answer.status)
+    assert seen >= {200, 400, 404}
 
 
-def test_an_invalid_message_ends_only_the_connection_of_its_page() -> None:
-    async def scenario(world: ClassWorld) -> None:
-        [pupil] = world.pupils.values()
-        app = create_board_app(Config(port=8080, web=WEB), world.board, world.clock)
-        network = VirtualNetwork({8080: _Served(app, 8080, pupil.link)}, random.Random(1))
-        place = ServerPlace(RobotAddress("127.0.0.1", 8080), "")
-        for words in WORDS:
-            async with network.connect(place, "/ws/board", {}) as channel:
-                await channel.send(words)
-                with pytest.raises(UnreachableError):
-                    while True:
-                        await channel.recv()
-                assert channel.socket.task.exception() is None, words
-
-    in_class(scenario, robots=1)
+@in_class_time(robots=1)
+async def test_an_invalid_message_ends_only_the_connection_of_its_page(world: ClassWorld) -> None:
+    board = _Served(world)
+    for words in WORDS:
+        async with board.page() as channel:
+            await channel.send(words)
+            with pytest.raises(UnreachableError):
+                while True:
+                    await channel.recv()
+            assert channel.socket.task.exception() is None, words
 
 
-def test_a_release_that_waits_for_a_connection_does_not_delay_a_stop() -> None:
+@in_class_time()
+async def test_a_release_that_waits_for_a_connection_does_not_delay_a_stop(
+    world: ClassWorld,
+) -> None:
     """A connection that is being closed accepts messages for more than a second."""
+    _, hanging = await world.first()
+    others = list(world.pupils.values())[1:]
+    await world.drive_all(others)
 
-    async def scenario(world: ClassWorld) -> float:
-        gone, *others = world.pupils.values()
-        await world.until_there([gone, *others])
-        await world.drive_all(others)
+    async def hang(_: object) -> None:
+        await world.clock.pause(10.0)
 
-        async def hang(_: object) -> None:
-            await world.clock.pause(10.0)
-
-        world.link(gone).stop.channel.send = hang
-        app = create_board_app(Config(port=8080, web=WEB), world.board, world.clock)
-        network = VirtualNetwork({8080: _Served(app, 8080, gone.link)}, random.Random(1))
-        place = ServerPlace(RobotAddress("127.0.0.1", 8080), "")
-        async with network.connect(place, "/ws/board", {}) as page:
-            stops = {link.number: link.stop.id for link in world.board.robots.values()}
-            await page.send(json.dumps({"type": "release", "stops": stops}))
-            await page.send('{"type": "stop"}')
-            driven = [pupil.driver for pupil in others]
-            return await world.until(
-                lambda: all(driver.now is Action.STOP for driver in driven), 5.0, "they stand"
-            )
-
-    assert in_class(scenario) < 0.3
+    hanging.stop.channel.send = hang
+    async with _Served(world).page() as page:
+        stops = {link.number: link.stop.id for link in world.board.robots.values()}
+        await page.send(json.dumps({"type": "release", "stops": stops}))
+        await page.send('{"type": "stop"}')
+        took_s = await world.until(
+            lambda: all(pupil.stands() for pupil in others), 5.0, "they stand"
+        )
+    assert took_s < 0.3
 
 
-def test_every_address_and_word_is_in_the_reference() -> None:
+@in_class_time(robots=1)
+async def test_every_address_and_word_is_in_the_reference(world: ClassWorld) -> None:
     page = (Path(__file__).parents[3] / "docs/reference/board.md").read_text("utf-8")
     named = set(re.findall(r"[\w/{}.-]+", page))
-
-    async def scenario(world: ClassWorld) -> None:
-        app = create_board_app(Config(port=8080, web=WEB), world.board, world.clock)
-        paths = {path for route in app.routes if (path := getattr(route, "path", ""))}
-        assert len(paths) > 7
-        assert paths - named == set()
-        [robot] = world.board.describe()
-        assert robot.keys() | world.board.strangers.describe().keys() <= named
-
-    in_class(scenario, robots=1)
+    paths = {path for route in _Served(world).app.routes if (path := getattr(route, "path", ""))}
+    assert len(paths) > 7
+    assert paths - named == set()
+    [robot] = world.board.describe()
+    assert robot.keys() | world.board.strangers.describe().keys() <= named

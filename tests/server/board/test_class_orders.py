@@ -13,10 +13,12 @@ from robot.errors import ConfigurationError, NotConnectedError
 from server.board.app import create_board_app
 from server.board.board import Board
 from server.board.class_orders import give_order
+from server.board.discovery import read_list
 from server.board.transport import NetworkTransport
 from server.cli.main import main
 from server.config import Config
 from server.lab.served import served
+from tests.server.conftest import Say
 from tests.server.virtual_server import WEB
 
 from .classroom_world import KEY
@@ -50,3 +52,25 @@ def test_a_port_in_use_is_reported_before_anything_is_made(
     said = capsys.readouterr()
     assert f"port {port}: " in said.err and said.out == ""
     assert not data.exists()
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_a_list_of_robots_is_read_whatever_editor_wrote_it(
+    tmp_path: Path, encoding: str, end: str
+) -> None:
+    file = tmp_path / "robots.txt"
+    lines = (
+        "kitchen.local:8000 # Müllers",
+        "",
+        "# the hall",
+        "10.0.0.7:8001",
+        "kitchen.local:8000",
+    )
+    file.write_bytes((end.join(lines) + end).encode(encoding))
+    assert read_list(str(file)) == read_list("kitchen.local:8000,10.0.0.7:8001")
+
+
+def test_a_missing_list_is_reported_in_one_clear_line(say: Say) -> None:
+    told = say("board --robots /nowhere/robots.txt", status=2)
+    assert "robots.txt: No such file" in told.splitlines()[-1]

@@ -6,15 +6,20 @@ import json
 import random
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from robot.errors import ConfigurationError
-from server.access.pairing import INVITATION_S, Paired, Pairing
+from server.access.pairing import Pairing
+from server.board.class_command import split
 from server.board.class_key import ClassKey, endpoint, keep_class_key, new_nonce, read_class_key
 from server.board.classroom import LOCKS, Classroom
-from server.gateway.roles import Refusal, Role
+from server.board.transport import RobotAddress, ServerPlace
+from tests.kit.described import described_routes
 from tests.kit.sizes import seeds
+
+from .classroom_world import ClassWorld, Pupil, in_class_time
 
 KEY, OTHER = ClassKey("a" * 40), ClassKey("b" * 40)
 HERE, THERE = "192.168.1.5:8000", "192.168.1.6:8000"
@@ -97,16 +102,122 @@ def test_an_unknown_lock_is_refused_and_changes_nothing(names: Sequence[str]) ->
     assert room.locks == {"settings"}
 
 
-def test_thirty_phones_pair_by_one_code_without_typing() -> None:
-    pairing = Pairing(10)
-    token, valid_s = pairing.invite(0.0)
-    paired = [pairing.redeem(token, valid_s * i / 30, "10.0.0.7") for i in range(30)]
-    assert all(isinstance(one, Paired) and one.role is Role.PILOT for one in paired)
-    assert len({one.secret for one in paired if isinstance(one, Paired)}) == 30
-    assert isinstance(pairing.redeem(token, INVITATION_S, ""), Refusal), "it does not last"
-
-
 def test_a_saved_session_cannot_have_the_role_of_a_teacher(tmp_path: Path) -> None:
     file = tmp_path / "paired.json"
     file.write_text('{"sessions": [{"sha256": "00", "role": "teacher"}]}')
     assert Pairing(10, file)._sessions == {}
+
+
+class _Asker:
+    """Sends requests to one robot, as a phone, a stranger or the teacher."""
+
+    def __init__(self, world: ClassWorld, pupil: Pupil) -> None:
+        self._network = world.network
+        self._place = ServerPlace(RobotAddress("127.0.0.1", pupil.port), "")
+        self._host = f"127.0.0.1:{pupil.port}"
+        self.phone = {"cookie": pupil._cookie}
+        self.teacher = world.link(pupil)._session.headers
+
+    async def status(
+        self, method: str, path: str, headers: dict[str, str], body: Any = None
+    ) -> int:
+        data = b"" if body is None else json.dumps(body).encode()
+        answer = await self._network.request(
+            self._place, method, path, {"host": self._host, **headers}, data
+        )
+        return answer.status
+
+
+@in_class_time(robots=1)
+async def test_every_change_below_a_lock_is_refused_and_reading_is_not(world: ClassWorld) -> None:
+    """The addresses come from the application itself, so that a new route is included."""
+    one, _ = await world.first()
+    asker = _Asker(world, one)
+    routes = described_routes(one.app.openapi())
+    found = [(route.method, route.at()) for route in routes if route.method != "GET"]
+    assert {path.split("/")[2] for _, path in found} >= {"settings", "models", "gallery"}
+    for name in LOCKS:
+        locked = await asker.status("PUT", "/api/class/locks", asker.teacher, {"locks": [name]})
+        assert locked == 200
+        for method, path in found:
+            is_locked = any(path == p or path.startswith(p + "/") for p in LOCKS[name])
+            if is_locked:
+                assert await asker.status(method, path, asker.phone, {}) == 423, path
+                assert await asker.status(method, path, asker.teacher, {}) != 423, path
+        assert await asker.status("GET", LOCKS[name][0], asker.phone) != 423
+    assert await asker.status("POST", "/api/stop", asker.phone) == 200
+    assert one.classroom is not None and one.classroom.locks == {"recordings"}
+
+
+@in_class_time(robots=1)
+async def test_only_the_teacher_locks_invites_and_looks(world: ClassWorld) -> None:
+    one, _ = await world.first()
+    asker = _Asker(world, one)
+    for headers, wanted in (
+        (asker.phone, 403),
+        ({}, 401),
+        ({"authorization": "Bearer x"}, 401),
+        ({"authorization": f"Bearer {'a' * 43}", **asker.phone}, 403),
+        (asker.teacher, 200),
+    ):
+        assert await asker.status("GET", "/api/class", headers) == wanted
+        assert await asker.status("POST", "/api/class/invitation", headers, {}) == wanted
+        locking = await asker.status("PUT", "/api/class/locks", headers, {"locks": []})
+        assert locking == wanted
+    other_site = {**asker.teacher, "origin": "http://evil.example"}
+    assert await asker.status("PUT", "/api/class/locks", other_site, {"locks": []}) == 403
+
+
+@in_class_time(robots=1, faults=lambda dice, i: "no class")
+async def test_a_robot_in_no_class_has_no_teacher(world: ClassWorld) -> None:
+    one = next(iter(world.pupils.values()))
+    asker = _Asker(world, one)
+    assert await asker.status("POST", "/api/class/hello", {}, {"nonce": "0" * 32}) == 404
+    assert await asker.status("GET", "/api/class", asker.phone) == 403
+
+
+@in_class_time(robots=1)
+async def test_the_code_on_the_board_pairs_phone_after_phone(world: ClassWorld) -> None:
+    one, link = await world.first()
+    asker = _Asker(world, one)
+    seen = set()
+    for _ in range(30):
+        address = link.page_address()
+        assert address is not None
+        token = address.rsplit("#", 1)[1]
+        seen.add(token)
+        assert await asker.status("POST", "/api/pair", {}, {"token": token}) == 200
+        await world.clock.pause(3.6)
+    assert len(seen) > 1, "the code changes as time goes on, and the one shown is always good"
+
+
+@in_class_time(robots=1)
+async def test_the_code_on_paper_pairs_until_the_class_has_another_key(world: ClassWorld) -> None:
+    one, link = await world.first()
+    asker = _Asker(world, one)
+    paper = str(link.page_address(printed=True)).rsplit("#", 1)[1]
+    old = ClassKey("o" * 40).code
+    for _ in range(3):
+        assert await asker.status("POST", "/api/pair", {}, {"token": paper}) == 200
+        assert await asker.status("POST", "/api/pair", {}, {"token": old}) == 403
+        one.restart()
+        await world.clock.pause(400.0)  # longer than any invitation
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("10", (10, "")),
+        (" 2, ada.local:8000 ,1", (3, "ada.local:8000")),
+        ("192.168.1.2,robot:80", (0, "192.168.1.2,robot:80")),
+        ("robots.txt", (0, "robots.txt")),
+    ],
+)
+def test_a_class_has_simulated_robots_and_real_ones(text: str, wanted: tuple[int, str]) -> None:
+    assert split(text) == wanted
+
+
+@pytest.mark.parametrize("text", ["", "0", ",", "61", "30,31,ada:8000"])
+def test_a_class_has_at_least_one_robot_and_not_too_many(text: str) -> None:
+    with pytest.raises(ConfigurationError, match="--robots"):
+        split(text)

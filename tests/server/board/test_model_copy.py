@@ -20,7 +20,18 @@ from tests.server.virtual_server import VirtualServer
 from .classroom_world import KEY, VirtualNetwork
 
 STEPS = {"save": "source", "get": "source", "put": "target", "load": "target"}
-FAULTS = ("gone", "refused", "half", "empty", "late")
+FAULTS = {
+    "gone": UnreachableError("the robot's answer ended in the middle"),
+    "late": TimeoutError(),
+    "refused": HttpAnswer(409, b'{"detail": "Stop the robot first."}'),
+    "empty": HttpAnswer(200, b"[]"),
+}
+GOOD = {
+    "save": HttpAnswer(200, b'{"name": "K\xc3\xbcche"}'),
+    "get": HttpAnswer(200, b"the model"),
+    "put": HttpAnswer(201, '{"name": "Küche 2"}'.encode()),
+    "load": HttpAnswer(200, b"{}"),
+}
 
 
 class _Robots:
@@ -39,33 +50,22 @@ class _Robots:
             "load" if path.endswith("/load") else method.lower()
         )
         if step == self.step and port == (1 if STEPS[step] == "source" else 2):
-            if self.fault in ("gone", "half"):
-                raise UnreachableError("the robot's answer ended in the middle")
-            if self.fault == "late":
-                raise TimeoutError
-            if self.fault == "refused":
-                return HttpAnswer(409, b'{"detail": "Stop the robot first."}')
-            return HttpAnswer(200, b"[]")
-        if step == "save":
-            return HttpAnswer(200, b'{"name": "K\xc3\xbcche"}')
-        if step == "get":
-            return HttpAnswer(200, b"the model")
+            if isinstance(fault := FAULTS[self.fault], HttpAnswer):
+                return fault
+            raise fault
         if step == "put":
             self.kept[port] = body
-            return HttpAnswer(201, '{"name": "Küche 2"}'.encode())
-        self.loaded[port] = path
-        return HttpAnswer(200, b"{}")
-
-
-def _ignore(*_: object) -> None:
-    pass
+        if step == "load":
+            self.loaded[port] = path
+        return GOOD[step]
 
 
 def _links(robots: Any, ports: list[int]) -> list[RobotLink]:
     links = []
     for port in ports:
         session = TeacherSession(RobotAddress("127.0.0.1", port), KEY, robots)
-        link = RobotLink(port, session, VirtualClock(), _ignore, _ignore, asyncio.Event())
+        news = (lambda *_: None, lambda *_: None, asyncio.Event())
+        link = RobotLink(port, session, VirtualClock(), *news)
         link.name = f"R{port}"
         link._session.place = ServerPlace(session.address, "")
         link._session._secret = "s"

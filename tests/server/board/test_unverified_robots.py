@@ -12,7 +12,7 @@ from server.board.discovery import read_announcement
 from server.board.teacher_session import Status
 from server.board.transport import RobotAddress
 
-from .classroom_world import ClassWorld, in_class
+from .classroom_world import ClassWorld, in_class, in_class_time
 from .test_board import STOP_S, _latched
 
 FOREIGN, OWN = 1000, 10
@@ -67,22 +67,22 @@ def test_a_thousand_foreign_announcements_do_not_keep_the_robots_of_the_class_aw
         assert came_s < 10.0, "computers take turns"
 
 
-def test_a_silent_robot_is_forgotten_and_one_that_proves_the_key_later_joins() -> None:
-    async def scenario(world: ClassWorld) -> None:
-        one = next(iter(world.pupils.values()))
-        one.fault = "gone"
-        announce(world, 5)
-        await world.clock.pause(10.0)
-        assert world.board.strangers.describe()["count"] == 5 + len(world.pupils)
-        one.fault = "none"
-        for _ in range(4):
-            await world.clock.pause(60.0)
-            world.board.announce(RobotAddress("127.0.0.1", one.port))
-        await world.clock.pause(1.0)
-        assert [robot.address.port for robot in world.board.robots.values()].count(one.port) == 1
-        assert world.board.strangers.describe() == {"count": 0, "some": []}
-
-    in_class(scenario, robots=1, is_told=False)
+@in_class_time(robots=1, is_told=False)
+async def test_a_silent_robot_is_forgotten_and_one_that_proves_the_key_later_joins(
+    world: ClassWorld,
+) -> None:
+    one = next(iter(world.pupils.values()))
+    one.fault = "gone"
+    announce(world, 5)
+    await world.clock.pause(10.0)
+    assert world.board.strangers.describe()["count"] == 5 + len(world.pupils)
+    one.fault = "none"
+    for _ in range(4):
+        await world.clock.pause(60.0)
+        world.board.announce(RobotAddress("127.0.0.1", one.port))
+    await world.clock.pause(1.0)
+    assert [robot.address.port for robot in world.board.robots.values()].count(one.port) == 1
+    assert world.board.strangers.describe() == {"count": 0, "some": []}
 
 
 def test_a_robot_is_queried_only_at_the_sender_of_its_announcement() -> None:

@@ -107,15 +107,6 @@ def test_the_page_may_ask_for_a_camera_and_no_other_may(robot: VirtualServer) ->
     assert "camera=()" in httpx.get(address + "/").headers["permissions-policy"]
 
 
-def test_stop_on_the_phone_latches_the_emergency(robot: VirtualServer) -> None:
-    address = robot.address
-    with phone(address) as eye:
-        assert eye.wait_for("state")["emergency"] is False
-        eye.socket.send('{"type": "stop"}')
-        while not eye.wait_for("state")["emergency"]:
-            pass
-
-
 def test_the_newest_phone_is_the_eye(robot: VirtualServer) -> None:
     rig, address = robot.rig, robot.address
     with phone(address) as first, phone(address) as second:

@@ -10,29 +10,29 @@ import pytest
 from robot.testing import FakeCamera, FakeDriver, VirtualClock
 from robot.types import Sensors
 from server.clients.telemetry import describe_devices
-from tests.server.virtual import ServedWorld, virtually
+from tests.server.virtual import ServedWorld, in_virtual_time
 
 
 @pytest.mark.parametrize("distance_m", [math.inf, -math.inf, math.nan, 1e308, 0.25])
-def test_a_reading_that_is_not_a_number_still_reaches_the_page(distance_m: float) -> None:
+@in_virtual_time(seed=3)
+async def test_a_reading_that_is_not_a_number_still_reaches_the_page(
+    world: ServedWorld, distance_m: float
+) -> None:
     """Sensors report infinity if nothing is in range; JSON has no number for it."""
 
-    async def scenario(world: ServedWorld) -> None:
-        pilot = await world.pilot(sees=True)
-        driver = world.loop._driver
-        sense = driver.sense
+    pilot = await world.pilot(sees=True)
+    driver = world.loop._driver
+    sense = driver.sense
 
-        def odd() -> Sensors:
-            return replace(sense(), distance_m=distance_m)
+    def odd() -> Sensors:
+        return replace(sense(), distance_m=distance_m)
 
-        driver.sense = odd  # type: ignore[method-assign]
-        before = pilot.state["frame"]
-        await world.clock.pause(2.0)
-        assert pilot.state["frame"] > before + 10
-        finite = distance_m if math.isfinite(distance_m) else None
-        assert pilot.state["distance_m"] == finite
-
-    virtually(scenario, seed=3)
+    driver.sense = odd  # type: ignore[method-assign]
+    before = pilot.state["frame"]
+    await world.clock.pause(2.0)
+    assert pilot.state["frame"] > before + 10
+    finite = distance_m if math.isfinite(distance_m) else None
+    assert pilot.state["distance_m"] == finite
 
 
 def test_found_devices_are_reported_and_a_plug_ins_own_attribute_is_not() -> None:

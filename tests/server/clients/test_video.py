@@ -1,17 +1,23 @@
 from __future__ import annotations
 
 import asyncio
+import random
 import re
+from dataclasses import replace
 from typing import Any
 
 import httpx
+import pytest
 
+from robot.testing import VirtualClock
 from robot.types import Frame
+from server.clients.video import Encoder, VideoHub, Viewer
 from server.integrations.extension import IntegrationsExtension
 from server.integrations.mjpeg import frames_of
 from server.integrations.unread import Room
 from server.protocol import encode_acknowledgement, parse_picture
-from tests.server.virtual import ServedWorld, virtually
+from tests.kit.frames import jpeg_frame
+from tests.server.virtual import ServedWorld, in_virtual_time, virtually
 from tests.server.virtual_server import VirtualServer, connect
 
 BROWSER = {"accept": "image/avif,image/webp,image/*,*/*;q=0.8"}
@@ -34,24 +40,22 @@ def test_a_player_gets_the_length_of_each_picture(server: VirtualServer) -> None
         received = received[len(jpeg) :].removeprefix(b"\r\n")
 
 
-def test_a_viewer_that_reads_again_gets_only_the_newest_frame() -> None:
-    async def scenario(world: ServedWorld) -> None:
-        video, unread = world.hub.video, [0]
-        stream = frames_of(video, world.hub.clock, lambda size: unread[0] <= 1.5 * size)
-        world.hub.show_newest()
-        first = await anext(stream)
-        unread[0] = 2 * len(first)
-        waiting = asyncio.ensure_future(anext(stream))
-        await world.forward(15.0)
-        assert not waiting.done()
-        unread[0] = 0
-        while not waiting.done():
-            await world.forward(0.001)
-        assert video.newest is not None
-        assert waiting.result() == video.encoder.encode_jpeg(video.newest)
-        await stream.aclose()
-
-    virtually(scenario)
+@in_virtual_time()
+async def test_a_viewer_that_reads_again_gets_only_the_newest_frame(world: ServedWorld) -> None:
+    video, unread = world.hub.video, [0]
+    stream = frames_of(video, world.hub.clock, lambda size: unread[0] <= 1.5 * size)
+    world.hub.show_newest()
+    first = await anext(stream)
+    unread[0] = 2 * len(first)
+    waiting = asyncio.ensure_future(anext(stream))
+    await world.forward(15.0)
+    assert not waiting.done()
+    unread[0] = 0
+    while not waiting.done():
+        await world.forward(0.001)
+    assert video.newest is not None
+    assert waiting.result() == video.encoder.encode_jpeg(video.newest)
+    await stream.aclose()
 
 
 def test_a_stalled_viewer_is_tried_less_and_less_often_and_its_smaller_window_counts() -> None:
@@ -121,20 +125,6 @@ def test_an_mjpeg_viewer_of_a_frozen_camera_can_leave(server: VirtualServer) -> 
     with httpx.Client() as client, client.stream("GET", server.address + "/video.mjpg"):
         server.wait_until(lambda: server.hub.video.viewers == 1)
     server.wait_until(lambda: server.hub.video.viewers == 0)
-
-
-def test_frames_are_encoded_once_for_all(server: VirtualServer) -> None:
-    with (
-        connect(server.ws("/ws/video"), compression=None) as one,
-        connect(server.ws("/ws/video"), compression=None) as other,
-    ):
-        for _ in range(20):
-            for viewer in (one, other):
-                picture = parse_picture(viewer.recv(5))
-                assert picture.data.startswith(b"\xff\xd8")
-                viewer.send(encode_acknowledgement(picture.frame_id))
-    video = server.hub.video
-    assert video.frames_encoded <= video.frames_sent / 2 + 3
 
 
 def test_a_viewer_that_never_acknowledges_gets_one_frame_and_slows_no_other(
@@ -210,3 +200,80 @@ def test_a_stop_is_told_before_the_picture_of_its_moment_is_encoded() -> None:
         return order
 
     assert virtually(scenario)[:2] == ["stop", "picture"]
+
+
+SMALL, LARGE = 3_000, 11_000
+
+
+def frame_of(frame_id: int, at_s: float) -> Frame:
+    return jpeg_frame(frame_id, at_s, bytes(SMALL))
+
+
+def enlarge(frame: Frame) -> Frame:
+    return replace(frame, width=320, height=240, data=bytes(LARGE))
+
+
+class _Screen:
+    """A viewer that acknowledges after `delay_s`, and notes the width of each picture."""
+
+    def __init__(self, delay_s: float) -> None:
+        self.delay_s = delay_s
+        self.widths: list[int] = []
+        self.due: list[tuple[float, int]] = []
+        self.now_s = 0.0
+        self.viewer = Viewer(self._receive)
+
+    def _receive(self, message: bytes) -> None:
+        picture = parse_picture(message)
+        self.widths.append(picture.width)
+        if not picture.quiet:
+            self.due.append((self.now_s + self.delay_s, picture.frame_id))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_each_link_gets_the_size_of_picture_that_it_can_carry(seed: int) -> None:
+    chance = random.Random(seed)
+    clock = VirtualClock()
+    asked: list[int] = []
+
+    def for_the_eye(frame: Frame) -> Frame:
+        asked.append(frame.frame_id)
+        return enlarge(frame)
+
+    hub = VideoHub(Encoder(75), clock, for_the_eye)
+    easy = [_Screen(chance.uniform(0.001, 0.05)) for _ in range(2)]
+    slow = [_Screen(chance.uniform(0.07, 0.3)) for _ in range(2)]
+    for screen in easy + slow:
+        hub.add(screen.viewer)
+    for number in range(1, 121):
+        clock.advance(1 / 30)
+        now_s = clock.now_s()
+        for screen in easy + slow:
+            screen.now_s = now_s
+            while screen.due and screen.due[0][0] <= now_s:
+                hub.acknowledge(screen.viewer, screen.due[0][1], screen.due.pop(0)[0])
+        hub.show(frame_of(number, now_s))
+    for screen in easy:
+        assert set(screen.widths[-60:]) == {320}
+    for screen in slow:
+        assert set(screen.widths) == {160}
+    assert hub.frames_encoded <= 2 * 120, "each size is encoded once for all"
+    assert max(asked.count(number) for number in set(asked)) == 1
+
+
+def test_if_all_links_are_slow_no_larger_pictures_are_requested() -> None:
+    clock = VirtualClock()
+
+    def for_the_eye(frame: Frame) -> Frame:
+        raise AssertionError("nobody shows it")
+
+    hub = VideoHub(Encoder(75), clock, for_the_eye)
+    screen = _Screen(0.1)
+    hub.add(screen.viewer)
+    for number in range(1, 60):
+        clock.advance(1 / 30)
+        screen.now_s = clock.now_s()
+        while screen.due and screen.due[0][0] <= screen.now_s:
+            hub.acknowledge(screen.viewer, screen.due[0][1], screen.due.pop(0)[0])
+        hub.show(frame_of(number, screen.now_s))
+    assert len(screen.widths) > 10

@@ -6,7 +6,7 @@ from base64 import b64decode
 
 import httpx
 
-from robot.types import Action, Example
+from robot.types import Action
 from tests.server.virtual_server import VirtualServer
 
 
@@ -15,16 +15,7 @@ def test_the_explanation_shows_the_image_that_decides_now(server: VirtualServer)
     server.wait_until(lambda: loop.state.frame_id is not None)
     assert httpx.get(f"{server.address}/api/why").json() == {"why": None}
 
-    def teach() -> None:
-        assert loop.learning.newest is not None
-        x, _ = loop.learning.newest
-        for number, label in enumerate((Action.LEFT, Action.FORWARD)):
-            example = Example(frame_id=number, label=label, is_intervention=False)
-            loop.history.teach(example, (x + 40 * number).astype(x.dtype), float(number))
-
-    done = loop.submit(teach)
-    server.wait_until(done.done)
-    done.result()
+    server.teach(2, (Action.LEFT, Action.FORWARD), every_s=1.0)
     server.wait_until(lambda: getattr(loop.state.prediction, "node", None) is not None)
     why = httpx.get(f"{server.address}/api/why").json()["why"]
     assert why["action"] in ("forward", "left", "right")

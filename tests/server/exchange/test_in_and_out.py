@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,56 +15,29 @@ from robot.exchange.sources import Source, find_drives
 from robot.recordings.episode import Episode
 from robot.recordings.store import EpisodeStore
 from robot.store.folder import Storage
-from robot.store.models.store import ModelStore
 from robot.store.prepare import prepare
 from robot.types import Frame, Mode
 from server.__main__ import main
 from tests.robot.recordings.drives import RecordedBench
-from tests.server.cli.typed import assert_refused_by_a_full_disk, say
-
-
-@pytest.mark.parametrize(
-    "words", ["episodes export last --as folder", "episodes import OUT/mine --name again"]
-)
-def test_a_full_disk_is_reported_in_a_sentence_and_nothing_is_lost(
-    episode_id: str,
-    data: Path,
-    tmp_path: Path,
-    words: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    say(f"episodes export last --as folder --out {tmp_path}/mine", capsys)
-    assert_refused_by_a_full_disk(words.replace("OUT", str(tmp_path)), data, monkeypatch, capsys)
+from tests.server.conftest import Say
 
 
 def test_models_among_recordings_are_reported_and_do_not_stop_an_import(
-    episode_id: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    episode_id: str, tmp_path: Path, say: Say
 ) -> None:
     folder = tmp_path / "drives"
     folder.mkdir()
-    say(f"episodes export last --as npz --out {folder}/b.npz", capsys)
-    say(f"learn last --out {folder}/a-model.npz", capsys)
+    say(f"episodes export last --as npz --out {folder}/b.npz")
+    say(f"learn last --out {folder}/a-model.npz")
     (folder / "c.npz").write_bytes(b"no archive")
-    told = say(f"episodes import {folder}", capsys)
+    told = say(f"episodes import {folder}")
     assert "b: 60 pictures from b.npz (npz)" in told and "skipped: 2" in told
     for name, why in (("a-model.npz", "jpeg"), ("c.npz", "cannot be read")):
         line = next(line for line in told.splitlines() if name in line)
         assert why in line
-    say(f"episodes import {folder} --strict", capsys, status=2)
+    say(f"episodes import {folder} --strict", status=2)
     (folder / "b.npz").unlink()
-    assert "no drive to use" in say(f"episodes import {folder}", capsys, status=2)
-
-
-@pytest.mark.parametrize("form", ["tub", "folder", "npz"])
-def test_an_exported_episode_can_be_imported_again(
-    episode_id: str, data: Path, form: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = data / f"exports/drive.{form}"
-    say(f"episodes export last --as {form} --out {out}", capsys)
-    say(f"episodes import {out} --name back", capsys)
-    say("learn back --learner default --max-nodes 8 --out back", capsys)
-    assert ModelStore(Storage(data)).load("back").summary.n_examples == 60
+    assert "no drive to use" in say(f"episodes import {folder}", status=2)
 
 
 @pytest.mark.parametrize("form", ["tub", "film", "npz"])
@@ -87,17 +61,17 @@ def test_an_export_that_fails_leaves_no_file(
 
 
 def test_tubs_in_a_zip_are_imported_each_or_with_strict_none(
-    episode_id: str, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    episode_id: str, data: Path, tmp_path: Path, say: Say
 ) -> None:
     for name in ("one!", "two"):
-        say(f"episodes export last --as folder --out {tmp_path}/drives/{name}", capsys)
-        say(f"episodes export last --as tub --out {tmp_path}/drives/tub-{name}", capsys)
+        say(f"episodes export last --as folder --out {tmp_path}/drives/{name}")
+        say(f"episodes export last --as tub --out {tmp_path}/drives/tub-{name}")
     next((tmp_path / "drives/two/images").iterdir()).write_bytes(b"")
     archive = shutil.make_archive(str(tmp_path / "all"), "zip", tmp_path / "drives")
-    assert "is not a picture" in say(f"episodes import {archive} --strict", capsys, status=2)
+    assert "is not a picture" in say(f"episodes import {archive} --strict", status=2)
     assert EpisodeStore(Storage(data)).ids() == [episode_id]
     assert not any(path.is_dir() for path in (data / "episodes").iterdir())
-    told = say(f"episodes import {archive}", capsys)
+    told = say(f"episodes import {archive}")
     assert "60 pictures from two" in told and "skipped: 1" in told
     assert set(EpisodeStore(Storage(data)).ids()) == {
         episode_id,
@@ -109,13 +83,9 @@ def test_tubs_in_a_zip_are_imported_each_or_with_strict_none(
 
 
 def test_neither_a_starting_server_nor_emptying_the_trash_disturbs_an_import(
-    episode_id: str,
-    data: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    episode_id: str, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, say: Say
 ) -> None:
-    say(f"episodes export last --as folder --out {tmp_path}/drives/one", capsys)
+    say(f"episodes export last --as folder --out {tmp_path}/drives/one")
     archive = shutil.make_archive(str(tmp_path / "all"), "zip", tmp_path / "drives")
     moved: list[tuple[str, str]] = []
 
@@ -128,27 +98,23 @@ def test_neither_a_starting_server_nor_emptying_the_trash_disturbs_an_import(
     killed.mkdir(parents=True)
     (killed.parent / ".lock").touch()
     monkeypatch.setattr("server.exchange.command.find_drives", find_later)
-    assert "61 pictures from one" in say(f"episodes import {archive}", capsys)
+    assert "61 pictures from one" in say(f"episodes import {archive}")
     assert moved == [] and not any((data / "trash").iterdir())
 
 
 def test_an_import_without_times_does_not_count_as_the_last_recording(
-    episode_id: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    episode_id: str, tmp_path: Path, say: Say
 ) -> None:
-    say(f"episodes export last --as folder --out {tmp_path}/out", capsys)
-    say(f"episodes import {tmp_path}/out --name zzz", capsys)
-    assert say("episodes show last", capsys) == say(f"episodes show {episode_id}", capsys)
-    assert "unknown" in say("episodes list", capsys)
+    say(f"episodes export last --as folder --out {tmp_path}/out")
+    say(f"episodes import {tmp_path}/out --name zzz")
+    assert say("episodes show last") == say(f"episodes show {episode_id}")
+    assert "unknown" in say("episodes list")
 
 
 def test_two_imports_of_one_name_at_once_lose_nothing(
-    episode_id: str,
-    data: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    episode_id: str, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, say: Say
 ) -> None:
-    say(f"episodes export last --as folder --out {tmp_path}/out", capsys)
+    say(f"episodes export last --as folder --out {tmp_path}/out")
     words = f"episodes import {tmp_path}/out --name Hall"
     meanwhile = [words, words.replace("Hall", "hall"), "episodes list"]
 
@@ -158,24 +124,24 @@ def test_two_imports_of_one_name_at_once_lose_nothing(
         return write_episode(*what, **more)
 
     monkeypatch.setattr("server.exchange.command.write_episode", write_slowly)
-    assert "damaged" not in say(words, capsys)
+    assert "damaged" not in say(words)
     store = EpisodeStore(Storage(data))
     assert set(store.ids()) == {episode_id, "Hall", "Hall (2)", "hall (3)"}
     assert all(len(store.open(name).frames) == 61 for name in store.ids())
 
 
 def test_a_name_is_free_again_when_an_import_fails(
-    episode_id: str, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    episode_id: str, data: Path, tmp_path: Path, say: Say
 ) -> None:
-    say(f"episodes export last --as folder --out {tmp_path}/out", capsys)
+    say(f"episodes export last --as folder --out {tmp_path}/out")
     images = list((tmp_path / "out/images").iterdir())
     kept = {path: path.read_bytes() for path in images}
     for path in images:
         path.write_bytes(b"")
-    say(f"episodes import {tmp_path}/out --name hall", capsys, status=2)
+    say(f"episodes import {tmp_path}/out --name hall", status=2)
     for path, content in kept.items():
         path.write_bytes(content)
-    assert say(f"episodes import {tmp_path}/out --name hall", capsys).startswith("hall: ")
+    assert say(f"episodes import {tmp_path}/out --name hall").startswith("hall: ")
     assert len(list((data / "episodes").iterdir())) == 2
 
 
@@ -192,26 +158,16 @@ def record_pause(data: Path) -> None:
 
 
 def test_remarks_about_times_concern_only_the_pictures_that_were_written(
-    data: Path, capsys: pytest.CaptureFixture[str]
+    data: Path, say: Say
 ) -> None:
     record_pause(data)
-    told = say("episodes export last --as npz", capsys)
+    told = say("episodes export last --as npz")
     assert told.endswith("times repaired: 1 pauses of up to 65 s shortened to 2 s\n")
 
 
-def test_films_and_datasets_report_a_shortened_pause(
-    data: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    record_pause(data)
-    say("episodes delete last --from 0.5 --to 65.5", capsys)
-    assert "1 pauses of up to 65 s" in say("episodes export last --as lerobot --fps 1", capsys)
-
-
-def test_films_and_datasets_go_to_the_exports(
-    episode_id: str, data: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    say("episodes export last --as film", capsys)
-    say("episodes export last --as lerobot --fps 10", capsys)
+def test_films_and_datasets_go_to_the_exports(episode_id: str, data: Path, say: Say) -> None:
+    say("episodes export last --as film")
+    say("episodes export last --as lerobot --fps 10")
     names = sorted(path.name for path in (data / "exports").iterdir())
     assert names == [f"{episode_id}-film.mp4", f"{episode_id}-lerobot"]
 
@@ -229,13 +185,13 @@ def test_films_and_datasets_go_to_the_exports(
     ],
 )
 def test_what_cannot_be_done_is_one_clear_line(
-    episode_id: str, words: str, complaint: str, capsys: pytest.CaptureFixture[str]
+    episode_id: str, words: str, complaint: str, say: Say
 ) -> None:
-    assert complaint in say(words, capsys, status=2).splitlines()[-1]
+    assert complaint in say(words, status=2).splitlines()[-1]
 
 
 def test_with_the_option_all_a_tub_also_has_untaught_pictures(
-    data: Path, capsys: pytest.CaptureFixture[str]
+    data: Path, say: Say, capsys: pytest.CaptureFixture[str]
 ) -> None:
     robot = RecordedBench(Storage(data).folder("episodes"))
     robot.drive(range(8))
@@ -243,17 +199,36 @@ def test_with_the_option_all_a_tub_also_has_untaught_pictures(
     robot.step(1, None)
     robot.stop()
     robot.finish()
-    assert ": 8 records" in say("episodes export last --as tub", capsys)
-    assert ": 8 records" not in say("episodes export last --as tub --all", capsys)
+    assert ": 8 records" in say("episodes export last --as tub")
+    assert ": 8 records" not in say("episodes export last --as tub --all")
     assert main(["episodes", "export", "last", "--as", "tub"]) == 0
     assert "100%" in capsys.readouterr().err, "what is left out is done, too"
 
 
-@pytest.mark.skipif(os.name == "nt", reason="some of these are no names there")
-@pytest.mark.parametrize("name", ["aux", "nul.2", "---", "\U00020000" * 60])
-def test_a_folder_of_any_name_is_imported(
-    episode_id: str, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    say(f"episodes export last --as folder --out {tmp_path}/{name}", capsys)
-    told = say(f"episodes import {tmp_path}/{name}", capsys)
-    assert told.startswith("import: ") and f" pictures from {name} (folder)" in told
+PLAY = [sys.executable, "-m", "server", "episodes", "play"]
+
+
+@pytest.mark.slow
+def test_a_recording_is_played_into_a_page(episode_id: str, data: Path) -> None:
+    words = [*PLAY, episode_id, "--port", "0", "--data", str(data)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as playing:
+        try:
+            assert playing.stdout is not None
+            assert any("Drivelesson is ready: open http" in line for line in playing.stdout)
+        finally:
+            playing.terminate()
+
+
+def test_a_file_that_is_not_a_recording_is_reported(data: Path, tmp_path: Path) -> None:
+    (tmp_path / "broken.mcap").write_bytes(b"no recording")
+    words = [*PLAY, str(tmp_path / "broken.mcap"), "--port", "0", "--data", str(data)]
+    played = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert (played.returncode, played.stdout) == (2, "")
+    assert (
+        played.stderr.splitlines()[-1]
+        == "drivelesson: broken.mcap cannot be read: broken.mcap is not an MCAP file"
+    )
+
+
+def test_an_unknown_name_is_reported(episode_id: str, say: Say) -> None:
+    assert "no episode of this name" in say("episodes play nobody", status=2)

@@ -117,24 +117,6 @@ def test_only_the_logs_thread_waits_for_the_terminal(
 HERE = PublicAddress.parse("http://10.0.0.2:8000")
 
 
-def test_a_paused_terminal_does_not_delay_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    terminal, released, at_exit = io.StringIO(), threading.Event(), []
-    monkeypatch.setattr(terminal, "write", lambda text: released.wait() and len(text))
-    monkeypatch.setattr(sys, "stderr", terminal)
-    monkeypatch.setattr(logging.root, "handlers", [])
-    monkeypatch.setattr(logging.root, "level", logging.INFO)
-    monkeypatch.setattr("atexit.register", at_exit.append)
-    monkeypatch.setattr("server.hosting.logs._END_S", 0.01)
-    start_logging(verbose=False)
-    logging.getLogger("robot.control").warning("nobody reads this")
-    try:
-        for end in at_exit:
-            end()  # the test's own time limit ends it
-        assert not released.is_set()
-    finally:
-        released.set()
-
-
 def test_a_paused_terminal_does_not_delay_a_phone_that_pairs(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -5,14 +5,19 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import threading
 from collections.abc import AsyncIterator
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import pytest
 
+from robot.errors import ConfigurationError
+from robot.policy import autosize
 from server.__main__ import main
-from server.lab.bench import link
-from server.lab.bench.report import TOO_BUSY, percentiles
+from server.lab.bench import link, subject
+from server.lab.bench.report import TOO_BUSY, in_turns, percentiles
+from server.lab.bench.subject import ServerUnderTest
 from tests.kit.sizes import IS_FULL
 
 
@@ -81,3 +86,52 @@ def test_viewers_must_be_numbers(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="2"):
         main(["bench", "link", "--viewers", "many"])
     assert "--viewers" in capsys.readouterr().err
+
+
+def test_the_ratio_is_that_of_a_turn_in_the_middle() -> None:
+    found = in_turns([2.0, 30.0, 4.0], [4.0, 50.0, 10.0])
+
+    assert (found["ratio"], found["spread"]) == (0.5, 0.2)
+    assert (found["own"], found["peer"], found["turns"]) == (4.0, 10.0, 3)
+
+
+def test_no_ratio_is_given_if_the_turns_differ_too_much() -> None:
+    assert in_turns([1.0, 1.0, 2.1], [1.0, 1.0, 1.0])["ratio"] is None
+    assert in_turns([1.0, 1.0, 1.9], [1.0, 1.0, 1.0])["ratio"] == 1.0
+
+
+def serve_for_ever(line: Connection, kind: str, rate_hz: float) -> None:
+    """Stay alive although the pipe is closed."""
+    line.send(8080)
+    threading.Event().wait()
+
+
+def test_a_server_that_does_not_end_is_killed_and_this_is_reported(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(subject, "_serve", serve_for_ever)
+    served = ServerUnderTest("drivelesson", 30.0)
+    with pytest.raises(ConfigurationError, match="had not ended after 60 s"), served:
+        monkeypatch.setattr(served._process, "join", lambda patience_s: None)
+    monkeypatch.undo()
+    served._process.join()
+    assert served._process.exitcode, "it was killed"
+
+
+def test_bench_learner_writes_figures_for_every_size(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(autosize, "SIZES", (2, 8))
+    out = tmp_path / "bench.json"
+    assert main(["bench", "learner", "--json", str(out)]) == 0
+    result = json.loads(out.read_text())
+    assert [row["max_nodes"] for row in result["policies"]] == [2, 8]
+    assert all(row["learn_p99_us"] >= row["learn_us"] > 0 for row in result["policies"])
+    for row in result["cluster"]["sizes"]:
+        assert row["train_per_product"] == pytest.approx(row["train_us"] / row["product_us"])
+    assert "frames/s" in capsys.readouterr().out
+
+
+def test_an_unknown_learner_is_one_clear_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "learner", "--learner", "nobody"]) == 2
+    assert "default-NUMBER" in capsys.readouterr().err

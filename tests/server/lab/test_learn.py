@@ -11,42 +11,29 @@ from robot.recordings.store import EpisodeStore
 from robot.store.folder import Storage
 from robot.store.models.store import ModelStore
 from server.__main__ import main
-from tests.robot.recordings.drives import RecordedBench, record_drive
-
-from ..cli.typed import assert_refused_by_a_full_disk, say
+from tests.robot.recordings.drives import RecordedBench
+from tests.server.conftest import Say
 
 
 def test_learning_again_gives_the_nodes_of_driving_and_saves_them(
-    episode_id: str, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    episode_id: str, data: Path, tmp_path: Path, say: Say
 ) -> None:
-    told = say("learn last --check --out again", capsys)
+    told = say("learn last --check --out again")
     assert "the nodes are the same as those learned by driving" in told
     model = ModelStore(Storage(data)).load("again")
     assert (model.summary.learner, model.summary.n_examples) == ("default-8", 60)
-    say(f"learn {episode_id} --learner published --max-nodes 64 --out {tmp_path}/m.npz", capsys)
+    say(f"learn {episode_id} --learner published --max-nodes 64 --out {tmp_path}/m.npz")
     assert (tmp_path / "m.npz").stat().st_size > 1000
-
-
-def test_a_full_disk_is_reported_in_a_sentence_and_nothing_is_lost(
-    episode_id: str,
-    data: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    assert_refused_by_a_full_disk("learn last --out m", data, monkeypatch, capsys)
 
 
 @pytest.mark.parametrize(
     ("words", "complaint"),
-    [
-        ("learn last --learner oracle", "oracle"),
-        ("learn nobody", "no episode of this name"),
-    ],
+    [("learn last --learner oracle", "oracle"), ("learn nobody", "no episode of this name")],
 )
 def test_recordings_that_cannot_be_learned_are_reported_in_one_clear_line(
-    episode_id: str, words: str, complaint: str, capsys: pytest.CaptureFixture[str]
+    episode_id: str, words: str, complaint: str, say: Say
 ) -> None:
-    told = say(words, capsys, status=2)
+    told = say(words, status=2)
     assert complaint in told.splitlines()[-1]
 
 
@@ -67,7 +54,7 @@ def test_an_impossible_output_is_reported_before_anything_is_learned(
     words: str,
     complaint: str,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    say: Say,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("server.lab.learn.learn_again", lambda *_, **__: pytest.fail("it learned"))
@@ -78,30 +65,17 @@ def test_an_impossible_output_is_reported_before_anything_is_learned(
     else:
         Path("LINK.npz").symlink_to("nowhere")
     there = sorted(tmp_path.iterdir())
-    assert complaint in say(f"learn last {words}", capsys, status=2)
+    assert complaint in say(f"learn last {words}", status=2)
     assert sorted(tmp_path.iterdir()) == there
 
 
-def test_an_edited_recording_is_no_longer_what_was_driven(
-    episode_id: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    say("episodes trim last --from 0.5 --to 2.5", capsys)
-    assert "it was edited" in say("learn last --check", capsys, status=2)
-
-
-@pytest.mark.parametrize("name", ["0", "zz"])
-def test_the_word_last_means_the_newest_by_time_not_by_name(
-    data: Path, name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    storage = Storage(data)
-    record_drive(storage.folder("episodes"), frames=20)
-    newest = EpisodeStore(storage).path(record_drive(storage.folder("episodes"), frames=40).id)
-    newest.rename(newest.with_stem(name))
-    assert "40 examples" in say("learn last --learner published --max-nodes 4", capsys)
+def test_an_edited_recording_is_no_longer_what_was_driven(episode_id: str, say: Say) -> None:
+    say("episodes trim last --from 0.5 --to 2.5")
+    assert "it was edited" in say("learn last --check", status=2)
 
 
 def test_a_failed_check_suggests_continue_and_saves_nothing(
-    data: Path, capsys: pytest.CaptureFixture[str]
+    data: Path, say: Say, capsys: pytest.CaptureFixture[str]
 ) -> None:
     storage = Storage(data)
     robot = RecordedBench(storage.folder("episodes"))
@@ -113,13 +87,13 @@ def test_a_failed_check_suggests_continue_and_saves_nothing(
     told = capsys.readouterr().out
     assert "--continue" in told and "x was not saved" in told
     assert not list(storage.models.iterdir())
-    say(f"learn {second} --check --continue --out x", capsys)
+    say(f"learn {second} --check --continue --out x")
     assert [path.name for path in storage.models.iterdir()] == ["x"]
 
 
 def test_a_recording_that_is_named_twice_is_learned_once(
-    episode_id: str, data: Path, capsys: pytest.CaptureFixture[str]
+    episode_id: str, data: Path, say: Say
 ) -> None:
     file = EpisodeStore(Storage(data)).path(episode_id)
-    told = say(f"learn last {episode_id} {file} --check", capsys)
+    told = say(f"learn last {episode_id} {file} --check")
     assert "60 examples" in told and "the nodes are the same as those learned by driving" in told

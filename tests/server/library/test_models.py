@@ -9,7 +9,6 @@ from pathlib import Path
 import httpx
 import pytest
 
-from robot.policy.registry import make_policy
 from robot.store.folder import Storage
 from robot.store.models.model import same_nodes
 from robot.store.models.replay import recover
@@ -190,14 +189,6 @@ def test_what_cannot_be_done_is_said(
     assert everything(tmp_path) == before
 
 
-def test_taught_examples_are_saved_at_the_end_and_loaded_at_the_next_start(bench: Bench) -> None:
-    bench.server.teach(7)
-    bench.persistence.stop()
-    with VirtualServer(data=bench.persistence.storage.root) as following:
-        assert following.persistence.autosave.load_last() == "bench"
-        assert following.ask_loop(lambda: following.rig.loop.history.n_examples) == 7
-
-
 def test_a_mode_change_saves(bench: Bench) -> None:
     bench.server.teach(7)
     bench.server.set_mode(Mode.TRAIN)
@@ -212,8 +203,7 @@ def test_a_change_that_is_acknowledged_survives_a_kill_at_that_very_moment(
     """The folder is copied when the answer arrives, without the models, so that no save can
     help."""
     if what == "outdate":
-        able = make_policy("default-8")
-        bench.server.ask_loop(lambda: bench.rig.loop.history.replace_policy(able))
+        bench.server.use_policy("default-8")
     bench.server.teach(6)
     [node, *_] = [image["node"] for image in bench.client.get("/api/gallery").json()["images"]]
     if what == "undo":

@@ -8,7 +8,7 @@ import zipfile
 from typing import Any
 
 from robot.types import Mode, Sensors
-from tests.server.test_teaching_routes import _teach, ask
+from tests.server.test_teaching_routes import ask, teach_a_default_model
 from tests.server.virtual_server import VirtualServer
 
 PLAN = """
@@ -108,6 +108,6 @@ def standing(server: VirtualServer) -> tuple[Any, ...]:
 
 def prepare(server: VirtualServer) -> tuple[Any, ...]:
     """Teach the robot something into its own model."""
-    _teach(server, 40)
+    teach_a_default_model(server)
     ask(server, "POST", "/api/models/save", json={})
     return standing(server)

@@ -52,55 +52,55 @@ def started_again(data: Path) -> VirtualServer:
     return VirtualServer(rig=rig, persistence=Loading(Storage(data), rig))
 
 
-def test_an_untaught_robot_has_no_model_afterwards(tmp_path: Path) -> None:
-    with VirtualServer(data=tmp_path) as server:
-        before = standing(server)
-        for _ in range(2):
-            begin(server)
-            post(server, "/api/session/drive", confirmed=True)
-            drive(server, 0.5)
-            ask(server, "DELETE", "/api/session")
-            assert standing(server) == before
-        assert before[1] == []
+def test_an_untaught_robot_has_no_model_afterwards(server: VirtualServer) -> None:
+    before = standing(server)
+    for _ in range(2):
+        begin(server)
+        post(server, "/api/session/drive", confirmed=True)
+        drive(server, 0.5)
+        ask(server, "DELETE", "/api/session")
+        assert standing(server) == before
+    assert before[1] == []
 
 
 @pytest.mark.parametrize("at", ["consent", "ready", "drive", "questions"])
-def test_a_session_that_is_left_leaves_no_model_and_can_be_resumed(tmp_path: Path, at: str) -> None:
-    with VirtualServer(data=tmp_path) as server:
-        before = prepare(server)
-        if at == "consent":
-            post(server, "/api/studies", name="walk", plan=PLAN)
-            post(server, "/api/session", study="walk", participant="P01")
-        else:
-            begin(server)
-        if at in ("drive", "questions"):
-            post(server, "/api/session/drive", confirmed=True)
-            drive(server, 1.0 if at == "drive" else None)
-        if at == "questions":
-            post(server, "/api/session/answers", answers={"trust_reliable": 2})
-        server.set_mode(Mode.STOPPED)
-        there = session(server)
-        for method, path, body in CHANGES_THE_MODEL:
-            refused = ask(server, method, path, json=body)
-            assert refused.status_code == 409 and "session is on" in refused.text, path
-        assert session(server) == there
-        taught = dict(server.rig.loop.state.taught)
-        ask(server, "DELETE", "/api/session")
-        assert session(server) is None
-        assert standing(server) == before
+def test_a_session_that_is_left_leaves_no_model_and_can_be_resumed(
+    server: VirtualServer, at: str
+) -> None:
+    before = prepare(server)
+    if at == "consent":
+        post(server, "/api/studies", name="walk", plan=PLAN)
+        post(server, "/api/session", study="walk", participant="P01")
+    else:
         begin(server)
-        again = session(server)
-        if at == "consent":
-            assert again["step"] == "ready"
-            return
-        assert again == {**there, "is_driving": False}
-        if at == "drive":
-            assert there["phases"][0]["done_s"] == pytest.approx(1.0, abs=0.2)
-            post(server, "/api/session/drive", confirmed=True)
-            assert dict(server.rig.loop.state.taught) == taught
-            drive(server)
-            answer(server)
-            assert [r["attempt"] for r in rows(server)] == ["1"] * 3
+    if at in ("drive", "questions"):
+        post(server, "/api/session/drive", confirmed=True)
+        drive(server, 1.0 if at == "drive" else None)
+    if at == "questions":
+        post(server, "/api/session/answers", answers={"trust_reliable": 2})
+    server.set_mode(Mode.STOPPED)
+    there = session(server)
+    for method, path, body in CHANGES_THE_MODEL:
+        refused = ask(server, method, path, json=body)
+        assert refused.status_code == 409 and "session is on" in refused.text, path
+    assert session(server) == there
+    taught = dict(server.rig.loop.state.taught)
+    ask(server, "DELETE", "/api/session")
+    assert session(server) is None
+    assert standing(server) == before
+    begin(server)
+    again = session(server)
+    if at == "consent":
+        assert again["step"] == "ready"
+        return
+    assert again == {**there, "is_driving": False}
+    if at == "drive":
+        assert there["phases"][0]["done_s"] == pytest.approx(1.0, abs=0.2)
+        post(server, "/api/session/drive", confirmed=True)
+        assert dict(server.rig.loop.state.taught) == taught
+        drive(server)
+        answer(server)
+        assert [r["attempt"] for r in rows(server)] == ["1"] * 3
 
 
 def test_after_a_power_cut_the_robot_has_its_own_model_and_the_session_goes_on(

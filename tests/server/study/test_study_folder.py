@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import errno
+import unicodedata
 from pathlib import Path
+from typing import Literal
 
 import pytest
 
 from robot.errors import ConfigurationError
 from robot.store.folder import Storage
-from robot.study.events import StudyEvent, write_events
+from robot.study.events import StudyEvent, read_events, write_events
+from robot.testing import VirtualClock
+from server.study.erasing import erase
+from server.study.event_log import EventLog
 from server.study.extension import StudyExtension
 from server.study.folder import StudyFolder
 from tests.server.study.sessions import PLAN, begin, drive, post, refused, rows, session, take_part
@@ -26,70 +32,73 @@ def files_with(folder: Path, words: set[bytes]) -> list[str]:
     ]
 
 
-def test_a_withdrawn_participant_leaves_nothing_and_frees_the_place(tmp_path: Path) -> None:
-    with VirtualServer(data=tmp_path) as server:
-        pilot = server.pilot()
-        pilot.mode("train")
-        pilot.hold("forward")
-        server.forward(2.0)
-        pilot.close()
-        server.forward(12.0)
-        own = {e["id"] for e in ask(server, "GET", "/api/episodes").json()["episodes"]}
-        take_part(server, "P01")
-        server.forward(11.0)
-        begin(server, "P02")
-        ask(server, "DELETE", "/api/session")
-        assert "all 2 places" in refused(server, "/api/session", study="walk", participant="P03")
-        kept = list((tmp_path / "studies/walk").rglob("P01*"))
-        assert len(kept) == 3, "a log and two models"
-        driven = {id for row in rows(server) for id in row["recordings"].split()}
-        assert len(driven) >= 2 and own and not own & driven
-        gone = ask(server, "DELETE", f"/api/episodes/{min(driven)}")
-        assert gone.status_code == 200, "one of the recordings is in the trash by now"
-        answer = ask(server, "DELETE", "/api/studies/walk/sessions/P01")
-        assert answer.status_code == 200, answer.text
-        deleted = answer.json()["deleted"]
-        recordings = {Path(path).stem for path in deleted if path.endswith(".mcap")}
-        assert recordings == driven
-        assert any(path.startswith("trash/") and path.endswith(".mcap") for path in deleted)
-        assert {"studies/walk/P01.csv", "studies/walk/models/P01-1.npz"} < set(deleted)
-        assert not [path for path in deleted if (tmp_path / path).exists()]
-        assert not list(tmp_path.rglob("*P01*"))
-        assert files_with(tmp_path / "episodes", {id.encode() for id in driven}) == []
-        left = {e["id"] for e in ask(server, "GET", "/api/episodes").json()["episodes"]}
-        assert own <= left and not driven & left
-        begin(server, "P03")
-        assert session(server)["of"] == 2
-        listed = ask(server, "GET", "/api/studies/walk").json()["sessions"]
-        assert {s["participant"]: s["order"][0] for s in listed} == {"P02": "long", "P03": "short"}
+def test_a_withdrawn_participant_leaves_nothing_and_frees_the_place(
+    server: VirtualServer, tmp_path: Path
+) -> None:
+    pilot = server.pilot()
+    pilot.mode("train")
+    pilot.hold("forward")
+    server.forward(2.0)
+    pilot.close()
+    server.forward(12.0)
+    own = {e["id"] for e in ask(server, "GET", "/api/episodes").json()["episodes"]}
+    take_part(server, "P01")
+    server.forward(11.0)
+    begin(server, "P02")
+    ask(server, "DELETE", "/api/session")
+    assert "all 2 places" in refused(server, "/api/session", study="walk", participant="P03")
+    kept = list((tmp_path / "studies/walk").rglob("P01*"))
+    assert len(kept) == 3, "a log and two models"
+    driven = {id for row in rows(server) for id in row["recordings"].split()}
+    assert len(driven) >= 2 and own and not own & driven
+    gone = ask(server, "DELETE", f"/api/episodes/{min(driven)}")
+    assert gone.status_code == 200, "one of the recordings is in the trash by now"
+    answer = ask(server, "DELETE", "/api/studies/walk/sessions/P01")
+    assert answer.status_code == 200, answer.text
+    deleted = answer.json()["deleted"]
+    recordings = {Path(path).stem for path in deleted if path.endswith(".mcap")}
+    assert recordings == driven
+    assert any(path.startswith("trash/") and path.endswith(".mcap") for path in deleted)
+    assert {"studies/walk/P01.csv", "studies/walk/models/P01-1.npz"} < set(deleted)
+    assert not [path for path in deleted if (tmp_path / path).exists()]
+    assert not list(tmp_path.rglob("*P01*"))
+    assert files_with(tmp_path / "episodes", {id.encode() for id in driven}) == []
+    left = {e["id"] for e in ask(server, "GET", "/api/episodes").json()["episodes"]}
+    assert own <= left and not driven & left
+    begin(server, "P03")
+    assert session(server)["of"] == 2
+    listed = ask(server, "GET", "/api/studies/walk").json()["sessions"]
+    assert {s["participant"]: s["order"][0] for s in listed} == {"P02": "long", "P03": "short"}
 
 
-def test_a_session_that_is_still_recorded_is_not_withdrawn(tmp_path: Path) -> None:
-    with VirtualServer(data=tmp_path) as server:
-        begin(server)
-        post(server, "/api/session/drive", confirmed=True)
-        drive(server, 1.0)
-        ask(server, "DELETE", "/api/session")
-        conductor = server.services.extension(StudyExtension).conductor
-        assert conductor is not None
-        (recording,) = {
-            e.value for e in conductor.folder.events("walk", "P01") if e.event == "recording"
-        }
-        with pytest.raises(ConfigurationError, match="still being recorded"):
-            conductor.folder.withdraw("walk", "P01", recording)
-        assert (tmp_path / "studies/walk/P01.csv").exists()
+def test_a_session_that_is_still_recorded_is_not_withdrawn(
+    server: VirtualServer, tmp_path: Path
+) -> None:
+    begin(server)
+    post(server, "/api/session/drive", confirmed=True)
+    drive(server, 1.0)
+    ask(server, "DELETE", "/api/session")
+    conductor = server.services.extension(StudyExtension).conductor
+    assert conductor is not None
+    (recording,) = {
+        e.value for e in conductor.folder.events("walk", "P01") if e.event == "recording"
+    }
+    with pytest.raises(ConfigurationError, match="still being recorded"):
+        conductor.folder.withdraw("walk", "P01", recording)
+    assert (tmp_path / "studies/walk/P01.csv").exists()
 
 
-def test_a_damaged_log_is_reported_and_affects_no_other_session(tmp_path: Path) -> None:
-    with VirtualServer(data=tmp_path) as server:
-        begin(server, "P01")
-        ask(server, "DELETE", "/api/session")
-        (tmp_path / "studies/walk/P02.csv").write_bytes(b"\xff\xfe\n\n")
-        listed = ask(server, "GET", "/api/studies/walk").json()["sessions"]
-        assert [bool(s["fault"]) for s in listed] == [False, True]
-        answer = ask(server, "POST", "/api/session", json={"study": "walk", "participant": "P02"})
-        assert answer.status_code == 422 and "P02.csv" in answer.json()["detail"]
-        begin(server, "P01")
+def test_a_damaged_log_is_reported_and_affects_no_other_session(
+    server: VirtualServer, tmp_path: Path
+) -> None:
+    begin(server, "P01")
+    ask(server, "DELETE", "/api/session")
+    (tmp_path / "studies/walk/P02.csv").write_bytes(b"\xff\xfe\n\n")
+    listed = ask(server, "GET", "/api/studies/walk").json()["sessions"]
+    assert [bool(s["fault"]) for s in listed] == [False, True]
+    answer = ask(server, "POST", "/api/session", json={"study": "walk", "participant": "P02"})
+    assert answer.status_code == 422 and "P02.csv" in answer.json()["detail"]
+    begin(server, "P01")
 
 
 def test_a_new_participant_with_a_withdrawn_code_is_listed_with_the_new_data(
@@ -126,3 +135,61 @@ def test_a_name_that_the_file_system_considers_equal_counts_as_taken(
         with pytest.raises(ConfigurationError, match="there is already a study"):
             folder.create(name, PLAN)
     assert folder.create("Cafe", PLAN) == "Cafe"
+
+
+@pytest.mark.parametrize("form", ["NFC", "NFD"])
+def test_data_is_erased_in_every_encoding_of_its_names_accents(
+    tmp_path: Path, form: Literal["NFC", "NFD"]
+) -> None:
+    storage, name = Storage(tmp_path), unicodedata.normalize(form, "Zoé")
+    for entry in (f"{name}.mcap", f"{name}-2.edits.json", f"{name}e.mcap"):
+        (storage.folder("episodes") / entry).touch()
+    storage.discard(storage.folder("episodes") / f"{name}-2.edits.json")
+    assert len(erase(storage, ["Zoé"])) == 2
+    assert [path.name for path in storage.folder("episodes").iterdir()] == [f"{name}e.mcap"]
+
+
+def test_an_incomplete_line_is_cut_off_when_the_disk_is_full(tmp_path: Path) -> None:
+    resource = pytest.importorskip("resource")
+    path = tmp_path / "P01.csv"
+    whole = write_events([StudyEvent(wall_s=1.0, event="left")] * 3, with_head=True)
+    path.write_text(whole + "2.0,le")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (16, limits[1]))
+    try:
+        log = EventLog(path, VirtualClock())
+        log.start()
+        log.stop()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert len(read_events(path.read_bytes())) == 3
+
+
+def test_a_new_log_has_its_head_and_what_happens(tmp_path: Path) -> None:
+    path = tmp_path / "studies" / "P01.csv"
+    log = EventLog(path, VirtualClock())
+    log.start()
+    log.note([StudyEvent(wall_s=1.0, event="left")])
+    log.stop()
+    assert [event.event for event in read_events(path.read_bytes())] == ["left"]
+
+
+def test_an_event_whose_write_failed_is_not_written_twice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.EIO, "Input/output error")
+
+    path = tmp_path / "P01.csv"
+    log = EventLog(path, VirtualClock())
+    log.start()
+    for n in range(3):
+        log.note([StudyEvent(wall_s=float(n), event="left")])
+        with monkeypatch.context() as patch:
+            patch.setattr("os.fsync", refuse)
+            patch.setattr("os.truncate", refuse)
+            with pytest.raises(OSError, match="Input/output"):
+                log.flush()
+    log.flush()
+    log.stop()
+    assert [event.wall_s for event in read_events(path.read_bytes())] == [0.0, 1.0, 2.0]

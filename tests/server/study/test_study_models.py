@@ -17,8 +17,6 @@ from robot.study.builtin import TRIALS, trial_plan
 from robot.study.plan import Condition, parse_plan
 from robot.testing import FakeDriver
 from server.study.conductor import check_body
-from tests.server.test_teaching_routes import ask
-from tests.server.virtual_server import VirtualServer
 
 
 def condition(trial: int) -> Condition:
@@ -63,11 +61,3 @@ def test_a_world_that_is_only_a_file_is_known_by_its_file_and_by_its_name(tmp_pa
 
 def test_the_place_of_a_real_robot_is_unknown() -> None:
     check_body(FakeDriver(), condition(1))
-
-
-@pytest.mark.parametrize("body", [{"trial": 4, "teach_s": 90}, {"trial": 1}, {"trial": [1]}])
-def test_there_is_no_other_trial(tmp_path: Path, body: dict[str, object]) -> None:
-    with VirtualServer(data=tmp_path) as server:
-        refused = ask(server, "POST", "/api/session", json=body)
-        assert refused.status_code == (400 if body["trial"] == [1] else 409), refused.text
-        assert ask(server, "GET", "/api/studies").json()["studies"] == []

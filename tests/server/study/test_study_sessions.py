@@ -14,137 +14,89 @@ from tests.server.study.sessions import (
     begin,
     drive,
     post,
-    prepare,
     refused,
-    rows,
     session,
     standing,
-    take_part,
 )
 from tests.server.test_teaching_routes import ask
 from tests.server.virtual_server import VirtualServer
 
 
-def test_two_participants_meet_both_conditions_in_balanced_order(tmp_path: Path) -> None:
-    with VirtualServer(data=tmp_path) as server:
-        before = prepare(server)
-        take_part(server, "P01")
-        take_part(server, "P02")
-        assert standing(server) == before
-        found = rows(server)
-        study = ask(server, "GET", "/api/studies/walk").json()
-    assert [(r["participant"], r["position"], r["condition"], r["phase"]) for r in found] == [
-        (code, str(position), condition, phase)
-        for code, order in (("P01", ("short", "long")), ("P02", ("long", "short")))
-        for position, condition in enumerate(order, start=1)
-        for phase in ("teach", "alone", "questions")
-    ]
-    assert {r["is_complete"] for r in found} == {"1"}
-    assert {r["place_checked_by"] for r in found} == {"researcher"}
-    taught = [int(r["examples"]) for r in found if r["phase"] == "teach"]
-    assert min(taught) > 30, "every condition begins with an empty model and is taught"
-    for row in found:
-        if row["kind"] in ("teach", "alone"):
-            assert float(row["driven_s"]) == float(row["planned_s"])
-            assert row["recordings"], "each phase names what was recorded of it"
-    assert {r["trust"] for r in found if r["trust"]} == {"4.0"}
-    assert (study["done"], study["next_order"]) == (2, None)
-
-
-def test_a_condition_can_be_begun_anew(tmp_path: Path) -> None:
-    with VirtualServer(data=tmp_path) as server:
-        begin(server)
-        post(server, "/api/session/drive", confirmed=True)
-        drive(server, 1.0)
-        server.set_mode(Mode.STOPPED)
-        post(server, "/api/session/drive", confirmed=True, anew=True)
-        assert session(server)["phases"][0]["done_s"] == 0.0
-        assert sum(server.rig.loop.state.taught.values()) == 0
-        assert len([m for m in standing(server)[1] if "P01" in m]) == 1
+def test_a_condition_can_be_begun_anew(server: VirtualServer) -> None:
+    begin(server)
+    post(server, "/api/session/drive", confirmed=True)
+    drive(server, 1.0)
+    server.set_mode(Mode.STOPPED)
+    post(server, "/api/session/drive", confirmed=True, anew=True)
+    assert session(server)["phases"][0]["done_s"] == 0.0
+    assert sum(server.rig.loop.state.taught.values()) == 0
+    assert len([m for m in standing(server)[1] if "P01" in m]) == 1
 
 
 def test_the_place_of_a_real_robot_is_confirmed_and_that_of_a_simulated_one_checked(
-    tmp_path: Path,
+    server: VirtualServer,
 ) -> None:
-    with VirtualServer(data=tmp_path) as server:
-        begin(server)
-        said = refused(server, "/api/session/drive")
-        assert "confirm that the robot stands in the place 'kitchen'" in said
-        assert session(server)["needs_confirmation"]
-        simulation = SimpleNamespace(world=SimpleNamespace(name="office"))
-        server.driver.simulation = simulation  # type: ignore[attr-defined]
-        before = standing(server)
-        said = refused(server, "/api/session/drive", confirmed=True)
-        assert "needs the world 'kitchen', but the robot is in 'office'; choose 'kitchen'" in said
-        assert standing(server) == before
-        assert session(server)["step"] == "ready"
-        simulation.world.name = "kitchen"
-        post(server, "/api/session/drive")
-        assert session(server)["step"] == "drive"
+    begin(server)
+    said = refused(server, "/api/session/drive")
+    assert "confirm that the robot stands in the place 'kitchen'" in said
+    assert session(server)["needs_confirmation"]
+    simulation = SimpleNamespace(world=SimpleNamespace(name="office"))
+    server.driver.simulation = simulation  # type: ignore[attr-defined]
+    before = standing(server)
+    said = refused(server, "/api/session/drive", confirmed=True)
+    assert "needs the world 'kitchen', but the robot is in 'office'; choose 'kitchen'" in said
+    assert standing(server) == before
+    assert session(server)["step"] == "ready"
+    simulation.world.name = "kitchen"
+    post(server, "/api/session/drive")
+    assert session(server)["step"] == "drive"
 
 
-def test_no_step_is_possible_out_of_turn_and_every_refusal_gives_the_reason(tmp_path: Path) -> None:
-    with VirtualServer(data=tmp_path) as server:
-        assert "no session is on" in refused(server, "/api/session/drive")
-        post(server, "/api/studies", name="walk", plan=PLAN)
-        assert "there is already a study" in refused(server, "/api/studies", name="Walk", plan=PLAN)
-        broken = PLAN.replace('kind = "alone"', 'kind = "alon"')
-        assert "[[phase]] number 2" in refused(server, "/api/studies", name="w", plan=broken)
-        for name in ("Mary", "P1 ", "../P01", "p01", "", "P12345"):
-            said = refused(server, "/api/session", study="walk", participant=name)
-            assert "is not a participant's code" in said and "never a name" in said
-        assert (
-            ask(
-                server, "POST", "/api/session", json={"study": "x", "participant": "P01"}
-            ).status_code
-            == 404
-        )
-        post(server, "/api/session", study="walk", participant="P01")
-        assert "waits for 'consent'" in refused(server, "/api/session/drive", confirmed=True)
-        assert "P01 is on" in refused(server, "/api/session", study="walk", participant="P02")
-        assert "P01 is on" in refused(server, "/api/session", trial=1, teach_s=90)
-        post(server, "/api/session/consent", language="en")
-        assert "waits for 'ready'" in refused(server, "/api/session/answers", answers=TRUST)
-        assert ask(server, "DELETE", "/api/studies/walk/sessions/P01").status_code == 409
-        ask(server, "DELETE", "/api/session")
-        plan = tmp_path / "studies/walk/plan.toml"
-        plan.write_text(PLAN.replace("seconds = 2", "seconds = 4"))
-        assert "the plan was changed" in refused(
-            server, "/api/session", study="walk", participant="P01"
-        )
+def test_no_step_is_possible_out_of_turn_and_every_refusal_gives_the_reason(
+    server: VirtualServer, tmp_path: Path
+) -> None:
+    assert "no session is on" in refused(server, "/api/session/drive")
+    post(server, "/api/studies", name="walk", plan=PLAN)
+    assert "there is already a study" in refused(server, "/api/studies", name="Walk", plan=PLAN)
+    broken = PLAN.replace('kind = "alone"', 'kind = "alon"')
+    assert "[[phase]] number 2" in refused(server, "/api/studies", name="w", plan=broken)
+    for name in ("Mary", "P1 ", "../P01", "p01", "", "P12345"):
+        said = refused(server, "/api/session", study="walk", participant=name)
+        assert "is not a participant's code" in said and "never a name" in said
+    assert (
+        ask(server, "POST", "/api/session", json={"study": "x", "participant": "P01"}).status_code
+        == 404
+    )
+    post(server, "/api/session", study="walk", participant="P01")
+    assert "waits for 'consent'" in refused(server, "/api/session/drive", confirmed=True)
+    assert "P01 is on" in refused(server, "/api/session", study="walk", participant="P02")
+    assert "P01 is on" in refused(server, "/api/session", trial=1, teach_s=90)
+    post(server, "/api/session/consent", language="en")
+    assert "waits for 'ready'" in refused(server, "/api/session/answers", answers=TRUST)
+    assert ask(server, "DELETE", "/api/studies/walk/sessions/P01").status_code == 409
+    ask(server, "DELETE", "/api/session")
+    plan = tmp_path / "studies/walk/plan.toml"
+    plan.write_text(PLAN.replace("seconds = 2", "seconds = 4"))
+    assert "the plan was changed" in refused(
+        server, "/api/session", study="walk", participant="P01"
+    )
 
 
-def test_answers_are_checked_and_all_are_needed(tmp_path: Path) -> None:
-    with VirtualServer(data=tmp_path) as server:
-        begin(server)
-        post(server, "/api/session/drive", confirmed=True)
-        drive(server)
-        path = "/api/session/answers"
-        assert "'trust_reliable' must be" in refused(server, path, answers={"trust_reliable": 9})
-        assert "no question 'mood'" in refused(server, path, answers={"mood": 3})
-        post(server, path, answers={"trust_reliable": 4})
-        said = refused(server, path, done=True)
-        assert "trust_confident, trust_can_trust" in said and "trust_reliable" not in said
-        post(server, path, answers=TRUST)
-        assert session(server)["answers"] == {name: str(n) for name, n in TRUST.items()}
-        post(server, path, done=True)
-        assert (session(server)["step"], session(server)["position"]) == ("ready", 2)
-
-
-def test_a_viewer_reads_the_state_of_a_session_but_neither_code_nor_answers(tmp_path: Path) -> None:
-    with VirtualServer(data=tmp_path) as server:
-        begin(server)
-        post(server, "/api/session/drive", confirmed=True)
-        drive(server)
-        post(server, "/api/session/answers", answers={"trust_reliable": 2})
-        conductor = server.services.extension(StudyExtension).conductor
-        assert conductor is not None
-        seen, whole = describe_place(conductor), describe_session(conductor)
-        assert json.loads(json.dumps(whole)) == session(server) and whole["answers"] == {
-            "trust_reliable": "2"
-        }
-        names = ("step", "position", "of", "kind", "mode", "left_s")
-        assert seen == dict(zip(names, ("questions", 1, 2, None, None, 0.0), strict=True))
+def test_a_viewer_reads_the_state_of_a_session_but_neither_code_nor_answers(
+    server: VirtualServer,
+) -> None:
+    begin(server)
+    post(server, "/api/session/drive", confirmed=True)
+    drive(server)
+    post(server, "/api/session/answers", answers={"trust_reliable": 2})
+    conductor = server.services.extension(StudyExtension).conductor
+    assert conductor is not None
+    seen, whole = describe_place(conductor), describe_session(conductor)
+    assert json.loads(json.dumps(whole)) == session(server) and whole["answers"] == {
+        "trust_reliable": "2"
+    }
+    names = ("step", "position", "of", "kind", "mode", "left_s")
+    assert seen == dict(zip(names, ("questions", 1, 2, None, None, 0.0), strict=True))
 
 
 def test_a_trial_ends_with_the_results_of_pilot_and_robot(tmp_path: Path) -> None:

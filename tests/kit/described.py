@@ -1,0 +1,42 @@
+"""Routes as an application describes them in `/openapi.json`, so that new routes are included."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+
+class Described(NamedTuple):
+    """One method of one path, and the fields of the JSON body and the query that it takes."""
+
+    method: str
+    path: str
+    fields: tuple[str, ...]
+    query: tuple[str, ...]
+
+    def at(self, value: str = "1") -> str:
+        """Return its path with each parameter replaced by a value."""
+        return re.sub(r"{\w+}", lambda _: value, self.path)
+
+
+def described_routes(spec: dict[str, Any]) -> list[Described]:
+    """Return every method of every path of an OpenAPI description."""
+    found = []
+    for path, methods in spec["paths"].items():
+        for method, route in methods.items():
+            content = route.get("requestBody", {}).get("content", {}).get("application/json", {})
+            name = content.get("schema", {}).get("$ref", "").rpartition("/")[2]
+            fields = spec["components"]["schemas"].get(name, {}).get("properties", {})
+            query = [one["name"] for one in route.get("parameters", ()) if one["in"] == "query"]
+            found.append(Described(method.upper(), path, tuple(fields), tuple(query)))
+    return found
+
+
+def readable_addresses(spec: dict[str, Any], listed: str) -> Iterator[str]:
+    """Yield every address that is read and ends, with each name that answers of lists contain."""
+    names = {"1", *re.findall(r'"(?:id|name)":\s*"([\w-]+)"', listed)}
+    for route in described_routes(spec):
+        if route.method == "GET" and route.path != "/video.mjpg":
+            for name in sorted(names) if "{" in route.path else [""]:
+                yield route.at(name)
