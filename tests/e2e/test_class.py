@@ -96,33 +96,3 @@ def test_names_codes_locks_models_and_stop(chromium: Any, tmp_path: Path) -> Non
         for phone in phones:
             phone.close()
         context.close()
-
-
-@pytest.mark.slow
-def test_a_lock_for_all_leaves_other_locks_and_a_forgotten_robot_has_no_card(
-    chromium: Any, tmp_path: Path
-) -> None:
-    with running_class(tmp_path, 2, away=1) as school:
-        first, second = (robot.extension(ClassroomExtension).classroom for robot in school.robots)
-        assert first is not None and second is not None
-        context = chromium.new_context(locale="en")
-        page = context.new_page()
-        page.goto(school.address)
-        page.locator(".robot[data-status=there]").nth(1).wait_for()
-        page.locator("[data-number='1'] .acts button").last.click()
-        page.get_by_label("models", exact=True).check()
-        wait_until(lambda: first.locks == {"models"}, "one robot is locked")
-        wait_until(lambda: school.board.robot(1).about["locks"] == ["models"], "the board knows")
-        page.locator("#panel .title button").click()
-        page.get_by_role("button", name="Class settings").click()
-        page.get_by_label("recordings").click()  # the box shows the robots' state
-        wait_until(lambda: second.locks == {"recordings"}, "the other as all are")
-        wait_until(lambda: first.locks == {"models", "recordings"}, "what was locked stays so")
-        page.locator(".said", has_text="127.0.0.1").wait_for()  # of the robot that is away
-
-        # As with a restarted board, whose STOP would reach nobody.
-        del school.board.robots[2]
-        page.locator("[data-number='2'] .halt").click()
-        page.locator("[data-number='2']").wait_for(state="detached")
-        page.locator("#bar", has_text="1 of 2 robots are there").wait_for()
-        context.close()
