@@ -66,9 +66,9 @@ _ALLOCATOR = {
 }
 """Settings of glibc's allocator. By default each thread gets its own heap, and keeps some megabytes
 of freed memory there; a robot has 14 threads, of which only one runs Python at a time. Also, glibc
-keeps freed memory at the heap's end up to twice the largest freed block, unless a limit is set. One
-robot keeps 2 to 4 MB less with these settings. Pictures are smaller than the second size, so they
-still come from the heap."""
+keeps freed memory at the heap's end up to twice the largest freed block, unless a limit is set. A
+robot keeps 3 MB less after 300 lessons, and .8 MB less after 1,000. Pictures are smaller than the
+second size, so they still come from the heap."""
 
 
 class Nursery:
