@@ -134,7 +134,11 @@ FAULTS = (
 )
 
 ELSEWHERE = (
-    ("the server is frozen (SIGSTOP) for a second", "`loop_fault`", "500 ms: the body's own limit"),
+    (
+        "the server is frozen (SIGSTOP) for a second",
+        "`loop_fault` or `link_slow`",
+        "500 ms: the body's own limit",
+    ),
     ("the disk is full", "drives on; stands when the pilot lets go", "500 ms"),
 )
 """Faults with tests in tests/faults/ that need a separate process."""

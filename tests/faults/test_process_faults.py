@@ -48,7 +48,9 @@ def a_frozen_server_lets_the_body_stop_and_does_not_move_it_again() -> None:
             time.sleep(0.2)
             notes = subject.ask()
             assert notes["moved_s"] < resumed_s, "told to move after the freeze"
-            assert (notes["mode"], notes["stop_reason"]) == ("stopped", "loop_fault")
+            assert notes["mode"] == "stopped"
+            # the loop's late tick, or messages that waited: whichever thread runs first
+            assert notes["stop_reason"] in ("loop_fault", "link_slow")
 
 
 def a_full_disk_does_not_keep_the_robot_from_driving_or_standing(tmp_path: Path) -> None:
