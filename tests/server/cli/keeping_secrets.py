@@ -64,7 +64,7 @@ def _check_a_start_that_fails(words: list[str], folder: Path) -> None:
 
 def _check_a_drive(folder: Path) -> None:
     """Drive, record, save, lose the camera, read every address, and end."""
-    with MjpegServer(password=SECRET) as camera:
+    with MjpegServer() as camera:
         source = camera.address.replace("http://", f"http://user:{SECRET}@")
         words = ("-v", "--robot", "sim", "--camera", "mjpeg", "--source", source)
         with own_process(folder, *words) as server, httpx.Client(base_url=server.address) as client:
