@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import importlib
 import os
 import subprocess
 import sys
 import sysconfig
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 COMMANDS = {
     "drivelesson": "from server.__main__ import main; sys.exit(main())",
@@ -21,6 +25,18 @@ _QUIET = {
     "PIP_CHECK_BUILD_DEPENDENCIES": "1",
     "PYTEST_ADDOPTS": "-p no:anyio",
 }
+
+
+@contextlib.contextmanager
+def imported(folder: Path, *names: str) -> Iterator[list[Any]]:
+    """Import modules from a package's folder inside the block, and forget them afterwards."""
+    sys.path.insert(0, str(folder))
+    try:
+        yield [importlib.import_module(name) for name in names]
+    finally:
+        sys.path.remove(str(folder))
+        for name in names:
+            sys.modules.pop(name, None)
 
 
 class OwnEnvironment:

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import os
 import re
 import subprocess
 import sys
-import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +16,8 @@ from robot.errors import DriveError
 from robot.testing.driver_contract import DriverContract
 from robot.types import Action, Point
 from tests.kit.sizes import IS_FULL
+from tests.kit.wait import wait_until
+from tests.plugin.environment import imported
 
 EXAMPLES = Path(__file__).parents[2] / "docs/examples"
 LIBRARIES = {"rover": "pymavlink", "thymio": "tdmclient"}
@@ -61,25 +60,6 @@ def check_it_passes_the_contract_as_a_package(name: str, tmp_path: Path) -> None
     assert re.search(rf"\b{len(every) if IS_FULL else 4} passed", run.stdout), said
 
 
-@contextlib.contextmanager
-def parts_of(name: str) -> Iterator[Any]:
-    pytest.importorskip(LIBRARIES[name])
-    sys.path.insert(0, str(EXAMPLES / name))
-    try:
-        yield importlib.import_module("conftest"), importlib.import_module(f"drivelesson_{name}")
-    finally:
-        sys.path.remove(str(EXAMPLES / name))
-        for module in ("conftest", f"drivelesson_{name}"):
-            sys.modules.pop(module, None)
-
-
-def until(is_so: Any) -> None:
-    end_s = time.monotonic() + 30.0
-    while not is_so():
-        assert time.monotonic() < end_s
-        time.sleep(0.01)
-
-
 def check_each_autopilot_gets_its_own_numbers_and_timeout(kit: Any, module: Any, name: str) -> None:
     [kind] = [kind for kind, (known, _) in module.AUTOPILOTS.items() if known == name]
     with kit.rover(autopilot=kind) as body:
@@ -90,12 +70,12 @@ def check_each_autopilot_gets_its_own_numbers_and_timeout(kit: Any, module: Any,
             assert list(body.parameters.values()) == [pytest.approx(0.4)]
             assert driver.device == f"{name}, armed" and body.is_armed
             driver.send_point(Point(-0.25, 0.8), speed_scale=0.5)
-            until(lambda: body.drives() == Point(-0.25, 0.2))
+            wait_until(lambda: body.drives() == Point(-0.25, 0.2))
             driver.send_action(Action.BACKWARD)
-            until(lambda: body.drives() == Point(0.0, -0.25))
-            until(lambda: body.drives() == Point(0.0, 0.0))
+            wait_until(lambda: body.drives() == Point(0.0, -0.25))
+            wait_until(lambda: body.drives() == Point(0.0, 0.0))
             assert driver.sense().battery_share == 0.8
-        until(lambda: not body.is_armed)
+        wait_until(lambda: not body.is_armed)
 
 
 def check_arming_is_asked_for_and_a_refusal_is_in_the_rover_s_words(kit: Any, module: Any) -> None:
@@ -112,9 +92,9 @@ def check_arming_is_asked_for_and_a_refusal_is_in_the_rover_s_words(kit: Any, mo
                 driver.send_action(Action.FORWARD)
             driver.send_action(Action.STOP)
             body.is_armed = True  # by its owner; the next heartbeat reports the switch
-            until(lambda: driver.sense() and driver.device == "ArduPilot, armed")
+            wait_until(lambda: driver.sense() and driver.device == "ArduPilot, armed")
             driver.send_action(Action.FORWARD)
-            until(lambda: body.drives().throttle > 0)
+            wait_until(lambda: body.drives().throttle > 0)
 
 
 def check_a_rover_that_was_cut_off_is_disarmed_at_the_end_all_the_same(
@@ -131,11 +111,11 @@ def check_a_rover_that_was_cut_off_is_disarmed_at_the_end_all_the_same(
         options = module.RoverOptions(rover_address=body.address, rover_arm=True)
         with module.RoverDriver(options) as driver:
             body.is_cut = True
-            until(lambda: not answers())
+            wait_until(lambda: not answers())
             body.is_cut = False
-            until(answers)
+            wait_until(answers)
             assert body.is_armed
-        until(lambda: not body.is_armed)
+        wait_until(lambda: not body.is_armed)
 
 
 def check_an_autopilot_without_the_parameter_is_named(kit: Any, module: Any) -> None:
@@ -148,13 +128,15 @@ def check_an_autopilot_without_the_parameter_is_named(kit: Any, module: Any) -> 
 
 @pytest.mark.realtime
 def test_a_rover_and_a_thymio_on_their_real_lines() -> None:
-    with parts_of("rover") as (kit, module):
+    for library in LIBRARIES.values():
+        pytest.importorskip(library)
+    with imported(EXAMPLES / "rover", "conftest", "drivelesson_rover") as (kit, module):
         for name in ("ArduPilot", "PX4"):
             check_each_autopilot_gets_its_own_numbers_and_timeout(kit, module, name)
         check_arming_is_asked_for_and_a_refusal_is_in_the_rover_s_words(kit, module)
         check_a_rover_that_was_cut_off_is_disarmed_at_the_end_all_the_same(kit, module)
         check_an_autopilot_without_the_parameter_is_named(kit, module)
-    with parts_of("thymio") as (kit, module):
+    with imported(EXAMPLES / "thymio", "conftest", "drivelesson_thymio") as (kit, module):
         manager = kit.Manager()
         manager.node.status = 3
         options = module.ThymioOptions(thymio_manager=manager.address, thymio_speed=500)

@@ -7,22 +7,19 @@ All tests are in one file and share one environment.
 from __future__ import annotations
 
 import contextlib
-import importlib
 import json
 import os
 import re
 import signal
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import httpx
 import pytest
 
 from tests.kit.sizes import in_ci
-from tests.plugin.environment import OwnEnvironment
+from tests.plugin.environment import OwnEnvironment, imported
 from tests.server.live_robot import Pilot
 from tests.standins.mjpeg import MjpegServer
 
@@ -64,20 +61,6 @@ def test_with_a_strangers_plugin_our_own_suite_passes(
 
 
 @contextlib.contextmanager
-def stand_in(package: Path) -> Iterator[Any]:
-    """Simulate the robot, as the package's own conftest.py does."""
-    sys.path.insert(0, str(package))
-    try:
-        kit = importlib.import_module("conftest")
-        with kit.stand_in() as case:
-            yield case
-    finally:
-        sys.path.remove(str(package))
-        for name in ("conftest", "drivelesson_wheely"):
-            sys.modules.pop(name, None)
-
-
-@contextlib.contextmanager
 def served(environment: OwnEnvironment, data: Path, *options: str) -> Iterator[str]:
     """Serve with the command that the package installed; yield the address."""
     program = str(environment.folder / "bin/drivelesson")
@@ -109,7 +92,11 @@ def taught(address: str) -> dict[str, int]:
 
 def teach_in_one_drive(environment: OwnEnvironment, package: Path, data: Path) -> dict[str, int]:
     """Serve the robot and teach it; return the number of examples of each move."""
-    with stand_in(package) as robot, MjpegServer() as camera:
+    with (
+        imported(package, "conftest", "drivelesson_wheely") as (kit, _),
+        kit.stand_in() as robot,
+        MjpegServer() as camera,
+    ):
         options = [
             "--wheely-address",
             robot.driver.options.wheely_address,
