@@ -176,6 +176,18 @@ def test_a_stop_that_the_body_cannot_show_is_told_to_all() -> None:
     assert "failed in show" in str(told[-1].fault) and "boom" in str(told[-1].fault)
 
 
+def test_an_error_of_a_listener_stops_the_robot_and_is_logged_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    robot = started()
+    robot.loop.subscribe(explode)
+    for scene in range(3):
+        robot.step(scene, F)
+    assert robot.loop.mode is Mode.STOPPED and robot.driver.now is Action.STOP
+    assert robot.loop.state.stops == {StopReason.LOOP_FAULT: 1}
+    assert caplog.messages.count("the loop stopped the robot") == 1
+
+
 def test_the_thread_turns_the_loop_and_stops_the_robot_at_its_end() -> None:
     robot = BenchRobot()
     robot.rig.start()
