@@ -59,16 +59,9 @@ _MODULES = (
 """The modules that a robot of a class imports; a test fails if one of ours is missing. Each robot
 would read a missing module separately, and keep it in its own memory."""
 
-_ALLOCATOR = {
-    "MALLOC_ARENA_MAX": "1",
-    "MALLOC_MMAP_THRESHOLD_": str(1 << 20),
-    "MALLOC_TRIM_THRESHOLD_": str(1 << 19),
-}
-"""Settings of glibc's allocator. By default each thread gets its own heap, and keeps some megabytes
-of freed memory there; a robot has 14 threads, of which only one runs Python at a time. Also, glibc
-keeps freed memory at the heap's end up to twice the largest freed block, unless a limit is set. A
-robot keeps 3 MB less after 300 lessons, and .8 MB less after 1,000. Pictures are smaller than the
-second size, so they still come from the heap."""
+_ARENAS = "1"
+"""Number of heaps of glibc's allocator. By default each thread gets its own heap, and keeps some
+megabytes of freed memory there; a robot has 14 threads, of which only one runs Python at a time."""
 
 
 class Nursery:
@@ -88,7 +81,7 @@ class Nursery:
             pass_fds=[life],
             start_new_session=True,
             text=True,
-            env={**_ALLOCATOR, **os.environ},
+            env={"MALLOC_ARENA_MAX": _ARENAS, **os.environ},
         )
         os.close(life)
         self._lock = threading.Lock()
