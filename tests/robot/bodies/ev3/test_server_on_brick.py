@@ -31,7 +31,7 @@ from tests.robot.bodies.ev3.armel import Armel, guest_memory_mb
 from tests.robot.bodies.ev3.film import install_film
 from tests.server.live_robot import Pilot
 
-pytestmark = [pytest.mark.slow, pytest.mark.realtime, pytest.mark.timeout(500)]
+pytestmark = [pytest.mark.slow, pytest.mark.realtime, pytest.mark.timeout(1500)]
 MOST_MEMORY_MB = {"bookworm": 36.0, "trixie": 46.0}
 """Limits by release: pydantic 2 and a newer Python need more of each second."""
 FRAME_RATE_HZ = 10
@@ -134,9 +134,9 @@ def cost_of_a_cycle(served: Served, watcher: Watcher, seconds: float = 5.0) -> f
 
 
 def keep_at_it(
-    pilot: Pilot, mode: str, held: str | None, is_so: Callable[[], bool], within_s: float = 60
+    pilot: Pilot, mode: str, held: str | None, is_so: Callable[[], bool], within_s: float = 400
 ) -> None:
-    """Drive until a condition holds.
+    """Drive until a condition holds; `within_s` only ends a test that hangs.
 
     A busy machine may pause the emulator for longer than a picture may be old; then the robot
     stops, as it must, and is started again.
@@ -163,9 +163,9 @@ def test_a_brick_is_taught_and_drives_by_itself_in_little_memory(
 def it_is_taught_and_drives_in_36_mb(served: Served, capsys: pytest.CaptureFixture[str]) -> None:
     brick = served.brick
     drive = served.address + "/ws/drive"
-    with Watcher(served.address) as watcher, Pilot(drive, open_timeout=30) as pilot:
+    with Watcher(served.address) as watcher, Pilot(drive, open_timeout=120) as pilot:
         said = {"until served": served.armel.instructions() / 1e6}
-        pilot.wait_for_state(20, you_are_pilot=True)
+        pilot.wait_for_state(120, you_are_pilot=True)
         said["standing"] = cost_of_a_cycle(served, watcher)
         keep_at_it(pilot, "train", "forward", lambda: set(brick.speeds().values()) == {360})
         keep_at_it(pilot, "train", "forward", lambda: pilot.state["nodes"] == 32)
@@ -173,13 +173,13 @@ def it_is_taught_and_drives_in_36_mb(served: Served, capsys: pytest.CaptureFixtu
         keep_at_it(pilot, "train", "left", lambda: brick.speeds() == {"outB": -90, "outC": 0})
         keep_at_it(pilot, "train", "left", lambda: pilot.state["taught"]["left"] > 10)
         pilot.hold(None)
-        brick.wait_until(lambda: not brick.is_moving(), 30)
+        brick.wait_until(lambda: not brick.is_moving(), 120)
         keep_at_it(pilot, "autonomous", None, brick.is_moving)
         said["driving at 32 nodes"] = cost_of_a_cycle(served, watcher)
         keep_at_it(pilot, "autonomous", None, lambda: pilot.state["driven_by"] == "robot")
         memory = guest_memory_mb(served.process.pid)
         pilot.mode("stopped")
-        brick.wait_until(lambda: not brick.is_moving(), 30)
+        brick.wait_until(lambda: not brick.is_moving(), 120)
         state = pilot.state
         picture = watcher.frames[-1]
     assert (picture[1], len(picture)) == (1, 24 + film_camera.SIZE), "YUYV goes as it is"
@@ -187,7 +187,8 @@ def it_is_taught_and_drives_in_36_mb(served: Served, capsys: pytest.CaptureFixtu
     with capsys.disabled():
         print(f"\nmemory at 32 nodes: {memory['resident']:.1f} MB resident (guest pages)")
         for name, count in said.items():
-            print(f"million instructions, {name}: {count:.1f} (a cycle, but until it serves)")
+            unit = "" if "until" in name else " a cycle"
+            print(f"million instructions, {name}: {count:.1f}{unit}")
     assert memory["resident"] <= MOST_MEMORY_MB[served.armel.release]
 
 
