@@ -108,7 +108,7 @@ class Readiness:
     def _begin(self) -> None:
         self._taught_s = 0.0
         self._is_taught = False  # true once enough was taught
-        self._rare: list[Action] = []  # moves in use that were begun too few times while teaching
+        self._rare: list[Action] = []  # moves in use that the pilot started too rarely
         self._examples: Counter[Action] = Counter()
         self._starts: Counter[Action] = Counter()
         self._shown: set[Action] = set()  # moves taught by the pilot, not only by corrections

@@ -113,8 +113,8 @@ class _Seen:
     point: Point | None
 
     def differs(self, label: Action, point: Point | None) -> bool:
-        """Return whether this label corrects the robot. A label without a point always corrects the
-        robot, even if it is the move that the robot chose."""
+        """Return whether this label corrects the robot. If the pilot does not steer by degrees,
+        each label is a correction, even if the robot chose the same move."""
         if point is None or self.point is None or label is not self.predicted:
             return True
         return abs(point.steering - self.point.steering) > CORRECTS_BEYOND

@@ -20,8 +20,8 @@ _WRITTEN = re.compile(
     r"(?::(\d\d)(?:[.,:](\d{1,9}))?)? ?(?:([APap])\.?[Mm]\.?)?"
 )
 _SINCE_1970 = {1e17: 1e-9, 1e14: 1e-6, 1e11: 1e-3}
-"""Numbers from these bounds on are nanoseconds, microseconds and milliseconds since 1970; each
-bound is mapped to the factor that gives seconds."""
+"""A number above one of these bounds is a time since 1970, in nanoseconds, microseconds or
+milliseconds. Each bound has the factor that converts the number to seconds."""
 
 
 def seconds_of(value: object, name: str = "") -> float | None:

@@ -10,8 +10,8 @@ MOST_NAMES = 10_000
 """Upper bound of the number of names, above the number of moves of any body."""
 
 Names = Mapping[str, str]
-"""Maps the labels or moves that a model may name to those of the part; if empty, any name is
-allowed."""
+"""The names of labels and moves that a model may use, each with the robot's own name for it. An
+empty map allows every name."""
 Reader = Callable[[Any, Names], Any]
 """Converts a plain value to the part's form; raises ValueError for an invalid value."""
 

@@ -233,11 +233,11 @@ class ChangeOfMind(Stateful):
     the images of driving straight, and its own label's images are no nearer. After a change of mind
     most examples contradict the old label; in a lesson in the opposite direction few do.
 
-    A label that was contradicted often enough loses most of its votes at a view in two cases: its
-    image nearest to the view was last taught before the contradictions began; or another label's
-    image is at least as near and was taught much later. Both rules apply only when votes are
-    counted and change no histogram. So the rules' effect ends if the old label is taught again at
-    such views.
+    If a label was contradicted often enough, it loses most of its votes at a view in two cases.
+    Either the label's nearest image was last taught before the contradictions began, or another
+    label's image is at least as near and was taught much later. Both rules apply only when votes
+    are counted and change no histogram. So the rules' effect ends if the old label is taught again
+    at such views.
 
     The pilot can also declare a change of mind (`outdate`), which is better evidence. A label whose
     nearest image was taught before the declaration passes its votes to the nearest image taught

@@ -376,8 +376,11 @@ def _sets_going(case: DriverCase, order: Callable[[], object], tries: int | None
 
 
 def _comes(case: DriverCase, is_so: Callable[[], bool]) -> bool:
-    """Return whether `is_so` becomes true within the body's budget, because an order without
-    acknowledgement is still on its way when the call returns. The budget is shorter than a move."""
+    """Wait until `is_so` is true, for at most the body's budget; return whether it became true.
+
+    An order without acknowledgement may still be on its way when its call returns. The budget is
+    shorter than a move.
+    """
     return _comes_within(case, is_so, min(_obeys_within_s(case), REMOTE_BUDGET_S))
 
 

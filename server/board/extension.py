@@ -71,7 +71,7 @@ async def join(request: Request, body: ClassJoin) -> dict[str, str]:
     given = (body.board_nonce, body.nonce, body.proof)
     secret = _classroom(request).admit(*given, _own(request), now_s)
     if secret is None:
-        raise HTTPException(403, "This robot has another class key.")
+        raise HTTPException(403, "This robot's class key differs from the board's.")
     return {"secret": secret}
 
 

@@ -30,7 +30,7 @@ _PAGE = """<!doctype html><html><head><meta charset="utf-8"><title>Drivelesson</
 
 
 class StartingPart(Enum):
-    """The part that is still starting, in the page's languages."""
+    """The name of the part that is still starting, in each of the page's languages."""
 
     ROBOT = "the robot and its camera", "el robot y su cámara", "机器人和摄像头"
     MODEL = "what it has learned", "lo que ha aprendido", "学到的内容"

@@ -33,7 +33,9 @@ def describe_retraining(request: Request) -> dict[str, Any]:
 def begin_retraining(request: Request, body: RetrainingOrder) -> dict[str, Any]:
     """Train an empty learner."""
     if len(body.episodes) > _MOST_EPISODES:
-        raise HTTPException(400, f"At most {_MOST_EPISODES} recordings can be taught together.")
+        raise HTTPException(
+            400, f"The robot can learn from at most {_MOST_EPISODES} recordings at once."
+        )
     services = services_of(request)
     learner = body.learner or services.robot.loop.state.learner
     store = episodes_of(request)

@@ -51,7 +51,7 @@ class SeparateWork(Iterator[_T]):
         )
         assert self._process.stdin is not None and self._process.stdout is not None
         self._orders, self._results = self._process.stdin, self._process.stdout
-        # the process has ended; reading the results reports this
+        # the process has ended; reading its results raises the error
         with contextlib.suppress(BrokenPipeError):
             self._orders.write(pickle.dumps((work, args, kwargs)))
             self._orders.flush()

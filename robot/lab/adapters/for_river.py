@@ -88,7 +88,7 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
         self._columns, self._labels[y] = columns, label
 
     def predict_proba_one(self, x: Mapping[Any, Any]) -> dict[Any, float]:
-        """Return each label's share; empty before the first example."""
+        """Return each label's share of the votes; empty before the first example."""
         if not self._labels:
             return {}
         shares = self._learner.predict_proba_one(self._vector(x, self._columns))
