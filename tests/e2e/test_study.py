@@ -198,7 +198,7 @@ class Person:
         return dict(httpx.get(f"{self.world.address}/api/session").json()["session"]["answers"])
 
 
-@pytest.mark.timeout(60 + 60 * PARTICIPANTS)
+@pytest.mark.timeout(240 + 240 * PARTICIPANTS)
 @pytest.mark.parametrize("world", ["box"], indirect=True)
 def test_a_study_from_the_plan_to_its_table(phone: Any, world: World, tmp_path: Path) -> None:
     assert world.services.extension(StudyExtension).conductor is not None

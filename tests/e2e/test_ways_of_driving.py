@@ -52,19 +52,29 @@ def desktop(rovers_desktop: Any) -> Any:
 
 
 def test_a_finger_slides_and_two_fingers_are_one_direction(phone: Any, world: World) -> None:
+    wait_until(lambda: _slides_without_a_stop(phone, world), "each finger counts", 240)
+    assert phone.evaluate("visualViewport.scale") == 1, "two fingers do not zoom"
+
+
+def _slides_without_a_stop(phone: Any, world: World) -> bool:
+    """Return False if a busy machine stopped the robot in between, as a slow link does."""
     choose(phone, world, Mode.TRAIN)
     fingers = Fingers(phone)
     hold_until(world, fingers, "forward", lambda: world.action is Action.FORWARD)
+
+    def moves(action: Action) -> bool:
+        wait_until(lambda: world.action is action or world.mode is Mode.STOPPED, str(action))
+        return world.mode is not Mode.STOPPED
+
     fingers.slide(pad("right"))
-    wait_until(lambda: world.action is Action.RIGHT, "the finger slid to the right")
-    assert turned_rad(world) < -0.02
+    turns = moves(Action.RIGHT) and turned_rad(world) < -0.02
     fingers.press(pad("left"), finger=2)
-    wait_until(lambda: world.action is Action.LEFT, "the newer finger counts")
+    newer_counts = moves(Action.LEFT)
     fingers.lift(finger=2)
-    wait_until(lambda: world.action is Action.RIGHT, "the older one is still there")
+    older_is_there = moves(Action.RIGHT)
     fingers.lift(finger=1)
     wait_until(lambda: world.action is Action.STOP, "nothing is held")
-    assert phone.evaluate("visualViewport.scale") == 1, "two fingers do not zoom"
+    return turns and newer_counts and older_is_there
 
 
 def test_a_mouse_lets_go_though_its_other_button_is_down(desktop: Any, world: World) -> None:

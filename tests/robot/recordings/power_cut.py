@@ -169,9 +169,12 @@ def main() -> None:
     folder, kills, seed = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
     rng = random.Random(seed)
     lives = []
-    for _ in range(kills):
+    for number in range(kills):
         wall_s = 1.7e9 + rng.uniform(-60, 60) * 86_400  # a clock that is set to any time
-        lives.append(cut(folder, rng.choice(MOMENTS), rng.uniform(0.0, LONGEST_LIFE_S), wall_s))
+        moment, life_s = rng.choice(MOMENTS), rng.uniform(0.0, LONGEST_LIFE_S)
+        if number == 0:  # one life in which something is taught, on a slow machine as well
+            moment, life_s = "kept", 2 * LONGEST_LIFE_S
+        lives.append(cut(folder, moment, life_s, wall_s))
     print(json.dumps([asdict(life) for life in lives]))
 
 

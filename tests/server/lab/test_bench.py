@@ -32,7 +32,7 @@ def test_bench_link_measures_viewers_and_commands(
     monkeypatch.setattr(link, "_COMMAND_EVERY_S", 0.1)
     file = tmp_path / "link.json"
     # Long enough for a busy machine to send some pictures.
-    words = ["bench", "link", "--viewers", "2", "--seconds", "1", "--turns", "1"]
+    words = ["bench", "link", "--viewers", "2", "--seconds", "3", "--turns", "1"]
     assert main([*words, "--json", str(file)]) == 0
     result = json.loads(file.read_text())
     [ours] = result["viewers"]
