@@ -47,8 +47,8 @@ def test_a_second_tab_watches_asks_and_takes_over_politely(
     others.lift()
     second.locator(".notice button").tap()
     phone.locator(".notice button", has_text="Hand it over").wait_for()
-    asked = world.rig.loop.state
-    is_slow = asked.stop_reason in (StopReason.LINK_SLOW, StopReason.FRAME_STALE)
+    reason = world.rig.loop.state.decision.stop_reason
+    is_slow = reason in (StopReason.LINK_SLOW, StopReason.FRAME_STALE)
     assert world.action is Action.LEFT or is_slow, "asking stops nobody"
     fingers.lift()
     phone.locator(".notice button").tap()
