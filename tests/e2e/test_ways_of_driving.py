@@ -18,6 +18,7 @@ from tests.kit.wait import wait_until
 from .hand import (
     SET_HIDDEN,
     Fingers,
+    Way,
     choose,
     drive_on,
     hold_left,
@@ -237,20 +238,25 @@ def test_a_stick_steers_by_degrees_which_are_shown_over_the_picture_and_in_the_g
     steer_by(phone, "stick")
     choose(phone, world, Mode.TRAIN)
     fingers, wanted = Fingers(phone), world.lessons + 8
-    press = partial(fingers.press, stick(), at=(-0.5, 0.7))
-    press_until(phone, world, press, fingers.lift, lambda: world.lessons > wanted)
+
+    def hold(at: Way, until: Callable[[], bool]) -> None:
+        """Move the thumb there, and again after each stop of a busy machine."""
+
+        def put() -> None:
+            (fingers.press if fingers.are_lifted else fingers.slide)(stick(), at=at)
+
+        press_until(phone, world, put, fingers.lift, until)
+
+    hold((-0.5, 0.7), lambda: world.lessons > wanted)
     phone.locator("video-view .needle[aria-label*='taught -4']").wait_for()
     assert phone.locator("video-view .needle [class^=at-]:visible").count() >= 2
-    for way, side in {(-0.5, 0.7): -1, (0.5, 0.7): 1, (0.3, 0.9): 1, (0.0, 0.9): 0}.items():
-        fingers.slide(stick(), at=way)
-        wait_until(lambda w=way: near(world, w[0]), f"the wheels are turned to {way}")
-        assert world.action is {-1: Action.LEFT, 1: Action.RIGHT, 0: Action.FORWARD}[side]
-    fingers.slide(stick(), at=(1.5, 0.4))
-    wait_until(lambda: near(world, 1.0), "over the edge it is held to its end")
+    turns = {(-0.5, 0.7): Action.LEFT, (0.5, 0.7): Action.RIGHT, (0.3, 0.9): Action.RIGHT}
+    for way, action in (turns | {(0.0, 0.9): Action.FORWARD}).items():
+        hold(way, lambda w=way, a=action: near(world, w[0]) and world.action is a)
+    hold((1.5, 0.4), lambda: near(world, 1.0))  # over the edge it is held to its end
     fingers.slide(stick(), at=(0.02, 0.0))
     wait_until(lambda: world.action is Action.STOP, "a thumb that rests drives nowhere")
-    fingers.slide(stick(), at=(0.0, 0.9))
-    wait_until(lambda: world.action is Action.FORWARD, "and drives on")
+    hold((0.0, 0.9), lambda: world.action is Action.FORWARD)
     fingers.lift()
     wait_until_standing(world)
     phone.evaluate("location.hash = 'gallery'")
