@@ -247,9 +247,8 @@ def test_a_stick_steers_by_degrees_which_are_shown_over_the_picture_and_in_the_g
 
         press_until(phone, world, put, fingers.lift, until)
 
-    hold((-0.5, 0.7), lambda: world.lessons > wanted)
-    phone.locator("video-view .needle[aria-label*='taught -4']").wait_for()
-    assert phone.locator("video-view .needle [class^=at-]:visible").count() >= 2
+    shown = phone.locator("video-view .needle[aria-label*='taught -4'] [class^=at-]:visible")
+    hold((-0.5, 0.7), lambda: world.lessons > wanted and shown.count() >= 2)
     turns = {(-0.5, 0.7): Action.LEFT, (0.5, 0.7): Action.RIGHT, (0.3, 0.9): Action.RIGHT}
     for way, action in (turns | {(0.0, 0.9): Action.FORWARD}).items():
         hold(way, lambda w=way, a=action: near(world, w[0]) and world.action is a)
