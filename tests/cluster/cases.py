@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +41,7 @@ def after_first(expected: str, act: Callable[[Cluster, Process], object], **clie
     def case(folder: Path) -> tuple[Ended, str]:
         with Cluster(folder) as cluster:
             victim, *_ = [cluster.add("good") for _ in range(n_workers)]
-            act_now = lambda: act(cluster, victim)  # noqa: E731
+            act_now = partial(act, cluster, victim)
             return run_client(folder, cluster.address, after_first=act_now, **client), expected
 
     return case

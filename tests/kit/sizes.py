@@ -1,4 +1,4 @@
-"""Sizes of tests: small in `make test`, full in CI (`DRIVELESSON_FULL=1`)."""
+"""Sizes of tests: small in `make test` and in CI, full with `DRIVELESSON_FULL=1`."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 IS_FULL = os.environ.get("DRIVELESSON_FULL") == "1"
-"""True in CI, which runs every combination and every size."""
+"""True if every combination and every size is run."""
 
-in_ci = pytest.mark.skipif(not IS_FULL, reason="takes long: CI runs it (DRIVELESSON_FULL=1)")
+in_ci = pytest.mark.skipif(not IS_FULL, reason="takes long: run with DRIVELESSON_FULL=1")
 
 
 def size(name: str, small: int, full: int) -> int:
@@ -27,18 +27,18 @@ def size(name: str, small: int, full: int) -> int:
 
 
 def seeds(small: int, full: int) -> range:
-    """Return a range of `small` numbers in `make test`, and of `full` numbers in CI."""
+    """Return a range of `small` numbers in `make test`, and of `full` at full size."""
     return range(full if IS_FULL else small)
 
 
 def examples(full: int) -> int:
-    """Return the number of examples that hypothesis makes: a fifth in `make test`, `full` in CI."""
+    """Return the number of examples that hypothesis makes: a fifth, or `full` at full size."""
     return full if IS_FULL else max(5, full // 5)
 
 
 def few(values: Iterable[Any], small: int) -> list[Any]:
-    """Return all values in CI, and otherwise only `small` values at even distances, the first and
-    the last included.
+    """Return all values at full size, and otherwise only `small` values at even distances, the
+    first and the last included.
 
     >>> few(range(10), 3) if not IS_FULL else [0, 4, 9]
     [0, 4, 9]
@@ -55,7 +55,7 @@ def crossed(**axes: Iterable[Any]) -> pytest.MarkDecorator:
 
 
 def combined(*axes: Iterable[Any]) -> list[tuple[Any, ...]]:
-    """Return every combination in CI, and otherwise enough of them to contain every pair of values.
+    """Return every combination at full size, and otherwise enough to contain every pair of values.
 
     With two axes, each value occurs at least once, each time beside another value.
     """
