@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import secrets
 import socket
 import ssl
 from collections.abc import Sequence
@@ -193,37 +194,53 @@ def test_a_certificate_of_1970_is_renewed_when_the_clock_is_set(tmp_path: Path) 
 
 
 @pytest.fixture
-def mdns() -> None:
+def default_name(monkeypatch: pytest.MonkeyPatch) -> str:
+    """The name of a robot that nobody named, different in each test: all share one loopback."""
     if not hasattr(pytest.importorskip("zeroconf"), "AddressResolver"):
         pytest.skip("this zeroconf cannot ask for a host's addresses")
+    name = f"drivelesson-{secrets.token_hex(4)}"
+    monkeypatch.setattr("server.access.announcement.DEFAULT_HOSTNAME", name)
+    return name
 
 
-def test_of_two_robots_that_nobody_named_the_second_takes_another_name(mdns: None) -> None:
+def two_addresses() -> tuple[str, str]:
+    """Two of the loopback that no other process has, the lower one first."""
+    first = f"127.{secrets.randbelow(250) + 2}.{secrets.randbelow(250)}"
+    return f"{first}.2", f"{first}.3"
+
+
+def test_of_two_robots_that_nobody_named_the_second_takes_another_name(default_name: str) -> None:
+    chosen = f"ada-{default_name}"
     one, two, named = (
         Announcement(NetworkConfig(lan=True, port=8130 + i, hostname=name), "Ada")
-        for i, name in enumerate(["drivelesson", "drivelesson", "ada"])
+        for i, name in enumerate([default_name, default_name, chosen])
     )
+    first, second = two_addresses()
     try:
-        assert one.announce(["127.0.0.8"]) == "drivelesson"
-        assert two.announce(["127.0.0.9"]) == "drivelesson-2"
-        assert two.announce(["127.0.0.9"]) == "drivelesson-2", "it keeps it"
-        assert named.announce(["127.0.0.9"]) == "ada"
+        assert one.announce([first]) == default_name
+        assert two.announce([second]) == f"{default_name}-2"
+        assert two.announce([second]) == f"{default_name}-2", "it keeps it"
+        assert named.announce([second]) == chosen
     finally:
         for each in (one, two, named):
             each.close()
 
 
-def test_of_two_robots_that_start_at_the_same_moment_the_second_gives_way(mdns: None) -> None:
-    config, places = NetworkConfig(lan=True, port=8135), ["127.0.0.7", "127.0.0.10"]
+@pytest.mark.realtime
+def test_of_two_robots_that_start_at_the_same_moment_the_second_gives_way(
+    default_name: str,
+) -> None:
+    config = NetworkConfig(lan=True, port=8135, hostname=default_name)
+    places = two_addresses()
     robots = [Announcement(config, "Ada") for _ in places]
     try:
         for robot, place in zip(robots, places, strict=True):
-            with mock.patch.object(robot, "_free_name", lambda _: "drivelesson"):
+            with mock.patch.object(robot, "_free_name", lambda _: default_name):
                 robot.announce([place])  # neither hears the other one
         first, second = robots
         wait_until(lambda: second.must_yield([places[1]]), "the second hears the first")
         wait_until(lambda: not first.must_yield([places[0]]), "the first keeps the name")
-        assert second.announce([places[1]]) == "drivelesson-2"
+        assert second.announce([places[1]]) == f"{default_name}-2"
         assert not second.must_yield([places[1]])
     finally:
         for robot in robots:
