@@ -5,7 +5,7 @@ A test's name is its promise. Its level follows from what it runs:
 - parts: functions and objects, called directly;
 - app: the served app with its loop, in virtual time;
 - real: sockets, processes and threads on the wall clock;
-- browser: Chromium before a server; CI: only there (`in_ci`).
+- browser: Chromium before a server; full: only with DRIVELESSON_FULL=1 (`only_full`).
 
 With words, only the promises that name one of them, and how many there are at each level.
 """
@@ -77,7 +77,7 @@ def _level(file: str, marks: str, imported: set[str]) -> str:
         level = "real"
     else:
         level = "app" if imported & {*_SERVED} else "parts"
-    return f"{level}, CI" if "in_ci" in marks else level
+    return f"{level}, full" if "only_full" in marks else level
 
 
 def main() -> None:

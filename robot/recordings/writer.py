@@ -6,7 +6,6 @@ import contextlib
 import io
 import json
 import os
-import struct
 from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any, BinaryIO
@@ -42,15 +41,6 @@ from robot.types import Action, Frame
 
 FORMAT = 1
 _CHUNK_BYTES = 1 << 20
-_MESSAGE_HEAD = struct.Struct("<BQHIQQ")
-"""Kind, size, channel, number and the two times of a message in MCAP."""
-_MESSAGE_KIND, _FIELDS_BYTES = 5, 22
-"""The kind of a record that is a message, and the size of a message's fields before its data."""
-_INDEX_HEAD = struct.Struct("<BQHI")
-_INDEX_KIND, _INDEX_FIELDS_BYTES = 7, 6
-"""The same for the index of a channel's messages in a chunk."""
-_CHUNK_BUILDER = "_Writer__chunk_builder"
-"""The library's name for the part of a writer that collects a chunk."""
 
 
 def describe_run(
@@ -127,8 +117,6 @@ class EpisodeWriter:
             chunk_size=_CHUNK_BYTES,
             compression=CompressionType.ZSTD,
         )
-        if hasattr(self._writer, _CHUNK_BUILDER):
-            setattr(self._writer, _CHUNK_BUILDER, _chunk_builder_type()())
         self._schema = cache(lambda schema: self._writer.register_schema(*schema))
         self._channel = cache(self._register)
         self.tally = tally or Tally()
@@ -260,46 +248,6 @@ class EpisodeWriter:
             topic, encoding, self._schema(schema), dict(metadata)
         )
         return number
-
-
-@cache
-def _chunk_builder_type() -> type[Any]:
-    """Return a class that collects a chunk with the same bytes as the library's in half the time:
-    the library writes each field of a message, and then the size, by several calls."""
-    from mcap._chunk_builder import ChunkBuilder
-    from mcap.records import MessageIndex
-
-    class Index(MessageIndex):  # type: ignore[misc]
-        def write(self, stream: Any) -> None:
-            numbers = [number for record in self.records for number in record]
-            size = 8 * len(numbers)
-            head = _INDEX_HEAD.pack(_INDEX_KIND, _INDEX_FIELDS_BYTES + size, self.channel_id, size)
-            stream.write(head + struct.pack(f"<{len(numbers)}Q", *numbers))
-
-    class Chunk(ChunkBuilder):  # type: ignore[misc]
-        message_start_time: int
-        message_end_time: int
-
-        def add_message(self, message: Any) -> None:
-            channel_id, at_ns, data = message.channel_id, message.log_time, message.data
-            if not self.num_messages or at_ns < self.message_start_time:
-                self.message_start_time = at_ns
-            if at_ns > self.message_end_time:
-                self.message_end_time = at_ns
-            if channel_id not in self.message_indices:
-                self.message_indices[channel_id] = Index(channel_id, [])
-            written = self.record_writer
-            self.message_indices[channel_id].records.append((at_ns, written.count))
-            self.num_messages += 1
-            written.write(
-                _MESSAGE_HEAD.pack(
-                    *(_MESSAGE_KIND, _FIELDS_BYTES + len(data), channel_id, message.sequence),
-                    *(at_ns, message.publish_time),
-                )
-            )
-            written.write(data)
-
-    return Chunk
 
 
 class _Written:

@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.kit.sizes import in_ci
+from tests.kit.sizes import only_full
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs/howto/use-from-python.md"
@@ -44,7 +44,7 @@ def test_the_readme_prints_what_it_says() -> None:
     assert done.stdout.splitlines() == re.findall(r"# (\w+)$", code, re.MULTILINE) == ["left"]
 
 
-@in_ci
+@only_full
 def test_a_users_program_passes_a_strict_type_check(tmp_path: Path) -> None:
     file = tmp_path / "program.py"
     file.write_text(PROGRAM)

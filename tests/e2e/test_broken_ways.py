@@ -21,7 +21,7 @@ import pytest
 
 from robot.types import Mode
 from server.access.certificates import Certificates, make_certificates
-from tests.kit.sizes import in_ci
+from tests.kit.sizes import only_full
 from tests.kit.wait import wait_until
 from tests.server.live_robot import Pilot, live_server
 from tests.server.own_process import own_process
@@ -99,7 +99,7 @@ def way(world: World) -> Iterator[BrokenWay]:
     way.close()
 
 
-@in_ci
+@only_full
 def test_no_sentence_about_a_broken_way_is_false(
     chromium: Any, world: World, way: BrokenWay, tmp_path: Path
 ) -> None:
@@ -170,7 +170,7 @@ def test_a_proxy_that_refuses_connect_is_named_and_pictures_come_by_requests(
     proxy.close()
 
 
-@in_ci
+@only_full
 def test_a_box_that_looks_into_tls_is_no_robot_that_stands(tmp_path: Path) -> None:
     ours, theirs = (_certificates(tmp_path / name) for name in ("ours", "theirs"))
     inspecting = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)

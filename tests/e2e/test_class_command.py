@@ -23,7 +23,7 @@ import pytest
 
 from server.board.class_key import read_class_key
 from server.board.class_orders import give_order
-from tests.kit.sizes import IS_FULL, in_ci, size
+from tests.kit.sizes import IS_FULL, only_full, size
 from tests.kit.wait import wait_until
 from tests.server.live_robot import Pilot
 
@@ -218,7 +218,7 @@ def hand_over(pupil: Pilot) -> None:
     pupil.drive_until(lambda: pupil.state["mode"] == "autonomous", None, "autonomous")
 
 
-@in_ci
+@only_full
 @pytest.mark.timeout(600)
 def test_ten_pupils_of_a_class_teach_and_stand_at_once(delivered: Path, tmp_path: Path) -> None:
     port = free_ports(PUPILS + 1)

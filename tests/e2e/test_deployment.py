@@ -25,7 +25,7 @@ import httpx
 import pytest
 
 from server.cli.main import make_parser
-from tests.kit.sizes import in_ci
+from tests.kit.sizes import only_full
 from tests.server.live_robot import Pilot
 
 from .test_class_command import free_ports
@@ -127,7 +127,7 @@ def contained(tmp_path: Path, port: int) -> Iterator[tuple[subprocess.Popen[str]
             process.kill()
 
 
-@in_ci
+@only_full
 @pytest.mark.timeout(600)
 def test_the_image_drives_without_root_and_writes_its_data_alone(tmp_path: Path) -> None:
     (port,) = [free_ports(1)]

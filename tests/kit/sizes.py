@@ -12,7 +12,7 @@ import pytest
 IS_FULL = os.environ.get("DRIVELESSON_FULL") == "1"
 """True if every combination and every size is run."""
 
-in_ci = pytest.mark.skipif(not IS_FULL, reason="takes long: run with DRIVELESSON_FULL=1")
+only_full = pytest.mark.skipif(not IS_FULL, reason="takes long: run with DRIVELESSON_FULL=1")
 
 
 def size(name: str, small: int, full: int) -> int:

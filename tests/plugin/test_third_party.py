@@ -18,7 +18,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from tests.kit.sizes import in_ci
+from tests.kit.sizes import only_full
 from tests.plugin.environment import OwnEnvironment, imported
 from tests.server.live_robot import Pilot
 from tests.standins.mjpeg import MjpegServer
@@ -46,7 +46,7 @@ def test_the_howto_works_as_written(followed: tuple[Path, list[str]]) -> None:
     assert "skipped" not in printed[-1] and "failed" not in printed[-1]
 
 
-@in_ci
+@only_full
 def test_with_a_strangers_plugin_our_own_suite_passes(
     environment: OwnEnvironment, followed: tuple[Path, list[str]]
 ) -> None:

@@ -18,7 +18,7 @@ from robot.policy.image import to_grey
 from robot.policy.registry import Design, make_policy
 from robot.types import DEFAULT_MOVES, Action
 from server.__main__ import main
-from tests.kit.sizes import in_ci
+from tests.kit.sizes import only_full
 from tests.robot.footage import write_footage
 
 FOUND = os.environ.get(
@@ -145,7 +145,7 @@ README = {  # place: 9-nn, published BSOC-32, published BSOC-64
 
 @needs_recordings
 @pytest.mark.recordings
-@in_ci
+@only_full
 @pytest.mark.parametrize("place", README)
 def test_reproduces_the_figures_of_the_recordings(place):
     learners = ["knn-9", "published-32", "published-64"]

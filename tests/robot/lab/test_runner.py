@@ -22,7 +22,7 @@ from robot.lab.runner import Store, run_all
 from robot.lab.task import Params, Result, Task
 from tests.cluster.cases import CASES
 from tests.cluster.processes import run_client
-from tests.kit.sizes import in_ci
+from tests.kit.sizes import only_full
 
 pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
 pytest.importorskip("joblib", reason="the extra 'experiments' is not installed")
@@ -260,7 +260,7 @@ def test_a_silent_worker_is_reported_and_its_task_goes_to_another(
     assert run._todo == (["key"] if silent_s > 60 else [])
 
 
-@in_ci
+@only_full
 @pytest.mark.realtime
 def test_a_real_cluster_gives_the_same_results_or_one_sentence(tmp_path: Path) -> None:
     """Three of the cases of `python -m tests.cluster`."""
