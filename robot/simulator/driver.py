@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.devices.options import Options, option
-from robot.devkit.connected_driver import ConnectedDriver
-from robot.driver import ACTION_TIMEOUT_S, CLASSIC
-from robot.errors import ConfigurationError, did_you_mean
+from robot.driver import ACTION_TIMEOUT_S, CLASSIC, Driver
+from robot.errors import ConfigurationError, NotConnectedError, did_you_mean
 from robot.simulator.simulation import Simulation
 from robot.simulator.world import World, load_world, tinted, world_names
 from robot.types import Action, Point, Sensors
@@ -28,7 +27,7 @@ class SimOptions(Options):
     )
 
 
-class SimDriver(ConnectedDriver[Simulation]):
+class SimDriver(Driver):
     """Drives a `Simulation`. Time passes when the simulated camera's thread or an experiment calls
     `advance`.
 
@@ -51,6 +50,7 @@ class SimDriver(ConnectedDriver[Simulation]):
         self.simulation = Simulation(first, options.seed)
         self._lock = threading.RLock()
         self._left_s = 0.0
+        self._is_connected = False
 
     def enter(self, name: str) -> None:
         """Move the robot to the start of one of its `worlds`; the caller has stopped the robot.
@@ -69,10 +69,30 @@ class SimDriver(ConnectedDriver[Simulation]):
         world = load_world(name)
         return world if self._options.hue < 0 else tinted(world, self._options.hue)
 
-    def _open(self) -> Simulation:
-        return self.simulation
+    @property
+    def is_connected(self) -> bool:
+        return self._is_connected
+
+    def connect(self) -> None:
+        self._is_connected = True
+
+    def disconnect(self) -> None:
+        self.stop()
+        self._is_connected = False
+
+    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
+        self._drive(action, None, speed_scale)
+        return action
+
+    def send_point(self, point: Point, *, speed_scale: float = 1.0) -> Action:
+        action = self.move_of(point)
+        self._drive(action, None if action is Action.STOP else point, speed_scale)
+        return action
 
     def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
+        self.check_action(action, speed_scale)
+        if not self._is_connected:
+            raise NotConnectedError("the robot 'sim' is not connected; call connect() first")
         with self._lock:
             self.simulation.action, self.simulation.point = action, point
             self.simulation.speed_scale = speed_scale

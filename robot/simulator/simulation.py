@@ -12,8 +12,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.simulator.body import WHEELS, WHEELS_MPS, bumpers, move, push_out, sonar_m
+from robot.simulator.body import WHEELS, WHEELS_MPS, move, push_out
 from robot.simulator.renderer import Renderer
+from robot.simulator.sensors import bumpers, sonar_m
 from robot.simulator.things import move_things
 from robot.simulator.world import World
 from robot.types import Action, Point, Pose, Sensors

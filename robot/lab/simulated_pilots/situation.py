@@ -13,7 +13,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.simulator.body import RADIUS_M, ranges_m
+from robot.simulator.body import RADIUS_M
+from robot.simulator.sensors import ranges_m
 from robot.simulator.simulation import Simulation
 from robot.simulator.things import wall_gap_m
 from robot.simulator.world import WALLS, World

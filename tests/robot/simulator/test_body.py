@@ -1,4 +1,4 @@
-"""The body's motion, collisions and sonar; the numbers were computed by hand."""
+"""The body's motion, collisions and sensors; the numbers were computed by hand."""
 
 from __future__ import annotations
 
@@ -9,15 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robot.simulator.body import (
-    RADIUS_M,
-    WHEELS_MPS,
-    bumpers,
-    move,
-    push_out,
-    ranges_m,
-    sonar_m,
-)
+from robot.simulator.body import RADIUS_M, WHEELS_MPS, move, push_out
+from robot.simulator.sensors import bumpers, ranges_m, sonar_m
 from robot.simulator.world import Obstacle, World, load_world, world_names
 from robot.types import Action, Pose
 
