@@ -1,18 +1,22 @@
 """Records each run while it is driven. The loop only queues items; the disk's thread writes them.
 
 A recording begins when the robot leaves `stopped` or the learner changes; it ends after the robot
-has stood still for ten seconds. The queue for the disk is bounded by count and by bytes. So a slow
-disk costs neither memory nor time of the loop, but only pictures. The lost pictures are counted. An
-example whose picture was dropped is recorded with its feature vector, so that no example is lost.
+has stood still for ten seconds. The queue for the disk is bounded by count and by bytes, so a slow
+disk takes neither memory nor time from the loop. Instead, pictures that find no room are dropped,
+and the recorder counts them. An example whose picture was dropped is recorded with its feature
+vector, so that no example is lost.
 """
 
 from __future__ import annotations
 
 import contextlib
 import secrets
+import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -20,14 +24,101 @@ from robot.control.loop import ControlLoop
 from robot.control.state import Tick
 from robot.errors import MissingExtraError
 from robot.policy.history import HistoryEvent, Replaced, Taught, Undone
+from robot.recordings.config import RecorderConfig
 from robot.recordings.ending import end_cut_recordings
-from robot.recordings.messages import Fields, Messages, Topic
-from robot.recordings.queue import RecorderConfig, RecordingQueue
+from robot.recordings.messages import Fields, Messages, Topic, describe_tick
+from robot.recordings.open_recording import OpenRecording
 from robot.recordings.reader import require_mcap
-from robot.recordings.writer import describe_run
+from robot.recordings.writer import EpisodeWriter, describe_run
 from robot.store.disk import Announce, DiskThread, no_announcement
 from robot.store.models.model import Model, take_model
 from robot.types import Action, Frame, Mode
+
+_KEPT_IDS = 512
+"""An example's picture is looked up among this number of the latest recorded pictures."""
+
+
+class RecordingQueue:
+    """Receives items on the loop's thread, and writes them to a recording on the disk's thread.
+
+    Attributes:
+        lost: `OpenRecording.lost`.
+        waiting_bytes: Bytes of queued pictures.
+    """
+
+    def __init__(self, recording: OpenRecording, config: RecorderConfig) -> None:
+        self._recording = recording
+        self._config = config
+        self._lock = threading.Lock()
+        self._jobs: deque[tuple[int, Callable[..., None], tuple[Any, ...]]] = deque()
+        self._kept_ids: deque[int] = deque(maxlen=_KEPT_IDS)
+        self.lost = recording.lost
+        self.waiting_bytes = 0
+
+    def begin(self, run: Mapping[str, str], model: Model | None) -> None:
+        self._kept_ids.clear()
+        self._put(0, self._recording.begin, run, model, self.lost.copy(), must_go=True)
+
+    def end(self, model: Model | None, *, is_kept: bool) -> None:
+        """End the recording; `model` is the learner's current state, None if unknown."""
+        self._put(0, self._recording.end, model, is_kept, must_go=True)
+
+    def write_tick(
+        self, tick: Tick, frames: Sequence[Frame], events: Sequence[HistoryEvent], **shown: bool
+    ) -> None:
+        """Queue pictures and the messages of a tick; `shown` is passed to `describe_tick`."""
+        for frame in frames:
+            self.write_frame(frame)
+        taught = [event.example.frame_id for event in events if isinstance(event, Taught)]
+        lost = [frame_id for frame_id in taught if frame_id not in self._kept_ids]
+        bare = replace(tick, frame=None)  # dropped pictures must not use memory
+        self.write_messages(tick.now_s, partial(describe_tick, bare, events, lost, **shown))
+
+    def write_frame(self, frame: Frame) -> None:
+        """Queue a picture once, or drop it if there is no room."""
+        if frame.frame_id in self._kept_ids:
+            return
+        if self._put(len(frame.data), self._recording.write, EpisodeWriter.write_frame, frame):
+            self._kept_ids.append(frame.frame_id)
+        else:
+            self.lost["frames"] += 1
+
+    def write_messages(self, now_s: float, describe: Callable[[], Messages]) -> None:
+        """Queue messages of one time, or drop them all if there is no room. The disk's thread calls
+        `describe`."""
+        if not self._put(0, self._recording.write, _write_messages, now_s, describe):
+            self.lost["messages"] += len(describe())
+
+    def _put(self, size: int, job: Callable[..., None], *what: Any, must_go: bool = False) -> bool:
+        """Queue a job; return False if the queue is full. Never waits for the disk."""
+        config = self._config
+        with self._lock:
+            is_full = self.waiting_bytes + size > config.queue_bytes and size > 0
+            if is_full or (len(self._jobs) >= config.queue_items and not must_go):
+                return False
+            self._jobs.append((size, job, what))
+            self.waiting_bytes += size
+        return True
+
+    # On the disk's thread ------------------------------------------------------------------------
+
+    def write_waiting(self) -> None:
+        """Write the queued items to the disk, and flush. Never raises: a failure ends the
+        recording."""
+        try:
+            waiting = len(self._jobs)
+            for _ in range(waiting):
+                with self._lock:
+                    size, job, what = self._jobs.popleft()
+                job(*what)
+                with self._lock:
+                    self.waiting_bytes -= size
+            if waiting:
+                self._recording.flush()
+        except Exception as error:  # the thread must continue after any error
+            with self._lock:
+                self.waiting_bytes = sum(size for size, _, _ in self._jobs)
+            self._recording.fail(error)
 
 
 class Recorder:
@@ -36,7 +127,11 @@ class Recorder:
     `announce` is called when recording begins, ends, stops because of a fault, or loses pictures.
     `disk` is the thread that writes; by default the recorder starts a thread. `about` are the
     arguments `robot`, `declared_moves` and `options` of `describe_run`, which describe the robot in
-    each recording. The attribute `queue` holds the recorder's state.
+    each recording.
+
+    Attributes:
+        recording: The recording that is being written, with the recorder's `fault`.
+        queue: The items that wait for the disk.
     """
 
     def __init__(
@@ -55,7 +150,8 @@ class Recorder:
         self._config = config or RecorderConfig()
         self._run_id = secrets.token_hex(8)
         self._folder = folder
-        self.queue = RecordingQueue(folder, self._config, open_file, announce, loop.clock)
+        self.recording = OpenRecording(folder, self._config, open_file, announce, loop.clock)
+        self.queue = RecordingQueue(self.recording, self._config)
         self._disk = disk or DiskThread(loop.clock)
         self._disk.add(self.queue.write_waiting)
         self._unsubscribe: Callable[[], None] = lambda: None
@@ -67,15 +163,15 @@ class Recorder:
         self._moved_s = 0.0
         self._lead: deque[Frame] = deque(maxlen=self._config.lead_frames)
         self._n_taught = 0
-        """Number of examples in the recording that were not undone."""
+        """Number of examples that this recording contains, minus those that were undone."""
 
     def start(self) -> None:
-        """Start recording. If the library `mcap` is missing, nothing is recorded and `fault` says
-        so."""
+        """Start recording. If the library `mcap` is missing, nothing is recorded and
+        `recording.fault` says so."""
         try:
             require_mcap()
         except MissingExtraError as error:
-            self.queue.refuse(str(error))
+            self.recording.refuse(str(error))
             return
         self._unsubscribe = self._loop.subscribe(self.note)
         self._disk.start()
@@ -109,12 +205,12 @@ class Recorder:
         began = is_moving and self._mode is Mode.STOPPED
         self._moved_s = now_s if is_moving else self._moved_s
         events = self._own_events(tick.history_events)
-        if began and self.queue.fault is not None:
+        if began and self.recording.fault is not None:
             # the disk's thread ended the recording; the next one begins with these events
             if self._is_open:
                 self.finish()
                 events = ()
-            self.queue.fault = None
+            self.recording.fault = None
         if not self._is_open and (is_moving or events):
             self._open(now_s)
         is_over = self._is_over(tick, events)
@@ -217,3 +313,8 @@ def make_id(wall_ns: int) -> str:
     """Name a recording by its time, in UTC, so that names sort by time."""
     at = datetime.fromtimestamp(wall_ns / 1e9, UTC)
     return f"{at:%Y-%m-%d_%H%M%S}_{wall_ns // 10**6 % 1000:03d}"
+
+
+def _write_messages(writer: EpisodeWriter, now_s: float, describe: Callable[[], Messages]) -> None:
+    for topic, fields in describe():
+        writer.write_message(topic, now_s, fields)

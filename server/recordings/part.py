@@ -9,11 +9,11 @@ from typing import Any, BinaryIO
 from robot.devices.rig import Rig
 from robot.driver import describe
 from robot.recordings.archive import copy_edited
+from robot.recordings.config import RecorderConfig
 from robot.recordings.editing import write_edited
 from robot.recordings.edits import Notes
 from robot.recordings.episode import Episode
 from robot.recordings.folder import NAME
-from robot.recordings.queue import RecorderConfig
 from robot.recordings.recorder import Recorder
 from robot.recordings.rejoining import rejoin
 from robot.recordings.store import EpisodeStore
@@ -39,12 +39,12 @@ class Recordings(PersistencePart):
             disk=kept.disk,
         )
         self._kept = kept
-        queue = self.recorder.queue
-        self.episodes = EpisodeStore(kept.storage, lambda: queue.episode_id, _write_edited)
+        recording = self.recorder.recording
+        self.episodes = EpisodeStore(kept.storage, lambda: recording.episode_id, _write_edited)
 
     def _announce(self, name: str, **fields: Any) -> None:
         """Set the run's name, because a recording began or ended, and announce the event."""
-        self._kept.run = self.recorder.queue.episode_id
+        self._kept.run = self.recorder.recording.episode_id
         self._kept.announce(name, **fields)
 
     def start(self) -> None:
@@ -55,10 +55,10 @@ class Recordings(PersistencePart):
         self.recorder.stop()
 
     def refuse(self, why: str) -> None:
-        self.recorder.queue.refuse(f"Nothing is recorded: {why}")
+        self.recorder.recording.refuse(f"Nothing is recorded: {why}")
 
     def resume(self) -> None:
-        self.recorder.queue.resume()
+        self.recorder.recording.fault = None
 
     def end_run(self) -> None:
         self.recorder.begin_anew()

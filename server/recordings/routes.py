@@ -194,12 +194,12 @@ def _describe(summary: EpisodeSummary, recording: str | None = None) -> EpisodeA
 def list_episodes(request: Request) -> Response:
     """List all episodes, the newest first."""
     part = persistence_of(request).part(Recordings)
-    recorder = part.recorder.queue
+    recording = part.recorder.recording
     found = EpisodeList(
-        recording=recorder.episode_id,
-        fault=recorder.fault,
-        dropped_frames=recorder.lost["frames"],
-        episodes=[_describe(one, recorder.episode_id) for one in part.episodes.summaries()],
+        recording=recording.episode_id,
+        fault=recording.fault,
+        dropped_frames=recording.lost["frames"],
+        episodes=[_describe(one, recording.episode_id) for one in part.episodes.summaries()],
         offered=[one.id for one in part.episodes.offered()],
         trash_bytes=persistence_of(request).storage.trash_bytes(),
         undo=max(part.episodes.trash(), default=None),

@@ -318,4 +318,4 @@ def finish_recording(world: World) -> None:
     """End the recording now; otherwise it ends when the robot has stood for a while."""
     recorder = world.persistence.part(Recordings).recorder
     world.rig.loop.submit(recorder.finish).result(60)
-    wait_until(lambda: recorder.queue.episode_id is None, "the recording ends")
+    wait_until(lambda: recorder.recording.episode_id is None, "the recording ends")

@@ -174,7 +174,7 @@ def test_after_every_start_the_robot_serves_drives_and_saves(
         episodes(persistence).offered()
         name = persistence.autosave.save()
         assert persistence.models.load(name).summary.n_examples == lessons, done
-        assert persistence.part(Recordings).recorder.queue.fault is None, done
+        assert persistence.part(Recordings).recorder.recording.fault is None, done
     for name, where in started.moved:
         assert os.path.lexists(root / where), (name, where, done)
 
@@ -202,7 +202,10 @@ def test_if_nothing_can_be_saved_the_robot_drives_and_reports_it(tmp_path: Path)
     with started as (rig, persistence):
         assert started.storage.fault and str(Path("/proc/drivelesson")) in started.storage.fault
         assert teach(rig) == 5
-        assert persistence.part(Recordings).recorder.queue.fault and "recording_off" in started.told
+        assert (
+            persistence.part(Recordings).recorder.recording.fault
+            and "recording_off" in started.told
+        )
         assert ModelLibrary(persistence.storage, persistence.models).saved() == []
         assert episodes(persistence).summaries() == []
         with pytest.raises(OSError):

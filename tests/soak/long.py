@@ -29,8 +29,10 @@ from typing import Any
 import cv2
 import numpy as np
 
+from robot.recordings.config import RecorderConfig
 from robot.recordings.messages import Topic
-from robot.recordings.queue import RecorderConfig, RecordingQueue
+from robot.recordings.open_recording import OpenRecording
+from robot.recordings.recorder import RecordingQueue
 from robot.recordings.writer import describe_run
 from robot.store.disk import no_announcement
 from robot.testing import VirtualClock
@@ -50,9 +52,9 @@ def record(data: Path, pictures: int) -> None:
     folder, clock = data / "episodes", VirtualClock()
     folder.mkdir(parents=True)
     seen = _scene()
-    queue = RecordingQueue(
-        folder, RecorderConfig(spare_bytes=0), lambda path: path.open("xb"), no_announcement, clock
-    )
+    config = RecorderConfig(spare_bytes=0)
+    recording = OpenRecording(folder, config, lambda path: path.open("xb"), no_announcement, clock)
+    queue = RecordingQueue(recording, config)
     run = describe_run(
         episode_id=NAME,
         run_id="long",

@@ -8,7 +8,7 @@ from pathlib import Path
 from robot.control.loop import ControlLoop
 from robot.learner.base import State
 from robot.policy.registry import make_policy
-from robot.recordings.queue import RecorderConfig
+from robot.recordings.config import RecorderConfig
 from robot.recordings.recorder import Recorder
 from robot.simulator.camera import SimCamera, SimCameraOptions
 from robot.simulator.driver import SimDriver, SimOptions

@@ -11,11 +11,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from robot.recordings.config import RecorderConfig
 from robot.recordings.editing import moments
 from robot.recordings.edits import Notes
 from robot.recordings.episode import Episode, open_episode, taught_frames
 from robot.recordings.messages import Topic
-from robot.recordings.queue import RecorderConfig
 from robot.recordings.recorder import Recorder
 from robot.types import Action, Mode
 from tests.robot.bench_robot import BenchRobot

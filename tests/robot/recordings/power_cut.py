@@ -25,8 +25,8 @@ from robot.devices.rig import Rig
 from robot.errors import RobotError
 from robot.policy.history import Taught
 from robot.policy.registry import make_policy
+from robot.recordings.config import RecorderConfig
 from robot.recordings.episode import open_episode, taught_frames
-from robot.recordings.queue import RecorderConfig
 from robot.store.folder import Storage
 from robot.testing import FakeCamera, FakeDriver
 from robot.types import Action, Mode, PilotCommand
@@ -94,7 +94,7 @@ def live(folder: Path, out: int, wall_s: float) -> None:
     clock.wall_s = lambda: wall_s  # type: ignore[method-assign]
     rig = Rig(FakeDriver(), FakeCamera(clock), make_policy("published-8"), clock)
     persistence = Persistence(Storage(folder), rig, name="bench")
-    persistence.part(Recordings).recorder.queue._config = RecorderConfig(spare_bytes=0)
+    persistence.part(Recordings).recorder.recording._config = RecorderConfig(spare_bytes=0)
     rig.loop.subscribe(note)  # first, so that everything on the disk was reported before
     with rig:
         persistence.journal._thread.add(tell_kept)

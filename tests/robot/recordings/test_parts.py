@@ -21,6 +21,7 @@ from robot.exchange.drive import ImportReport
 from robot.exchange.sources import find_drives
 from robot.policy.history import Taught
 from robot.recordings.archive import join_recording, zip_recordings
+from robot.recordings.config import RecorderConfig
 from robot.recordings.editing import sample
 from robot.recordings.edits import Edit, Notes, notes_path
 from robot.recordings.ending import end_recording
@@ -28,9 +29,10 @@ from robot.recordings.episode import Episode, open_episode, taught_frames
 from robot.recordings.folder import NAME
 from robot.recordings.marks import FrameMarks
 from robot.recordings.messages import Topic
+from robot.recordings.open_recording import OpenRecording
 from robot.recordings.parts import part_paths
-from robot.recordings.queue import RecorderConfig, RecordingQueue
 from robot.recordings.reader import CUT_SHORT, Block, walk
+from robot.recordings.recorder import RecordingQueue
 from robot.recordings.rejoining import rejoin, strays
 from robot.recordings.store import EpisodeStore
 from robot.recordings.summary import read_summary
@@ -322,9 +324,9 @@ def test_a_disk_that_refuses_a_part_ends_the_recording(tmp_path: Path, refused: 
     robot = RecordedBench(tmp_path, open_file=open_file, part_s=1.0)
     robot.start(Mode.TRAIN)
     scene = 0
-    while not robot.recorder.queue.fault and scene < 200:
+    while not robot.recorder.recording.fault and scene < 200:
         robot.step(scene := scene + 1, None)
-    assert "No space left" in str(robot.recorder.queue.fault)
+    assert "No space left" in str(robot.recorder.recording.fault)
     [path] = sorted(tmp_path.glob("*.mcap"))
     assert open_episode(path).damage == CUT_SHORT and len(part_paths(path)) == refused
     robot.finish()
@@ -335,7 +337,10 @@ def test_the_recorder_keeps_nothing_of_earlier_parts(tmp_path: Path) -> None:
     """Bytes kept at the beginning of each part; a page of marks covers 4096 frame ids."""
     clock = VirtualClock()
     config = RecorderConfig(spare_bytes=0, part_s=20.0)
-    queue = RecordingQueue(tmp_path, config, lambda path: path.open("xb"), no_announcement, clock)
+    recording = OpenRecording(
+        tmp_path, config, lambda path: path.open("xb"), no_announcement, clock
+    )
+    queue = RecordingQueue(recording, config)
     queue.begin(describe_run(episode_id="long", run_id="r", origin_ns=10**18), None)
     taught, kept = FrameMarks(), []
     tracemalloc.start()

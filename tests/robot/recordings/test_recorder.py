@@ -197,7 +197,7 @@ def test_a_full_disk_stops_recording_with_a_word_and_the_robot_drives_on(tmp_pat
     disk.is_full = True
     for scene in range(1, 20):
         robot.step(scene, Action.LEFT)
-    fault = robot.recorder.queue.fault
+    fault = robot.recorder.recording.fault
     assert fault is not None and "No space left" in fault
     assert ("recording_off", {"detail": fault}) in robot.told
     assert robot.step(30, Action.RIGHT).sent is Action.RIGHT
@@ -209,7 +209,9 @@ def test_recording_keeps_room_on_the_disk_for_models(tmp_path: Path) -> None:
     robot.recorder.finish()
     robot.recorder.stop()
     assert list(tmp_path.iterdir()) == []
-    assert robot.recorder.queue.fault is not None and "MB left" in robot.recorder.queue.fault
+    assert (
+        robot.recorder.recording.fault is not None and "MB left" in robot.recorder.recording.fault
+    )
 
 
 def test_without_the_library_recording_is_off_with_a_word(
@@ -218,7 +220,7 @@ def test_without_the_library_recording_is_off_with_a_word(
     monkeypatch.setitem(__import__("sys").modules, "mcap.writer", None)
     robot = RecordedBench(tmp_path)
     robot.drive(range(5))
-    assert "drivelesson[episodes]" in str(robot.recorder.queue.fault)
+    assert "drivelesson[episodes]" in str(robot.recorder.recording.fault)
     assert robot.finish() == []
 
 

@@ -27,13 +27,14 @@ def test_the_drive_after_a_disk_refused_is_recorded(
 ) -> None:
     chance, disk = random.Random(f"{stood_s}"), Disk()
     robot = RecordedBench(tmp_path, open_file=disk.open)
-    queue, history = robot.recorder.queue, robot.loop.history
+    queue, recording = robot.recorder.queue, robot.recorder.recording
+    history = robot.loop.history
     robot.drive(range(chance.randrange(5, 20)))
     queue.write_waiting()
     disk.is_full = True
     robot.drive(range(20, 40))
     queue.write_waiting()
-    assert queue.fault is not None and "No space left" in queue.fault
+    assert recording.fault is not None and "No space left" in recording.fault
     disk.is_full = False
     robot.stand(stood_s)
 
@@ -46,7 +47,7 @@ def test_the_drive_after_a_disk_refused_is_recorded(
         robot.tick()
     robot.drive(range(100, 140))
     live = history.policy.get_state()
-    assert queue.fault is None and queue.episode_id is not None
+    assert recording.fault is None and recording.episode_id is not None
     episode = robot.episode()
     before = episode.model_before()
     assert before is not None and episode.damage is None
@@ -79,5 +80,5 @@ def test_every_file_is_closed_whichever_flush_the_disk_refuses(
     robot.drive(range(10))
     robot.recorder.queue.write_waiting()
     robot.finish()
-    assert robot.recorder.queue.fault is not None
+    assert robot.recorder.recording.fault is not None
     assert files and all(file.closed for file in files)

@@ -21,7 +21,7 @@ pytest.importorskip("mcap")
 
 from robot.control.loop import ControlLoop
 from robot.policy.registry import make_policy
-from robot.recordings.queue import RecorderConfig
+from robot.recordings.config import RecorderConfig
 from robot.simulator.driver import SimDriver, SimOptions
 from robot.simulator.world import world_names
 from robot.store.models.model import encode_model, take_model

@@ -1,0 +1,33 @@
+"""The recorder's options."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecorderConfig:
+    """Bounds of the queue, time limits, and which recordings to keep."""
+
+    keeps_drives: bool = True
+    """True: keep recordings in which the robot moved but was not taught."""
+    queue_bytes: int = 32 * 2**20
+    """Most bytes of queued pictures; further pictures are dropped and counted."""
+    queue_items: int = 4096
+    """Most queued items. A picture is one item, and so are the messages of one tick together.
+    Messages are dropped last, because they are small."""
+    pause_s: float = 10.0
+    """Time for which the robot must stand still before the recording ends, in seconds."""
+    trail_s: float = 1.0
+    """Time for which pictures are still recorded after the robot stopped, in seconds."""
+    lead_frames: int = 15
+    """Number of pictures from before the start that are also recorded, because the pilot may label
+    them. These pictures fill at most a quarter of the queue."""
+    part_bytes: int = 64 * 2**20
+    """Size at which a recording continues in another file, in bytes."""
+    part_s: float = 600.0
+    """Time after which a recording continues in another file, in seconds. This limits the memory
+    that the recorder needs, and a reader if a file has no index."""
+    spare_bytes: int = 64 * 2**20
+    """Recording stops if fewer bytes are free on the disk. These bytes are left for models and the
+    system."""
