@@ -1,4 +1,4 @@
-"""Time as an argument: all waiting goes through a clock.
+"""The clock by which all code reads the time and waits; it is passed as an argument.
 
 In real time the clock simply waits. In virtual time a wait takes no time, because the clock jumps
 to the next event: `robot/testing/virtual_clock.py`.
@@ -20,7 +20,7 @@ Worker = threading.Thread
 
 
 class Clock:
-    """Monotonic seconds since an arbitrary start, and all ways to wait.
+    """Tells the time in monotonic seconds since an arbitrary start, and offers all ways to wait.
 
     The base class uses the machine's clock. Jumps of the wall clock do not affect it.
     """
@@ -60,9 +60,9 @@ class Clock:
         return thread
 
     async def pause(self, seconds: float) -> None:
-        """Suspend this task; with 0 seconds, let the other tasks run once."""
+        """Suspend this asyncio task; with 0 seconds, let the other tasks run once."""
         await asyncio.sleep(seconds)
 
 
 RealClock = Clock
-"""The clock's name in code that needs real time."""
+"""The name of `Clock` in code that works only in real time."""

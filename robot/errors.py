@@ -99,7 +99,7 @@ class NotFoundError(RobotError, LookupError):
 def told_as(
     kind: type[Exception], what: str, *errors: type[Exception], do: str = ""
 ) -> Iterator[None]:
-    """Raise OSErrors, or the given types of errors, as `kind`. The message says what failed, why,
+    """Convert OSErrors, or the given types of errors, to `kind`. The message says what failed, why,
     and what to do."""
     caught = errors or (OSError,)
     try:
@@ -112,8 +112,8 @@ def told_as(
 class PluginErrors:
     """Converts the errors of one plugin's code to `RobotError`s.
 
-    Errors of type `RobotError` pass unchanged, because they already say what is wrong. For other
-    errors the traceback is logged, once for each message.
+    Errors of type `RobotError` pass unchanged, because they already say what is wrong. Any other
+    error is converted, and its traceback is logged once for each message.
 
     Args:
         kind: Kind of the plugin: `robot` or `camera`.
@@ -155,7 +155,7 @@ KeyError: 'port'; the log has the traceback: send that to the plug-in's author
         self._first()
         said = " ".join(f"{type(error).__name__}: {error}".split())[:_LONGEST_SAID]
         said = f"{self._what} failed in {call}: {said.removesuffix(': ')}"
-        if said != self._said:  # log the sentence once, not thirty times a second
+        if said != self._said:  # log it once, although it may occur thirty times a second
             self._said = said
             log.error(said, exc_info=error)
         return self._error_type(
@@ -211,8 +211,8 @@ def _pip_install() -> str:
 
 
 def quoted(word: str) -> str:
-    """Return a word quoted for this system's shells, even as a command. PowerShell would treat a
-    command that begins with a quote as text, and cmd fails on the `&` that would prevent this."""
+    """Return a word quoted for this system's shells. The word may be a command, so on Windows it
+    never begins with a quote: PowerShell would print a quoted command instead of running it."""
     if os.name != "nt":
         return shlex.quote(word)
     parts = word.split("\\")

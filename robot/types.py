@@ -87,7 +87,7 @@ class Point(NamedTuple):
 
 
 class Mode(StrEnum):
-    """The mode that the pilot requested. Only an explicit request leaves STOPPED."""
+    """The mode that the pilot requested. Only a request of the pilot ends STOPPED."""
 
     STOPPED = "stopped"
     TRAIN = "train"
@@ -115,7 +115,7 @@ class StopReason(StrEnum):
     LOOP_FAULT = "loop_fault"
     EMERGENCY = "emergency"
     BUTTON = "button"
-    NEEDS_HELP = "needs_help"  # the robot tried without success, and waits for the pilot
+    NEEDS_HELP = "needs_help"  # the robot could not free itself, and waits for the pilot
 
 
 class Encoding(StrEnum):
@@ -128,10 +128,10 @@ class Encoding(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
-    """One upright picture; it is encoded again only if it had to be turned (`Mounting`).
+    """One upright picture. A JPEG is encoded again only if it had to be turned (`Mounting`).
 
-    `frame_id` counts up from 1 within one run; commands, examples and recordings name frames by it.
-    `captured_s` is the clock's time at which the picture was taken.
+    `frame_id` counts up from 1 within one run; commands, examples and recordings refer to frames by
+    this number. `captured_s` is the clock's time at which the picture was taken.
     """
 
     frame_id: int
@@ -179,7 +179,7 @@ class Game:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensors:
-    """The robot's sensors except its camera. None if there is no such sensor."""
+    """Readings of all sensors except the camera. A reading is None if its sensor is missing."""
 
     distance_m: float | None = None
     bumped: bool | None = None
@@ -194,13 +194,13 @@ class Sensors:
 class PilotCommand:
     """One command of the pilot: the move held, and the frame that was on the screen.
 
-    `held` is None while nothing is held: the command is only a heartbeat. `seq` counts up within
-    one connection; `received_s` is the loop's clock at receipt, never the phone's. `frame_age_s` is
-    the page's estimate of the frame's age when the command was sent, and `phone_s` the part of this
-    age that the frame had spent on the phone. `proven_s` is a time before which the command cannot
-    have been sent; None means the time of receipt. `seen_id` is the newest frame that the page has
-    acknowledged; None if unknown. `point` is the exact steering and throttle, if `held` was steered
-    by degrees.
+    `held` is None while the pilot holds no move; the command is then only a heartbeat. `seq` counts
+    up within one connection; `received_s` is the loop's clock at receipt, never the phone's.
+    `frame_age_s` is the page's estimate of the frame's age when the command was sent, and `phone_s`
+    the part of this age that the frame had spent on the phone. `proven_s` is a time before which
+    the command cannot have been sent; None means the time of receipt. `seen_id` is the newest frame
+    that the page has acknowledged; None if unknown. `point` is the exact steering and throttle, if
+    `held` was steered by degrees.
     """
 
     held: Action | None
@@ -236,7 +236,7 @@ class Prediction:
     is_turn: bool = False
     """True if the action is known to steer to one side."""
     needs_help: bool = False
-    """True if everything that the robot tried failed, so it stands and waits for the pilot."""
+    """True if the robot could not free itself, so it stands still and waits for the pilot."""
     point: Point | None = None
     """The steering and throttle of `action`, if the pilot taught by degrees."""
     spread: float | None = None
@@ -280,11 +280,11 @@ class StartStop(ABC):
 
     @abstractmethod
     def start(self) -> None:
-        """Begin; idempotent."""
+        """Start the part; does nothing if the part has already started."""
 
     @abstractmethod
     def stop(self) -> None:
-        """End, and release all resources; idempotent, and safe before `start`."""
+        """Stop the part and release its resources; does nothing if the part is not running."""
 
     def __enter__(self) -> Self:
         self.start()

@@ -292,7 +292,7 @@ class Corrections:
         }
 
     def changed(self, **values: Any) -> Corrections:
-        """Return these corrections with some values changed; None changes nothing.
+        """Return these corrections with some values changed; a value of None keeps the old value.
 
         Raises:
             ConfigurationError: If a value is out of range.

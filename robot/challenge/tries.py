@@ -84,7 +84,7 @@ class Challenge:
         self.is_armed, self._score = False, None
 
     def note(self, tick: Tick) -> Try | None:
-        """Process one tick; return a try that has just ended."""
+        """Process one tick of the loop; return the try that this tick ended, or None."""
         step_s = 0.0 if self._last_s is None else tick.now_s - self._last_s
         step_s = min(max(step_s, 0.0), _LONGEST_STEP_S)
         self._last_s = tick.now_s

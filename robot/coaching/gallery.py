@@ -1,4 +1,5 @@
-"""The learned images for the gallery: when each was last used, and which parts decide."""
+"""Describes the learned images for the page's gallery: when each was last used, and which of its
+parts decide."""
 
 from __future__ import annotations
 

@@ -21,8 +21,8 @@ class Tick:
     """The events of one tick, and the state of the loop at its end.
 
     `frame` is set if there is a new frame; `frame_id` and `frame_captured_s` belong to the newest
-    frame. `source_age_s` is that of `Camera`. `commands` are the accepted commands; the `refused`
-    commands were too old for the gate or named no frame.
+    frame. `source_age_s` is explained in `Camera`. `commands` are the commands that the gate
+    accepted; it `refused` commands that were too old or named no frame.
     """
 
     now_s: float
@@ -57,12 +57,12 @@ class Tick:
 
 
 STEADY_S = 3.0
-"""Least time for which a sentence stays, in seconds: long enough to read it. While the robot stands
-still, a fault counts as gone if it does not return within this time."""
+"""Least time for which a fault's sentence is shown, in seconds: long enough to read it. While the
+robot stands still, a fault that does not return within this time is over."""
 
 
 class SteadyFault:
-    """Chooses the sentence to show while faults come and go. Pure.
+    """Chooses which fault's sentence the page shows while faults come and go. Pure.
 
     A new fault is shown immediately. The fault's sentence then stays, even if the fault comes and
     goes once a second, or if its text changes because it counts seconds.
@@ -73,7 +73,7 @@ class SteadyFault:
         self._changed_s = self._seen_s = -math.inf
 
     def show(self, fault: str | None, now_s: float, *, may_move: bool) -> str | None:
-        """Record the current fault, and return the sentence to show.
+        """Note the current fault, and return the sentence that the page should show.
 
         A robot that `may_move` was started after the old faults, so they are no longer shown.
         """

@@ -21,7 +21,7 @@ from robot.errors import DriveError, NotConnectedError
 from robot.types import Action, Mode, Point, Sensors
 
 SENSE_EVERY_S = 0.1
-"""Period of reading the sensors, in seconds, even if actions wait."""
+"""Period at which the sensors are read, in seconds, even if actions wait to be sent."""
 STALE_S = 0.25
 """Age above which an action is no longer sent, in seconds, because the loop was held up."""
 SILENT_S = 0.5
@@ -43,7 +43,7 @@ def _of_body(name: str) -> Any:
 
 
 class DriverThread(Driver):
-    """Wraps a driver with `is_remote`; the loop's calls return immediately.
+    """Wraps a driver that declares `is_remote`, so that the loop's calls return immediately.
 
     A fault of the body is raised by the next call, and by all further calls until a request
     succeeds. `step` does one request; the thread calls it again and again.
@@ -121,7 +121,7 @@ class DriverThread(Driver):
         return action
 
     def sense(self) -> Sensors:
-        """Return the latest readings, about a tenth of a second old."""
+        """Return the sensors' latest readings, which are about a tenth of a second old."""
         self._raise_fault("sense")
         return self._sensors
 
@@ -134,7 +134,7 @@ class DriverThread(Driver):
             self.driver.stop()
 
     def take_button(self) -> BodyButton | None:
-        """Return what the body's button requested by the latest reading."""
+        """Return what the latest press of the body's button requested."""
         with self._lock:
             button, self._button = self._button, None
         return button
@@ -147,7 +147,7 @@ class DriverThread(Driver):
     def correct(self, correction: Correction) -> None:
         """Apply a correction before any further action; waiting actions are dropped.
 
-        The body may have to be connected again. If this fails, the next `drive` raises the error.
+        Some bodies are connected again for this; if that fails, the next `drive` raises the error.
         """
         if self._thread is None:
             self.driver.correct(correction)
@@ -159,7 +159,8 @@ class DriverThread(Driver):
     # On the thread -----------------------------------------------------------------------------
 
     def step(self) -> bool:
-        """Do the most urgent request: stop, drive, sense or show. Return False if there is none."""
+        """Do the most urgent request: stop, drive, sense or show. Return False if none is
+        waiting."""
         now_s = self._clock.now_s()
         with self._lock:
             request = self._choose(now_s)
@@ -170,7 +171,7 @@ class DriverThread(Driver):
         try:
             do()
             self._faults.pop(kind, None)
-        except Exception as error:  # the loop's thread raises the error, and stops
+        except Exception as error:  # the loop's next call raises this error
             self._faults[kind] = error
         finally:
             self._request_s = None
@@ -180,8 +181,8 @@ class DriverThread(Driver):
         """Remove and return the most urgent request: stop comes first, then sense or drive, then
         show.
 
-        A new action is sent before the sensors are read, unless reading is late by another
-        `SENSE_EVERY_S`; STOP is always sent first. A renewed action is sent after reading.
+        A new action is sent before the sensors are read, unless this reading has been due for
+        `SENSE_EVERY_S`. A renewed action is sent after the reading. STOP is always sent first.
         """
         order, since_s = self._order, now_s - self._sensed_s
         is_new = order is not None and order.action is not self._driven

@@ -1,4 +1,4 @@
-"""Validates external values. Values are declared once, with pydantic; errors describe them.
+"""Validates values from outside the program. Each kind of value is declared once, with pydantic.
 
 The code uses only features that pydantic 1.10 and 2 have in common, because bricks run Debian 12,
 which has version 1.10. docs/adr/0037-typed-borders.md gives the reasons for pydantic, and the
@@ -91,8 +91,8 @@ def read(kind: type[_M], plain: Any, where: str = "") -> _M:
 def reader(kind: Any, declared: Any, base: type[BaseModel] = BaseModel) -> Callable[[Any], Any]:
     """Return a function that reads one value. The function converts text unless `base` is strict.
 
-    The function's ConfigurationError is the end of a sentence after a name: "must be a number above
-    0, not 'x'".
+    Its ConfigurationError continues a sentence that begins with the value's name: "must be a number
+    above 0, not 'x'".
     """
     model = create_model("Value", __base__=base, value=(kind, declared))
     return partial(_read_value, model, kind_of(kind))
@@ -138,7 +138,7 @@ def _description(kind: type[BaseModel], name: str) -> str | None:
 
 
 def _is_same(given: Any, read: Any) -> bool:
-    """True if pydantic 1 converted only integers to floats. A lone surrogate is refused."""
+    """True if pydantic 1 only converted integers to floats. False if a text has lone surrogates."""
     if isinstance(given, list):
         return all(map(_is_same, given, read))
     if isinstance(given, str):

@@ -22,7 +22,7 @@ from robot.types import StartStop, StopReason
 
 
 class Rig(StartStop):
-    """Owns the parts, and starts and stops them in the right order. A context manager.
+    """Owns the robot's parts, and starts and stops them in the right order. A context manager.
 
     The loop ticks on a separate thread, for each new frame, command or request, and at least every
     50 ms.

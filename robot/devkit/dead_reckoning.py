@@ -35,8 +35,7 @@ class DeadReckoning:
         self._speeds_mps, self._told_s = speeds_mps, now_s
 
     def locate(self, wheels_m: Pair | None, now_s: float) -> Pose:
-        """Return the pose; `wheels_m` are the distances that the encoders counted, None if
-        unknown."""
+        """Return the pose; `wheels_m` are the distances that the encoders counted, or None."""
         self._roll(now_s)
         before_m, self._wheels_m = self._wheels_m or wheels_m, wheels_m
         (left_m, right_m), self._told_m = self._told_m, (0.0, 0.0)

@@ -35,7 +35,7 @@ class Freshness:
         return True
 
     def _learn_period(self, gap_s: float) -> None:
-        """Update the period. The period shrinks immediately but grows slowly, so that one lost
+        """Update the camera's period. It shrinks immediately but grows slowly, so that one lost
         picture adds little."""
         if self._period_s is None:
             self._period_s = min(gap_s, LONGEST_PERIOD_S)
@@ -43,16 +43,16 @@ class Freshness:
 
     @property
     def patience_s(self) -> float:
-        """Longest time for which the camera may send no new picture."""
+        """Longest time without a new picture that is not a fault, in seconds."""
         return STILL_S + (self._period_s or 0.0)
 
     def continue_from(self, before: "Freshness") -> None:
-        """Keep the last picture of a camera that was opened again, because the camera may still
-        repeat this picture."""
+        """Take over the last picture from before the camera was opened again, because the camera
+        may still repeat it."""
         self._last = before._last
 
     def fault(self, now_s: float) -> Optional[str]:
-        """The camera's fault, or None."""
+        """Return the camera's fault as the end of a sentence; None if new pictures come."""
         if now_s - self._new_s <= self.patience_s:
             return None
         # A camera that repeats its picture at long intervals still counts as sending pictures.

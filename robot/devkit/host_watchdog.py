@@ -1,7 +1,8 @@
 """Ends the moves of bodies without a watchdog: a thread on the robot's computer sends the stop.
 
-Such a thread is weaker than a watchdog on the body, because it fails together with the program, the
-computer or the link. So if a body can end its moves by itself in some way, use that way instead.
+A thread on the computer is weaker than a watchdog on the body, because it fails together with the
+program, the computer or the link. So if a body can end its moves by itself, use this ability
+instead.
 """
 
 from __future__ import annotations
@@ -23,19 +24,19 @@ _C = TypeVar("_C")
 _T = TypeVar("_T")
 _LOG = logging.getLogger(__name__)
 GAP_S = 0.002
-"""Least time between two orders, in seconds. If two orders come within 1 ms, some bodies drop the
-second."""
+"""Least time between two orders to the body, in seconds. Some bodies drop an order that comes
+within 1 ms of the one before."""
 AGAIN_S = 0.015
-"""Period at which a stop is repeated until it is acknowledged, or was sent often enough, in
-seconds."""
+"""Period at which a stop is repeated, in seconds: until the body acknowledges it, or until it was
+sent `REPEATS` times."""
 REPEATS = 5
 """Number of stops that are sent quickly to a body without acknowledgement; further stops are sent
 slowly. If one order in ten is lost, one stop in 100,000 is late."""
 REST_S = 0.2
-"""Period of stops to a body without acknowledgement while nobody drives, in seconds. These stops
-are needed because the body may still move after the link was cut for a moment."""
+"""Period of further stops to a body without acknowledgement while nobody drives, in seconds. They
+stop a body that still moves because a short loss of the link swallowed the first stops."""
 PATIENCE_S = 0.02
-"""Time for which a stop waits for an unfinished call of a move, in seconds."""
+"""Time for which a stop waits until an unfinished call that sends a move returns, in seconds."""
 LONGEST_LEAD_S = 0.15
 """Longest time by which a stop is sent early to allow for its latency, in seconds."""
 CLOSES_WITHIN_S = 0.5
@@ -85,7 +86,7 @@ class MoveEnder:
         finally:
             self._called_s = self._clock.now_s()
             self._is_free.set()
-            if self._has_overtaken:  # the body may have received the move after the stop
+            if self._has_overtaken:  # the body may receive the move after the stop
                 self._due_s = self._called_s
                 self._wake.set()
 
@@ -112,7 +113,7 @@ class MoveEnder:
 
     def _stop(self, *, must: bool = False) -> None:
         with self._stopping:
-            if not (must or self._is_due):  # a move was sent after the deadline was read
+            if not (must or self._is_due):  # a new move has postponed the stop
                 return
             self._due_s, self._has_overtaken = self._clock.now_s() + AGAIN_S, True
             is_alone = self._clock.wait(self._is_free, PATIENCE_S)

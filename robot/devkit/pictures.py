@@ -18,8 +18,8 @@ DRIVEN_BY_PX = 1280 * 960
 """Number of pixels of the largest picture that is passed on. The learner uses only a few hundred
 pixels, and larger pictures reach the pilot later."""
 _SHARES = (2, 4, 8)
-"""Factors by which a JPEG can be reduced while it is decoded; this takes a fraction of the full
-time."""
+"""Factors by which a decoder can reduce a JPEG, which takes a fraction of the time of decoding it
+in full size."""
 _READABLE_SOF = (0xC0, 0xC1, 0xC2)
 """JPEG kinds that decoders read: baseline, extended, progressive. Not 0xC3, which is lossless."""
 _PNG = b"\x89PNG\r\n\x1a\n"
@@ -146,8 +146,7 @@ def reduce_picture(picture: Picture, quality: int = 80) -> Picture:
 
 
 def _has_end(data: bytes) -> bool:
-    """True unless a picture is truncated; a decoder may silently fill a truncated picture with
-    grey."""
+    """True if a picture is complete; a decoder may silently fill a truncated picture with grey."""
     if data.startswith(_PNG):
         return b"IEND" in data
     # the end marker must follow the start of the last scan

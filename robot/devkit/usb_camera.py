@@ -70,7 +70,7 @@ class SameCamera:
         self._look_for_twins(cameras)
 
     def lost(self) -> None:
-        """Record that the identical cameras that are plugged in now are not the lost camera."""
+        """Note that the lost camera is none of the identical cameras that are plugged in now."""
         self._look_for_twins(list_usb_cameras(self._root))
 
     @property
@@ -126,7 +126,7 @@ def _read(root: str, node: str) -> Optional[UsbCamera]:
     try:
         make = " ".join(_text(device, name) for name in ("idVendor", "idProduct"))
         index = _text(there, "index")
-    except OSError:  # the camera is not on USB, but on the board or virtual
+    except OSError:  # the camera is not a USB camera: it is part of the board, or virtual
         return None
     part = "{} {}".format(os.path.basename(interface).partition(":")[2], index)
     texts = []

@@ -1,7 +1,7 @@
 """Converts steering and throttle to the wheel speeds of a differential drive. Pure.
 
-Bodies differ only in the speeds of their moves. The moves have the points of
-`robot.driver.CLASSIC`. At a point between the points of two moves, the speeds are also in between.
+Bodies differ only in the speeds of their moves, whose points are those of `robot.driver.CLASSIC`.
+Between the points of two moves the speeds are interpolated.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ CLASSIC_POINTS = {Action.STOP: Point(0.0, 0.0)} | {
     name: move.point for name, move in CLASSIC.items() if move.point is not None
 }
 USUAL_THROTTLE = 0.5
-"""Throttle of the moves that drive ahead or back. Speed is proportional to throttle."""
+"""Throttle of the moves that drive ahead or back; speed is proportional to throttle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

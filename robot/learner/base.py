@@ -68,8 +68,7 @@ class Mirror(NamedTuple):
     """How mirroring an image changes its feature vector and its label.
 
     Attributes:
-        places: For each feature that the linear part uses, the index of the feature that replaces
-            it.
+        places: For each feature that the linear part uses, the index of its mirror image.
         labels: Maps each label that changes to its mirrored label.
     """
 
@@ -136,7 +135,7 @@ class Learner(Protocol):
     sharpness: float = 1.0
     """The power to which shares of votes are raised to calibrate them; 1 calibrates nothing."""
     mirror: Mirror | None = None
-    """If set, left and right are alike: each example is also learned mirrored in this way."""
+    """Set if left and right are alike: then each example is also learned mirrored in this way."""
     last_node_: int | None = None
     """Id of the image that the latest example was merged into; None if there is no such image."""
 
@@ -166,7 +165,7 @@ class Learner(Protocol):
         """
 
     def explain_in(self, x: Vector, context: int | None) -> Evidence:
-        """Return the prediction in one context. If `context` is None, this is `explain_one`."""
+        """Return the prediction in one context; with None, the prediction of `explain_one`."""
         return self.explain_one(x)
 
     def begin_like(self, earlier: Sequence[State]) -> int:
@@ -183,11 +182,11 @@ class Learner(Protocol):
         return
 
     def predict_one(self, x: Vector) -> Label:
-        """Return the most likely label, the first learned on a tie; raises as `explain_one`."""
+        """Return the most likely label, the first learned on a tie; errors as in `explain_one`."""
         return self.explain_one(x).label
 
     def predict_proba_one(self, x: Vector) -> dict[Label, float]:
-        """Return the share of each known label; the shares sum to 1. Raises as `explain_one`."""
+        """Return the share of each known label; the shares sum to 1. Errors as in `explain_one`."""
         return dict(self.explain_one(x).probabilities)
 
     @abstractmethod
@@ -220,7 +219,7 @@ class Learner(Protocol):
         raise ValueError(f"a {type(self).__name__} keeps no images to edit")
 
     def delete_node(self, node_id: int) -> None:
-        """Forget one image; raises as `relabel_node`, and ValueError if the image is pinned."""
+        """Forget one image. Errors as in `relabel_node`, and ValueError if the image is pinned."""
         raise ValueError(f"a {type(self).__name__} keeps no images to edit")
 
     def pin_node(self, node_id: int, pinned: bool = True) -> None:

@@ -127,7 +127,7 @@ class Clusters(Stateful, ABC):
 
     @abstractmethod
     def distances(self, x: Vector) -> Distances:
-        """Return the squared distance of `x` to every node, shape (n,); raises as `lookup`."""
+        """Return the squared distance of `x` to every node, shape (n,); errors as in `lookup`."""
 
     @abstractmethod
     def _costs(self, node: int) -> Distances:
@@ -175,12 +175,12 @@ class Clusters(Stateful, ABC):
         self.last_merge_ = None
         self._edges.n_pinned = int(self._edges.pinned.sum())
         self._edges.weights[:] = np.inf
-        with np.errstate(all="ignore"):  # the model is not checked yet
+        with np.errstate(all="ignore"):  # a loaded model is checked only later
             for node in range(min(self.n_nodes_, self.max_nodes)):
                 self._edges.set_row(node, self._costs(node))
 
     def faults(self) -> Iterator[str]:
-        """Yield the contradictions between the nodes."""
+        """Yield a sentence for each contradiction between the nodes' arrays."""
         size, ids, pinned = self.n_nodes_, self.ids_, self._edges.pinned
         if size > self.max_nodes or size > self.n_trained_:
             yield f"size {size} is above max_nodes or above next_id {self.n_trained_}"

@@ -197,7 +197,7 @@ class Stateful:
         """Compute the derived values after loading."""
 
     def faults(self) -> Iterator[str]:
-        """Yield the contradictions between fields; each field is within its bounds."""
+        """Yield a sentence for each contradiction between fields; all are within their bounds."""
         return iter(())
 
     def save(self) -> tuple[Params, Arrays]:

@@ -35,7 +35,7 @@ class Seen:
         evidence: The learner's prediction.
         shares: The votes for each move; the filter smooths them.
         action: The proposed move.
-        kept: Share of the old average that is left in the average of the votes.
+        kept: Share of the previous average in the new average of the votes.
         point: The action by degrees, if the pilot taught by degrees.
         spread: Standard deviation of the steering of `point`.
     """
@@ -85,7 +85,7 @@ class PolicyPart(Stateful):
     """Base of a policy's parts."""
 
     counts_all: ClassVar[bool] = False
-    """True if the part also gets the examples that are only counted."""
+    """True if the part also gets the examples that the learner does not learn."""
 
     def on_frame(self, seen: Seen) -> None:
         """Process one frame, and add this part's results to `seen`."""

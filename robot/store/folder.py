@@ -231,7 +231,7 @@ def paths_in(folder: Path) -> list[Path]:
 
 
 def size_of(path: Path) -> int:
-    """Return the bytes of a file or folder; 0 if it does not exist."""
+    """Return the size of a file or folder in bytes; 0 if it does not exist."""
     try:
         return path.lstat().st_size
     except OSError:
@@ -266,8 +266,8 @@ class Storage:
     """The data folder. The constructor creates the folder and its subfolders.
 
     Raises ConfigurationError if the folder cannot be written. With `must_be_usable` False the
-    reason is set as `fault` instead, so that a server can drive without storage. A full disk is not
-    a fault.
+    reason is set as `fault` instead, so that a server can drive without storage. A full disk does
+    not count as a fault.
     """
 
     def __init__(self, root: Path, *, must_be_usable: bool = True) -> None:
@@ -290,7 +290,7 @@ class Storage:
                 (self.root / ".probe").unlink(missing_ok=True)
         except OSError as error:
             if error.errno in (errno.ENOSPC, errno.EDQUOT):
-                return  # do not refuse: the caller may be emptying the trash
+                return  # a full disk is no error here: the caller may be about to empty the trash
             if must_be_usable:
                 raise ConfigurationError(
                     f"the data folder {self.root} cannot be used: {error.strerror or error}; "
@@ -433,5 +433,5 @@ class Storage:
 
 
 def size_below(folder: Path) -> int:
-    """Return the bytes of all files below a folder; unreadable files count as 0."""
+    """Return the size of all files below a folder in bytes; unreadable files count as 0."""
     return sum(size_of(Path(at, name)) for at, _, names in os.walk(folder) for name in names)

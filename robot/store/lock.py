@@ -20,7 +20,7 @@ class FolderLock(StartStop):
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._holder = folder / ".lock.pid"  # the id of the process; filelock keeps none
+        self._holder = folder / ".lock.pid"  # the process's id, which filelock does not store
         self._lock: Any = None
 
     def start(self) -> None:

@@ -1,9 +1,9 @@
 """Append-only files of records with checksums. Each record is written to two files, so that damage
 to one file loses no record.
 
-A record is a magic word, the length and the CRC-32 of the payload, and the payload. After damage
-a reader searches for the next magic word. So a flipped byte costs one record of one file, and a
-truncation costs the records after it.
+A record is a magic word, the length and the CRC-32 of the payload, and the payload. After damage a
+reader searches for the next magic word. So a flipped byte destroys one record of one file, and a
+truncation the records after the cut.
 """
 
 from __future__ import annotations

@@ -18,15 +18,15 @@ _WIDTH, _HEIGHT = 160, 120
 
 
 class FakeCamera(ThreadedCamera):
-    """Shows patterns, at a steady rate between `start` and `stop`. The camera can be frozen or
-    broken.
+    """Shows patterns, at a steady rate between `start` and `stop`. A test can freeze or break the
+    camera.
 
     `pictures` are JPEGs that are shown in place of the patterns.
 
     Attributes:
         rate_hz: Pictures per second.
         age_s: Age of a picture on arrival, due to exposure and transfer, in seconds.
-        is_frozen: True if no pictures come.
+        is_frozen: True while the camera delivers no pictures.
 
     Example:
         >>> from robot.testing import VirtualClock
@@ -73,7 +73,7 @@ class FakeCamera(ThreadedCamera):
         return self._show(b"no picture")
 
     def break_down(self, sentence: str) -> None:
-        """Freeze, and report a fault."""
+        """Stop delivering pictures, and report this fault."""
         self.is_frozen = True
         self._report_fault(sentence)
 

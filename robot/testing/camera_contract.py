@@ -43,12 +43,14 @@ def wait_for_fault(camera: Camera) -> None:
     """Wait until the camera reports a fault."""
     told = threading.Event()
     camera.listen(lambda: told.set() if camera.fault else None)
-    assert camera.fault or camera.clock.wait(told, DEADLINE_S), "it froze, and reported no fault"
+    assert camera.fault or camera.clock.wait(told, DEADLINE_S), (
+        "the source froze, but the camera reports no fault"
+    )
     camera.listen(None)
 
 
 class CameraContract:
-    """The suite. Each test gets a case whose camera is not started."""
+    """The tests that every camera must pass. Each test gets a case whose camera is not started."""
 
     def test_it_declares_what_it_is(self, camera_case: CameraCase) -> None:
         kind = type(camera_case.camera)
@@ -78,8 +80,8 @@ class CameraContract:
         assert to_grey(frame).shape == (frame.height, frame.width)
 
     def test_it_can_be_mounted_on_its_side(self, camera_case: CameraCase) -> None:
-        """Recorded pictures are not turned; all other pictures are turned, for everything that uses
-        them. Skipped without the extension that corrects cameras."""
+        """A camera that is mounted on its side turns all its pictures; only a camera of recorded
+        pictures refuses. Skipped if the extension that corrects cameras is not installed."""
         corrections = pytest.importorskip("robot.adjustments.corrections")
         camera, on_its_side = camera_case.camera, corrections.CameraCorrection(turn_deg=90)
         if not camera.can_be_turned:
@@ -94,7 +96,7 @@ class CameraContract:
         assert to_rgb(turned).shape == (turned.height, turned.width, 3)
 
     def test_it_starts_again_after_a_stop_and_ids_go_on(self, camera_case: CameraCase) -> None:
-        """Within one run of the program no frame id is used twice."""
+        """A camera that is started again does not reuse the frame ids of earlier pictures."""
         with camera_case.camera as camera:
             first = take(camera, 1)[0]
         with camera_case.camera as camera:
@@ -108,19 +110,20 @@ class CameraContract:
         assert set(threading.enumerate()) == before
 
     def test_a_frozen_source_is_a_fault(self, camera_case: CameraCase) -> None:
-        """A frozen source is reported, and its last picture is not passed on as a new picture."""
+        """The camera reports a frozen source, and does not pass on its last picture as a new
+        one."""
         if camera_case.freeze is None:
-            pytest.skip("this source cannot freeze")
+            pytest.skip("this source cannot be frozen: the case has no freeze")
         with camera_case.camera as camera:
             take(camera, 2)
             camera_case.freeze()
             wait_for_fault(camera)
 
     def test_a_source_that_was_frozen_is_seen_again(self, camera_case: CameraCase) -> None:
-        """The source may freeze for any length of time. A connection that was closed during this
-        time is opened again."""
+        """The camera delivers pictures again after its source was frozen for some time, even if the
+        connection to the source was closed meanwhile."""
         if camera_case.freeze is None or camera_case.thaw is None:
-            pytest.skip("this source cannot freeze and go on")
+            pytest.skip("this source cannot be frozen and thawed: the case has no thaw")
         with camera_case.camera as camera:
             take(camera, 2)
             camera_case.freeze()
@@ -131,4 +134,4 @@ class CameraContract:
 
 
 class TestCamera(CameraContract):
-    """Collected by `pytest --drivelesson-camera NAME`."""
+    """The suite that `pytest --drivelesson-camera NAME` runs on an installed camera."""

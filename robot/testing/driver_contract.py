@@ -25,14 +25,14 @@ LOCAL_BUDGET_S = 0.01
 """Upper bound for the quickest of some requests, in seconds. The control loop waits for requests,
 so they must be short."""
 REMOTE_BUDGET_S = 0.2
-"""The upper bound for a driver that declares `is_remote`, in seconds. A move must be renewed within
-0.4 s."""
+"""Upper bound for the quickest request of a driver that declares `is_remote`, in seconds. It is
+shorter than 0.4 s, because a move that is not renewed by then ends."""
 STANDS_WITHIN_S = 0.5
 """Time within which the body must stand still after its connection was cut, in seconds."""
 CUTS_S = (0.5, 5.0)
 BACK_WITHIN_S = 5.0
-"""Time within which the body obeys after it can be reached again, in seconds, however long the
-connection was cut."""
+"""Time within which the body must obey after its connection is restored, in seconds, however long
+the connection was cut."""
 POINTS = [
     Point(steering, throttle) for steering in (-1.0, -0.5, 0.0, 0.4, 1.0) for throttle in (0.3, 0.8)
 ]
@@ -51,17 +51,18 @@ _STEP_S, _HALF_WAY_S = 0.1, ACTION_TIMEOUT_S / 2
 
 
 def moving(case: DriverCase) -> bool:
-    """Return whether the body moves; skips the test if that is unknown."""
+    """Return whether the body moves; skip the test if the case cannot tell."""
     if case.is_moving is None:
         pytest.skip("whether this body moves is unknown; set is_moving in the case")
     return case.is_moving()
 
 
 class DriverContract:
-    """The suite. Each test gets a case whose driver is not connected."""
+    """The tests that every driver must pass. Each test gets a case whose driver is not
+    connected."""
 
     def test_it_declares_what_it_is(self, driver_case: DriverCase) -> None:
-        """Name, camera, options and moves are declared before the driver is connected."""
+        """The driver declares its name, camera, options and moves before it is connected."""
         kind = type(driver_case.driver)
         found = load_driver(kind.name)
         assert found is kind, f"the entry point {kind.name!r} is {found}, not {kind}"
@@ -166,7 +167,8 @@ class DriverContract:
             driver.send_point(Point(0.0, 0.5))
 
     def test_right_is_positive_and_so_is_ahead(self, driver_case: DriverCase) -> None:
-        """More steering never turns less, and a move's point has the same effect as the move."""
+        """More steering never makes the body turn less, and a move's point has the same effect as
+        the move."""
         driver, drives = driver_case.driver, driver_case.drives
         with driver:
             if not driver.takes_points:
@@ -199,8 +201,8 @@ class DriverContract:
     def test_a_correction_changes_the_motors_and_not_the_move(
         self, driver_case: DriverCase
     ) -> None:
-        """A correction that does not apply to the body is refused; the error names it. Skipped
-        without the extension that corrects bodies."""
+        """The driver refuses a correction that does not apply to its body, by an error that names
+        the correction. Skipped if the extension that corrects bodies is not installed."""
         corrections = pytest.importorskip("robot.adjustments.corrections")
         driver, drives = driver_case.driver, driver_case.drives
         make = corrections.BodyCorrection
@@ -231,7 +233,8 @@ class DriverContract:
     def test_a_point_that_changes_quickly_is_driven_within_the_ramp(
         self, driver_case: DriverCase
     ) -> None:
-        """After `ramp_s` only the last point counts; until then the limits hold."""
+        """After `ramp_s` the body drives the last point. Until then its steering and throttle stay
+        between those that it reaches at the `CORNERS`."""
         driver, drives = driver_case.driver, driver_case.drives
         with driver:
             if not driver.takes_points:
@@ -302,7 +305,8 @@ class DriverContract:
                 )
 
     def test_it_leaves_nothing_behind(self, driver_case: DriverCase) -> None:
-        """No thread, no open file or socket, and no process stays after `disconnect`."""
+        """After `disconnect` the driver leaves no thread, no open file or socket, and no
+        process."""
         for _ in range(2):  # in the first round, imports may open files
             before = _leftovers()
             with driver_case.driver as driver:
@@ -317,7 +321,7 @@ class DriverContract:
         self, driver_case: DriverCase
     ) -> None:
         if driver_case.cut_link is None:
-            pytest.skip("there is no line to cut")
+            pytest.skip("this connection cannot be cut: the case has no cut_link")
         with driver_case.driver as driver:
             _set_going(driver_case, driver.moves[0])
             driver_case.cut_link()
@@ -342,9 +346,10 @@ class DriverContract:
     def test_a_body_whose_line_is_whole_again_is_driven_again(
         self, driver_case: DriverCase
     ) -> None:
-        """The driver connects again by itself."""
+        """When the connection is restored, the driver connects again by itself and the body
+        obeys."""
         if driver_case.cut_link is None or driver_case.restore_link is None:
-            pytest.skip("there is no line to cut and restore")
+            pytest.skip("this connection cannot be restored: the case has no restore_link")
         with driver_case.driver as driver:
             _set_going(driver_case, driver.moves[0])
             for cut_s in CUTS_S:
@@ -362,7 +367,7 @@ class DriverContract:
 
 
 class TestDriver(DriverContract):
-    """Collected by `pytest --drivelesson-driver NAME`."""
+    """The suite that `pytest --drivelesson-driver NAME` runs on an installed driver."""
 
 
 def _sets_going(case: DriverCase, order: Callable[[], object], tries: int | None = None) -> bool:
@@ -379,7 +384,7 @@ def _comes(case: DriverCase, is_so: Callable[[], bool]) -> bool:
     """Wait until `is_so` is true, for at most the body's budget; return whether it became true.
 
     An order without acknowledgement may still be on its way when its call returns. The budget is
-    shorter than a move.
+    shorter than a move, so an order that arrived in time is still obeyed.
     """
     return _comes_within(case, is_so, min(_obeys_within_s(case), REMOTE_BUDGET_S))
 
@@ -464,7 +469,8 @@ def _check_stands(case: DriverCase, when: str) -> None:
 
 
 def _driven(case: DriverCase, send: Callable[[], object]) -> Point:
-    """Send an order to a body at rest or on another course, and return how it drives then."""
+    """Send an order that changes how the body drives, wait for the change, and return how the body
+    drives then."""
     drives = case.drives
     assert drives is not None
     if type(case.driver).is_remote:
@@ -563,6 +569,6 @@ def _leftovers() -> set[object]:
         for entry in folder.iterdir():
             try:
                 found.add((entry.name, entry.readlink()))
-            except OSError:  # the descriptor belonged to this listing of the folder
+            except OSError:  # the listing of the folder used this descriptor itself
                 continue
     return found

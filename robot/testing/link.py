@@ -16,7 +16,7 @@ from typing import Any
 
 @dataclass(slots=True, kw_only=True)
 class LinkConditions:
-    """Conditions of a link. Changes apply to all later messages."""
+    """The conditions of a link. A change of them applies to all later messages."""
 
     delay_s: float = 0.0
     jitter_s: float = 0.0
@@ -27,7 +27,7 @@ class LinkConditions:
     """Share of packets that must be sent again, while all later packets wait."""
     stall_s: float = 0.2
     is_silent: bool = False
-    """True if no messages pass, and neither side is notified."""
+    """True while the link drops all messages without telling either side."""
 
 
 class Link:
@@ -44,7 +44,7 @@ class Link:
 
     @property
     def conditions(self) -> LinkConditions:
-        """The current conditions of the link; can be set."""
+        """The current conditions of the link, which a test may replace."""
         return self._conditions
 
     @conditions.setter
@@ -60,7 +60,7 @@ class Link:
         return line
 
     def forget(self, line: Line) -> None:
-        """Close a direction; its messages in transit are lost."""
+        """Close one direction of a connection; the messages that it still carries are lost."""
         line.is_cut = True
         if line in self._lines:
             self._lines.remove(line)

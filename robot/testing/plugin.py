@@ -61,7 +61,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Collect the suites in addition to the requested tests."""
+    """Collect the contract suites of the named plugins in addition to the requested tests."""
     for kind in ("driver", "camera"):
         if config.getoption(f"--drivelesson-{kind}"):
             suite = Path(__file__).with_name(f"{kind}_contract.py")

@@ -16,7 +16,8 @@ _NOTHING = np.zeros(1, np.uint8)
 
 
 class FakePolicy(Policy):
-    """Ignores the pixels. This policy is for tests of the gate, the loop, the link or the server.
+    """Proposes moves without looking at the pixels, for tests of the gate, the loop, the link or
+    the server.
 
     Attributes:
         first: The first label that was learned.

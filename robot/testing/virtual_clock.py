@@ -32,10 +32,10 @@ class _Waiting:
 class VirtualClock(Clock):
     """A discrete-event clock: as soon as all threads wait, it jumps to the earliest deadline.
 
-    While a thread runs, the clock stands still, so simulations run as fast as the machine can.
-    Threads that were started by the clock run one at a time and switch only when they wait, so all
-    runs are equal. An asyncio program runs on `run` or a `runner`, whose event loop uses this
-    clock's time and takes turns with the threads.
+    While a thread runs, the clock stands still, so simulations run as fast as the machine can. The
+    clock's threads run one at a time and switch only when they wait, so all runs of a program are
+    equal. `run` and `runner` run asyncio programs, on an event loop that uses this clock's time and
+    takes turns with the threads.
 
     Example:
         >>> clock = VirtualClock()
@@ -75,7 +75,7 @@ class VirtualClock(Clock):
         return self._now_s if event_loop is None else max(self._now_s, event_loop.now_s)
 
     def advance(self, seconds: float) -> None:
-        """Jump ahead although no thread waited for that time, as after a computer's sleep."""
+        """Jump ahead by this time although no thread waits for it, as when a computer wakes up."""
         if seconds < 0:
             raise ValueError(f"a clock cannot go back by {-seconds} s")
         self._ahead_s += seconds
@@ -92,7 +92,7 @@ class VirtualClock(Clock):
     def wait(self, event: threading.Event, timeout_s: float | None = None) -> bool:
         """Block this thread while others run; see `Clock`.
 
-        On the event loop's thread this blocks the complete event loop, as in real time.
+        A call on the event loop's thread blocks the event loop, as in real time.
 
         Raises:
             RuntimeError: If all threads wait indefinitely.
@@ -170,7 +170,7 @@ class VirtualClock(Clock):
             self._event_loop = None
 
     async def pause(self, seconds: float) -> None:
-        if self._event_loop is None:  # the caller runs on another event loop, without this clock
+        if self._event_loop is None:  # the caller's event loop is not this clock's
             self.sleep(seconds)
             seconds = 0.0
         await asyncio.sleep(seconds)
@@ -239,8 +239,7 @@ class _JumpingEventLoop(asyncio.SelectorEventLoop):
     def call_soon_threadsafe(  # type: ignore[override]
         self, callback: Any, *args: Any, context: Any = None
     ) -> asyncio.Handle:
-        """Do not use the self-pipe to wake the loop, because the caller is blocking the loop
-        anyway."""
+        """Wake the loop by an event, because its selector does not poll asyncio's socket."""
         self._clock._event_loop_woken.set()
         return self.call_soon(callback, *args, context=context)
 

@@ -19,7 +19,7 @@ from robot.testing.virtual_clock import VirtualClock
 
 
 class VirtualRobot:
-    """A rig whose threads take turns with the tasks of an event loop.
+    """A rig (`robot/devices/rig.py`) whose threads take turns with the tasks of an event loop.
 
     Use it within `VirtualClock.run`, as an async context manager.
 

@@ -18,8 +18,8 @@ PlainEvent = dict[str, Any]
 
 
 def describe_event(event: HistoryEvent, *, with_vector: bool = True) -> PlainEvent:
-    """Describe one change of the learner. Without `with_vector` an example's vector is omitted, for
-    frames that are recorded."""
+    """Describe one change of the learner. Without `with_vector` the vector of an example is
+    omitted, because its frame is recorded."""
     if isinstance(event, Taught):
         example = event.example
         return {

@@ -133,14 +133,14 @@ def _rebuild(run: _Run, store: ModelStore) -> Recovered | None:
         return None
     return Recovered(
         model=_learn_on(model, run, numbers),
-        # A missing model was renamed, and is the current model now, or it was deleted.
+        # A missing model was deleted, or it was renamed and is the current model now.
         name=name if name is None or name in store.names() else store.current,
         replayed=len(numbers),
     )
 
 
 def _bases(run: _Run, store: ModelStore) -> Iterator[tuple[int, bool, Model, str | None]]:
-    """Yield the complete learners to begin with: the checkpoint, and saved versions."""
+    """Yield the learners with which a replay can begin: the checkpoint, and saved versions."""
     assert run.checkpoint is not None
     change, model, name = run.checkpoint
     yield change, False, model, name
@@ -171,7 +171,7 @@ def _learn_on(model: Model, run: _Run, numbers: list[int]) -> Model:
     """Make these changes of the model again, in order; return the resulting model."""
     policy, taught = model.to_policy(), Counter(model.summary.taught)
     policy.kinds.describe(run.declared)
-    policy.restore(model.state)  # `set_state` would begin a new drive
+    policy.restore(model.state)  # `set_state` would forget the state of the drive
     events: list[LogEvent] = []
     for number in numbers:
         event = run.events[number]

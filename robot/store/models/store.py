@@ -209,7 +209,7 @@ class ModelStore:
 
     def add_file(self, name: str, data: bytes) -> str:
         """Save an uploaded model under this name, or a similar free name; return the name."""
-        try_model(decode_model(data, max_bytes=len(data)))  # the limit refuses compressed models
+        try_model(decode_model(data, max_bytes=len(data)))  # `max_bytes` refuses a compressed model
         name = self.free_name(name)
         write_whole(self._storage.models / name / "00001.npz", data)
         return name

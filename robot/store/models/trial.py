@@ -56,7 +56,7 @@ def _check_summary(model: Model) -> None:
 
 
 def _drive(policy: Policy) -> None:
-    """Show some pictures, each with a different current move, and teach each picture."""
+    """Show the policy some pictures, each with another current move, and teach it each of them."""
     until_s = _MACHINE.now_s() + TRIAL_S
     moves = cycle((*policy.moves, None))
     for i, frame in enumerate(_pictures(_PICTURES)):
