@@ -38,13 +38,14 @@ class EarlyEnds:
         count: Number of early ends in a row, up to this start.
     """
 
-    def __init__(self, file: Path, on_borne: Callable[[], None] = lambda: None) -> None:
-        """Read the previous run's marker. `on_borne` is called when a drive has lasted `SOON_S`."""
-        self._file, self._on_borne = file, on_borne
+    def __init__(self, file: Path, on_strong: Callable[[], None] = lambda: None) -> None:
+        """Read the previous run's marker. `on_strong` is called when the battery, which the marker
+        calls weak, has lasted a drive of `SOON_S`."""
+        self._file, self._on_strong = file, on_strong
         self.count = _read(file)
         self._is_marked = False
         self._moves_s: float | None = None
-        self._borne_s: float | None = None
+        self._strong_s: float | None = None
         self._wanted: bool | None = None
         self._due, self._ending = threading.Event(), False
         self._thread: Worker | None = None
@@ -53,7 +54,7 @@ class EarlyEnds:
 
     @property
     def is_weak(self) -> bool:
-        """True if the number of early ends is so high that a person should know."""
+        """True if the program has ended early so often that a person should be told."""
         return self.count >= ENOUGH
 
     def start(self, loop: ControlLoop) -> None:
@@ -73,7 +74,7 @@ class EarlyEnds:
     def note(self, tick: Tick) -> None:
         """Process a tick, on the loop's thread."""
         is_on, now_s = tick.decision.mode is not Mode.STOPPED, tick.now_s
-        is_recent = self._borne_s is not None and now_s - self._borne_s < _AGAIN_S
+        is_recent = self._strong_s is not None and now_s - self._strong_s < _AGAIN_S
         if is_on and not self._is_marked and not is_recent:
             self._mark(True)
         elif self._is_marked and not is_on:
@@ -83,10 +84,10 @@ class EarlyEnds:
         if tick.sent is not Action.STOP and self._moves_s is None:
             self._moves_s = now_s
         if self._moves_s is not None and now_s - self._moves_s >= SOON_S:
-            was_weak, self.count, self._borne_s = self.is_weak, 0, now_s
+            was_weak, self.count, self._strong_s = self.is_weak, 0, now_s
             self._mark(False)
             if was_weak:
-                self._on_borne()
+                self._on_strong()
 
     def _mark(self, is_marked: bool) -> None:
         self._is_marked, self._moves_s = is_marked, None
@@ -109,7 +110,7 @@ class EarlyEnds:
             log.warning("cannot write the file that marks the start of a drive: %s", error)
 
     def close(self) -> None:
-        """End normally; this does not count as an early end."""
+        """Remove the marker, because a program that ends normally has not ended early."""
         for unsubscribe in self._unsubscribe:
             unsubscribe()
         self._ending = True

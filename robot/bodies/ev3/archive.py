@@ -1,5 +1,4 @@
-"""Packs the files for a brick: the agent into one file, the program into a folder, and files into a
-tar.
+"""Packs what a brick gets: the agent as one file, or the whole program as a folder in a tar.
 
 The agent's file is a zip, `agent.pyz`, which a brick's Python 3.5 runs directly.
 """
@@ -27,7 +26,8 @@ SOURCES = (
     "devkit/usb_camera.py",
 )
 LEFT_OUT = ("bodies/v4l2/camera.py",)
-"""Files left out of the agent, because they need a newer Python and only a computer uses them."""
+"""Files that the agent's archive omits, because they need a newer Python and only a computer uses
+them."""
 EPOCH = (1980, 1, 1, 0, 0, 0)
 MAIN = "from robot.bodies.ev3.agent.__main__ import main\n\nmain()\n"
 Files = Sequence[tuple[str, Path | bytes]]
@@ -54,7 +54,7 @@ def release() -> str:
 
 
 def make_agent() -> bytes:
-    """Return the archive; the same sources give the same bytes."""
+    """Return the agent's archive; the same sources give the same bytes."""
     contents = {name: file.read_text() for name, file in agent_sources().items()}
     # The parent packages' `__init__.py` may need a newer Python, so empty files replace them.
     parents = {parent for name in contents for parent in list(Path(name).parents)[:-1]}

@@ -44,7 +44,7 @@ class WheelTurn:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BrickFacts:
-    """All measurements. `inspected` is the agent's answer to the question `inspect`."""
+    """All measurements of a brick. `inspected` is the agent's answer to the question `inspect`."""
 
     address: str
     ports: tuple[str, str]
@@ -74,7 +74,8 @@ def write_report(findings: Sequence[Finding]) -> str:
 
 
 def _judge(topic: str, text: str, *, wrong: Advice = False, note: Advice = False) -> Finding:
-    """Return a finding; `wrong` and `note` are the advice for an error and for a warning."""
+    """Return a finding: an error with the advice `wrong`, a warning with the advice `note`, or
+    neither."""
     level = Level.WRONG if wrong else Level.NOTE if note else Level.OK
     return Finding(level, topic, text, wrong or note or "")
 

@@ -26,9 +26,9 @@ from robot.types import Action, Mode, Point, Sensors
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChassisOptions(Options):
-    """How the robot is built. The defaults are the paper's robot: to drive forward it turns both
-    wheels at 360 degrees a second and makes 16 cm/s; for a turn it drives one wheel backward at 90
-    degrees a second."""
+    """The robot's dimensions and speeds. The defaults are those of the paper's robot. To drive
+    forward, it turns both wheels at 360 degrees a second, which is 16 cm/s; to turn, it drives one
+    wheel backward at 90 degrees a second."""
 
     left_port: str = option("outB", "port of the left motor")
     right_port: str = option("outC", "port of the right motor")
@@ -75,7 +75,7 @@ class ChassisOptions(Options):
 
 
 class ChassisBody(Protocol):
-    """The devices of a chassis: local ones on the brick, or remote ones behind an agent."""
+    """The devices of a chassis, which belong to this brick or to a remote one with an agent."""
 
     def open(self) -> Sequence[float]:
         """Stop the motors; return each wheel's top speed, in degrees a second."""
@@ -112,7 +112,7 @@ def wheels_of(options: ChassisOptions) -> TwoWheels:
 
 
 class ChassisDriver(ConnectedDriver[ChassisBody]):
-    """A driver of a `ChassisBody`; the subclass chooses which body."""
+    """Base of the drivers of a `ChassisBody`; the subclass makes the body."""
 
     default_camera: ClassVar[str] = "v4l2"
     declared_moves = tuple(CLASSIC.values())
@@ -194,7 +194,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
 
     def sense(self) -> Sensors:
         read = self._connected().sense()
-        turned_deg = read.pop("wheels_deg", None)  # agents of other releases do not send this field
+        turned_deg = read.pop("wheels_deg", None)  # agents of older releases do not send this field
         wheels_m = self._in_m(*self.correction.wheels(turned_deg)) if turned_deg else None
         bumpers = tuple(read.pop("bumpers", None) or ())
         pose = self._reckoning.locate(wheels_m, self._clock.now_s())

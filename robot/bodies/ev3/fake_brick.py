@@ -40,7 +40,7 @@ LEFTOVERS = {
     "time_sp": "7000",
     "stop_action": "hold",
 }
-"""The initial attributes of the motors, as another program may leave them."""
+"""The attributes of the motors before the driver opens them, as another program may leave them."""
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,8 @@ class FakeBrick(StartStop):
         return {port: motor.speed for port, motor in self.motors.items()}
 
     def wait_until(self, is_so: Callable[[], bool], timeout_s: float = 3.0) -> float:
-        """Wait until `is_so` returns True; return the time that it took, or fail."""
+        """Wait until `is_so` returns True, and return how many seconds this took. Fails after
+        `timeout_s`."""
         started_s = self.clock.now_s()
         while not is_so():
             assert self.clock.now_s() - started_s <= timeout_s, "timed out waiting"
@@ -189,7 +190,7 @@ class FakeBrick(StartStop):
         return self.clock.now_s() - started_s
 
     def catch_up(self) -> None:
-        """Wait until the kernel thread has read everything written so far."""
+        """Wait until the thread that plays the kernel has read everything written so far."""
         seen = self._rounds + 2
         self.wait_until(lambda: self._rounds >= seen, 60.0)
 

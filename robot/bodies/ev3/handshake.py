@@ -67,7 +67,8 @@ class BrickConnection:
         self.line.sendall(pack_json(message, self._seal))
 
     def receive(self) -> Iterator[tuple[bytes, bytes]]:
-        """Wait for data, up to the socket's timeout; yield complete messages."""
+        """Wait for data, up to the socket's timeout; yield each message that has arrived
+        completely."""
         data = self.line.recv(65536)
         if not data:
             raise OSError("the brick closed the connection")

@@ -24,7 +24,8 @@ _BEYOND = 108
 _SCALE = 4
 _LINE, _TWO_LINES = THUMBNAIL_WIDTH, 2 * THUMBNAIL_WIDTH
 _NOISE = 400
-"""Sum of gradients below which a neighbourhood counts as plain: one grey level per pixel."""
+"""Sum of gradients below which a neighbourhood of cells counts as plain: one grey level per
+pixel."""
 _FULL = 1023
 """Share of the neighbourhood's gradients at which a bin saturates, in 1/4096."""
 

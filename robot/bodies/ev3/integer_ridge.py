@@ -20,21 +20,22 @@ from robot.learner.values import WHOLE
 from robot.learner.votes import Floats
 
 _ONE = 1 << 24
-"""A score of 1: the target of a frame's own label."""
+"""The score 1 in whole numbers: the target for the label of a frame."""
 _SHIFT = 2
-"""Values are used in steps of 4. So a value takes six bits, and a product of two values twelve
-bits."""
+"""Number of low bits that are dropped from each value, so that a value takes six bits and a product
+of two values twelve bits."""
 _TOP = 63
 _FULL = 1 << 30
 """Upper bound of a sum of products. When a sum reaches this bound, after seven hours of teaching at
 ten frames a second, all sums are halved."""
 _MOST_HALVINGS = 62
 _PENALTY = 3 * _TOP**2
-"""Weight of the squared coefficients, in units in which a value of 252 is 1."""
+"""Penalty on the squared coefficients, for values that are scaled so that 252 is 1."""
 STEPS = 4
 """Number of coordinates that are improved after each frame."""
 _ROWS = 128
-"""Number of rows of products that are added at a time: a whole matrix of them would take .6 MB."""
+"""Number of rows of products that are computed at a time, because the whole matrix would take 0.6
+MB."""
 
 
 class IntegerRidge(LinearPart):

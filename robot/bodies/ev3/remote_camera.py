@@ -15,7 +15,8 @@ from robot.errors import CameraError, ConfigurationError, DriveError
 
 
 class Ev3RemoteCamera(WatchedCamera):
-    """The newest frames of the brick's camera, unchanged, with times of this machine's clock."""
+    """Delivers the newest frames of the brick's camera, unchanged, with times of this machine's
+    clock."""
 
     name: ClassVar[str] = "ev3-remote"
     options_type: ClassVar[type[Any]] = UsbCameraOptions

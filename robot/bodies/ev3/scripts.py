@@ -109,9 +109,9 @@ ENVIRONMENT = {
     "HOME": "/root",
     "PATH": "/usr/bin:/bin",
 }
-"""The environment of the server on a brick. By default, the C library has an arena with free memory
-for each thread; one arena is enough, because Python's threads take turns. Without a fixed
-threshold, the learner's snapshots would leave gaps in the heap."""
+"""The environment variables of the server on a brick, which save memory. By default, the C library
+keeps free memory for each thread in an arena; one arena is enough, because Python's threads take
+turns. The fixed threshold prevents gaps in the heap that the learner's snapshots would leave."""
 _ENV = " \\\n  ".join(f"{name}={value}" for name, value in ENVIRONMENT.items())
 UNIT = f"""\
 [Unit]

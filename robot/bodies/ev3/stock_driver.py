@@ -49,7 +49,7 @@ class StockBody:
         """Connect, stop motors that another program left running, and find motors and sensors."""
         self._is_lost = self._is_closed = False
         self._line = self._open_line()
-        if self._is_closed:  # another thread has already closed the driver
+        if self._is_closed:  # another thread closed the driver meanwhile
             self.close()
         self._ask(codec.stop(self._both) + codec.reset(self._both))
         ports = [*range(4), *(codec.OUTPUTS + port for port in self._motors)]

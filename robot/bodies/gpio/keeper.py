@@ -68,7 +68,8 @@ def _ms(clock: Clock) -> int:
 
 
 def hold(settings: dict[str, Any]) -> None:
-    """Claim the pins and obey orders. Report success to the caller, or the reason for a failure."""
+    """Claim the pins, report success or the reason for a failure to the robot's program, and obey
+    its orders."""
     line = Connection(0)
     try:
         motors = make_motors(settings)
@@ -105,8 +106,8 @@ def main() -> None:
     # When that program has ended, this process stops the motors and then ends itself.
     for quiet in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
         signal.signal(quiet, signal.SIG_IGN)
-    # Import the module before forking, so that each child starts immediately.
-    # If gpiozero is missing, the child reports this.
+    # Import the module before forking, so that each child starts immediately. If gpiozero is
+    # missing, the child reports this.
     with contextlib.suppress(ImportError):
         import gpiozero  # noqa: F401
     outlive(lambda: hold(json.loads(sys.argv[1])))

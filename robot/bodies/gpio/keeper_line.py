@@ -50,7 +50,7 @@ class KeeperLine:
         if self._waits_s is None:
             self._waits_s = now_s
         if self._next(0.0) is not None:
-            self._waits_s = now_s  # the answer came too late, so the wait begins again
+            self._waits_s = now_s  # an answer to an earlier request: the wait begins again
         silent_s = now_s - self._waits_s
         if self._has_ended or silent_s > START_S:
             self._trouble = self._trouble or "it ended, and is being restarted"

@@ -15,7 +15,8 @@ class PinMotor(Protocol):
     """A motor or a servo with gpiozero's interface."""
 
     value: float
-    """From -1 (full speed backward, or one end of the servo) to 1. A value of 0 stops the motor."""
+    """Speed or position, from -1 (full speed backward, or one end of the servo) to 1. The value 0
+    stops the motor."""
 
 
 Build = Callable[[Point, float], Pair]

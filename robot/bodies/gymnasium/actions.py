@@ -51,12 +51,13 @@ class Number:
 
     @property
     def rest(self) -> float:
-        """Return the number's value at rest: the allowed value nearest to 0."""
+        """Return the value that this number has at rest: the allowed value nearest to 0."""
         return min(max(0.0, self.least), self.most)
 
     @property
     def others(self) -> list[tuple[str, float]]:
-        """Return the values for which there is a separate move, each with its name."""
+        """Return the values of this number that get a move of their own, each with the move's
+        name."""
         if self.is_whole and (self.least, self.most) == (0.0, 1.0):
             return [(self.name, 1.0)]
         if self.is_whole and self.most - self.least <= _MOST_MOVES:

@@ -48,7 +48,7 @@ class GymnasiumCamera(WorldCamera[GymnasiumDriver]):
         self._period_s = 1.0 / options.env_rate_hz
         self._compress = jpeg_encoder(_JPEG_QUALITY, "the camera of a simulated world")
         self._shown_s: deque[tuple[float, float]] = deque(maxlen=_REMEMBERED_FRAMES)
-        """For each picture the time at which it was shown, and the world's time at that moment."""
+        """The time at which each picture was shown, with the world's time at that moment."""
 
     def world_s(self, at_s: float) -> float:
         shown = tuple(self._shown_s)

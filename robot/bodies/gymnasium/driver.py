@@ -66,7 +66,8 @@ class GymnasiumDriver(ConnectedDriver[bool]):
         self._action: Any = None
         self._left_s = self._over_s = 0.0
         self.acted = threading.Event()
-        """Set by each `send_action`, because the loop then no longer needs the last picture."""
+        """Set by each `send_action`: the loop has acted on the last picture, so the next step may
+        come."""
 
     def _make(self) -> Environment:
         chosen = self.options

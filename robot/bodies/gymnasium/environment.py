@@ -49,8 +49,8 @@ def read_options(text: str) -> dict[str, Any]:
 
 
 def render_without_a_screen() -> None:
-    """If there is no screen, let libraries draw in memory. Environment variables that are already
-    set do not change. On macOS and Windows there is always a screen."""
+    """If there is no screen, set the environment variables that make libraries draw in memory.
+    Variables that a person has set are kept. On macOS and Windows there is always a screen."""
     if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
         return
     gl = "osmesa" if find_library("OSMesa") and not find_library("EGL") else "egl"
@@ -138,7 +138,7 @@ class Environment:
         self.game = Game(number=before + 1, score=0.0, reward=0.0, is_over=False)
 
     def step(self, action: Any) -> None:
-        """Make one step; after the end of a game, do nothing."""
+        """Make one step of the game; does nothing after its end."""
         if self.game.is_over:
             return
         with self._told("failed in a step"):

@@ -139,7 +139,7 @@ def _channels_last(array: NDArray[Any]) -> NDArray[Any] | None:
 
 
 def _as_bytes(array: NDArray[Any], space: Any) -> Pixels | None:
-    """Return the numbers as bytes; None if the value of white is unknown."""
+    """Return the picture's numbers as bytes; None if the value of white is unknown."""
     bounds = _bounds_of(space)
     if array.dtype == np.uint8 and bounds != (0.0, 1.0):
         return array

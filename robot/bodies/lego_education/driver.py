@@ -28,8 +28,8 @@ _NOTE_EVERY_MS = 100
 FULL_PERCENT = 100
 """Acceleration and deceleration, in percent. A motor that brakes gently would stop too late."""
 TURN_STEERING = 50
-"""A turn is about the inner wheel, as `left` and `right` are defined. With 100 the robot would
-spin."""
+"""Steering of the moves `left` and `right`, which turn about the inner wheel. With 100 the robot
+would spin."""
 _ADDRESS = re.compile(
     r"(?:[\dA-F]{2}:){5}[\dA-F]{2}|[\dA-F]{8}(?:-[\dA-F]{4}){3}-[\dA-F]{12}", re.I
 )

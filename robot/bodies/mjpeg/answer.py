@@ -29,7 +29,7 @@ _KEPT_BYTES = 256
 class Answer(HTTPResponse):
     """A response, possibly without a status line or a head. Lengths that it states are ignored.
 
-    Chunks may violate HTTP: bytes without a length are passed on.
+    Chunks may violate HTTP, so bytes without a chunk's length are passed on, too.
     """
 
     _is_silent = False
@@ -52,12 +52,12 @@ class Answer(HTTPResponse):
             raise ConnectionError("the camera closed the connection without an answer")
         picture = _START.search(head)
         end = picture.start() if picture else len(head)
-        if head.lstrip().startswith(b"--"):  # the answer has no head: the stream begins immediately
+        if head.lstrip().startswith(b"--"):  # no head: the stream begins immediately
             end = 0
         text, self._rest = head[:end].lstrip(), head[end:]
         status = _STATUS.match(text)
         self.headers = self.msg = HTTPMessage()
-        for field in text.splitlines():  # lines that are not header fields are skipped
+        for field in text.splitlines():  # a line that is not a header field is skipped
             name, colon, value = field.decode("latin-1").partition(":")
             if colon:
                 self.headers[name.strip()] = value.strip()

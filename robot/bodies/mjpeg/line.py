@@ -85,7 +85,8 @@ class CameraLine:
         return bool(self._user) and _origin(urlsplit(address)) == self._home
 
     def _follow(self) -> Answer:
-        """Send requests until there is a stream, with Basic or Digest authentication if needed."""
+        """Request the stream, follow redirects, and authenticate by Basic or Digest if the camera
+        asks for it."""
         address, challenges = self._address, list[str]()
         for _ in range(_MOST_REQUESTS):
             asked, is_home = http.Request(address, headers=_HEAD), self.shows_user(address)
@@ -154,7 +155,7 @@ class CameraLine:
 
 
 class _Digest(http.AbstractDigestAuthHandler):
-    """Digest authentication with SHA-256, which the standard library lacks before Python 3.14."""
+    """Digest authentication with SHA-256, which Python's standard library has only from 3.14 on."""
 
     def get_algorithm_impls(
         self, algorithm: str

@@ -17,7 +17,8 @@ from robot.testing.cases import DriverCase
 
 
 class Mybot(ThreadingHTTPServer):
-    """Moves until its time is over; with `is_silent` it no longer answers."""
+    """A robot that moves until the time of its move is over; with `is_silent` it no longer
+    answers."""
 
     moves_until_s = 0.0
     is_silent = False

@@ -13,7 +13,7 @@ from robot.types import Action, Point, Sensors
 
 @dataclass(frozen=True, kw_only=True)
 class MybotOptions:
-    """Each field becomes a flag of the command line."""
+    """Options of mybot; each field becomes a flag of the command line."""
 
     mybot_address: str = field(default="192.168.4.1:80", metadata={"help": "the robot's HOST:PORT"})
 

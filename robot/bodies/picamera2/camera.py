@@ -31,7 +31,7 @@ class Picamera2Options(Options):
 class Picamera2Camera(WatchedCamera):
     """Takes pictures on the library's thread; a second thread watches the time.
 
-    A picture's time is the sensor's time of exposure.
+    The time of a picture is the time at which the sensor exposed it.
     """
 
     name: ClassVar[str] = "picamera2"

@@ -32,8 +32,8 @@ GONE_S = 0.5
 """Time without any report after which the robot counts as gone, in seconds."""
 _CONNECT_S = 3.0
 _CONNECT_TRIES = 20
-"""A robot counts as silent only after this number of requests, because the computer may have paused
-and sent too few requests to judge."""
+"""Least number of unanswered requests after which a robot counts as silent. The time limit is not
+enough, because a computer that paused meanwhile has sent too few requests."""
 
 
 class MessageLine(Protocol):
@@ -56,8 +56,8 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
     hello: ClassVar[bytes] = HELLO
     no_answer: ClassVar[str]
     no_obedience: ClassVar[str]
-    """The ends of two error messages: `no_answer` is for a robot that never answered, and
-    `no_obedience` for a robot that disobeys."""
+    """Advice at the end of two error messages: `no_answer` if a robot never answered,
+    `no_obedience` if it answers but does not obey."""
 
     def __init__(self, options: Any, where: str, clock: Clock | None = None) -> None:
         """Store the options; `where` names the robot in a sentence, for example `the hub`."""
@@ -76,7 +76,7 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
 
     @abstractmethod
     def _open_line(self) -> MessageLine:
-        """Open the line; raises OSError."""
+        """Open the connection to the robot; raises OSError."""
 
     @property
     def device(self) -> str:
@@ -143,8 +143,8 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
             self._disobeyed = 0 if is_obeyed else self._disobeyed + 1
 
     def _exchange(self, message: bytes) -> None:
-        """Send a message, and use the newest report that comes in time. The next call reports a
-        lost line."""
+        """Send a message, and use the newest report that comes in time. If the connection is lost,
+        the next call raises the error."""
         line = self._connection
         if line is None:
             return

@@ -84,7 +84,7 @@ class ReconnectingConnection(ABC):
         return asyncio.run_coroutine_threadsafe(_or_connection_error(work), self._loop)
 
     def close(self) -> None:
-        """Cancel all tasks, and end; idempotent."""
+        """Cancel all tasks and end the thread; idempotent."""
         if not self._loop.is_closed():
             self._submit(self._cancel_all()).result()
             self._loop.call_soon_threadsafe(self._loop.stop)

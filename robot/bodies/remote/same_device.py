@@ -22,7 +22,7 @@ class Found:
         return f"{self.name!r} ({self.address})" if self.name else self.address
 
     def is_called(self, wanted: str) -> bool:
-        """True if a person may mean this device by `wanted`; an empty text means any device."""
+        """True if `wanted` may stand for this device. An empty `wanted` stands for any device."""
         return wanted in ("", self.name) or wanted.lower() == self.address.lower()
 
 

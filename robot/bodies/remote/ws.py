@@ -56,7 +56,7 @@ class WebsocketLine(ReconnectingLink):
 
 
 class WsDriver(RemoteDriver):
-    """The same messages as `udp`, as text over a websocket."""
+    """Sends the messages of the driver `udp` as text over a websocket."""
 
     name: ClassVar[str] = "ws"
     line_type = WebsocketLine

@@ -26,11 +26,11 @@ SEND_S = 0.3
 PING_EVERY_S = 0.1
 MAX_BYTES = 6 * 2**20
 _LOST_S = 3.0
-"""Time limit for the answer to a ping, in seconds. After this time the connection is opened
-again."""
+"""Time limit for the answer to a ping, in seconds. After a later answer or none, the connection is
+opened again."""
 _ASK_AGAIN_S = REFUSED_S / 2
-"""Pause after a refusal before topics are requested again, in seconds. The conflicting node may
-have ended by then; if it has not, rosbridge refuses again before the first refusal expires."""
+"""Time after which refused topics are requested again, in seconds, because the node that caused the
+refusal may have ended. If it has not, rosbridge refuses again before the first refusal expires."""
 
 
 class RosBridge(ReconnectingConnection, Topics):
@@ -167,7 +167,7 @@ class RosBridge(ReconnectingConnection, Topics):
 
 
 def _let_fail(task: asyncio.Future[None]) -> None:
-    """Retrieve the error of a task. Nobody awaits the task any more, because the connection has
+    """Retrieve the error of a task that nobody awaits any more, because the connection has
     ended."""
     if not task.cancelled():
         task.exception()

@@ -43,7 +43,7 @@ class RosCameraOptions(TransportOptions):
 class RosCamera(WatchedCamera):
     """Uses the newest picture of a topic; a thread checks that pictures keep coming.
 
-    A picture's time is its arrival, because the robot has a different clock.
+    The time of a picture is the time of its arrival, because the robot has another clock.
     """
 
     name: ClassVar[str] = "ros"

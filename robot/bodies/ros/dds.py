@@ -50,14 +50,16 @@ _ASK_EVERY_S = 2
 _MOST_PROCESSES = 50
 """Maximum number of processes of one peer that are discovered; each has a separate port."""
 _LOOK_EVERY_S, _ANSWER_EVERY_S = 0.05, 0.05
-"""Longest pauses of our two threads, in seconds."""
+"""Longest pauses of the threads that read messages and that wait for acknowledgements, in
+seconds."""
 _HEARTBEAT = '<HeartbeatInterval min="1 ms" minsched="5 ms" max="20 ms">10 ms</HeartbeatInterval>'
 """Interval at which acknowledgements are requested. With the default, a writer that writes
 continuously may not request any for seconds."""
 _LAST_ANSWER_S = 0.2
 """How long `close` waits for the acknowledgement of the last order, in seconds."""
 _SETTLED_S = 1.0
-"""A peer's topic that does not match ours counts as refused after this time, in seconds."""
+"""Time after which a topic of the robot that does not match this program's counts as refused, in
+seconds."""
 _BLOCKED_S = 0.1
 _TAKEN = 16
 _MOST_WARNINGS = 100
@@ -180,7 +182,7 @@ class Neighbours:
         self._seen: dict[Any, Endpoint] = {}
 
     def look(self) -> None:
-        """Read the changes."""
+        """Read which publishers and subscribers have appeared or gone."""
         for reader, publishes in self._readers.items():
             while samples := reader.take(_TAKEN):
                 for sample in samples:
@@ -267,7 +269,8 @@ class DdsTopics(Topics):
         self._wait_for_listeners()
 
     def _wait_for_listeners(self) -> None:
-        """Wait until the velocities have a subscriber. If there is none, `refusal` says why."""
+        """Wait until another program subscribes to the velocities. If none does, `refusal` says
+        why."""
         deadline_s = self._clock.now_s() + FOUND_S
         while self._is_unheard() and self._clock.now_s() < deadline_s:
             kinds = [self._neighbours.kinds(topic, publishes=False) for topic in self._advertised]

@@ -80,7 +80,7 @@ class Twist(IdlStruct, typename="geometry_msgs::msg::dds_::Twist_"):
 
 @dataclass
 class TwistStamped(IdlStruct, typename="geometry_msgs::msg::dds_::TwistStamped_"):
-    """A velocity with a time."""
+    """A velocity with the time at which it was sent."""
 
     header: Header = field(default_factory=Header)
     twist: Twist = field(default_factory=Twist)
@@ -119,7 +119,7 @@ def _unknown() -> list[float]:
 
 @dataclass
 class PoseWithCovariance(IdlStruct, typename="geometry_msgs::msg::dds_::PoseWithCovariance_"):
-    """An uncertain place."""
+    """A place and a rotation with their covariance."""
 
     pose: PoseMessage = field(default_factory=PoseMessage)
     covariance: array[float64, 36] = field(default_factory=_unknown)
@@ -127,7 +127,7 @@ class PoseWithCovariance(IdlStruct, typename="geometry_msgs::msg::dds_::PoseWith
 
 @dataclass
 class TwistWithCovariance(IdlStruct, typename="geometry_msgs::msg::dds_::TwistWithCovariance_"):
-    """An uncertain velocity."""
+    """A velocity with its covariance."""
 
     twist: Twist = field(default_factory=Twist)
     covariance: array[float64, 36] = field(default_factory=_unknown)

@@ -52,8 +52,8 @@ class Topics(ABC):
 
     @abstractmethod
     def publish(self, topic: str, message: Message, ends: End | None = None) -> None:
-        """Publish one message and wait until it is sent. When the time of the `End` has come,
-        publish the `End`.
+        """Publish one message and wait until it is sent. Then publish the message of `End` when its
+        time has come.
 
         Raises:
             OSError: If the message cannot be sent now; the message is then never sent.
@@ -66,7 +66,7 @@ class Topics(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """End all; idempotent."""
+        """End the connection and its threads; idempotent."""
 
 
 def check_topic(flag: str, name: str) -> None:

@@ -67,7 +67,7 @@ def open_topics(
     subscribed: Mapping[str, str],
     on_message: OnMessage,
 ) -> Topics:
-    """Connect, and stay connected.
+    """Connect to the robot's topics by the chosen transport, and stay connected.
 
     Args:
         advertised: The type of each topic that will be published.

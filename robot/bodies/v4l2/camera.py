@@ -33,7 +33,7 @@ class UsbCameraOptions(Options):
 
 
 class V4l2Camera(ThreadedCamera):
-    """The camera's unchanged frames, with the kernel driver's time stamps."""
+    """Delivers the camera's frames unchanged, with the time stamps of the kernel's driver."""
 
     name: ClassVar[str] = "v4l2"
     options_type: ClassVar[type[Any]] = UsbCameraOptions

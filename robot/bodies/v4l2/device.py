@@ -108,8 +108,8 @@ class Video:
             )
 
     def _choose_encoding(self, wanted: str) -> Tuple[str, bytes]:
-        """Return YUYV if there is a choice, because it needs no decoder here and the page can show
-        it."""
+        """Return the format to use: YUYV if the camera offers it, because it needs no decoder here
+        and the page can show it."""
         offered = _offered_codes(self._fd)
         for name in ("yuyv", "jpeg") if wanted == "auto" else (wanted,):
             for code in FOURCC[name]:
@@ -138,7 +138,7 @@ class Video:
         try:
             fcntl.ioctl(self._fd, S_PARM, parm)
         except OSError:
-            pass  # the camera's frame rate is fixed
+            pass  # the frame rate of this camera cannot be set
 
     def _buffer(self, index: int) -> bytearray:
         zeros = bytes(16)
@@ -228,7 +228,8 @@ def _offered_sizes(fd: int, code: bytes) -> List[str]:
 
 
 def _offered(fd: int, request: int, asked: bytes) -> Iterator[bytes]:
-    """Query the entries one after the other until there are no more."""
+    """Yield the entries of a list of the driver, which are queried by their numbers until one is
+    refused."""
     for index in range(64):
         try:
             yield fcntl.ioctl(fd, request, struct.pack("=I", index) + asked)

@@ -25,7 +25,7 @@ def plan_shrinking(width: int, height: int, wanted_width: int, wanted_height: in
 
 
 def shrink_yuyv(data: bytes, stride: int, plan: Shrinking) -> bytes:
-    """Return the smaller picture, without padding at the end of rows.
+    """Return the picture reduced by a plan, without padding at the end of rows.
 
     Args:
         data: Rows of `stride` bytes, two per pixel: brightness, then colour (U and V alternate).

@@ -31,7 +31,7 @@ class OpencvOptions(Options):
 
 
 class OpencvCamera(WatchedCamera):
-    """Frames through OpenCV, reduced and sent as JPEG.
+    """Reads frames by OpenCV, reduces them and encodes them as JPEG.
 
     OpenCV keeps returning the last frame of an unplugged camera, and a read may block for seconds.
     So exact repetitions of a frame are ignored, and a second thread watches the time. A film starts

@@ -10,7 +10,7 @@ from robot.bodies.ev3.agent.sensors import RobotSensors
 
 
 class BrickBody:
-    """The brick's body, which controls motors and console.
+    """The motors, sensors and console of the brick, as one body.
 
     `open` finds the devices. Every failure raises DriveError. `ports` maps `left`, `right`,
     `ultrasonic` and `touch` to their ports. `clock` has the functions of Python's `time`.
@@ -48,7 +48,7 @@ class BrickBody:
         read = self.sensors.read()
         try:
             read["wheels_deg"] = self.motors.positions()
-        except DriveError:  # the next move reports this error
+        except DriveError:  # the next move reports the same error
             read["wheels_deg"] = None
         return read
 

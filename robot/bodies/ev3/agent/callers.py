@@ -18,10 +18,10 @@ from robot.bodies.ev3.agent.wire import (
     prove,
 )
 
-MAX_STRANGERS = 12
+MAX_UNJOINED = 12
 """Maximum number of connections that have not joined yet, from all addresses together."""
 JOIN_S = 1.0
-"""Time limit in seconds for an unauthenticated connection to join."""
+"""Time within which a connection must prove that it knows the secret, in seconds."""
 ACCEPT_PAUSE_S = 0.2
 """Pause after an error of `accept`, such as a lack of descriptors or memory, in seconds."""
 LARGEST_OUTBOX = 1 << 20
@@ -69,7 +69,8 @@ class Caller:
         return is_proof(message.get("proof"), secret, "controller", self._nonce, nonce)
 
     def welcome(self, nonce: str, secret: str) -> None:
-        """Prove that we know the secret too; all later messages are sealed."""
+        """Prove to the controller that the agent knows the secret too; all later messages are
+        sealed."""
         self.send({"welcome": PROTOCOL, "proof": prove(secret, "agent", self._nonce, nonce)})
         self._seal = Seal(secret, "agent", self._nonce, nonce)
         seal = Seal(secret, "controller", self._nonce, nonce)
@@ -88,7 +89,7 @@ class Caller:
         self.outbox += data
 
     def flush(self) -> None:
-        """Send as much as possible without waiting."""
+        """Send as many of the waiting bytes as the connection takes at once."""
         if self.outbox:
             try:
                 sent = self.line.send(self.outbox)
@@ -115,7 +116,8 @@ class CallerLimiter:
         return now_s >= self._closed_until_s
 
     def accept(self, now_s: float) -> None:
-        """Accept one connection; if there is no room, evict another."""
+        """Accept one connection. If this leaves too many, or the system has no room, drop an
+        unjoined one."""
         try:
             line, address = self.listener.accept()
         except BlockingIOError:
@@ -129,19 +131,19 @@ class CallerLimiter:
             line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 65536)
         except OSError:
-            line.close()  # the caller has already closed the connection
+            line.close()  # the client has already closed the connection
             return
         self.callers.append(Caller(line, address[0], now_s))
-        if sum(not caller.has_joined for caller in self.callers) > MAX_STRANGERS:
-            self._make_room("others wait")
+        if sum(not caller.has_joined for caller in self.callers) > MAX_UNJOINED:
+            self._make_room("too many others wait to join")
 
     def _make_room(self, why: str) -> None:
         """Drop the oldest unjoined connection of the address with the most unjoined connections, so
         that a flood evicts only its own connections."""
-        strangers = [caller for caller in self.callers if not caller.has_joined]
-        names = [caller.name for caller in strangers]
-        if strangers:
-            self.drop(max(strangers, key=lambda one: (names.count(one.name), -one.since_s)), why)
+        unjoined = [caller for caller in self.callers if not caller.has_joined]
+        names = [caller.name for caller in unjoined]
+        if unjoined:
+            self.drop(max(unjoined, key=lambda one: (names.count(one.name), -one.since_s)), why)
 
     def drop(self, caller: Caller, why: str) -> None:
         self._note("{} left: {}".format(caller.name, why))

@@ -54,14 +54,14 @@ class Console:
             pass  # there is no input device, or another program has grabbed it
 
     def take_button(self) -> Optional[str]:
-        """Return "start" if the middle button was pressed, "stop" if another button was pressed,
-        and None if no button was pressed."""
+        """Return "start" if the middle button was pressed since the last call, "stop" if another
+        button was, and None if none was."""
         pressed = None
         while self._keys >= 0:
             try:
                 event = os.read(self._keys, KEY_EVENT.size)
             except OSError:
-                break  # no more events are waiting
+                break  # all events of the buttons are read
             if len(event) < KEY_EVENT.size:
                 break
             second, micro, kind, code, value = KEY_EVENT.unpack(event)
@@ -85,7 +85,7 @@ class Console:
             self._back_since_s = None
 
     def show(self, mode: str, address: str) -> None:
-        """Show mode and address on screen and lights; missing devices are skipped."""
+        """Show the mode and the address on the screen and by the lights, as far as they exist."""
         text = "Drivelesson\r\n\n{}\r\n\n{}\r\n".format(mode, address)
         if text == self._shown:
             return

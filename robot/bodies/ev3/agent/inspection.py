@@ -63,7 +63,8 @@ def read_card_mb(root: str) -> float:
 
 
 def find_cameras() -> List[Dict[str, Any]]:
-    """Return each camera's device and its formats, or its fault."""
+    """Return for each camera its device with its formats, or with the reason why it cannot be
+    opened."""
     found = []
     for path in list_cameras():
         try:

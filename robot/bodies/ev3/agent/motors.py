@@ -28,12 +28,12 @@ class MotorPair:
         self._time_ms = 0
 
     def open(self) -> None:
-        """Find both motors and reset them.
+        """Find the left and the right motor, and reset both.
 
         Another program may have left ramps, a reversed polarity or a running motor; with a ramp
         even `stop` is slow. `reset` undoes all of this, so it comes first.
         """
-        self.close()  # close the devices that an earlier call found
+        self.close()  # close the motors that an earlier call found
         try:
             for side, address in zip(("left", "right"), self._addresses):
                 self._ports.append(self._find(side, address))
@@ -116,7 +116,7 @@ class MotorPair:
             self._speeds[index] = speed
 
     def stop(self) -> None:
-        """Stop both motors; if one is gone, stop the other. Never raises."""
+        """Stop both motors; if one is unplugged, stop the other. Never raises."""
         for motor in self._ports:
             try:
                 motor.write("command", "stop")

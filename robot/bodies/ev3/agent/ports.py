@@ -30,7 +30,8 @@ class DevicePort:
             return "?"  # the device was just unplugged
 
     def is_at(self, wanted: str) -> bool:
-        """True if the device is at this port: "outB" is one of the words of "ev3-ports:outB"."""
+        """True if the device is at this port. The port "outB" is one of the words of the address
+        "ev3-ports:outB"."""
         return ":{}:".format(wanted.strip()) in ":{}:".format(self.address)
 
     def read(self, name: str) -> str:
@@ -44,7 +45,7 @@ class DevicePort:
         self._files[name] = self._device.set_attr_raw(self._files.get(name), name, text)
 
     def close(self) -> None:
-        """Close the attribute files. The next use opens the files again."""
+        """Close the device's attribute files. The next use of the device opens them again."""
         for file in self._files.values():
             file.close()
         self._files.clear()

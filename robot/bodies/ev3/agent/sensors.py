@@ -1,4 +1,5 @@
-"""Ultrasonic sensor, bumpers and battery. Sensors may appear late, vanish and return."""
+"""Reads the ultrasonic sensor, the bumpers and the battery. A sensor may appear late, vanish and
+return."""
 
 import time
 from typing import Any, Dict, List, Optional
@@ -51,8 +52,9 @@ class SensorGroup:
         self._expected = max(self._expected, len(self._ports))
 
     def read(self, looks_for_more: bool) -> List[float]:
-        """Return each sensor's value in the unit of its mode, also from sensors that appear late.
-        DriveError if a known sensor does not answer; this sensor is then searched for again."""
+        """Return each sensor's value in the unit of its mode. With `looks_for_more`, search for
+        sensors that have appeared since. Raises DriveError if a known sensor does not answer; the
+        next call searches for it."""
         try:
             wanted = min(1, self._expected)
             if looks_for_more and self._wanted == "auto":

@@ -19,9 +19,9 @@ SILENCE_S = 1.5
 """Time of silence after which a controller counts as gone, in seconds. Another controller may then
 join."""
 STALE_S = 0.4
-"""Each move names the newest report that the controller had received. If this report is older than
-`STALE_S` seconds when the move arrives, the move is dropped. A report is sent every 0.1 s, so such
-a move was delayed by at least 0.3 s. Only the brick's clock is used."""
+"""Age in seconds, by the brick's clock. Each move names the newest report that the controller had
+received. If this report is older than `STALE_S` when the move arrives, the agent drops the move.
+The agent sends a report every 0.1 s, so a dropped move was delayed by at least 0.3 s."""
 REPORT_S = 0.1
 
 
@@ -49,7 +49,7 @@ class Agent:
         self._secret = secret
         self._root = root
         self._note = note or LimitedLog().note
-        self._door = CallerLimiter(listener, self._note)
+        self._limiter = CallerLimiter(listener, self._note)
         self._controller = None  # type: Optional[Caller]
         self._body = None  # type: Optional[BrickBody]
         self._reader = None  # type: Any
@@ -61,7 +61,7 @@ class Agent:
         self._picture_age_s = None  # type: Optional[float]
 
     def serve_forever(self) -> None:
-        """Serve until interrupted; in any case the motors are stopped at the end."""
+        """Serve until the program is interrupted. However this ends, the motors are stopped."""
         try:
             while True:
                 self.tick()
@@ -70,16 +70,16 @@ class Agent:
 
     def close(self) -> None:
         self._release_controller()
-        for caller in list(self._door.callers):
-            self._door.drop(caller, "the agent ends")
-        self._door.listener.close()
+        for caller in list(self._limiter.callers):
+            self._limiter.drop(caller, "the agent ends")
+        self._limiter.listener.close()
 
     def tick(self) -> None:
         """Wait at most 50 ms for events, and handle them."""
-        callers = list(self._door.callers)
+        callers = list(self._limiter.callers)
         readers = [caller.line for caller in callers]  # type: List[Any]
-        if self._door.is_open(self._clock.monotonic()):
-            readers.append(self._door.listener)
+        if self._limiter.is_open(self._clock.monotonic()):
+            readers.append(self._limiter.listener)
         if self._reader is not None and self._reader.video is not None:
             readers.append(self._reader.video)
         writers = [caller.line for caller in callers if caller.outbox]
@@ -92,8 +92,8 @@ class Agent:
                 caller.flush()
             except Exception as error:  # outermost handler: no caller's message may end the loop
                 self._drop(caller, "{}: {}".format(type(error).__name__, error))
-        if self._door.listener in readable:
-            self._door.accept(now_s)
+        if self._limiter.listener in readable:
+            self._limiter.accept(now_s)
         self._watch(now_s)
         try:
             self._send_picture(now_s)
@@ -116,7 +116,7 @@ class Agent:
                     self._obey(caller, command)
                 except DriveError as error:
                     caller.send({"failed": str(error)})
-            elif command is moves[-1]:  # if several moves wait, only the last move is obeyed
+            elif command is moves[-1]:  # of several waiting moves only the last is obeyed
                 self._move(caller, command, now_s)
         caller.received_s = now_s
 
@@ -188,20 +188,20 @@ class Agent:
             caller.send({"fault": str(error)})
 
     def _watch(self, now_s: float) -> None:
-        """Stop the motors, and drop a controller that has been silent for too long."""
+        """If the controller is silent, stop the motors; if it is silent for too long, drop it."""
         if self._commanded_s is not None and now_s - self._commanded_s > WATCHDOG_S:
             self._commanded_s = None
             if self._body is not None:
                 self._body.stop()
-        for caller in list(self._door.callers):
+        for caller in list(self._limiter.callers):
             if not caller.has_joined and now_s - caller.since_s > JOIN_S:
                 self._drop(caller, "it did not join")
             elif caller.has_joined and now_s - caller.received_s > SILENCE_S:
                 self._drop(caller, "it fell silent")
 
     def _send_picture(self, now_s: float) -> None:
-        """Send the newest picture if the last sent picture has arrived; pictures in between are
-        dropped."""
+        """Send the newest picture once the controller has received the last one; pictures in
+        between are dropped."""
         if self._reader is None or self._controller is None:
             return
         picture = self._reader.poll(now_s)
@@ -236,7 +236,7 @@ class Agent:
         caller.send(message)
 
     def _drop(self, caller: Caller, why: str) -> None:
-        self._door.drop(caller, why)
+        self._limiter.drop(caller, why)
         if caller is self._controller:
             self._release_controller()
 

@@ -1,11 +1,11 @@
 """The wire format between an agent and its controller: framing, mutual proof, sealed messages.
 Pure.
 
-A message is one byte for its kind, four for its length, then JSON or a picture. Agent and
-controller prove that they know the shared secret, by an HMAC-SHA256 over the nonces of both. After
-these proofs each message ends in a MAC. The MAC's key is only for this connection and direction.
-The MAC covers the message and a counter that both sides keep. So nobody else can send, replay, drop
-or reorder messages, on this connection or a later one.
+A message consists of one byte for its kind, four bytes for its length, and JSON or a picture. Agent
+and controller prove that they know the shared secret, by an HMAC-SHA256 over the nonces of both.
+After these proofs each message ends in a MAC. The MAC's key is only for this connection and
+direction. The MAC covers the message and a counter that both sides keep. So nobody else can send,
+replay, drop or reorder messages, on this connection or a later one.
 """
 
 import hmac
@@ -17,7 +17,8 @@ PORT = 8765
 PROTOCOL = 2
 HEAD = struct.Struct(">cI")
 PICTURE = struct.Struct(">IdHHB")
-"""Frame id, taken_s on the brick's clock, width, height, encoding. The picture's bytes follow."""
+"""Head of a picture's message: frame id, taken_s on the brick's clock, width, height, encoding. The
+picture's bytes follow."""
 ENCODINGS = ("yuyv", "jpeg")
 MAC_SIZE = 16
 BEFORE_JOINING = {b"J": 1024}
@@ -87,7 +88,7 @@ class Unpacker:
         self._waiting = bytearray()
 
     def expect_seal(self, seal: Seal, largest: Dict[bytes, int]) -> None:
-        """From the next message on, accept only sealed messages."""
+        """Accept only sealed messages from now on."""
         self._seal = seal
         self._largest = largest
 

@@ -1,8 +1,8 @@
 """Direct commands of LEGO's own EV3 firmware: the few that a robot on wheels needs. Pure.
 
-A message consists of the length of the rest in two bytes, a count that the answer repeats, the
-kind, the sizes of the variables, and bytecodes. All numbers are little-endian. Numbers in bytecodes
-have one, two, three or five bytes. Source: LEGO, EV3 Communication and EV3 Firmware Developer Kits
+A message consists of its remaining length in two bytes, a number that the answer repeats, the kind,
+the sizes of the variables, and bytecodes. All numbers are little-endian. Numbers in bytecodes have
+one, two, three or five bytes. Source: LEGO, EV3 Communication and EV3 Firmware Developer Kits
 (2013).
 """
 

@@ -1,6 +1,6 @@
 """Connections to a brick with LEGO's firmware: Wi-Fi, Bluetooth and USB.
 
-The brick answers each message once, and the next message is sent only after that.
+The brick answers each message, and the next message is sent only after the answer.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ ANSWER_S = 0.4
 Bluetooth."""
 _BEACON_S, _LISTEN_S = 8.0, 0.5
 TWINS_S = 5.5
-"""How long to listen if no brick was named, in s. Each brick announces itself every 5 s."""
+"""Time for which announcements are received if no brick was named, in s. Each brick announces
+itself every 5 s."""
 _AGAIN_S = 1.0
 """Two announcements of a brick within this time, in s, are the same announcement, received over two
 networks."""
