@@ -1,5 +1,5 @@
 """Creates one file from many recordings, or from all parts of one recording, while the file is
-sent. Only one block at a time is in memory."""
+sent. Only one block of the file is in memory at a time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _BLOCK_BYTES = 1 << 20
 
 
 class _Sink(io.RawIOBase):
-    """Buffers the bytes that are written until `fetch`; not readable or seekable."""
+    """A file for writing that buffers its bytes until `fetch`; it cannot be read or seeked."""
 
     def __init__(self) -> None:
         self._waiting, self._fetched = bytearray(), 0
@@ -81,8 +81,8 @@ def zip_recordings(paths: Sequence[Path]) -> Iterator[bytes]:
     """Yield a zip file of recordings with their edits, block by block.
 
     Recordings are stored uncompressed, since their pictures are already compressed. A recording in
-    progress is included up to its current end. Raises OSError if a recording cannot be read; the
-    zip file is then truncated, and its receiver can tell.
+    progress is included up to its current end. Raises OSError if a recording cannot be read; its
+    receiver then notices that the zip file is truncated.
     """
     sink = _Sink()
     with zipfile.ZipFile(sink, "w", zipfile.ZIP_STORED) as archive:

@@ -32,14 +32,14 @@ _FRAME = np.dtype(
     ]
 )
 _NOT_PLAIN = 255
-"""Used instead of a label's number for events that are not plain examples of recorded pictures.
+"""Stored in place of the label's number for all events except plain examples of recorded pictures.
 """
 _NO_VECTOR, _NO_POINT = np.zeros(0), Point(nan, nan)
 
 
 class FrameTable(Mapping[int, FrameEntry]):
-    """The pictures of a recording by their ids, in ascending order. Of duplicate ids the last
-    counts."""
+    """The pictures of a recording by their ids, in ascending order. If an id occurs twice, its last
+    picture counts."""
 
     def __init__(self, origin_ns: int = 0) -> None:
         self.origin_ns = origin_ns
@@ -63,15 +63,16 @@ class FrameTable(Mapping[int, FrameEntry]):
             if channel not in self._channels:
                 self._channels.append(channel)
             table["channel"][rows["channel"] == number] = self._channels.index(channel)
-        self._table = None  # drop the view of the rows: while the view exists, the rows cannot grow
+        self._table = None  # the rows cannot grow while this view of them exists
         self._rows += table.tobytes()
 
     def dump(self) -> tuple[bytes, list[MessageChannel]]:
-        """Return the rows in the order of the file, and the channels that the rows refer to."""
+        """Return the rows of all pictures in the order of the file, and the channels that the rows
+        refer to."""
         return bytes(self._rows), self._channels
 
     def load(self, data: bytes, channels: Sequence[MessageChannel], base: int = 0) -> None:
-        """Add the rows of a `dump`. The file of these rows begins at the offset `base`. Raises one
+        """Add the rows that a `dump` returned. Their file begins at the offset `base`. Raises one
         of `UNREADABLE` if the rows are invalid."""
         table = np.frombuffer(data, _FRAME).copy()
         self._channels += [channel for channel in channels if channel not in self._channels]
@@ -159,7 +160,8 @@ class FrameTable(Mapping[int, FrameEntry]):
 
 
 def _different(numbers: NDArray[np.unsignedinteger]) -> list[int]:
-    """Return the different numbers, in ascending order. `np.unique` would import a large module."""
+    """Return the numbers without duplicates, in ascending order. `np.unique` would import a large
+    module."""
     return np.flatnonzero(np.bincount(numbers)).tolist()
 
 
@@ -197,8 +199,8 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
             self._add(now_s, json.loads(text))
 
     def _add_plain(self, times_s: Sequence[float], plain: Sequence[Fields]) -> bool:
-        """Add examples of the common form: all or none have points. If any has another form, add
-        none and return False."""
+        """Add the examples if they have the common form, in which either all or none have points.
+        Otherwise add none and return False."""
         try:
             frames = [fields["frame"] for fields in plain]
             labels = [fields["label"] for fields in plain]
@@ -265,7 +267,7 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
             column.extend([nan] * (len(self) - len(column)))
 
     def dump(self) -> tuple[bytes, Fields]:
-        """Return the columns and their description."""
+        """Return the events as columns, and the description of the columns."""
         others = {str(i): describe_event(event) for i, event in self._others.items()}
         about: Fields = {"count": len(self), "labels": self._labels, "others": others}
         self._fill_points()
@@ -382,7 +384,7 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
 
 
 class Labels(Mapping[int, Example]):
-    """Maps each picture to the last of its examples that was not undone."""
+    """Maps each picture to the last of its examples that the pilot did not undo."""
 
     def __init__(self, lessons: LessonTable) -> None:
         self._lessons = lessons
@@ -420,12 +422,12 @@ class Labels(Mapping[int, Example]):
 
     @property
     def counts(self) -> Counter[Action]:
-        """Number of pictures with each label."""
+        """The number of pictures that have each label."""
         return Counter(map(self._lessons.label, self._rows.tolist()))
 
 
 class Span:
-    """The times of the first and the last of some messages, in nanoseconds since 1970."""
+    """The times at which the messages of a recording begin and end, in nanoseconds since 1970."""
 
     def __init__(self) -> None:
         self._ends: dict[str, tuple[int, int]] = {}
@@ -443,7 +445,7 @@ class Span:
         return self._ends
 
     def load(self, ends: Mapping[str, Sequence[int]]) -> None:
-        """Add the `ends` of a later part of the recording."""
+        """Add the `ends` of the recording's next part."""
         for topic, (first, last) in ends.items():
             self._ends[topic] = self._ends.get(topic, (int(first), 0))[0], int(last)
 

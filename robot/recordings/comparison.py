@@ -1,8 +1,8 @@
-"""Compares a learner trained on the recordings as driven with one trained on the edited recordings.
+"""Measures what a person's edits of recordings change: one learner is trained with the edits,
+another one without.
 
-Both learners are evaluated on held-out frames, against the edited labels. For this purpose each
-recording is split into fifty stretches, and every fifth stretch is held out. On the other stretches
-one learner is trained with the original labels and one with the edited labels.
+Each recording is split into fifty stretches, of which every fifth is held out. Both learners are
+trained on the other stretches, and tested on the held-out frames against the edited labels.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from robot.types import Action, Example
 _STRETCHES = 50
 _HELD_OUT = range(2, _STRETCHES, 5)
 FEWEST_FRAMES = 50
-"""Least number of labelled frames for a comparison. With fewer the result would mean little."""
+"""Least number of labelled frames for a comparison; the result of fewer would mean little."""
 _SHOWN = 10
 
 
@@ -38,7 +38,8 @@ class JudgedFrame:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """Accuracy of each learner on held-out frames, and up to ten frames on which they differ."""
+    """The accuracy of each learner on held-out frames, and up to ten frames on which the learners
+    differ."""
 
     frames: int
     before: float
@@ -52,8 +53,8 @@ def compare(
     new_policy: Callable[[], Policy],
     on_step: Callable[[], None] = lambda: None,
 ) -> Comparison | None:
-    """Train one learner without the edits and one with them, and compare both; return None if there
-    are too few frames."""
+    """Train one learner without the edits and one with them, and compare the two. Return None if
+    the recordings have too few labelled frames."""
     asked = _held_out(episodes)
     if asked is None:
         return None

@@ -27,17 +27,17 @@ from robot.store.models.events import read_point
 from robot.types import Action, Point
 
 _SOON_S = 0.5
-"""Longest time from a picture to a message that belongs to the picture, in seconds. After
-a longer time, the robot has stood still in between."""
+"""Longest time from a picture to a message that belongs to the picture, in seconds. If the next
+message comes later, the robot stood still in between."""
 _LATE_S = 2.0
 """Longest time from a picture to the policy's proposal on it, in seconds; a computer may be
 slow."""
 _MOST_WAITING = 20_000
 _BATCH = 256
-"""Number of pictures that are read together; more are read together if messages about them follow
-late."""
+"""Least number of pictures that are read together; more are read together if the messages about
+them follow late."""
 ABOUT = Topic.DECISION, Topic.SENSORS, Topic.PREDICTION
-"""The topics of messages about a picture."""
+"""The topics of the messages that describe a picture."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,8 +74,8 @@ def moments(
 ) -> Iterator[EpisodeFrame]:
     """Yield the recording's pictures in order, each with label, prediction and driver.
 
-    The recording is read chunk by chunk; the chunks of some hundred pictures are in memory. Only
-    the messages of the topics `about` are read; if there are no topics, no chunk is read.
+    The recording is read chunk by chunk, so that only some hundred pictures are in memory. Only the
+    messages of the topics `about` are read; if `about` is empty, no chunk is read.
     """
     table, labels = episode.frames, taught_frames(episode)
     ranks = range(len(table))
@@ -101,8 +101,8 @@ def sample(
     count: int,
     between: Range | None = None,
 ) -> list[EpisodeFrame]:
-    """Return at most `count` evenly spaced moments of the recording or of a range of frames. Only
-    the chunks that contain these moments are read."""
+    """Return at most `count` moments, evenly spaced in the recording or in a range of its frames.
+    Only the chunks that contain these moments are read."""
     table, labels = episode.frames, taught_frames(episode)
     ranks = range(len(table))
     if between is not None:
@@ -287,7 +287,7 @@ def edit_of(verb: str, between: Range, episode: Episode, label: str | None = Non
 
 
 class EditedWriter(Protocol):
-    """A way to run `write_edited`."""
+    """A function that runs `write_edited`, perhaps in another process."""
 
     def __call__(
         self, episode: Episode, notes: Notes, file: BinaryIO, *, is_part: bool = False
@@ -299,8 +299,8 @@ def write_edited(episode: Episode, notes: Notes, file: BinaryIO, *, is_part: boo
 
     Undone examples and deleted frames are left out; relabelled frames have their new label. Frame
     ids and predictions are unchanged. Edits of learned images are copied, since a later recording
-    may undo them; they are not copied if `is_part`, because the recording that the part was split
-    from contains them.
+    may undo them. If `is_part`, they are not copied, because the recording from which this part was
+    split contains them.
     """
     run = {**episode.run, "format": str(FORMAT), **({EDITED: "1"} if notes.edits else {})}
     writer = EpisodeWriter(file, run, episode.attachments.get(MODEL_BEFORE))

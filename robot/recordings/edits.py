@@ -49,7 +49,7 @@ class Notes:
     is_protected: bool = False
     edits: tuple[Edit, ...] = ()
     undone: tuple[Edit, ...] = ()
-    """Undone edits, which can be redone; the last undone comes first."""
+    """Edits that the person undid and can redo; the last undone comes first."""
 
     def with_edit(self, edit: Edit) -> Notes:
         return replace(self, edits=(*self.edits, edit), undone=())
@@ -123,7 +123,7 @@ def read_notes(episode: Path) -> Notes:
 
 
 def compacted(notes: Notes) -> Notes:
-    """Return the notes of a recording to which the edits were applied."""
+    """Return the notes for the copy of a recording to which these edits were applied."""
     return replace(notes, edits=(), undone=())
 
 

@@ -1,7 +1,7 @@
 """Completes each truncated recording once, at the next start of the program.
 
-The remaining records are copied, and the completed copy replaces the recording. A file that is
-damaged in another way is not changed.
+The records before the truncation are copied, and the completed copy replaces the recording. A file
+that is damaged in another way is not changed.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from robot.store.folder import whole_file
 log = logging.getLogger(__name__)
 
 _MOST_LOST_BYTES = 16 * 2**20
-"""Most bytes after the last complete record of a truncated file. Truncation leaves at most part of
-one record, so a file with more bytes is damaged in another way."""
+"""Maximum number of bytes after the last complete record of a truncated file. A truncation leaves
+at most a part of one record, so a file with more bytes there is damaged in another way."""
 _SPARE_BYTES = 64 * 2**20
 _RECORDS_AT_ONCE = 32
 _REST_S = 0.003
-"""Pause between groups of records, in seconds, because the robot may start and drive at the same
-time, on the same processor. An hour of recording has 300,000 records."""
+"""Pause between groups of copied records, in seconds, because the robot may drive meanwhile on the
+same processor. An hour of recording has 300,000 records."""
 
 
 def end_cut_recordings(paths: Sequence[Path], clock: Clock) -> None:
@@ -77,8 +77,8 @@ def _end_file(path: Path, earlier: Path | None, rest: Callable[[], None]) -> boo
 def _copy_what_is_left(
     path: Path, earlier: Path | None, copy: BinaryIO, rest: Callable[[], None]
 ) -> None:
-    """Copy the complete records. Raises one of `UNREADABLE` if the file is not only truncated but
-    damaged."""
+    """Copy the complete records of a file. Raises one of `UNREADABLE` if the file is damaged in
+    another way than by a truncation."""
     writer, cut, summary = None, Cut(reason="", lost_bytes=0), {"damage": CUT_SHORT}
     for number, record in enumerate(scan(path), 1):
         if number % _RECORDS_AT_ONCE == 0:

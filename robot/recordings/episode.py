@@ -51,7 +51,7 @@ from robot.types import Action, Frame
 
 _CHUNKS_BYTES = 8 * 2**20
 """Size of the cache of unpacked chunks of an open recording, in bytes."""
-_LATEST_S = 2.5e11  # this is in the year 9892; `datetime` ends soon after
+_LATEST_S = 2.5e11  # in the year 9892, shortly before the end of `datetime`
 
 
 @dataclass(slots=True, kw_only=True)
@@ -85,8 +85,8 @@ class Episode:
 
     @property
     def results(self) -> list[Fields]:
-        """Results of extensions. `of` names the kind of result; `at_s` is the time since the
-        start."""
+        """The results that extensions recorded, such as tries of a challenge. `of` names the kind
+        of result; `at_s` is the time since the recording began."""
         origin_ns, start_s = self.origin_ns, self.start_s
         return [
             {**fields, "at_s": round((stamp_ns - origin_ns) / 1e9 - start_s, 3)}
@@ -144,7 +144,8 @@ class Episode:
         return self._keep(offset, read_chunk_at(self.path, offset)) if data is None else data
 
     def _keep(self, offset: int, data: bytes) -> bytes:
-        """Cache the last chunks, because their pictures are needed within the next seconds.
+        """Keep the last chunks in memory, because their pictures are needed within the next
+        seconds.
 
         An imported recording has few, large chunks; a driven recording has five chunks a second.
         """

@@ -36,12 +36,13 @@ SECTION_FRAMES = 8192
 MB."""
 _FORMAT = 1
 _MOST_RESULTS = 1000
-"""Number of a recording's latest results that are kept."""
+"""Maximum number of results of extensions that the index holds: the latest of the recording."""
 _MOST_BYTES = 2**26
 _HEAD = struct.Struct("<II")
 """The checksum of a section, and the length of its description."""
 SPANNED = tuple(t for t in Topic if t not in (Topic.CAMERA, Topic.POSE))
-"""The topics whose times count for the duration. The sensors also contain the pose."""
+"""The topics whose times determine the recording's duration. The topic of the sensors also contains
+the pose."""
 
 
 class Columns:
@@ -95,7 +96,8 @@ def encode(
     *,
     is_last: bool,
 ) -> bytes:
-    """Return a section for the position `place` in the file; the previous section is at `since`."""
+    """Return a section that will be at the position `place` in the file; the previous section is at
+    `since`."""
     numbers = {channel: number for number, channel in channels.items()}
     frames, used = columns.frames.dump()
     lessons, about = columns.lessons.dump()

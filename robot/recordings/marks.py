@@ -1,4 +1,4 @@
-"""A small number for each frame, in two bytes, for recordings of any length."""
+"""Stores a small number for each frame, in two bytes, for recordings of any length."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ a little more than `UNDO_HORIZON_S`."""
 
 
 class FrameMarks:
-    """Numbers from 0 to 65,535 by frame id; 0 if no number was set."""
+    """A number from 0 to 65,535 for each frame id; 0 if no number was set."""
 
     def __init__(self) -> None:
         self._pages: dict[int, array[int]] = {}
         self._newest_s: dict[int, float] = {}
-        """Teaching time of the last example of each page."""
+        """The teaching time of the last example on each page of frame ids."""
 
     def __getitem__(self, frame_id: int) -> int:
         page, index = divmod(frame_id, _PAGE)
@@ -96,7 +96,8 @@ class Tally:
                 self._drop(frame_id)
 
     def note_earlier(self, events: Iterable[HistoryEvent]) -> None:
-        """Note the labels of events that `before` counted."""
+        """Note the labels of earlier events without counting them, because `before` includes
+        them."""
         counted = self.taught.copy()
         for event in events:
             self.note(event)

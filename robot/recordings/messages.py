@@ -160,7 +160,7 @@ def describe_tick(
         events: The changes of the learner to record.
         lost: Ids of taught frames whose pictures are not recorded. The vectors of these frames are
             recorded instead.
-        is_shown: True if the tick's picture is recorded.
+        is_shown: True if the recording contains the tick's picture.
         is_begun: True if the mode has changed.
     """
     decision, seen = tick.decision, tick.prediction

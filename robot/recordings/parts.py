@@ -65,19 +65,20 @@ def is_part(path: Path) -> bool:
 
 
 def files_of(path: Path) -> tuple[Path, Path, Path]:
-    """Return what belongs to a recording: its first file, its notes and the folder of its parts."""
+    """Return all paths that belong to a recording: its first file, its notes and the folder of its
+    parts."""
     return path, notes_path(path), parts_folder(path)
 
 
 def state_of(path: Path) -> tuple[tuple[int, int], ...]:
-    """Return the size and modification time of each file. These values change if the recording
-    changes."""
+    """Return the size and modification time of each file of a recording, to notice when the
+    recording changes."""
     found = [file.stat() for file in part_paths(path).values()]
     return tuple((status.st_size, status.st_mtime_ns) for status in found)
 
 
 def has_ended(path: Path) -> bool:
-    """True if a recording is complete: no file is being written, and none was truncated."""
+    """True if a recording is complete: none of its files is being written or was truncated."""
     last = list(part_paths(path).values())[-1]
     if not has_end(last):
         return False

@@ -1,10 +1,9 @@
 """Reads MCAP files that may be truncated, damaged or malicious.
 
 Impossible lengths are rejected before memory is allocated for them, chunks are unpacked within
-bounds, and reading stops at the first invalid record. All records before the invalid record are
-valid, so a truncated episode is readable up to the cut. Layout: mcap.dev/spec. The library `mcap`
-parses only the content of single records, because it trusts lengths and does not detect truncated
-files.
+bounds, and reading stops at the first invalid record. All records before it are valid, so a
+truncated recording is readable up to the cut. Layout: mcap.dev/spec. The library `mcap` parses only
+the content of single records, because it trusts lengths and does not detect truncated files.
 """
 
 from __future__ import annotations
@@ -333,7 +332,7 @@ class WrittenFile:
 
     def blocks(self, data: bytes, offset: int) -> Iterator[Block]:
         """Yield the chunks among the complete records in `data`, which were written at `offset`."""
-        with contextlib.suppress(CutError):  # the data continues after its last complete record
+        with contextlib.suppress(CutError):  # the last record may not be written completely yet
             for part in self._content.parts(io.BytesIO(data)):
                 if isinstance(part, Block):
                     yield part._replace(offset=offset + part.offset)
@@ -362,7 +361,7 @@ def _records(
 
 
 def _parse(kind: str, body: bytes) -> Any:
-    """Parse a record with the library's class of this name."""
+    """Parse a record by the class of the library `mcap` that has this name."""
     from mcap import records
     from mcap.data_stream import ReadDataStream
 
@@ -383,7 +382,7 @@ class _Content:
         self.channels = dict(channels or {})
 
     def parts(self, file: BinaryIO) -> Iterator[Part]:
-        """Yield the parts, up to the end of the data; the summary only repeats them."""
+        """Yield the content up to the summary, which only repeats what came before."""
         chunk: tuple[int, bytes] | None = None
         indexes: list[bytes] = []
         has_all = False
@@ -426,7 +425,8 @@ class _Content:
             raise trouble
 
     def _walked(self, data: bytes) -> tuple[NDArray[np.int64], RecordingError | None]:
-        """Walk through a chunk's records; return each message's position, and the first error."""
+        """Walk through a chunk's records; return the position of each message, and the first error
+        if any."""
         places: list[tuple[int, int]] = []
         at, size, trouble = 0, len(data), None
         while at < size:
@@ -522,7 +522,7 @@ def _unpacked(body: bytes) -> bytes:
 
 
 def _unpack(compression: str, data: bytes, size: int) -> bytes:
-    """Unpack at most one byte more than the declared size, to detect a wrong size."""
+    """Unpack a chunk up to one byte beyond its declared size, to detect a wrong size."""
     # Each library raises different errors; all of them mean that the chunk is damaged.
     with told_as(RecordingError, "a chunk cannot be unpacked", Exception):
         if compression == "zstd":

@@ -23,7 +23,7 @@ from robot.store.prepare import ASIDE
 log = logging.getLogger(__name__)
 
 _COPY = re.compile(r" \(\d+\)\Z", re.ASCII)
-"""The ending of the name under which a recording is restored if its own name is in use."""
+"""The ending that a restored recording's name gets if its own name is in use."""
 
 
 def strays(folder: Path) -> Iterator[tuple[Path, str]]:
@@ -37,9 +37,9 @@ def strays(folder: Path) -> Iterator[tuple[Path, str]]:
 
 
 def compacting_mark(path: Path) -> Path:
-    """Return the mark of a recording that is being made compact. This file lies next to the
-    recording, and later next to its original in the trash. A stray mark has the name of an
-    unfinished file and is removed."""
+    """Return the path of the file that marks a recording while it is made compact. The file lies
+    next to the recording, and later next to its original in the trash. A mark that is left over is
+    removed like any unfinished file, because it has such a name."""
     return path.with_name(f".{path.name}.0.part")
 
 
@@ -65,7 +65,8 @@ def rejoin(storage: Storage) -> None:
 
 
 def _end_compacting(storage: Storage, folder: Path) -> None:
-    """Restore each original that has no new file; give each new file its original's notes."""
+    """Restore the original of each recording whose compact file is missing, and give each compact
+    file the notes of its original."""
     for mark in sorted(storage.trash.glob("*/.*.mcap.0.part")):
         original = mark.with_name(mark.name[1 : -len(".0.part")])
         path = folder / original.name
@@ -80,7 +81,7 @@ def _end_compacting(storage: Storage, folder: Path) -> None:
 
 
 def _place_of(path: Path, name: str, storage: Storage) -> Path | None:
-    """Return where a stray belongs in the trash: next to the first file of its recording."""
+    """Return where a stray file belongs in the trash: next to the first file of its recording."""
     for key in reversed(storage.deleted()):
         for one in (name, _COPY.sub("", name)):
             first = storage.trash / key / f"{one}.mcap"

@@ -60,7 +60,7 @@ class EpisodeStore:
     ) -> None:
         self._storage, self._write = storage, write
         self._recording = recording or (lambda: None)
-        self._is_recorder = recording is not None  # if False, another program may be recording
+        self._is_recorder = recording is not None  # if False, another program may be recording now
         self.budget_bytes = DEFAULT_BUDGET_BYTES
         """Total size of all episodes above which the oldest unprotected episodes are offered for
         deletion."""
@@ -167,8 +167,8 @@ class EpisodeStore:
         return path
 
     def restore(self, key: str) -> list[str]:
-        """Restore the episodes of one deletion; return their names. An episode whose old name is in
-        use gets a new name."""
+        """Restore the episodes that one deletion removed, and return their names. An episode whose
+        old name is in use gets a new name."""
         with self._lock:
             return self._storage.restore(key, self._storage.folder(NAME), ".mcap")
 
@@ -178,7 +178,8 @@ class EpisodeStore:
         return [key for key in self._storage.deleted() if any((trash / key).glob("*.mcap"))]
 
     def compact(self, episode_id: str) -> str:
-        """Apply the edits to the recording; the returned key restores the original."""
+        """Replace a recording by a copy with its edits applied; the returned key restores the
+        original."""
         with self._lock:
             path = self._idle_path(episode_id)
             notes, episode, key = read_notes(path), self.open(episode_id), ""

@@ -90,7 +90,8 @@ def _read_head(path: Path) -> dict[str, Any]:
 
 
 def _read_ends(path: Path) -> dict[str, Any]:
-    """Read the metadata at the end of the last file; if it is damaged, count the content."""
+    """Read the counts from the metadata at the end of the last file. If they are damaged, count the
+    content."""
     files = part_paths(path)
     last = max(files)
     with contextlib.suppress(*UNREADABLE, OSError):

@@ -30,8 +30,8 @@ EditedEpisode = tuple[Episode, Notes]
 class Step(NamedTuple):
     """One step of learning from a recording: an edit, or an example with its current label.
 
-    The vector of an example is empty if its picture was recorded. An example that a person labelled
-    afterwards has the teaching time -1.
+    The vector of an example is empty if its picture was recorded. The example of a frame that a
+    person labelled after the drive has the teaching time -1.
     """
 
     episode: Episode
@@ -47,7 +47,7 @@ class Report:
     missing_frames: int = 0
 
     def leave_out(self, event: LogEvent, error: Exception) -> None:
-        """Count an edit that does not apply here."""
+        """Count an edit of a learned image that cannot be repeated on the images of this policy."""
         self.left_out_edits += 1
 
 
@@ -121,7 +121,8 @@ def surviving(episodes: Sequence[EditedEpisode]) -> list[NDArray[np.intp]]:
 def _undo_edit(
     episodes: Sequence[EditedEpisode], counts: list[NDArray[np.bool_]], place: int, row: int
 ) -> int:
-    """Undo the last edit of an image before an event; return the number of undone events."""
+    """Mark the last edit of a learned image before an event as undone; return the number of edits
+    marked."""
     for earlier in range(place, -1, -1):
         for edited in reversed(episodes[earlier][0].events.rows_of(Edited)):
             if counts[earlier][edited] and (earlier < place or edited < row):
@@ -170,7 +171,8 @@ def _is_as_driven(policy: Policy, episode: Episode, notes: Notes) -> bool:
 
 
 def _seen_by(policy: Policy, episode: Episode, event: Taught) -> Taught | None:
-    """Return the example with this policy's vector; None if its picture was not recorded."""
+    """Return the example with the vector that this policy makes of its picture; None if the picture
+    was not recorded."""
     frame_id, label = event.example.frame_id, event.example.label
     if label not in policy.moves:
         raise ConfigurationError(

@@ -108,7 +108,7 @@ def a_thousand_idle_connections_are_nothing(brick: FakeBrick, agent: RunningAgen
             connect(agent.address, stack)
         drive_on(driver, brick)
         assert agent.process.poll() is None
-        assert sockets(agent) <= before + callers.MAX_STRANGERS + 1
+        assert sockets(agent) <= before + callers.MAX_UNJOINED + 1
         assert memory_kb(agent) - before_kb < MOST_GROWTH_KB
     join_patiently(agent.address)
 

@@ -82,12 +82,12 @@ def test_a_flood_pushes_out_itself() -> None:
     listener = Listener()
     left: list[str] = []
     door = callers.CallerLimiter(listener, left.append)
-    for index in range(callers.MAX_STRANGERS + 30):
+    for index in range(callers.MAX_UNJOINED + 30):
         listener.arrived.append(new_line())
         listener.address = "127.0.0.3" if index == 3 else "127.0.0.2"
         door.accept(float(index))
-    assert left == ["127.0.0.2 left: others wait"] * 30
-    assert len(door.callers) == callers.MAX_STRANGERS
+    assert left == ["127.0.0.2 left: too many others wait to join"] * 30
+    assert len(door.callers) == callers.MAX_UNJOINED
     assert "127.0.0.3" in {caller.name for caller in door.callers}
 
 

@@ -209,12 +209,12 @@ class VirtualAgent:
         self.net.poke()
         self._thread.join()
         self._thread = None
-        for caller in self._agent._door.callers:
+        for caller in self._agent._limiter.callers:
             caller.line.close()
 
     def start_again(self) -> None:
         """Continue after the kill like a restarted agent, which nobody has joined."""
-        for caller in list(self._agent._door.callers):
+        for caller in list(self._agent._limiter.callers):
             self._agent._drop(caller, "killed")
         self._ending.clear()
         self._thread = self.net.clock.start_thread(self._serve, "agent")
