@@ -8,6 +8,9 @@ from importlib.metadata import EntryPoint
 from importlib.metadata import entry_points as read_entry_points
 from typing import Any
 
+EXTENSIONS = "drivelesson.services"
+"""Group of the extensions of a robot's server."""
+
 
 def points(group: str) -> list[EntryPoint]:
     """Return the entry points of a group, sorted by name."""

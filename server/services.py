@@ -1,13 +1,12 @@
 """All services of one robot's server, created once and passed to the routes.
 
-An extension adds routes, options of `serve` and services by an entry point of
-`drivelesson.services`. The core knows only the class `Extension`, so any extension can be removed
-without changes to the core.
+An extension adds routes and services by an entry point of `drivelesson.services`. If its package
+has a module `options`, `configure(parser)` in it declares options of `serve`. The core knows only
+the class `Extension`, so any extension can be removed without changes to the core.
 """
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -18,7 +17,7 @@ from fastapi import APIRouter, HTTPException
 from starlette.requests import HTTPConnection
 
 from robot.devices.rig import Rig
-from robot.entry_points import points
+from robot.entry_points import EXTENSIONS, points
 from robot.policy.history import TrainingHistory
 from robot.types import StartStop
 from server.clients.hub import Hub
@@ -102,10 +101,6 @@ class Extension(StartStop):
         """Return the routes, which get the extension by `services_of(request).extension(Kind)`."""
         return ()
 
-    @classmethod
-    def configure(cls, parser: argparse.ArgumentParser) -> None:
-        """Declare options of `drivelesson serve`."""
-
     def prepare(self) -> None:
         """Set up the running robot before its model is chosen and the server starts."""
 
@@ -132,7 +127,7 @@ class Extension(StartStop):
 
 def installed() -> list[type[Extension]]:
     """Return the installed extensions in the order of their names."""
-    return [point.load() for point in points("drivelesson.services")]
+    return [point.load() for point in points(EXTENSIONS)]
 
 
 def make_services(

@@ -8,16 +8,18 @@ learner.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot.camera import Camera, Mounting
-from robot.devices.rig import Rig
 from robot.driver import Correction, Driver, move_at, point_of
 from robot.errors import ConfigurationError, DriveError, PluginErrors, need
 from robot.types import Action, Encoding, Frame, Point
+
+if TYPE_CHECKING:
+    from robot.devices.rig import Rig
 
 MOST_TRIM = 0.3
 """Largest trim. If a robot needs a larger trim, a motor or a wheel is broken."""

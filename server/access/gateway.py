@@ -87,6 +87,7 @@ class NetworkGateway(Gateway):
     ) -> None:
         super().__init__(NetworkConfig.of(config), clock)
         config = self.config
+        self.is_tls = config.tls
         self.admission = AdmissionControl(config.limits, connection_capacity())
         self.admission.keeps = self.is_kept
         self.admission.recognise = self._recognise

@@ -5,7 +5,6 @@ See docs/reference/http.md.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeVar
@@ -13,11 +12,9 @@ from typing import Any, Literal, TypeVar
 from fastapi import APIRouter, Request
 
 from robot.adjustments.corrections import MOST_TRIM, REVERSED, TURNS_DEG, Corrections
-from robot.devices.options import options_of
 from robot.devices.raw_value import RawValue, must_be, number
 from robot.types import StopReason
-from server.adjustments.file import CorrectionOptions, CorrectionsFile
-from server.cli.parser import declare
+from server.adjustments.file import CorrectionsFile
 from server.routes.answers import Route, answer
 from server.routes.bodies import FREE_MODEL, do
 from server.services import Extension, Services, services_of
@@ -39,13 +36,6 @@ class AdjustmentsExtension(Extension):
     def routers(self) -> Sequence[APIRouter]:
         """Return `/api/corrections`."""
         return (router,)
-
-    @classmethod
-    def configure(cls, parser: argparse.ArgumentParser) -> None:
-        """Declare an option for each correction."""
-        group = parser.add_argument_group("corrections", str(CorrectionOptions.__doc__))
-        for option in options_of(CorrectionOptions):
-            declare(group, option)
 
     def prepare(self) -> None:
         """Correct the running robot, and note the corrections for recordings."""

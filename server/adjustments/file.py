@@ -5,44 +5,21 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from robot.adjustments.corrections import (
-    MOST_TRIM,
-    REVERSED,
-    Corrections,
-    possible_corrections,
-)
-from robot.devices.options import Options, option, options_of
+from robot.adjustments.corrections import Corrections, possible_corrections
+from robot.devices.options import options_of
 from robot.devices.rig import Rig
 from robot.errors import UNREADABLE, ConfigurationError
 from robot.store.folder import write_whole
 from robot.store.records import read_regular
+from server.adjustments.options import CorrectionOptions
 
 log = logging.getLogger(__name__)
 
 _PATIENCE_S = 40.0
 """Time limit for a correction, in seconds: a Raspberry Pi's pins may have to be claimed again."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CorrectionOptions(Options):
-    """For a robot that differs from what its driver expects; saved until changed."""
-
-    reverse: str = option("none", "the motors that turn the other way", choices=REVERSED)
-    swap_sides: bool = option(False, "the left motor and the right motor are exchanged")
-    trim: float = option(
-        0.0,
-        "steering to the right (negative: left) that is added where the robot should drive "
-        "straight, as a share of full lock: a robot that pulls to the left needs a positive trim",
-        range=(-MOST_TRIM, MOST_TRIM),
-    )
-    turn_picture: int = option(
-        0, "turns the camera's pictures clockwise, until they are upright: 0, 90, 180 or 270"
-    )
-    mirror_picture: bool = option(False, "exchanges left and right of the camera's pictures")
 
 
 class CorrectionsFile:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import secrets
 import ssl
@@ -210,8 +209,3 @@ class ClassroomExtension(Extension):
         if role is TEACHER or not self.classroom.is_locked(path, method):
             return None
         return Refusal(423, "locked", "The teacher has locked this.")
-
-    @classmethod
-    def configure(cls, parser: argparse.ArgumentParser) -> None:
-        text = "obey the board that has this class key; drivelesson board makes the key"
-        parser.add_argument("--class-key", type=Path, metavar="FILE", help=text)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import importlib
 import logging
 import os
 import sys
 import threading
 import webbrowser
 from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +26,7 @@ from robot.devices.plugins import (
     load_camera,
     load_driver,
 )
+from robot.entry_points import EXTENSIONS, points
 from robot.errors import ConfigurationError, PluginError, RecordingError
 from robot.policy.registry import MOST_NODES, full_name, split_name
 from robot.store.folder import Storage, default_root
@@ -31,15 +34,18 @@ from robot.store.prepare import prepare
 from server.cli.parser import Parser, declare, number, whole
 from server.cli.settings import PREFIX, Settings, apply_to, build, read_settings
 from server.config import Config
-from server.gateway.gateway import gateway_type
+from server.gateway.gateway import Gateway, gateway_type
 from server.hosting.logs import start_logging
-from server.services import installed, make_services
+from server.hosting.serving import end_by_signals, open_sockets, serve
+from server.hosting.starting_page import StartingPage, StartingPart
 
 if TYPE_CHECKING:
     from robot.control.loop import LoopConfig
     from robot.devices.rig import Rig
     from robot.store.models.autosave import Autosave
     from server.clients.hub import Hub
+    from server.persistence import Persistence
+    from server.services import Services
 
 log = logging.getLogger(__name__)
 
@@ -75,8 +81,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--jpeg-quality", type=whole(1, 100), default=75, help=text)
     add("--no-page", action="store_true", help="do not open the page in this machine's browser")
     add("--config", type=Path, help="TOML file of settings")
-    for extension in installed():
-        extension.configure(parser)
+    packages = (point.module.rpartition(".")[0] for point in points(EXTENSIONS))
+    for package in filter(None, dict.fromkeys(packages)):  # the extensions are imported later
+        if find_spec(f"{package}.options"):
+            importlib.import_module(f"{package}.options").configure(parser)
     add("-v", "--verbose", action="store_true", help="log more")
 
 
@@ -111,12 +119,6 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from robot.devices.rig import build_rig
-    from server.app import create_app
-    from server.clients.hub import Hub
-    from server.hosting.serving import end_by_signals, open_sockets, serve
-    from server.hosting.starting_page import StartingPage, StartingPart
-    from server.identity import IdentityFile
-    from server.persistence import Persistence
 
     if args.robot is None:
         known = ", ".join(driver_names())
@@ -124,58 +126,55 @@ def run(args: argparse.Namespace) -> int:
     start_logging(verbose=args.verbose)
     if os.name == "posix":  # recordings show rooms, so other accounts may not read them
         os.umask(0o077)
-    config = _make_config(args)
-    learner = _name_learner(args)
-    rig = build_rig(
-        args.robot,
-        camera=args.camera,
-        learner=learner,
-        options=vars(args),
-        config=_make_loop_config(args.settings),
-    )
-    moved = prepare(config.data)
-    storage = Storage(config.data, must_be_usable=False)
+    config, loop = _make_config(args), _make_loop_config(args.settings)
+    learner, given = _name_learner(args), vars(args)
+    rig = build_rig(args.robot, camera=args.camera, learner=learner, options=given, config=loop)
     listeners = open_sockets(config.host, config.port)
     config = dataclasses.replace(config, port=listeners[0].getsockname()[1])
     gateway = gateway_type()(config, rig.clock)
-    identity = IdentityFile(config.data, args.name)
-    hub = Hub(config, rig, identity.now.name)
-    persistence = Persistence(
-        storage,
-        rig,
-        name=identity.now.name,
-        options=_recorded(args, rig),
-        announce=hub.announce,
-        settings=vars(args),
-    )
-    _report_problems(moved, storage.fault, hub)
-    services = make_services(
-        config,
-        rig,
-        identity=identity,
-        hub=hub,
-        persistence=persistence,
-        gateway=gateway,
-        options=vars(args),
-    )
-
-    def greet_more() -> list[str]:
-        return [line for each in services.extensions.values() for line in each.greet()]
-
-    gateway.open(identity.now.name, rig.driver.announce)
     end_by_signals()
-    starting = StartingPage([] if gateway.tls_files else listeners, rig.clock)
-    with starting, rig, persistence, gateway.serving(greet_more):
-        starting.part = StartingPart.MODEL
-        for extension in services.extensions.values():
-            extension.prepare()
-        _choose_model(persistence.autosave, args, learner)
-        starting.stop()
-        print(gateway.greet(greet_more()), flush=True)
-        if gateway.admits_all and not args.no_page and sys.stdout.isatty():
-            show_page(gateway.addresses()[0])
-        serve(create_app(services), listeners)
+    with StartingPage([] if gateway.is_tls else listeners, rig.clock) as starting:
+        from server.app import create_app  # takes a second, so the starting page is shown first
+
+        kept, services = _make_services(args, rig, gateway)
+
+        def greet_more() -> list[str]:
+            return [line for each in services.extensions.values() for line in each.greet()]
+
+        gateway.open(services.identity.now.name, rig.driver.announce)
+        app, starting.part = create_app(services), StartingPart.ROBOT
+        with rig, kept, gateway.serving(greet_more):
+            starting.part = StartingPart.MODEL
+            for extension in services.extensions.values():
+                extension.prepare()
+            _choose_model(kept.autosave, args, learner)
+            starting.stop()
+            print(gateway.greet(greet_more()), flush=True)
+            if gateway.admits_all and not args.no_page and sys.stdout.isatty():
+                show_page(gateway.addresses()[0])
+            serve(app, listeners)
     return 0
+
+
+def _make_services(
+    args: argparse.Namespace, rig: Rig, gateway: Gateway
+) -> tuple[Persistence, Services]:
+    from server.clients.hub import Hub
+    from server.identity import IdentityFile
+    from server.persistence import Persistence
+    from server.services import make_services
+
+    config, given = gateway.config, vars(args)
+    moved = prepare(config.data)
+    storage = Storage(config.data, must_be_usable=False)
+    identity = IdentityFile(config.data, args.name)
+    name, used = identity.now.name, _recorded(args, rig)
+    hub = Hub(config, rig, name)
+    kept = Persistence(storage, rig, name=name, options=used, announce=hub.announce, settings=given)
+    _report_problems(moved, storage.fault, hub)
+    return kept, make_services(
+        config, rig, identity=identity, hub=hub, persistence=kept, gateway=gateway, options=given
+    )
 
 
 def _report_problems(moved: list[tuple[str, str]], fault: str | None, hub: Hub) -> None:

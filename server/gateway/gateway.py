@@ -45,6 +45,8 @@ class Gateway:
     """
 
     limits_type: ClassVar[type[Limits]] = Limits
+    is_tls = False
+    """True if the page is served by https. `open` then sets `tls_files`."""
     tls_files: tuple[str, str] | None = None
     """The files of key and chain if the page is served by https."""
 

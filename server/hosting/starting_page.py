@@ -32,6 +32,7 @@ _PAGE = """<!doctype html><html><head><meta charset="utf-8"><title>Drivelesson</
 class StartingPart(Enum):
     """The name of the part that is still starting, in each of the page's languages."""
 
+    PROGRAM = "the program", "el programa", "程序"
     ROBOT = "the robot and its camera", "el robot y su cámara", "机器人和摄像头"
     MODEL = "what it has learned", "lo que ha aprendido", "学到的内容"
 
@@ -44,7 +45,7 @@ class StartingPage(StartStop):
     """
 
     def __init__(self, listeners: Sequence[socket.socket], clock: Clock) -> None:
-        self.part = StartingPart.ROBOT
+        self.part = StartingPart.PROGRAM
         self._listeners, self._clock = list(listeners), clock
         self._wake, self._woken = socket.socketpair()
         self._thread: Worker | None = None

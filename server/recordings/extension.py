@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -27,11 +26,6 @@ class RecordingsExtension(Extension):
         from server.recordings import retraining_routes, routes
 
         return routes.router, retraining_routes.router
-
-    @classmethod
-    def configure(cls, parser: argparse.ArgumentParser) -> None:
-        text = "also keep recordings in which nothing was taught (for research)"
-        parser.add_argument("--keep-drives", action="store_true", help=text)
 
 
 def retraining_of(connection: HTTPConnection) -> Retraining:

@@ -125,6 +125,21 @@ def test_a_reader_that_ends_early_is_no_error() -> None:
     assert (program.returncode, said) == (0, b"")
 
 
+def test_the_starting_page_is_shown_before_fastapi_is_imported() -> None:
+    """FastAPI and the routes take most of the CPU time of a start."""
+    program = """
+import sys
+from server.cli.main import make_parser
+make_parser("serve", ["--robot", "sim"]).parse_args(["--class-key", "x", "--keep-drives"])
+import robot.devices.rig, server.hosting.starting_page
+print("numpy" in sys.modules, "fastapi" in sys.modules)
+import server.app
+print("fastapi" in sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.stdout.split() == ["True", "False", "True"], done.stderr
+
+
 def test_the_overview_names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--help"]) == 0
     said = capsys.readouterr().out

@@ -26,6 +26,8 @@ def check_it_names_what_is_still_starting_and_then_lets_the_server_answer() -> N
     listener = open_socket("127.0.0.1", 0)
     with listener, StartingPage([listener], RealClock()) as page:
         assert ask(listener).startswith(b"HTTP/1.1 503 ")
+        assert b"the program" in ask(listener)
+        page.part = StartingPart.ROBOT
         assert b"the robot and its camera" in ask(listener)
         page.part = StartingPart.MODEL
         assert b"what it has learned" in ask(listener)

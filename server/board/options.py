@@ -1,0 +1,11 @@
+"""Options of `drivelesson serve` for a robot of a class."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    text = "obey the board that has this class key; drivelesson board makes the key"
+    parser.add_argument("--class-key", type=Path, metavar="FILE", help=text)
