@@ -1,6 +1,7 @@
-"""Pictures labelled by their folders (classes), or by the steering in their file names.
+"""Reads pictures that are labelled by their folders (classes), or by the steering in their file
+names.
 
-None of these formats has times. Sources: huggingface/datasets, folder_based_builder; the collision
+Such pictures have no times. Sources: huggingface/datasets, folder_based_builder; the collision
 avoidance of NVIDIA-AI-IOT/jetbot; Teachable Machine's exports.
 """
 
@@ -30,8 +31,8 @@ _OF_PROJECT = "-!-"
 """Separator of class and number in the names of pictures in a Teachable Machine project."""
 _STEERED_NAME = re.compile(r"(\d{6})([-_+]?)([-+]?\d?\.\d+|[-+]?[01])(?:\(\d+\))?")
 _POINT_NAME = re.compile(r"(?:xy_)?\d+_\d+_[0-9a-f]{8}(?:-[0-9a-f]+)+")
-"""Names of pictures from JetBot's road following and from JetRacer: a point, and a random
-number."""
+"""Names of pictures from JetBot's road following and from JetRacer: they contain a point, and a
+random number."""
 _OTHER_PICTURES = (".webp", ".bmp", ".gif", ".tif", ".tiff", ".ppm")
 Classes = Mapping[str, list[Path]]
 
@@ -183,7 +184,8 @@ def read_steered(folder: Path, reading: Reading, report: ImportReport) -> Drive:
 
 
 def _divides(folder: Path, names: list[re.Match[str]]) -> bool:
-    """Return whether the dash between the number and the steering is only a separator."""
+    """Return True if the dash between the number and the steering is only a separator, False if it
+    is a minus."""
     if any(match[2] and match[3][0] in "+-" for match in names) or any(
         match[2] == "_" for match in names
     ):

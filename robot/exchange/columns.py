@@ -17,7 +17,7 @@ from robot.types import Action
 
 Cells = list[str]
 Row = tuple[str, Cells]
-"""The location of a row for the report, and its cells."""
+"""A row of a table: its location, which the import's report states, and its cells."""
 
 NAMES: dict[str, tuple[str, ...]] = {
     "picture": (
@@ -58,7 +58,7 @@ NAMES: dict[str, tuple[str, ...]] = {
     "correction": ("correction",),
     "degrees": ("degrees",),
 }
-"""Meanings of columns, each with the possible column names."""
+"""The possible names of the columns, by the meaning of the column."""
 _MEANT = "label", "steering", "left_wheel", "linear"
 """Meanings from which a label follows. If a table has several of these meanings, the first
 counts."""
@@ -70,12 +70,12 @@ _UDACITY = "steering", "throttle", "brake", "speed"
 
 
 class UnclearColumnsError(ValueError):
-    """Several columns may have one meaning, and a person must choose."""
+    """Several columns may have the same meaning, so a person must choose one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnTable:
-    """A table that was read: its rows, and its columns by their meanings."""
+    """The content of a table: its rows, and its columns by their meanings."""
 
     rows: list[Row]
     columns: Mapping[str, int]
@@ -85,7 +85,8 @@ class ColumnTable:
     """All columns that name pictures, including the columns of unused cameras."""
 
     def cell(self, cells: Cells, role: str) -> str | None:
-        """Return the cell of a row with this meaning; None if there is no such column."""
+        """Return the cell of a row in the column with this meaning; None if there is no such
+        column."""
         return cells[self.columns[role]].strip() if role in self.columns else None
 
     def number(self, cells: Cells, role: str) -> str:
@@ -159,7 +160,8 @@ def _lines(text: str, name: str, delimiter: str, report: ImportReport) -> Iterat
 
 
 def _json_lines(text: str, name: str, report: ImportReport) -> Iterator[Row]:
-    """Yield a row with the names of all fields, then a row of values for each line."""
+    """Yield a table of lines of JSON: a row with the names of all fields, then a row of values for
+    each line."""
     found = []
     for number, line in enumerate(text.splitlines(), start=1):
         row = parse(line)
@@ -228,7 +230,7 @@ def _with_labels(header: Cells, rows: list[Row], reading: Reading) -> tuple[Cell
         return header, rows
     if {moves[i] for i in there} <= {Action.LEFT, Action.RIGHT}:
         if any(not row.count("0") and "" not in row for row in cells):
-            return header, rows  # in one row both columns are not 0, so the columns are wheels
+            return header, rows  # a picture has only one move: these two columns must be wheels
         told = " and ".join(repr(header[i].strip()) for i in there)
         raise UnclearColumnsError(
             f"{told} may be moves or wheels: rename them to left_wheel and right_wheel, or replace "
@@ -279,7 +281,8 @@ def _are_equal(found: list[int], rows: list[Cells]) -> bool:
 def _by_content(
     columns: dict[str, int], sample: list[Cells], of_pictures: list[int], free: set[int]
 ) -> None:
-    """Find the meanings of columns in a table without a header line, if they are unambiguous."""
+    """Find the meanings of the columns of a table without a header line, as far as they are
+    unambiguous."""
     if "picture" not in columns and of_pictures:
         ahead = [i for i in of_pictures if not all(_SIDES.search(row[i]) for row in sample)]
         if len(ahead or of_pictures) > 1:

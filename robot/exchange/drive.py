@@ -29,16 +29,16 @@ from robot.types import DEFAULT_MOVES, Action, Example, Frame, PilotCommand, Poi
 
 _T = TypeVar("_T")
 _MOST_PLACES, _MOST_REASONS = 3, 12
-"""Maximum numbers of locations per reason and of reasons that are listed. The others are only
-counted."""
+"""Maximum number of locations that the report lists for one reason, and maximum number of reasons.
+All others are only counted."""
 _ENOUGH_TO_HINT = 10
-"""If a drive has at least this number of examples but none to one side, a hint is given."""
+"""Least number of examples of a drive that gets a hint if it has no examples to one side."""
 _LEAST_TRIM = 0.01
 
 
 class ImportReport:
-    """Collects the items that are skipped while a drive is read. A strict report raises an error at
-    the first skipped item."""
+    """Collects the items that the import skips while it reads a drive. A strict report raises an
+    error at the first of them."""
 
     def __init__(self, *, is_strict: bool = False) -> None:
         self.is_strict = is_strict
@@ -48,7 +48,7 @@ class ImportReport:
         self.labels: Counter[Action] = Counter()
         """Number of written examples by label."""
         self.rate: float = 0.0
-        """The usual number of pictures per second."""
+        """The usual number of pictures per second in the drive."""
 
     def skip(self, place: str, reason: str) -> None:
         """Record a skipped item; raises RecordingError if the import is strict."""
@@ -58,7 +58,7 @@ class ImportReport:
         self.skipped.append((place, reason))
 
     def remark(self, text: str | None) -> None:
-        """Add a remark about the drive for people; None adds no remark."""
+        """Add a remark about the drive to the report, unless the remark is None."""
         if text and text not in self.remarks:
             self.remarks.append(text)
 
@@ -76,7 +76,7 @@ class ImportReport:
         return self.remarks + told
 
     def why_nothing(self) -> str:
-        """Return why the drive is empty, by the first skipped item, as the end of a sentence."""
+        """Return the end of a sentence that explains an empty drive by its first skipped item."""
         if not self.skipped:
             return ""
         place, reason = self.skipped[0]
@@ -85,7 +85,7 @@ class ImportReport:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameEvent:
-    """One picture of a drive, with its label if there is one."""
+    """One picture of a drive, with its label if it has one."""
 
     picture: Callable[[], Picture]
     """Reads the picture; raises RecordingError if the picture is damaged."""
@@ -101,7 +101,7 @@ class FrameEvent:
     """The steering as written, as a share of full lock; None if it is missing."""
     is_intervention: bool = False
     is_others: bool = False
-    """True if the pilot did not drive, so the picture is not an example."""
+    """True if somebody other than the pilot drove, so the picture is not an example."""
     place: str = ""
     """The picture's location, for the report."""
 
@@ -206,7 +206,8 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
 
 
 def _hint(drive: Drive) -> str | None:
-    """Return a hint for a drive that has no examples to one side although the car was steered."""
+    """Return a hint if a drive has no examples to one side although the car was steered; None if it
+    has."""
     labels, written = drive.report.labels, [s.steering for s in drive.shots if s.label]
     steered = [s for s in written if isinstance(s, int | float) and math.isfinite(s)]
     missing = [side for side in (Action.LEFT, Action.RIGHT) if not labels[side]]

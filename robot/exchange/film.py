@@ -30,7 +30,7 @@ black is 16, and white is 235."""
 SUFFIXES = (".mp4", ".mov", ".mkv")
 """Suffixes of films: containers that support H.264."""
 H264, AV1 = "libx264", "libsvtav1"
-"""FFmpeg's names of the encoders."""
+"""FFmpeg's names of the encoders for H.264 and AV1."""
 AV = ("av", "writing films", "export")
 """The library, its purpose, and the extra that installs it."""
 
@@ -128,8 +128,8 @@ def to_jpeg(pixels: Pixels) -> Picture:
 
 
 class FilmReader:
-    """Reads the pictures of a film by their times, fastest in ascending order. A picture's time may
-    differ by a tolerance that depends on `fps`."""
+    """Reads the pictures of a film by their times; this is fastest in ascending order. A picture is
+    found if its time differs by at most a tolerance that depends on `fps`."""
 
     def __init__(self, path: Path, fps: float) -> None:
         self._path, self._fps = path, fps
@@ -139,7 +139,7 @@ class FilmReader:
 
     def at(self, t_s: float) -> Picture:
         """Return the picture at this time as a JPEG; raises RecordingError if there is none."""
-        if t_s < self._asked_s:  # the time goes back, or this is the first call
+        if t_s < self._asked_s:  # the wanted time is before the last one, or this is the first call
             self._begin(t_s)
         self._asked_s = t_s
         self._skip_to(t_s)

@@ -24,7 +24,8 @@ COLUMNS = (
 
 
 def write_folder(episode: Episode, notes: Notes, folder: Path) -> int:
-    """Write an episode as pictures and `frames.csv`; return the number of pictures.
+    """Write an episode as a folder of pictures with a table `frames.csv`; return the number of
+    pictures.
 
     `metadata.csv` repeats the labels under the column names of Hugging Face's `imagefolder`.
     `moves.json` contains the moves that the driver declared, so that an import recognises their

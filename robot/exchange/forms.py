@@ -114,7 +114,7 @@ def _find_tables(path: Path) -> list[Source] | None:
         is_table = path.suffix.lower() in ENDINGS and _is_no_other_text(path)
         return [Source(path.name, partial(read_table, path))] if is_table else None
     tables = [file for file in files_ending(path, *ENDINGS) if _is_no_other_text(file)]
-    # this program exported the folder, so this table repeats the labels of the others
+    # this program wrote the folder, so this table only repeats labels of `frames.csv`
     if path / TABLE in tables:
         tables = [path / TABLE]
     if len(tables) > 1 or (tables and (are_classes(path) or are_steered(path))):
@@ -134,7 +134,7 @@ def _find_recording(path: Path) -> list[Source] | None:
     if path.suffix.lower() != ".mcap" or not path.is_file() or not is_own(path):
         return None
     if is_part(path):
-        return None  # the part is imported with the recording's first file
+        return None  # the import of the recording's first file includes this part
     refused = refusing(path, "is a recording of this program; it is copied")
     return [Source(path.name, refused.read, partial(copy_recording, path))]
 

@@ -57,8 +57,8 @@ _KEY_EVERY = 2
 the key frame before.
 """
 _AS_LEROBOT: dict[str, Any] = {"codec": AV1, "crf": 30, "preset": "12"}
-"""Encoder settings of LeRobot 0.6. Datasets can be merged only if their films have the same codec,
-because the films' bytes are copied."""
+"""The settings with which LeRobot 0.6 encodes films. Datasets can be merged only if their films
+have the same codec, because a merge copies the films' bytes."""
 _STEERED = ("steering.pos", "throttle.vel")
 """Names of the action's elements, as in the package for LeRobot (docs/examples/lerobot)."""
 RESULTS = "meta/drivelesson_results.json"
@@ -95,7 +95,7 @@ class _Part(NamedTuple):
     episode: Episode
     notes: Notes
     places: NDArray[np.int64]
-    """The pictures' indices in the recording, in order; an index may repeat."""
+    """The indices of the pictures in the recording, in order. A picture may occur several times."""
     times_s: NDArray[np.float64]
     labels: set[Action]
 
@@ -287,7 +287,7 @@ class _Table:
         return features
 
     def add(self, declared: tuple[Move, ...], moment: EpisodeFrame) -> None:
-        """Add the next frame's values; `declared` are the robot's moves."""
+        """Add the values of the next frame; `declared` are the moves that its robot declared."""
         row, columns = self._row, self.columns
         done = done_at(moment, declared)
         columns["action"][row] = self._numbers(*done)

@@ -38,8 +38,8 @@ from robot.exchange.steering import (
 from robot.types import DEFAULT_MOVES, Action
 
 _INTERVENTIONS = ("intervention", "complementary_info.is_intervention")
-"""Columns of interventions. Unless other columns name the driver, only frames with an intervention
-count as driven by the pilot."""
+"""Names of the column that marks interventions. Unless another column names the driver, the pilot
+drove only the frames with an intervention."""
 _FIELD = re.compile(r"\{(\w+)(?::0(\d)d)?\}")
 _MOST_S = 1e7
 Record = dict[str, Any]
@@ -53,7 +53,7 @@ speed: shares for the EarthRover Mini, metres and degrees per second for LeKiwi.
 
 
 class _Info(RawValue):
-    """The fields of meta/info.json that are used."""
+    """The fields of meta/info.json that the import uses."""
 
     codebase_version: str = text()
     fps: float = number(above=0, most=1000)
@@ -80,7 +80,7 @@ class LerobotDataset:
         return sorted(n for n in {*self._rows, *self._files} if n >= 0)
 
     def why_empty(self) -> str:
-        """Return the reason why the dataset has no episode, as the end of a sentence."""
+        """Return the end of a sentence that explains why the dataset has no episode."""
         if any(self.folder.glob("data/*/*.parquet")) or any(self.folder.glob("images/*/*")):
             return (
                 "is a LeRobot dataset that was never finalized: its tables have no end, so nothing "
@@ -90,7 +90,7 @@ class LerobotDataset:
 
     @cached_property
     def _rows(self) -> dict[int, Record]:
-        """The table of episodes by number, without damaged parts."""
+        """The rows of the table of episodes by the episode's number, without damaged parts."""
         rows: list[Any] = []
         if self._is_v3:
             for path in sorted(self.folder.glob("meta/episodes/*/*.parquet")):
@@ -103,7 +103,7 @@ class LerobotDataset:
 
     @cached_property
     def _files(self) -> dict[int, Path]:
-        """The file of each episode's frames, found by name or by content."""
+        """The file that holds the frames of each episode, found by its name or its content."""
         files: dict[int, Path] = {}
         for path in sorted(self.folder.glob("data/*/*.parquet")):
             if of_name := re.fullmatch(r"episode_(\d{1,9})", path.stem):
@@ -200,7 +200,7 @@ class LerobotDataset:
 
         path = self.folder / _FIELD.sub(put, self._info.video_path or "")
         own = self.folder.resolve()
-        roots = own, own.parent.parent / "blobs"  # Hugging Face's cache keeps the files in "blobs"
+        roots = own, own.parent.parent / "blobs"  # Hugging Face's cache links to files in "blobs"
         if not path.is_file() or not any(map(path.resolve().is_relative_to, roots)):
             raise RecordingError(f"the film of episode {episode} is missing or outside the folder")
         film = FilmReader(path, self._info.fps)

@@ -13,9 +13,10 @@ from robot.errors import RecordingError, need, told_as
 Columns = dict[str, NDArray[Any]]
 """One value per frame, by feature."""
 PILOT = "pilot"
-"""Column with the taught move's index among the feature's moves; -1 if no move was taught."""
+"""Name of the column with the index of the taught move among the feature's moves; -1 if no move was
+taught."""
 DEGREES = "degrees"
-"""Column that is true if the pilot steered the action by degrees, not by a move."""
+"""Name of the column that is true if the pilot steered by degrees instead of by a move."""
 ROBOT = "drivelesson"
 """The robot type in datasets. The package for LeRobot (docs/examples/lerobot) uses the same
 type."""

@@ -43,7 +43,7 @@ MAX_BYTES = 512 * 2**20
 
 
 def load_recording(path: Path | str, report: ImportReport | None = None) -> Drive:
-    """Read one `.npz` recording without executing any code in it.
+    """Read one `.npz` recording; code that the file may contain is never run.
 
     The recording's pictures are JPEGs of 160x120, each with a label and a time. Raises
     RecordingError if the file is missing, broken or in another format.

@@ -5,7 +5,7 @@
     sensor_data/ctrlLog.txt                                  timestamp[ns],leftCtrl,rightCtrl
     sensor_data/matched_frame_ctrl_cmd_processed.txt         by its notebook: path, left, right, cmd
 
-Wheel commands range from -255 to 255; positive is ahead. A command is valid until the next command.
+Commands to the wheels range from -255 to 255; positive is ahead. Each is valid until the next one.
 Source: ob-f/OpenBot, policy/openbot and the app's logger.
 """
 
@@ -30,7 +30,7 @@ _FRAMES, _CONTROLS = "rgbFrames.txt", "ctrlLog.txt"
 _MATCHED = "matched_frame_ctrl_cmd_processed.txt", "matched_frame_ctrl_cmd.txt"
 Fields = list[str]
 Row = tuple[str, Fields]
-"""The location of a line, and its fields."""
+"""A line of a log: its location, which the import's report states, and its fields."""
 
 
 def is_openbot(folder: Path) -> bool:

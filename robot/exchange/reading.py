@@ -1,4 +1,5 @@
-"""A person's settings for an import: the threshold of a turn, and the meanings of names."""
+"""The settings that a person gives an import: the steering from which a turn begins, and the
+meanings of names."""
 
 from __future__ import annotations
 
@@ -53,7 +54,8 @@ class Reading:
     def steering(self, written: float) -> float:
         """Convert the data's steering to -1 to 1; raises ValueError if it is beyond full lock.
 
-        The trim becomes 0, but full lock stays -1 and 1, so a trim stretches one side.
+        The trim becomes 0, while full lock stays -1 and 1, so a trim stretches the values of one
+        side.
         """
         share, trim = written / self.full_lock, self.trim / self.full_lock
         if not -1.0 <= share <= 1.0:

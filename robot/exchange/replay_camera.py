@@ -20,9 +20,11 @@ from robot.exchange.timeline import make_timeline
 from robot.types import Frame
 
 _LONGEST_PAUSE_S = 0.15
-"""Longest pause that is replayed, in seconds. The loop's timeout for a frame is 0.2 s."""
+"""Longest pause between two pictures that is replayed, in seconds. It is shorter than 0.2 s, after
+which the loop misses a frame."""
 _LAST_FRAME_S = 0.05
-"""Time for which the last frame is shown before the next recording begins, in seconds."""
+"""Time for which the last frame of a recording is shown before the next recording begins, in
+seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

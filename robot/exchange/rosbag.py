@@ -1,7 +1,7 @@
 """Reads bags of ROS 1 and 2: pictures of a camera, and the robot's velocity commands.
 
-The recording times of pictures and velocities are by the same clock. A velocity is valid until the
-next velocity. The library `rosbags` reads the bags; it does not need ROS.
+The bag has received pictures and velocities by the same clock. Each velocity is valid until the
+next one. The library `rosbags` reads the bags; it does not need ROS.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ class _Bag:
     def opened(self) -> Iterator[Any]:
         """Open the bag; raises RecordingError if it is damaged."""
         high, types = need(*ROSBAGS), need("rosbags.typesys", *ROSBAGS[1:])
-        # bags without type definitions need this type store
+        # a bag that does not define its message types needs this type store
         store = types.get_typestore(types.Stores.LATEST)
         try:
             with high.AnyReader([self._path], default_typestore=store) as reader:

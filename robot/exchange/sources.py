@@ -14,7 +14,7 @@ from robot.exchange.forms import FORMS, UNUSABLE, Source
 
 _DEEPEST = 5
 _FILES = (".npz", ".mcap", ".bag", ".db3")
-"""Suffixes of files that are drives by themselves, even if a folder contains several of them."""
+"""Suffixes of files that each hold a drive, even if a folder contains several of them."""
 _MOST_LOOKED_AT = 5000
 
 __all__ = ["Source", "find_drives", "unpacked"]

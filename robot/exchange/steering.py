@@ -23,9 +23,10 @@ _STANDING = 0.02
 """Mean speed of two wheels, as a share of full speed, below which a turning robot spins."""
 _STEERED = "the angle", "the throttle"
 Meant = tuple[Action | None, Point | None]
-"""A label, and its point if known."""
+"""The label of a picture, and the label's point if known."""
 Said = tuple[Action | None, Point | None, Point | None]
-"""A label, its point if the pilot steered by degrees, and its steering and throttle if known."""
+"""The label of a picture, its point if the pilot steered by degrees, and its steering and throttle
+if known."""
 
 
 def read_meant(
@@ -102,7 +103,7 @@ def _turning(point: Point, reading: Reading) -> Meant:
 
 
 def _clipped(share: float) -> float:
-    return min(max(share, -1.0), 1.0) + 0.0  # adding 0.0 turns -0.0 into 0.0
+    return min(max(share, -1.0), 1.0) + 0.0  # the sum is 0.0 even if the steering is -0.0
 
 
 def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Point | None]:

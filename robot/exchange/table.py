@@ -34,12 +34,13 @@ a table only if it names pictures."""
 ENDINGS = (".csv", ".tsv", ".jsonl", LIST)
 
 _FULL_SPEEDS = (1.0, 100.0, 255.0, 1023.0, 32767.0)
-"""Full speeds of motors in different programs. For a table, the lowest one that no value exceeds is
-used."""
+"""Values at which different programs drive a motor at full speed. The lowest one that no value of a
+table exceeds is used for this table."""
 _MOVES = 0.05
 """Speed, in any unit, above which a car moves. Simulators write small speeds for standing cars."""
 _UNIT_SHARE = 10
-"""If at least one in this number of values is beyond 1, the steering is in another unit."""
+"""If at least one in this number of values is beyond 1, the unit of the steering is not full
+lock."""
 _TOLD_NAMES = 3
 
 

@@ -90,8 +90,8 @@ def make_timeline(stamps_s: Sequence[object]) -> Timeline:
 
 
 def _plain(stamps_s: NDArray[np.float64]) -> Timeline | None:
-    """Return the time line of stamps that need no repair; None if the stamps need repair. Without
-    repairs no object for each stamp is needed."""
+    """Return the time line of stamps that need no repair; None if they need one. This saves the
+    time and memory of an object for each stamp."""
     steps_s = np.diff(stamps_s)
     is_plain = len(steps_s) > 0 and bool(np.all((steps_s > 0) & (steps_s <= _LONGEST_PAUSE_S)))
     if not is_plain or max(-stamps_s[0], stamps_s[-1]) >= _MOST_S:

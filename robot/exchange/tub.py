@@ -126,9 +126,8 @@ def _written(record: Record, reading: Reading) -> float | None:
 
 
 def _time(record: Record) -> float | None:
-    """Return the time of a record, from the first valid field. In version 2 the time is in
-    milliseconds since 1970. In version 1 the time is in milliseconds since the tub's start, or a
-    date; there may also be no time."""
+    """Return the time of a record, from its first valid field. Version 2 states it in milliseconds
+    since 1970, version 1 in milliseconds since the tub's start, as a date, or not at all."""
     stamps_ms = (_seconds(record.get(name)) for name in ("_timestamp_ms", "milliseconds"))
     known = next((stamp for stamp in stamps_ms if stamp is not None), None)
     return seconds_of(record.get(_WRITTEN_TIME)) if known is None else known
@@ -222,7 +221,8 @@ def _write_records(
 
 
 def _done(moment: EpisodeFrame, pointed: Callable[[str], Point | None]) -> Point | None:
-    """Return the point of `done_at`; `pointed` returns the point of a move."""
+    """Return the point that was driven at a picture, like `done_at`; `pointed` returns the point of
+    a move."""
     by_degrees = moment.point if moment.label else moment.sent_point
     return by_degrees or pointed(moment.label or moment.sent or Action.STOP)
 

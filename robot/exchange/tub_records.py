@@ -18,7 +18,7 @@ from robot.exchange.files import parse, read_text
 
 IMAGE = "cam/image_array"
 MOVES, RESULTS = "drivelesson_moves", "drivelesson_results"
-"""Keys in a manifest written by this program: the moves, with which damaged labels can be
+"""Keys that only this program writes in a manifest: the moves, by which damaged labels are
 recognised, and the results of extensions."""
 _MOST_LINE_CHARS = 2**20
 _DECODER = json.JSONDecoder()
@@ -123,7 +123,7 @@ def _records(text: str, place: str, report: ImportReport) -> Iterator[Record]:
 
 
 def own_name(name: str) -> str:
-    """Return the last part of an absolute path of any system, because a moved tub still contains
-    absolute paths."""
+    """Return the last part of an absolute path of any operating system, because a tub that was
+    moved still names its old place."""
     is_absolute = name.startswith(("/", "\\")) or re.match(r"[A-Za-z]:[\\/]", name)
     return re.split(r"[\\/]", name)[-1] if is_absolute else name

@@ -182,7 +182,7 @@ class _Said:
 def _fields_in(message: bytes) -> Fields:
     """Read a message; return empty fields if it is damaged."""
     try:
-        # given bytes, the module json would guess their encoding
+        # if `json` were given bytes, it would guess their encoding
         fields = json.loads(str(message, "utf-8"))
     except UNREADABLE:
         return {}

@@ -86,7 +86,7 @@ def _copy_what_is_left(
         if isinstance(record, Cut):
             cut = record
         elif isinstance(record, Metadata) and record.name == SUMMARY:
-            # after the summary only repetitions of other records are missing
+            # a file that ends within its summary lacks only repetitions of other records
             summary = record.values
         elif isinstance(record, Metadata) and record.name == RUN:
             run = check_run(record.values)

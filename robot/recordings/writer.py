@@ -207,7 +207,7 @@ class EpisodeWriter:
             for block in self._follower.blocks(data, offset):
                 self._columns.add(block)
         except UNREADABLE:
-            # the copied file has a damaged message; the reader of the message reports it
+            # a message of the copied file is damaged, which its reader reports
             self._columns = None
             return
         if self._columns.pictures >= self._section_frames:

@@ -19,7 +19,7 @@ _LONGEST_GAP_S = 0.25
 continues almost from where it was."""
 
 _USUAL_FRAMES = 10
-"""The lateness, and the time that a picture takes, are averaged over this number of pictures."""
+"""Number of pictures over which their lateness, and the time that they take, are averaged."""
 _PER_TAKING, _PER_TAKING_S = 2, 0.1
 _USUALLY_LATE_S, _PER_LATENESS, _LONGEST_PERIOD_S = 0.01, 8, 0.2
 """The shortest period has two parts. The first part is `_PER_TAKING` times the time from when a
@@ -32,7 +32,7 @@ _RESTING_STEP_S = 1.0
 """Period at which the world advances while no picture is needed, in seconds."""
 _EARLY_S = 0.01
 _ASKED_FRAMES = 30
-"""After a request for a large picture, large pictures are made for this number of frames."""
+"""Number of frames for which large pictures are made after somebody has requested one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,8 +116,9 @@ class SimCamera(WorldCamera[SimDriver]):
         self._stirred.set()
 
     def _live(self) -> None:
-        """Take pictures. If there are too many robots for the computer, each robot takes fewer
-        pictures, so that commands and a STOP are not late. At rest only the world advances.
+        """Take pictures until the camera stops. If the computer simulates too many robots, each
+        robot takes fewer pictures, so that commands and a STOP are not late. At rest (`rest`)
+        pictures come less often, and the world also advances between them.
         """
         taken_s = last_s = self.clock.now_s()
         due_s, least_s = last_s + self._period_s, 0.0

@@ -36,8 +36,8 @@ _CYLINDER_SIDES = 16
 
 
 _LOCK = threading.RLock()
-"""Lock that is held during every call of Panda3D. Panda3D releases the GIL while it draws, and two
-threads that draw at the same time would change each other's pixels by single grey levels."""
+"""Lock that every call of Panda3D holds. Panda3D releases the GIL while it draws, and two threads
+that draw at the same time would change each other's pixels by single grey levels."""
 _OWN_SETTINGS = """
 notify-level error
 audio-library-name null

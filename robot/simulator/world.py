@@ -89,7 +89,8 @@ def load_world(name: str) -> World:
 
 
 def tinted(world: World, hue_deg: float) -> World:
-    """Return the world with walls in another hue, so that rooms can be distinguished."""
+    """Return the world with walls in another hue, so that people can tell several robots' rooms
+    apart."""
     paint = [255 * part for part in colorsys.hsv_to_rgb(hue_deg / 360, 1.0, 1.0)]
 
     def mix(wall: Colour) -> Colour:

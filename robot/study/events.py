@@ -46,8 +46,8 @@ COLUMNS = tuple(field.name for field in fields(StudyEvent))
 _WHOLE, _REAL = ("position", "attempt"), ("wall_s", "phase_s", "distance_m")
 _LATEST_S = 2.5e11  # later times than the year 9892 cannot be dates
 _RECORDING = re.compile(rb"(?m)^[^,\n]*,recording,.*,(\d{4}-\d\d-\d\d_\d{6}_\d{3})\r?$")
-# A spreadsheet runs a text as a formula if one of these characters begins the text or a line.
-# Such a character may also follow one that ends a cell.
+# A spreadsheet runs a text as a formula if one of these characters begins the text, one of its
+# lines, or what follows a character that ends a cell.
 _CELL, _RUNS = r"(^|[;\t\r\n])", r"""((?:[^\S\t\r\n]|['"])*[=+\-@＝＋－＠])"""
 _FORMULA, _DISARMED = re.compile(_CELL + _RUNS), re.compile(f"{_CELL}'{_RUNS}")
 
@@ -73,7 +73,7 @@ def write_events(events: Iterable[StudyEvent], *, with_head: bool = False) -> st
 
 
 def whole_lines(data: bytes) -> bytes:
-    """Return a log without its last line, if a power cut truncated that line."""
+    """Return a log without its last line if a power cut has truncated this line."""
     return data[: data.rfind(b"\n") + 1]
 
 
@@ -122,7 +122,7 @@ def _read(line: list[str]) -> StudyEvent:
     if wall_s is None or wall_s < 0:
         raise ValueError("'wall_s' is missing, or before 1970")
     if texts["event"] == "frame":
-        Action(texts["move"])  # this call raises if the name is invalid
+        Action(texts["move"])  # raises if the name is invalid
     return StudyEvent(**values)  # type: ignore[arg-type]  # as the columns say
 
 

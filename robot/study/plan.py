@@ -41,7 +41,7 @@ class PlannedPhase(PlanTable):
 
 
 class _Condition(PlanTable):
-    """A table [[condition]]; missing fields are taken from the top of the plan."""
+    """A table [[condition]] of a plan; fields that it omits are taken from the top of the plan."""
 
     name: str = text()
     world: str = text("")
@@ -52,7 +52,7 @@ class _Condition(PlanTable):
 
 
 class _Plan(PlanTable):
-    """The whole file, before its tables are read."""
+    """The fields of a plan's file, before its tables are read."""
 
     title: str = text(most=100)
     participants: int = whole(12, least=1, most=MOST_PARTICIPANTS)

@@ -7,7 +7,8 @@ squared differences (SSD) of two profiles over all moves and all c is the measur
 
 The paper does not define the profile of a move that was never made. Here this profile is 0 for
 every c, like a profile without readings. So a robot that never turns is far from a teacher who
-turns. Such moves are listed, and `made` is the sum over the moves that both drivers made.
+turns. A `Difference` lists such moves, and its `made` is the sum over the moves that both drivers
+made.
 """
 
 from __future__ import annotations

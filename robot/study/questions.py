@@ -68,8 +68,8 @@ class Question(PlanTable):
 
 
 SCORES = {"nasa_tlx": "nasa-tlx", "trust": "trust"}
-"""Columns of scores, each with its questionnaire. A score is the mean of the questionnaire's
-answers."""
+"""The questionnaire of each column of scores. A score is the mean of the answers to its
+questionnaire."""
 
 
 def scores(answers: Mapping[str, Any]) -> dict[str, float]:

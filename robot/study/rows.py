@@ -17,7 +17,7 @@ from robot.study.table import Cell
 from robot.types import Action, DrivenBy, Mode
 
 QUESTIONS = "questions"
-"""Phase and kind of the row with the answers."""
+"""The name and the kind that the row with the answers has in the columns of phases."""
 DRIVE_COLUMNS = (
     *("participant", "slot", "position", "condition", "attempt", "phase", "kind", "is_complete"),
     *("world", "place_checked_by", "learner", "moves", "began_at", "planned_s", "driven_s"),
@@ -106,7 +106,7 @@ def rows_of(plan: StudyPlan, log: ConditionLog) -> Iterator[Row]:
     for phase in log.condition.phases:
         if events := [event for event in log.events if event.phase == phase.name]:
             yield {**log.common, **_drive(log, phase, events, teacher)}
-    # if a question was answered twice, the last answer counts
+    # the last answer to a question counts
     given = {e.name: e.value for e in named(log.events, "answer")}
     if given:
         answers: dict[str, Cell] = {

@@ -26,7 +26,7 @@ class SessionStep(StrEnum):
 
     CONSENT = "consent"
     READY = "ready"
-    """The next condition may begin."""
+    """The session waits until the participant begins the next condition."""
     DRIVE = "drive"
     QUESTIONS = "questions"
     DONE = "done"
@@ -68,7 +68,8 @@ class StudySession:
 
     @property
     def phase(self) -> PlannedPhase | None:
-        """The phase whose clock may run; None unless the next step is to drive."""
+        """The phase that is being driven, or is next to be driven; None unless the next step is to
+        drive."""
         return self.condition.phases[self.phase_index] if self.step is SessionStep.DRIVE else None
 
     @property

@@ -1,4 +1,4 @@
-"""A table of figures, as text for a terminal."""
+"""A table of figures, which a terminal shows as text."""
 
 from __future__ import annotations
 

@@ -253,7 +253,7 @@ class DriverContract:
                     driver.send_point(passing)
                     now = drives()
                     if type(driver).is_remote and not _is_within(now, limits):
-                        # the message of one wheel came first; await the other
+                        # only one wheel has received its message; wait for the other
                         driver_case.forward(_LOOK_EVERY_S)
                         now = drives()
                     assert _is_within(now, limits), (

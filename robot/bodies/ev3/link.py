@@ -208,7 +208,8 @@ class BrickLink:
         elif "fault" in message:
             self.report = {**self.report, "fault": message["fault"]}
         else:
-            # A failure to open the body again answers no request. The next ping tries again.
+            # The agent failed to open its body again, which answers no request. The next ping tries
+            # again.
             if self._opens_again and "failed" in message:
                 raise OSError(message["failed"])
             self._opens_again = self._opens_again and "opened" not in message

@@ -149,7 +149,7 @@ def steering_of(table: Mapping[Move, Any], space: Any) -> Callable[[Point], Any]
         return None
     known = {
         (side_of(move.point.steering), side_of(move.point.throttle, 0.0)): np.asarray(action, float)
-        # reversed, so that the first of two moves with equal points counts
+        # reversed, so that of two moves with equal points the first counts
         for move, action in reversed(list(table.items()))
         if move.point is not None
     }

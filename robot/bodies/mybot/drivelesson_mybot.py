@@ -46,7 +46,7 @@ class MybotDriver(ConnectedDriver[HTTPConnection]):
 
     def _ask(self, path: str) -> dict[str, Any]:
         line = self._connected()
-        # The base class reports the system's errors, and opens the connection again.
+        # The base class reports an OSError, and opens the connection again.
         with told_as(OSError, self.options.mybot_address, HTTPException, ValueError):
             line.request("GET", path)
             return dict(json.loads(line.getresponse().read()))

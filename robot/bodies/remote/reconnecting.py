@@ -109,7 +109,7 @@ class ReconnectingLink(ReconnectingConnection):
     def _take_message(self, message: bytes) -> None:
         if self._received.full():
             with contextlib.suppress(queue.Empty):
-                # drop the unread message, because only the newest message counts
+                # drop an unread message, because only the newest message counts
                 self._received.get_nowait()
         self._received.put_nowait(message)
 

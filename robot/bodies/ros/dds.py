@@ -67,7 +67,7 @@ _NEEDED = (*VELOCITIES, COMPRESSED, RAW)
 """Types of topics; at least one topic of these types must be found."""
 _NS = 1_000_000_000
 _ANY = ViewState.Any | SampleState.Any | InstanceState.Any
-# Orders are sent reliably, because ROS's subscribers request this. Only the newest order is resent.
+# Orders are sent reliably, because ROS's subscribers request it; only the newest order is resent.
 _ORDERS = Qos(
     Policy.Reliability.Reliable(int(_BLOCKED_S * _NS)),
     Policy.History.KeepLast(1),
