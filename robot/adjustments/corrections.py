@@ -238,7 +238,7 @@ def check_mounting(camera: Camera, mounting: CameraCorrection) -> None:
     if mounting.is_upright:
         return
     if not camera.can_be_turned:
-        raise ConfigurationError(f"pictures of the camera {camera.name!r} are not turned")
+        raise ConfigurationError(f"the camera {camera.name!r} cannot turn its pictures")
     newest = camera.latest()
     if newest is None or newest.encoding is Encoding.JPEG:
         need("cv2", "turning a camera's pictures", "camera")

@@ -86,7 +86,7 @@ def _unpack(entries: Iterator[Entry], folder: Path, report: ImportReport) -> Non
         if count >= _MOST_FILES or left_bytes <= 0:
             raise RecordingError("the archive unpacks to more than 16 GB, or to too many files")
         if ".." in parts or parts[:1] == ("/",) or any(PureWindowsPath(p).drive for p in parts):
-            report.skip(name[:80], "leads out of the archive")
+            report.skip(name[:80], "the path leads out of the archive")
             continue
         target = folder.joinpath(*parts)
         try:

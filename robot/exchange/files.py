@@ -141,7 +141,9 @@ class Pictures:
         agreeing = {path: _agreeing(wanted, path) for path in same}
         best = [path for path, count in agreeing.items() if count == max(agreeing.values())]
         if len(best) > 1:
-            raise ValueError(f"{len(best)} pictures have the name {parts[-1][:80]!r}")
+            raise ValueError(
+                f"{len(best)} pictures have the name {parts[-1][:80]!r}, and none fits best"
+            )
         return best[0]
 
     def all(self) -> set[str]:

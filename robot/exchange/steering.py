@@ -46,7 +46,7 @@ def read_meant(
     reading = reading or Reading()
     is_whole = len(written) == 2
     if len(written) != len(names) and is_whole:
-        raise ValueError(f"there is {names[0]}, but not {names[1]}")
+        raise ValueError(f"{names[0]} is given without {names[1]}")
     angle = read_steering(written[0], names[0], reading)
     throttle = read_share(written[1], names[1]) if is_whole else 1.0
     point = Point(angle, throttle)
@@ -65,7 +65,7 @@ def read_steering(value: object, name: str, reading: Reading) -> float:
 def read_point(written: Sequence[object], names: Sequence[str] = _STEERED) -> Point:
     """Return the steering and throttle that a program wrote; raises the errors of `read_meant`."""
     if len(written) != len(names):
-        raise ValueError(f"there is {names[0]}, but not {names[1]}")
+        raise ValueError(f"{names[0]} is given without {names[1]}")
     return Point(*map(read_share, written, names))
 
 

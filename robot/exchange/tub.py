@@ -108,7 +108,7 @@ def _said(record: Record, reading: Reading, moves: Sequence[str] | None) -> Said
     if _LABEL in record:  # this program wrote the tub
         text = record[_LABEL]
         if not isinstance(text, str) or (text and moves is not None and text not in moves):
-            raise ValueError(f"{_LABEL} is {str(text)[:40]!r}")
+            raise ValueError(f"{_LABEL} is {str(text)[:40]!r}, not one of the moves")
         written = [record.get(name) for name in _STEERED]
         if not text or record.get(_DEGREES) is not True:
             return Action(text) if text else None, None, point_said(written)

@@ -20,17 +20,18 @@ from robot.study.table import Cell, Table
 
 KINDS = ("default", *VARIANTS, "published")
 NODES = {2: 32, 3: 128}
-"""Number of nodes by trial in our simulator. Everywhere else it is 32."""
+"""Number of nodes of the learners in each trial of this project's simulator. Elsewhere learners
+have 32 nodes."""
 WORLDS = {"Sidewalk": "miniworld", "CarRacing": "Box2D", "ViZDoom": "vizdoom"}
-"""Third-party worlds, and the libraries that they need."""
+"""The third-party worlds of this experiment, each with the library that it needs."""
 EXAMPLES = 250
-"""Number of examples that are taught in these worlds, by corrections, before the robot drives
+"""Number of examples that a robot is taught by corrections in each of `WORLDS`, before it drives
 unaided."""
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
-    """Plan all kinds of learners in our simulator, in the worlds whose library is installed, and on
-    all footage."""
+    """Plan runs of all kinds of learners in the simulator, in the worlds whose library is
+    installed, and on all footage."""
     for trial, nodes in list(NODES.items())[: 1 if settings.quick else None]:
         learners = [f"{kind}-{nodes}" for kind in KINDS]
         yield from seeded(run_lesson, trial_cases(trial, learners, settings), settings)

@@ -1,5 +1,5 @@
-"""Other behaviours, which the paper leaves to future work: taught in episodes, and judged by their
-purpose."""
+"""Experiment on behaviours that the paper leaves to future work. They are taught in episodes, and
+judged by their purpose."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""If a pilot steers by degrees, does the robot drive more smoothly than a robot that accepts only
-moves?"""
+"""Experiment: does a robot whose pilot steers by degrees drive more smoothly than one that accepts
+only moves?"""
 
 from __future__ import annotations
 

@@ -33,7 +33,8 @@ _CONNECT_S = 10.0
 _LOOK_S = 1.0
 """Interval at which the scheduler is asked for its workers, in seconds."""
 _FIRST_WORKER_S, _NO_WORKER_S = 10.0, 60.0
-"""Times without any worker after which the call ends, in seconds: at the start, and later."""
+"""Time without any worker after which `run_on_cluster` gives up, in seconds: at the start, and
+later."""
 _SILENT_S = 20.0
 """Interval at which a worker that is silent or not yet identified is reported, in seconds."""
 _FROZEN_S = 60.0
@@ -85,7 +86,7 @@ def run_packed(packed: bytes) -> Outcome:
 
 
 def _tidy_up() -> None:
-    """Free what a trial leaves on a worker, so that its memory does not grow with each trial.
+    """Free the memory that a trial leaves on a worker, so that it does not grow with each trial.
 
     A trial's objects have reference cycles and take some MB. In a process with as many objects as
     Dask's, Python rarely collects such cycles. Dask also keeps samples of the stacks of the last
@@ -112,7 +113,7 @@ class _Worker:
     """The key of the worker's task; empty while the worker is being identified."""
     is_used: bool = False
     said_s: float = 0.0
-    """How long the worker had been silent at the last report, in seconds."""
+    """Time for which the worker had been silent when this was last reported, in seconds."""
 
 
 class _Run:
@@ -234,7 +235,7 @@ class _Run:
                 self._submit(address, _RUN, packed=pickle.dumps((task, contents_of(task))))
 
     def _submit(self, address: str, text: str, **names: Any) -> None:
-        """Have a worker evaluate a text with these names defined."""
+        """Let a worker evaluate a text of Python in which these names are defined."""
         future = self._client.submit(
             eval, text, names, workers=[address], allow_other_workers=False, pure=False
         )
@@ -289,7 +290,7 @@ class _Run:
 
 
 async def _knock(scheduler: str) -> None:
-    """Connect once; raise an error with the reason if this fails."""
+    """Try to connect to the scheduler once; the error says why this failed."""
     comm = await need("distributed.comm", "the backend dask", "dask").connect(
         scheduler, timeout=_CONNECT_S
     )

@@ -28,10 +28,11 @@ if TYPE_CHECKING:
     from robot.exchange.drive import Drive
 
 Vectors = dict[tuple[type[Features], str, str, float], list[Vector]]
-"""Vectors by features, drive and light. The vectors are extracted once for all learners with these
-features."""
+"""The vectors of each drive in each light, by features. They are extracted once for all learners
+with the same features."""
 Seen = Sequence[tuple[Vector, Action, Point | None]]
-"""A drive as a learner's input: each frame's features, its label, and the label by degrees."""
+"""A drive in the form in which a learner gets it: for each frame the vector, the label, and the
+label by degrees."""
 
 
 class Pair(NamedTuple):
@@ -164,7 +165,7 @@ def judge(policy: Policy, train: Seen, test: Seen, lesson: Lesson = WHOLE_DRIVE)
     """
     started_s = time.perf_counter()
     n_taught = teach(policy, train, lesson)
-    policy.propose(0, train[0][0])  # some learners are fitted when they predict for the first time
+    policy.propose(0, train[0][0])  # some learners fit their model only at the first prediction
     learned_s = time.perf_counter() - started_s
     policy.reset()
     started_s = time.perf_counter()
@@ -189,7 +190,7 @@ def judge(policy: Policy, train: Seen, test: Seen, lesson: Lesson = WHOLE_DRIVE)
 
 
 def teach(policy: Policy, drive: Seen, lesson: Lesson = WHOLE_DRIVE) -> int:
-    """Teach a policy one more drive, perhaps in a new place.
+    """Teach a policy another drive, perhaps in a place that is new to it.
 
     Returns the number of learned frames.
     """

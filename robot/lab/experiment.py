@@ -39,7 +39,7 @@ class ExperimentSettings:
 
     @property
     def learner(self) -> str:
-        """Return the learner of an experiment with only one learner."""
+        """Return the only learner of an experiment that compares no learners."""
         if len(self.learners) > 1:
             raise ConfigurationError(
                 "habits, ready and degrees take only one --learner, not " + ", ".join(self.learners)
@@ -123,7 +123,8 @@ EXPERIMENTS = {
     "ground": "robot.lab.ground.ground:GROUND",
     "streams": "robot.lab.streams:ONLINE",
 }
-"""Where each experiment is defined, in the order of `all`. The modules are imported when needed."""
+"""The module and the name that define each experiment, in the order of `drivelesson experiment
+all`."""
 
 
 def load_experiment(name: str) -> Experiment:

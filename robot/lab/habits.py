@@ -1,5 +1,5 @@
-"""The test for a release: robots are taught by many kinds of pilots, in many places, at many frame
-rates."""
+"""The experiment that a release must pass: many kinds of pilots teach robots, in many places, at
+many frame rates."""
 
 from __future__ import annotations
 
@@ -75,7 +75,8 @@ def _tables(runs: Runs) -> list[Table]:
 
 
 def _drives(results: Iterable[Result], phases: Sequence[str] = ("before", "after")) -> list[Result]:
-    """Return the figures of each unaided drive, with its teacher's figures under `teacher`."""
+    """Return the figures of each unaided drive of some runs, with the teacher's figures under
+    `teacher`."""
     return [result[phase] for result in results for phase in phases if phase in result]
 
 
@@ -135,13 +136,13 @@ def _gate(runs: Runs) -> Table:
 
 _MEANS = ("driven_m", "covered_m2", "steering_per_s")
 DRIFT_SHARE = 0.15
-"""Drift of the wheels while a simulated pilot teaches. With this drift the heading changes by 17
-degrees a second (standard deviation) while the robot drives straight."""
+"""Drift of the wheels while a simulated pilot teaches. It changes the heading of a robot that
+drives straight by 17 degrees a second (standard deviation)."""
 
 
 def run_habit(params: Params) -> Result:
-    """Teach, drive unaided, correct, drive unaided again. The pilot also drives, from the robot's
-    start.
+    """Run one robot of this experiment: teach it, let it drive unaided, correct it, let it drive
+    unaided again. The pilot also drives, from where the robot began.
 
     In a minute neither robot nor pilot sees the whole place. So if robot and pilot started in
     different corners, the corners would make a difference. The pilot's minutes also have the frame

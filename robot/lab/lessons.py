@@ -24,13 +24,15 @@ TRIALS: dict[int, dict[str, Any]] = {
     2: {"world": "office", "moves": ("forward", "left"), "teacher": "usual"},
     3: {"world": "office", "moves": ("forward", "left", "right"), "teacher": "habit"},
 }
-"""The places and moves are the paper's; the teachers are ours."""
+"""The paper's three trials: their places and moves are the paper's, their teachers are this
+project's."""
 _RETRAINED = {"teach_s": 90.0, "correct_s": 330.0, "alone_s": 60.0}
 _SONAR = {"world": "box", "moves": ("forward", "left"), "teacher": "sonar"}
 
 
 def run_lesson(params: Params) -> Result:
-    """Teach, drive unaided, correct, drive unaided again; return the figures of each phase.
+    """Teach a robot, let it drive unaided, correct it, let it drive unaided again. Return the
+    figures of each phase.
 
     Parameters: `world`, `learner`, `teacher`, `moves`, `seed`, `teach_s`, `correct_s`, `alone_s`,
     `reference_s`. At the end the teacher drives for another `reference_s` seconds, so that the

@@ -21,8 +21,8 @@ from robot.study.profile import Profile, behavior_profile, compare
 from robot.types import Action, DrivenBy, Point, Pose
 
 STAY_M, STUCK_S = 0.15, 20.0
-"""A robot is stuck if it stays within `STAY_M` metres for `STUCK_S` seconds. A full turn about one
-wheel takes 19.5 s."""
+"""A robot that stays within `STAY_M` metres for `STUCK_S` seconds is stuck. This is longer than a
+full turn about one wheel, which takes 19.5 s."""
 CELL_M = 0.1
 """Side of the squares in which covered floor is counted, in metres."""
 
@@ -39,7 +39,7 @@ class DriveSample:
     is_touching: bool = False
     is_pushing: bool = False
     point: Point | None = None
-    """The driven point; None if a move was driven."""
+    """The point that the robot drove; None if it drove a move."""
     asks_pilot: bool = False
     proposed: Action | None = None
     wanted: Action | None = None

@@ -1,5 +1,5 @@
-"""A change of mind: the pilot turns LEFT at walls for a minute, then RIGHT for half a minute,
-twice."""
+"""Experiment on a pilot's change of mind: the pilot turns LEFT at walls for a minute, then RIGHT
+twice for half a minute."""
 
 from __future__ import annotations
 
@@ -69,13 +69,14 @@ _COLUMNS: Columns = {
 
 
 BLOCKED_M = TEACHER_PARAMS["usual"].turn_at_m
-"""Free distance ahead, in metres, below which both pilots turn. The views there are tested."""
+"""Free distance ahead, in metres, below which both pilots turn. The experiment tests the robot on
+such views."""
 LOOKS_HZ = 10.0
 NEW_S, ASKED_S, ALONE_S = 30.0, 40.0, 60.0
 
 
 def run_mind(params: Params) -> Result:
-    """Teach LEFT, then RIGHT twice; test after each lesson; then let the robot drive unaided.
+    """Teach a robot LEFT, then RIGHT twice; test it after each lesson; then let it drive unaided.
 
     Parameters: `world`, `learner`, `seed`, `old_s` (duration of LEFT), and `is_told`: whether the
     pilot declares the change of mind in between.

@@ -36,7 +36,8 @@ class Outcome:
 
 
 Contents = Mapping[str, tuple[str, bytes]]
-"""The files that parameters name: maps the parameter's value to the file's path and content."""
+"""The files that a task's parameters name: maps each such parameter's value to the path and the
+content of its file."""
 
 
 def contents_of(task: Task) -> Contents:

@@ -75,7 +75,8 @@ TEACH_STEP_S, TRY_STEP_S = 10.0, 40.0
 
 
 def run_ready(params: Params) -> Result:
-    """Teach, try and teach again on the advice of `Readiness`, then drive unaided for a minute.
+    """Teach a robot, let it try and teach it again on the advice of `Readiness`; then let it drive
+    unaided for a minute.
 
     Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `limit_s`, `in_time_s`. The result's
     `missing` is the page's hint after `in_time_s`, or at the end.

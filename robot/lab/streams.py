@@ -1,4 +1,4 @@
-"""Streams beyond driving: digits, parts of images, text.
+"""Experiment on streams that have nothing to do with driving: digits, parts of images, text.
 
 Each example is predicted, then learned.
 """
@@ -126,7 +126,7 @@ def _sentences(library: str) -> list[str]:
             continue
         try:
             module = import_module(f"{library}.{found.name}")
-        except ImportError:  # the module needs a library that is not installed
+        except ImportError:  # a module that needs a library that is not installed
             continue
         for _, member in sorted(inspect.getmembers(module, callable), key=lambda pair: pair[0]):
             texts.update(dict.fromkeys(_of_text(inspect.getdoc(member) or "", library)))

@@ -18,7 +18,8 @@ def percent(share: float, digits: int = 0) -> str:
 
 
 Columns = Mapping[str, Callable[[Sequence[Result]], Cell]]
-"""Maps each column's title to the function that computes the cell from a row's results."""
+"""Columns of a table: maps the title of each to the function that computes its cell from a row's
+results."""
 
 
 def of(name: str, join: Callable[[list[Any]], Cell]) -> Callable[[Sequence[Result]], Cell]:
@@ -33,8 +34,8 @@ def mean_percent(shares: Sequence[float]) -> str:
 def tables_of(
     results: Iterable[tuple[str, str, Result]], columns: Columns, head: str = ""
 ) -> list[Table]:
-    """Return the tables of some results. Each result is given with its table's title and its row's
-    name.
+    """Return the tables that show some results. Each result comes with the title of its table and
+    the name of its row.
 
     Tables and rows are in the order of the results; `head` is the title of the rows' names.
     """

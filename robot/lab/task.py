@@ -25,8 +25,8 @@ _FILES = (".py", ".toml", ".npz")
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A run with its parameters. `run` is a function at the top of a module, so that other
-    processes find it.
+    """One run of an experiment: a function and its parameters. `run` is defined at the top of a
+    module, so that other processes find it.
 
     The same task yields the same figures on every machine.
     """

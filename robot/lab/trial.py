@@ -23,9 +23,11 @@ from robot.testing import VirtualClock
 from robot.types import Action, DrivenBy, Mode, Pose, Prediction, Sensors, StartStop
 
 FRAME_RATE_HZ = 10.0
-"""Frames, ticks and heartbeats per second: about the paper's cycle rate with 32 nodes."""
+"""Default number of frames, ticks and heartbeats per second: about the paper's cycle rate with 32
+nodes."""
 PATIENT_LINK = LinkGovernorConfig(warn_s=10.0, cap_speed_s=10.0, stop_learning_s=10.0, stop_s=10.0)
-"""Limits that even a busy machine does not exceed, because delays must not affect an experiment."""
+"""Limits of the link governor that even a busy machine does not reach, because delays must not
+affect an experiment."""
 
 
 class Trial(StartStop):
@@ -103,7 +105,8 @@ class Trial(StartStop):
     def lesson(
         self, teach_s: float, correct_s: float, alone_s: float
     ) -> tuple[DriveLog, dict[str, DriveLog]]:
-        """Teach, then drive unaided; if `correct_s` is not 0, correct, and drive unaided again.
+        """Teach the robot, then let it drive unaided; if `correct_s` is not 0, correct it, and let
+        it drive unaided again.
 
         Returns the log of the teaching, and the logs of the unaided drives `before` and `after` the
         corrections.

@@ -21,7 +21,7 @@ from robot.types import Action, Prediction
 
 
 class NoClock(ActionFilter):
-    """A turn keeps all its votes, however long it lasts."""
+    """Keeps all votes for a turn, however long the turn lasts."""
 
     def _watch(self, *seen: Any) -> float:
         super()._watch(*seen)

@@ -216,15 +216,15 @@ class Learner(Protocol):
             LookupError: If there is no image with this id.
             ValueError: If the learner stores no images.
         """
-        raise ValueError(f"a {type(self).__name__} keeps no images to edit")
+        raise ValueError(f"a {type(self).__name__} stores no images to edit")
 
     def delete_node(self, node_id: int) -> None:
         """Forget one image. Errors as in `relabel_node`, and ValueError if the image is pinned."""
-        raise ValueError(f"a {type(self).__name__} keeps no images to edit")
+        raise ValueError(f"a {type(self).__name__} stores no images to edit")
 
     def pin_node(self, node_id: int, pinned: bool = True) -> None:
         """Keep one image from being merged or deleted; raises the errors of `relabel_node`."""
-        raise ValueError(f"a {type(self).__name__} keeps no images to edit")
+        raise ValueError(f"a {type(self).__name__} stores no images to edit")
 
     def reflect(self, mirror: Mirror, on: bool) -> None:
         """Also learn the mirror image of every example, past and future; `on` False ends this.
@@ -240,7 +240,7 @@ class Learner(Protocol):
         Raises:
             ValueError: If the learner cannot tell old from new examples.
         """
-        raise ValueError("This learner cannot tell old from new. Begin an empty model instead.")
+        raise ValueError("This learner cannot give new examples more weight. Begin a new model.")
 
 
 class BaseLearner(Learner):

@@ -155,7 +155,7 @@ class Array:
         array = np.zeros(0) if value is None else np.asarray(value)
         if not _is_within(array, self.low, self.high):
             bad = f"[{self.low:g}, {self.high:g}], not {array.min():g} to {array.max():g}"
-            raise ValueError(f"the array {self.name} must lie in {bad}")
+            raise ValueError(f"the values of the array {self.name} must lie in {bad}")
 
 
 def _is_within(array: NDArray[Any], low: float, high: float) -> bool:

@@ -321,7 +321,7 @@ class Storage:
             n = len(str(self.trash.absolute())) + 2 + 2 * _LONGEST_NAME + _LONGEST_ENDING
             raise OSError(
                 error.errno,
-                f"a file in this folder can need a path of {n} characters, which is too long here",
+                f"it needs paths of up to {n} characters, which are too long for this system",
             ) from error
         finally:
             shutil.rmtree(folder, ignore_errors=True)

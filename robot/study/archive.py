@@ -72,7 +72,7 @@ def unpack(path: Path) -> tuple[str, dict[str, bytes], dict[str, bytes]]:
             raise ValueError(f"the file unpacks to more than {_LARGEST_ZIP_MB} MB")
         files = {info.filename: archive.read(info) for info in entries}
     if PLAN not in files:
-        raise ConfigurationError(f"{path} is not a study: {PLAN} is missing in it")
+        raise ConfigurationError(f"{path} is not a study: it contains no {PLAN}")
     with told_as(ConfigurationError, f"{path}: {PLAN} is not UTF-8", UnicodeDecodeError):
         plan_text = files.pop(PLAN).decode()
     logs = {

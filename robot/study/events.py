@@ -114,7 +114,7 @@ def check_begun(events: Sequence[StudyEvent], where: str) -> int:
 def _read(line: list[str]) -> StudyEvent:
     texts: dict[str, str] = dict(zip(COLUMNS, line, strict=True))
     if texts["event"] not in EVENTS:
-        raise ValueError(f"there is no event {texts['event']!r}")
+        raise ValueError(f"unknown event {texts['event']!r}")
     values: dict[str, object] = {n: _DISARMED.sub(r"\1\2", text) for n, text in texts.items()}
     values.update({name: int(texts[name]) for name in _WHOLE})
     values.update({name: number_in(texts[name]) for name in _REAL})

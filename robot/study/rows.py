@@ -83,7 +83,7 @@ def condition_logs(plan: StudyPlan, participant: str, log: bytes) -> list[Condit
         condition = plan.by_name.get(name := last[0].condition)
         if condition is None:
             raise RecordingError(
-                f"{where}: the plan has no condition {name!r} any more; undo that change"
+                f"{where}: the plan no longer has the condition {name!r}; add it again"
             )
         common: Row = {
             "participant": participant,

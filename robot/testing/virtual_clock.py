@@ -136,7 +136,7 @@ class VirtualClock(Clock):
                 soonest = other.due_s, other
         if following is None:
             if soonest is None:
-                self._deadlock = "every thread waits without end"
+                self._deadlock = "every thread waits, and none has a deadline"
                 held_up, self._waiting = self._waiting, []
                 for other in held_up:
                     other.turn.release()
@@ -230,7 +230,7 @@ class _JumpingEventLoop(asyncio.SelectorEventLoop):
             clock._event_loop_woken.clear()
             timeout = clock._now_s - self.now_s
         elif timeout is None:
-            raise RuntimeError("every task waits without end")
+            raise RuntimeError("every task waits, and none has a deadline")
         if timeout > 0:
             self._now_us += max(1, round(timeout * 1e6))
             self.now_s = self._now_us / 1e6

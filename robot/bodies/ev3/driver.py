@@ -56,7 +56,8 @@ class ChassisOptions(Options):
     def check(self) -> None:
         if self.left_port == self.right_port:
             raise ConfigurationError(
-                f"--left-port and --right-port are both {self.left_port}; each motor needs its own"
+                f"--left-port and --right-port are both {self.left_port}; each motor needs its own "
+                "port"
             )
 
     @property

@@ -104,7 +104,7 @@ class BrickLink:
         """
         if self._thread is None:
             if not self.address:
-                raise DriveError("which brick? choose yours with --brick ADDRESS")
+                raise DriveError("no brick was named; choose yours with --brick ADDRESS")
             self._connection = self._join()
             self._answers.clear()
             self._ending.clear()

@@ -55,7 +55,7 @@ class GpioOptions(Options):
         used = [*motors[0], *motors[1], *bumper]
         if len(set(used)) != len(used):
             named = (f"{_flag(n)} {getattr(self, n) or 'none'}" for n in (*names, "bumper_pin"))
-            raise ConfigurationError(f"a pin is used twice in {', '.join(named)}")
+            raise ConfigurationError(f"two of {', '.join(named)} use the same pin")
         return {
             "motor_board": self.motor_board,
             "motor_pins": motors,

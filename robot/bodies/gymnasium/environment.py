@@ -91,7 +91,9 @@ def make(name: str, options: Mapping[str, Any]) -> Any:
     if not hasattr(getattr(env, "action_space", None), "sample"):
         several = hasattr(env, "possible_agents") or hasattr(env, "agents")
         why = "it is for several players" if several else "it has no action space"
-        raise ConfigurationError(f"{wrong} into a robot, which is one player: {why}")
+        raise ConfigurationError(
+            f"the environment {name!r} cannot be a robot, which is one player: {why}"
+        )
     return env
 
 

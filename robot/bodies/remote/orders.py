@@ -134,7 +134,7 @@ def parse_moves(text: str) -> tuple[Move, ...]:
                 "forward,left,fast:0:1"
             ) from error
     if len({move.name for move in moves}) != len(moves):
-        raise ConfigurationError("--body-moves: a move is named twice")
+        raise ConfigurationError("--body-moves names the same move twice")
     return tuple(moves)
 
 

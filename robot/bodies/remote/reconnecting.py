@@ -73,7 +73,7 @@ class ReconnectingConnection(ABC):
         before = self._sending.get(key)
         if before is not None and not before.done():
             work.close()
-            raise ConnectionError("the robot accepts no more data")
+            raise ConnectionError("the robot has not taken the previous message yet")
         self._sending[key] = sending = self._submit(work)
         return sending
 

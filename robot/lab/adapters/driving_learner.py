@@ -1,4 +1,4 @@
-"""The learner as it drives, for use in your own loop: it converts pictures and times to moves."""
+"""Offers the driving learner to other programs' loops: it converts pictures and times to moves."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class DrivingLearner:
 
     @property
     def policy(self) -> Policy:
-        """The policy that learns; only the history may change the policy."""
+        """The policy that learns. Change it only through the history."""
         return self.history.policy
 
     @property

@@ -48,7 +48,7 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
     """
 
     _room = 16
-    """Number of features that fit into a vector. If this number becomes too small, it is at least
+    """Number of features that fit into a vector. If more features come, the number is at least
     doubled."""
 
     def __init__(
@@ -83,7 +83,7 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
                     state.arrays[name] = np.pad(state.arrays[name], longer)
                 self._learner.set_state(state)
         label = self._labels.get(y, len(self._labels))
-        # this call may raise an error, so nothing is stored before it
+        # store nothing before this call, because it may raise an error
         self._learner.learn_one(self._vector(x, columns), str(label))
         self._columns, self._labels[y] = columns, label
 

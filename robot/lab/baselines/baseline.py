@@ -1,5 +1,5 @@
-"""A classifier of another library, with the interface of a learner. The learner keeps every frame.
-After an example the classifier is fitted again, before the next prediction."""
+"""Wraps a classifier of another library in the interface of a learner. The learner stores every
+example, and after new examples it fits the classifier again before the next prediction."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Baseline(Stateful, BaseLearner):
         return Evidence(label=best, probabilities=probabilities, confidence=probabilities[best])
 
     def _fitted(self, x: Vector) -> tuple[Any, Any]:
-        """Return the model fitted to all examples, and the vector in the model's form."""
+        """Return the classifier fitted to all examples, and `x` in the form that it expects."""
         if not self._xs:
             raise NotFittedError("nothing was learned yet")
         array = checked_vector(x, self._xs[0].size)
@@ -110,7 +110,8 @@ class Baseline(Stateful, BaseLearner):
 
 
 def _tenth_parts(n_examples: int) -> int:
-    """Return the largest of 1, 2, ... 10, 11, 12 ... 20, 22 ... that is at most this number."""
+    """Return the number of examples at which the classifier was fitted last: the largest of 1, 2,
+    ... 10, 11, 12 ... 20, 22 ... that is at most `n_examples`."""
     count = 1
     while (following := count + max(1, count // 10)) <= n_examples:
         count = following
@@ -118,7 +119,8 @@ def _tenth_parts(n_examples: int) -> int:
 
 
 class AngleBaseline(Baseline):
-    """A regression of another library. The regression learns not the labels but their angles."""
+    """A regression of another library, which learns the angles of the labels instead of the
+    labels."""
 
     abilities = Abilities(angles=True)
     fields = (
@@ -163,7 +165,8 @@ class AngleBaseline(Baseline):
 
 
 class AnglePolicy(Policy):
-    """Steers by the learner's angle, not by the pilot's usual angle for the move."""
+    """An action filter that steers by the learner's angle instead of the pilot's usual angle for
+    the move."""
 
     def propose(self, frame_id: int, x: Vector, **seen: Any) -> Prediction:
         said, angle = super().propose(frame_id, x, **seen), self._degrees.angle

@@ -33,7 +33,7 @@ class ColourFeatures(GreyFeatures):
 
 
 class BatchNetwork:
-    """Fits a network for a `Baseline`, in several passes over all examples.
+    """The classifier of a `Baseline` that fits a network, in several passes over all examples.
 
     The network learns classes, or numbers if it has no softmax.
     """
@@ -43,8 +43,8 @@ class BatchNetwork:
         self.classes_: Sequence[Label] = ()
 
     def fit(self, xs: Floats, ys: list[Any]) -> None:
-        """Make passes over the examples, each in another order, with equal results for equal
-        examples."""
+        """Fit the network in passes over the examples, each in another order. Equal examples yield
+        equal networks."""
         scaled, targets, classes = xs / 127.5 - 1.0, np.array(ys), {}
         if isinstance(ys[0], str):
             found, targets = np.unique(targets, return_inverse=True)
@@ -58,14 +58,15 @@ class BatchNetwork:
                 self._network.partial_fit(scaled[part], targets[part], **classes)
 
     def predict(self, xs: Floats) -> Floats:
-        """Return the number for each picture, shape (n,)."""
+        """Return the number that the network without a softmax computes for each picture, shape
+        (n,)."""
         numbers: Floats = self._network.predict_proba(xs / 127.5 - 1.0)[:, 0]
         return numbers
 
     def predict_proba(self, xs: Floats) -> Floats:
         """Return the probability of each class, shape (n, classes)."""
         chances: Floats = self._network.predict_proba(xs / 127.5 - 1.0)
-        if chances.shape[1] == 1:  # for two classes scikit-learn returns only the second chance
+        if chances.shape[1] == 1:  # of two classes, scikit-learn returns only the second's share
             chances = np.hstack([1.0 - chances, chances])
         chances = chances[:, : len(self.classes_)]
         shares: Floats = chances / chances.sum(axis=1, keepdims=True)

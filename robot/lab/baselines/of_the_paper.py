@@ -49,7 +49,8 @@ class Prototypes:
 
 
 def som(make: Any, number: int, n_examples: int) -> Prototypes:
-    """Return a map with about `number` images, as nearly square as this number allows."""
+    """Return a self-organizing map with about `number` images, as nearly square as this number
+    allows."""
     rows = math.isqrt(number)
 
     def cluster(xs: Images) -> Images:
@@ -62,7 +63,8 @@ def som(make: Any, number: int, n_examples: int) -> Prototypes:
 
 
 def gng(make: Any, number: int, n_examples: int) -> Prototypes:
-    """Return a gas that grows evenly to at most `number` images while it sees the examples."""
+    """Return a growing neural gas that reaches at most `number` images evenly while it sees the
+    examples."""
 
     def cluster(xs: Images) -> Images:
         every = max(len(xs) // number, 1)
@@ -109,7 +111,7 @@ class RotatingSet:
             self._network.partial_fit(kept, told, classes=self.classes_)
 
     def predict_proba(self, xs: Images) -> Images:
-        # for a single class, the network would return the shares of two classes
+        # of a single class, the network would return two shares
         if len(self.classes_) == 1:
             return np.ones((len(xs), 1))
         shares: Images = self._network.predict_proba(xs / 255.0)

@@ -27,8 +27,8 @@ _QUICK_WORLDS = ("Sidewalk", "ViZDoom")
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
-    """Plan every world with every learner and way of teaching, and once with the world's teacher.
-    With `--quick` each is run twice."""
+    """Plan runs of every world with every learner and way of teaching, and with the world's own
+    teacher. With `--quick` each combination is run twice."""
     learners = settings.learners or (LEARNERS[:2] if settings.quick else LEARNERS)
     worlds = settings.worlds or (_QUICK_WORLDS if settings.quick else tuple(WORLDS))
     drivers = [(TEACHER, ""), *product(learners, WAYS[:1] if settings.quick else WAYS)]
@@ -80,14 +80,15 @@ def _means(results: Sequence[Result], name: str) -> list[float]:
 
 
 def score_at(stage: int) -> Callable[[Sequence[Result]], str]:
-    """Return the function that computes a cell from the mean scores of the runs at this stage."""
+    """Return the function that computes a cell of the table from the mean scores of the runs at one
+    stage."""
     return lambda results: mean_in_interval(
         [statistics.fmean(result["stages"][stage]["scores"]) for result in results]
     )
 
 
 def _last(name: str) -> Callable[[Sequence[Result]], float | None]:
-    """Return the function that computes a cell from a figure of the last stage."""
+    """Return the function that computes a cell of the table from a figure of the last stage."""
     return lambda results: mean_of_known([result["stages"][-1].get(name) for result in results])
 
 

@@ -12,18 +12,19 @@ from robot.lab.task import Params, Result
 from robot.types import Action, Prediction
 
 FIRST_EXAMPLES = 50
-"""Number of demonstrated examples. After these the robot drives, and is corrected or asks."""
+"""Number of examples that the teacher demonstrates. After them the robot drives, and is corrected
+or asks."""
 WRONG_FOR = 2
 """Number of wrong decisions in a row after which the teacher takes the wheel."""
 HOLDS_FOR = 5
-"""Minimum number of decisions for which the teacher then keeps the wheel. After that the teacher
-returns the wheel as soon as the robot would make the same move."""
+"""Least number of decisions for which the teacher keeps the wheel after taking it. Then the teacher
+returns it as soon as the robot would make the same move."""
 UNSURE = 0.6
-"""A robot that may ask does so when its confidence is below this. The robot also asks whenever
-Drivelesson itself would."""
+"""Confidence below which a robot that may ask does so. It also asks whenever Drivelesson's own loop
+would."""
 _PATIENCE = 20
-"""Maximum number of decisions per example. There must be a limit, because a robot without mistakes
-gets no corrections."""
+"""Maximum number of decisions in which a robot must get one more example. Without a limit, a robot
+that makes no mistakes would never get it."""
 _ALONE_SEED = 1_000_000
 TEACHER = "teacher"
 """The learner's name for drives of the scripted teacher itself."""
@@ -62,7 +63,7 @@ def _score_of_teacher(world: ForeignWorld, seed: int) -> float:
 
 
 class Course:
-    """A course of teaching over as many episodes as needed. The course decides who drives."""
+    """Teaches a learner over as many episodes as needed, and decides who drives."""
 
     def __init__(self, world: ForeignWorld, learner: DrivingLearner, way: str, seed: int) -> None:
         self._world, self._learner, self._way = world, learner, way
@@ -71,7 +72,7 @@ class Course:
         self.takeovers = self.decisions = 0
 
     def teach(self, count: int) -> None:
-        """Continue until the learner has `count` examples, or makes no mistakes."""
+        """Go on teaching until the learner has `count` examples, or makes no mistakes any more."""
         most = self.decisions + _PATIENCE * (count - self._learner.n_examples)
         while self._learner.n_examples < count and self.decisions < most:
             self._drive(count, most)

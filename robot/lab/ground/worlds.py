@@ -85,7 +85,7 @@ class ForeignWorld(ABC):
 
     @abstractmethod
     def _note(self, reward: float) -> None:
-        """Process the world's result of a step."""
+        """Note the result that the world returned for a step."""
 
 
 class MiniWorld(ForeignWorld):

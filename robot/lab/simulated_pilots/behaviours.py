@@ -46,7 +46,7 @@ class WallFollower:
         return self._turning or Action.FORWARD
 
     def tolerates(self, situation: Situation, action: Action) -> bool:
-        """Accept the teacher's own move, and driving on while there is room."""
+        """Accept the move that this teacher would make, and driving on while there is room."""
         if action is Action.FORWARD:
             return situation.free_ahead_m > 0.08 and not situation.is_pushing
         return action is self._turning
@@ -78,7 +78,8 @@ class Follower:
         return self._turning or Action.FORWARD
 
     def tolerates(self, situation: Situation, action: Action) -> bool:
-        """Accept the teacher's own move; at the border between two moves accept both."""
+        """Accept the move that this teacher would make; at the border between two moves accept
+        both."""
         target = situation.target
         if target is None or action is Action.STOP:
             return action is not Action.STOP

@@ -31,7 +31,7 @@ class Person(Wanderer):
     """A wanderer as irregular as a person: no two turns begin or end in the same way.
 
     Args:
-        params: The distances at which the person aims to turn and to drive on.
+        params: The distances at which the person wants to turn and to drive on.
         irregularity: Standard deviation of the distance at each turn's start and end, as a share of
             the distance.
         overshoot_s: Mean time for which a turn goes on after the way is free; the time is

@@ -1,7 +1,7 @@
 """Human delays and errors: reaction time, tremor and lapses.
 
-The hand follows a decision `reaction_s` later. The command names the frame that is then on the
-screen.
+The hand follows a decision of the pilot `reaction_s` later. The command that it sends names the
+frame that is then on the screen.
 """
 
 from __future__ import annotations

@@ -16,11 +16,11 @@ class TakeoverPolicy:
     """Rules for when a pilot takes the wheel from the robot, and when the pilot returns it."""
 
     patience_s: float = 0.5
-    """After this time of moves that the teacher does not tolerate, the pilot takes the wheel, in
+    """Time of moves that the teacher does not tolerate after which the pilot takes the wheel, in
     seconds."""
     shortest_hold_s: float = 0.8
     contented_s: float = 0.5
-    """After this time of proposals that agree with the pilot, the pilot returns the wheel, in
+    """Time of proposals that agree with the pilot after which the pilot returns the wheel, in
     seconds."""
     longest_hold_s: float = 8.0
     lenience: float = 0.5
@@ -57,7 +57,7 @@ class SimulatedPilot:
         self._patience_s = self.takeover.patience_s
 
     def change_mode(self, mode: Mode) -> None:
-        """Begin another phase, with the finger off the pad."""
+        """Begin another phase of the trial; the pilot's finger leaves the pad."""
         self.mode = mode
         self._hand.release()
         self._holds_since_s = self._annoyed_since_s = self._content_since_s = None
@@ -84,7 +84,7 @@ class SimulatedPilot:
             held = self._judge(*self._screen, at_s)
             point = getattr(self.teacher, "point", None) if held is not None else None
             self._hand.wish(held, at_s, point)
-            # With None, the pilot looks again at the next picture.
+            # None means that the pilot looks again at the next picture.
             self._looks_at_s = at_s + period_s if period_s else None
 
     def _judge(self, situation: Situation, proposed: Action | None, now_s: float) -> Action | None:

@@ -1,4 +1,4 @@
-"""Describes what a pilot sees on the screen, by a few numbers instead of a picture.
+"""Describes by a few numbers what a pilot sees on the screen.
 
 A person sees in the frame where there is room. A simulated pilot instead gets numbers from the
 simulated world at the time when the frame was taken.
@@ -59,7 +59,7 @@ class Situation:
 
     @property
     def free_ahead_m(self) -> float:
-        """The distance that the body could drive straight ahead."""
+        """The distance in metres that the body could drive straight ahead."""
         return float(self.free_ways_m[_AHEAD])
 
     @cached_property

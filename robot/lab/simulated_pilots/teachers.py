@@ -64,7 +64,7 @@ _SIDES = {Action.LEFT: 1, Action.RIGHT: -1}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TeacherParams:
-    """A teacher's driving: the distances, in metres, at which it turns and drives on."""
+    """How a teacher drives: the distances, in metres, at which it turns and drives on."""
 
     turn_at_m: float = 0.22
     """Turns if the free distance ahead is less than this."""
@@ -74,8 +74,8 @@ class TeacherParams:
     """Does not let the robot drive on if the free distance is less than this."""
     left_at: tuple[str, ...] = ()
     right_at: tuple[str, ...] = ()
-    """Habits: the teacher turns left at the things in `left_at`, and right at those in `right_at`.
-    At other things the teacher turns the shorter way."""
+    """The teacher's habits: it turns left at the things in `left_at`, and right at those in
+    `right_at`. At all other things it turns the shorter way."""
 
 
 class Wanderer:
@@ -91,8 +91,8 @@ class Wanderer:
     """After turning in a narrow place for this time (150 degrees), the teacher drives on as soon as
     the way is free at all, in seconds."""
     STUCK_S, STUCK_M = 13.0, 0.15
-    """A robot is stuck if it stays within `STUCK_M` metres for `STUCK_S` seconds. Turning round
-    takes less time."""
+    """For this teacher, a robot that stays within `STUCK_M` metres for `STUCK_S` seconds is stuck.
+    Turning round takes less time."""
 
     def __init__(
         self,

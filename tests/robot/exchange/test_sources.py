@@ -118,7 +118,7 @@ def test_what_leads_out_of_an_archive_is_told_and_commands_no_terminal(tmp_path:
     with pytest.raises(RecordingError) as refused, unpacked(path, tmp_path, report) as folder:
         find_drives(folder)
     assert str(refused.value).startswith(f"{path} cannot be imported: it is empty")
-    assert "the first in ../frames.csv: leads out of the archive" in str(refused.value)
+    assert "the first in ../frames.csv: the path leads out of the archive" in str(refused.value)
     assert all(line.isprintable() for line in report.lines())
 
 

@@ -48,7 +48,7 @@ def test_a_folder_that_leads_to_too_long_paths_is_refused_at_once(
         deep /= "d" * min(left - 1, 200)
     deep.mkdir(parents=True)
     root = deep / ("r" * (300 - 1 - spare))
-    with pytest.raises(ConfigurationError, match=r"too long here.*--data FOLDER"):
+    with pytest.raises(ConfigurationError, match=r"too long for this system.*--data FOLDER"):
         Storage(root)
     Storage(root, must_be_usable=False)
     storage = Storage(deep)

@@ -74,7 +74,9 @@ def test_what_was_driven_stands_under_its_own_condition_whatever_became_of_the_p
     assert {row["condition"] for row in first} == {"short", "long"}
     assert table(logs, later) == first
     other = SMALL_PLAN.replace('name = "short"', 'name = "brief"')
-    with pytest.raises(RecordingError, match=r"P01.csv: the plan has no condition 'short'"):
+    with pytest.raises(
+        RecordingError, match=r"P01.csv: the plan no longer has the condition 'short'"
+    ):
         rebuild(other, logs)
 
 

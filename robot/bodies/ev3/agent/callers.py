@@ -85,7 +85,7 @@ class Caller:
 
     def _queue(self, data: bytes) -> None:
         if len(self.outbox) + len(data) > LARGEST_OUTBOX:
-            raise EOFError("the client does not read its messages")
+            raise EOFError("the client reads its messages too slowly")
         self.outbox += data
 
     def flush(self) -> None:

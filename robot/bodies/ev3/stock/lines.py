@@ -88,7 +88,7 @@ class SocketLine(BrickLine):
         while len(data) < count:
             part = self._device.recv(count - len(data))
             if not part:
-                raise ConnectionError("it hung up")
+                raise ConnectionError("it closed the connection")
             data += part
         return data
 
@@ -234,7 +234,7 @@ def choose_brick(heard: Iterable[tuple[float, Beacon | None]], wanted: str = "")
         if bricks and now_s - since_s > (_AGAIN_S if is_again else TWINS_S):
             break
     same = SameDevice("brick", flag="--brick")
-    with told_as(DriveError, "which brick?", ConnectionError):
+    with told_as(DriveError, "it is unclear which brick to drive", ConnectionError):
         chosen = same.pick(Found("", shown_id(serial)) for serial in bricks)
     return None if chosen is None else bricks[_plain_id(chosen.address)]
 
@@ -293,7 +293,11 @@ def find_usb(wanted: str = "", root: Path | None = None) -> Path:
     if wanted not in bricks and (wanted or len(bricks) > 1):
         there = [shown_id(one) for one in bricks]
         raise DriveError(
-            (f"the brick {shown_id(wanted)} is not connected by USB" if wanted else "which brick?")
+            (
+                f"the brick {shown_id(wanted)} is not connected by USB"
+                if wanted
+                else "it is unclear which brick to drive"
+            )
             + f"; connected by USB: {', '.join(there)}; choose yours with --brick {there[0]}"
         )
     return bricks.get(wanted) or next(iter(bricks.values()))

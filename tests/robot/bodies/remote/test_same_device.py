@@ -28,7 +28,7 @@ from tests.kit.sizes import size
 
 HISTORIES = size("TWINS", 240, 10_000)
 """Number of histories, of all kinds of devices together."""
-REFUSED = ("match:", "which brick?", "are plugged in", "which robot")
+REFUSED = ("match:", "unclear which brick", "are plugged in", "which robot")
 """Words of the error if it is unknown which device is meant."""
 
 
