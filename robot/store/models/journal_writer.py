@@ -1,0 +1,207 @@
+"""Writes the journal's records to its parts, each of which is two files with the same records.
+
+    journal/000007-02.a     second part of the seventh start, and its twin 000007-02.b
+
+A part begins with a checkpoint, which contains the complete learner. A new part begins after every
+undo, whenever another model is loaded, and when the previous part has become long. So replay only
+learns the examples of the last part; the part before it is also kept. The format of the records is
+in `robot/store/records.py`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import re
+import secrets
+import shutil
+import threading
+import zlib
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+
+from robot.clock import Clock, RealClock
+from robot.policy.history import HistoryEvent
+from robot.store.disk import Announce, DiskThread, no_announcement
+from robot.store.folder import paths_in
+from robot.store.models.events import describe_event, to_json
+from robot.store.models.model import Model, encode_model
+from robot.store.presence import require_present
+from robot.store.records import RecordWriter, open_new
+
+log = logging.getLogger(__name__)
+
+PART_BYTES = 4 * 2**20
+"""A part ends after this many bytes since its checkpoint, so that replay stays short."""
+_LONGEST_WAIT_S = 2.0
+_KEPT_PARTS = 2
+_SPARE_BYTES = 8 * 2**20
+_PART = re.compile(r"(\d{6,12})-(\d{2,9})\.([ab])", re.ASCII)
+HEAD = b"\n"
+
+Record = tuple[dict[str, Any], HistoryEvent | Model | None]
+"""A record to be written. Its head contains `change`, the number of the last change, and `kind`:
+- `event`: the change itself;
+- `checkpoint`: the complete learner, with the model's `name`;
+- `saved`: all changes up to this one are saved in a model's file;
+- `drive`: a drive began after this change; some learners then localise themselves again."""
+
+
+def list_parts(folder: Path) -> list[Part]:
+    """List the parts that have a file, oldest first; empty if the folder cannot be read."""
+    found = [_PART.fullmatch(path.name) for path in paths_in(folder)]
+    return sorted({Part(int(match[1]), int(match[2])) for match in found if match is not None})
+
+
+class Part(NamedTuple):
+    """One part of the journal: the number of the program's start, and the number of the part."""
+
+    boot: int
+    number: int
+
+    def files(self, folder: Path) -> list[Path]:
+        stem = f"{self.boot:06d}-{self.number:02d}"
+        return [folder / f"{stem}.a", folder / f"{stem}.b"]
+
+
+class JournalWriter:
+    """Writes the journal of one start; `announce` is called once when writing fails.
+
+    `sync` runs on the disk's thread, and `write_waiting` on the journal's.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        announce: Announce = no_announcement,
+        open_file: Callable[[Path], BinaryIO] = open_new,
+        clock: Clock | None = None,
+    ) -> None:
+        self.run = secrets.token_hex(8)
+        self.boot = 0
+        self.fault: str | None = None
+        """The reason why the journal cannot be written now; None if all is well."""
+        self._folder = folder
+        self._announce = announce
+        self._open_file = open_file
+        self._clock = clock or RealClock()
+        self._lock = threading.Lock()
+        self._queue: deque[Record] = deque()
+        self._thread = DiskThread(self._clock, "journal", every_s=None)
+        self._thread.add(self.write_waiting)
+        self._writer: RecordWriter | None = None
+        self._written = 0
+        self._part = 0
+        self._longest_bytes = 0
+        self._needs_checkpoint = True
+        self._try_again_s = 0.0
+
+    def start(self, after: int = 0) -> None:
+        """Start writing. The number of this start is above `after`, which is a number from a
+        model's file."""
+        self.open_boot(after)
+        self._thread.start()
+
+    def open_boot(self, after: int = 0) -> None:
+        """Choose the number of this start; `write_waiting` may then be called on one thread."""
+        self.boot = max([after, *(part.boot for part in list_parts(self._folder))]) + 1
+
+    def stop(self) -> None:
+        self._thread.stop()
+        self.sync()
+        self._close()
+
+    async def written(self, change: int) -> bool:
+        """Wait until this change is written, so that no kill can lose it once it is acknowledged.
+
+        Waits at most two seconds. If the change is not written by then, or cannot be written at
+        all, returns False.
+        """
+        until_s = self._clock.now_s() + _LONGEST_WAIT_S
+        while self.boot and self._written < change and self._clock.now_s() < until_s:
+            if self.fault is not None:
+                return False
+            await self._clock.pause(0.005)
+        return bool(self.boot) and self._written >= change
+
+    def sync(self) -> None:
+        writer = self._writer
+        if writer is not None:
+            writer.sync()
+
+    def write_waiting(self) -> None:
+        """Write the queued records. Never raises: a failure is reported, and writing is retried."""
+        with self._lock:
+            records = list(self._queue)
+            self._queue.clear()
+        if not records:
+            return
+        try:
+            self._write(records)
+        except Exception as error:  # outermost handler: the robot drives on after any error
+            self._give_up(error)
+        else:
+            if self.fault is not None:
+                log.info("the journal is written again")
+                self.fault = None
+
+    def _write(self, records: list[Record]) -> None:
+        checkpoints = [i for i, (_, body) in enumerate(records) if isinstance(body, Model)]
+        if checkpoints:
+            records = records[checkpoints[-1] :]  # the checkpoint contains all earlier changes
+            self._begin_part()
+        if self._writer is None:
+            if all(head["kind"] in ("saved", "drive") for head, _ in records):
+                return  # nothing was changed in this run
+            raise OSError("a part of the journal is missing")
+        self._writer.write([_encode(head, body) for head, body in records])
+        self._written = max(self._written, records[-1][0]["change"])
+        if checkpoints:
+            self._longest_bytes = self._writer.written_bytes + PART_BYTES
+            self._remove_old_parts()
+        elif self._writer.written_bytes > self._longest_bytes:
+            self._try_again_s = 0.0  # set first: the loop may read the time in between
+            self._needs_checkpoint = True
+
+    def _begin_part(self) -> None:
+        self._close()
+        require_present(self._folder)
+        self._folder.mkdir(parents=True, exist_ok=True)
+        if shutil.disk_usage(self._folder).free < _SPARE_BYTES:
+            raise OSError(28, "the disk is full")
+        self._part += 1
+        paths = Part(self.boot, self._part).files(self._folder)
+        self._writer = RecordWriter(paths, self._open_file)
+
+    def _close(self) -> None:
+        writer, self._writer = self._writer, None
+        if writer is not None:
+            writer.close()
+
+    def _remove_old_parts(self) -> None:
+        for part in list_parts(self._folder)[:-_KEPT_PARTS]:
+            for path in part.files(self._folder):
+                with contextlib.suppress(OSError):
+                    path.unlink()
+
+    def _give_up(self, error: Exception) -> None:
+        self._close()
+        self._needs_checkpoint = True
+        if self.fault is None:
+            sentence = getattr(error, "strerror", None) or str(error) or type(error).__name__
+            self.fault = str(sentence)
+            log.warning("cannot write the journal: %s", error)
+            self._announce("model_not_saved", detail=self.fault)
+
+
+def _encode(head: dict[str, Any], body: HistoryEvent | Model | None) -> bytes:
+    """Return a record as bytes: the head as a line of JSON, and the body, compressed."""
+    data = b""
+    if isinstance(body, Model):
+        data = zlib.compress(encode_model(body), 1)
+    elif body is not None:
+        data = zlib.compress(to_json(describe_event(body)), 1)
+    return json.dumps(head).encode() + HEAD + data
