@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -23,9 +22,10 @@ from robot.learner.base import (
 )
 from robot.learner.bsoc import BSOC
 from robot.learner.clusters import MOST_FRAMES, Clusters
+from robot.learner.linear import EVERY, LinearPart
 from robot.learner.part import Array, Stateful, Value
 from robot.learner.published import PublishedBSOC
-from robot.learner.ridge import EVERY, MIRRORED, LinearPart, RecursiveRidge
+from robot.learner.ridge import MIRRORED, RecursiveRidge
 from robot.learner.values import count
 
 GROUP_COST = 1000.0
@@ -39,29 +39,6 @@ _TURNED = np.array([-1.0, 1.0])
 SHARPNESS = 1.6
 """Power that calibrates the mixture's probabilities, for all rooms
 (docs/explanation/learner.md)."""
-
-
-class _Counted:
-    """The labels that the nodes counted, shape (n, n_labels), and values derived from them."""
-
-    def __init__(self, histograms: NDArray[np.int64]) -> None:
-        self.n = len(histograms)
-        self._histograms = histograms
-
-    @cached_property
-    def owners(self) -> NDArray[np.int64]:
-        """Return the label with the most votes of each node, shape (n,); -1 without votes."""
-        if not self._histograms.size:  # nothing was learned
-            return np.full(self.n, -1)
-        most = self._histograms.argmax(axis=1)
-        has_votes = self._histograms[np.arange(self.n), most] > 0
-        return np.where(has_votes, most, -1)
-
-    @cached_property
-    def per_label(self) -> NDArray[np.int64]:
-        """Return the number of votes of each label, shape (n_labels,)."""
-        total: NDArray[np.int64] = self._histograms.sum(axis=0)
-        return total
 
 
 class BSOCClassifier(Stateful, Learner):
@@ -128,13 +105,12 @@ class BSOCClassifier(Stateful, Learner):
             novelty=cluster.measures_novelty,
             contexts=linear is not None and linear.knows_contexts,
             angles=True,
-            mirrors=linear is not None and linear.knows_mirrors,
+            mirrors=isinstance(linear, RecursiveRidge),
         )
         self.balance = balance
         self.novelty_ = votes.Novelty(margin=novelty_margin)
         self._mind = votes.ChangeOfMind() if forgets and cluster.measures_novelty else None
         self._histograms = np.zeros((max_nodes, 0), np.int64)
-        self._counts: _Counted | None = None
         # For each node, the sums of its frames' `angle_terms` (angles from -1 to 1).
         self._node_angles: votes.Floats | None = None
 
@@ -184,12 +160,11 @@ class BSOCClassifier(Stateful, Learner):
             least = self.linear.n_features
             raise ValueError(f"the vector has {np.size(x)} values; the linear part needs {least}")
         column = self.labels_.index(y) if y in self.labels_ else len(self.labels_)
-        cluster, owners = self.cluster, self._counted(self.cluster.n_nodes_).owners
+        cluster, owners = self.cluster, self._owners()
         node = cluster.train(x, column)
         for label in (y,) if self.mirror is None else (y, self.mirror.labels.get(y, y)):
             if label not in self.labels_:
                 self._know(label)
-        self._counts = None
         if cluster.last_merge_ is not None:
             kept, removed = cluster.last_merge_
             for sums in (self._histograms, self._node_angles):
@@ -214,17 +189,17 @@ class BSOCClassifier(Stateful, Learner):
             targets = np.zeros(len(self.labels_))
             targets[column] = 1.0
             self.linear.learn(x, targets, steered, contexts)
-            if self.mirror is not None:
+            if self.mirror is not None and isinstance(self.linear, RecursiveRidge):
                 self.linear.learn_mirrored(*self._mirrored(x, targets, steered), contexts)
 
     def reflect(self, mirror: Mirror, on: bool) -> None:
-        if not self.abilities.mirrors or self.linear is None:
+        if not isinstance(self.linear, RecursiveRidge):
             super().reflect(mirror, on)
         elif on != (self.mirror is not None):
             for label in [*self.labels_] if on else ():
                 self._know(mirror.labels.get(label, label))
             self.linear.reflect(mirror.places, self._columns(mirror), on)
-            self.mirror, self._counts = mirror if on else None, None
+            self.mirror = mirror if on else None
 
     def _columns(self, mirror: Mirror) -> list[int]:
         """Return each label's mirrored label if that was taught, else the label itself."""
@@ -238,15 +213,12 @@ class BSOCClassifier(Stateful, Learner):
         assert self.mirror is not None
         return x[self.mirror.places], per_label[self._columns(self.mirror)], angle * _TURNED
 
-    def _counted(self, n: int) -> _Counted:
-        """Return the values derived from the label counts of the first `n` nodes.
-
-        The values are cached until the next change, because a frame that is shown and then taught
-        needs them twice.
-        """
-        if self._counts is None or self._counts.n != n:
-            self._counts = _Counted(self._histograms[:n])
-        return self._counts
+    def _owners(self) -> NDArray[np.int64]:
+        """Return the label with the most votes of each node, shape (n,); -1 without votes."""
+        counts = self._histograms[: self.cluster.n_nodes_]
+        if not counts.size:  # nothing was learned
+            return np.full(len(counts), -1)
+        return np.where(counts.any(axis=1), counts.argmax(axis=1), -1)
 
     def _know(self, y: Label) -> int:
         """Return the column of a label; add a column for a new label."""
@@ -267,8 +239,8 @@ class BSOCClassifier(Stateful, Learner):
         cluster, linear, mind = self.cluster, self.linear, self._mind
         if cluster.n_nodes_ == 0:
             raise NotFittedError("nothing was learned yet")
-        counted, histograms = self._counted(cluster.n_nodes_), self._histograms[: cluster.n_nodes_]
-        per_label, owners = counted.per_label, counted.owners
+        owners, histograms = self._owners(), self._histograms[: cluster.n_nodes_]
+        per_label = histograms.sum(axis=0)
         if self.mirror is not None and self.balance:
             per_label = per_label + MIRRORED * per_label[self._columns(self.mirror)]
         touched, distances = cluster.touched_, cluster.distances(x)
@@ -339,7 +311,7 @@ class BSOCClassifier(Stateful, Learner):
     def set_state(self, state: State) -> None:
         if state.kind != self._kind:
             raise ValueError(f"the model is a {state.kind}, not a {self._kind}")
-        self.labels_, self._counts = list(state.labels), None
+        self.labels_ = list(state.labels)
         self.load(state.params, state.arrays, sizes={"n_labels": len(self.labels_)})
 
     def faults(self) -> Iterator[str]:
@@ -360,7 +332,7 @@ class BSOCClassifier(Stateful, Learner):
     def relabel_node(self, node_id: int, y: Label, angle: float = 0.0) -> None:
         _check(y, angle)
         index = self._index(node_id)
-        column, self._counts = self._know(y), None
+        column = self._know(y)
         before = self._histograms[index].copy()
         self._histograms[index] = 0
         n = self._histograms[index, column] = max(int(before.sum()), 1)
@@ -378,7 +350,7 @@ class BSOCClassifier(Stateful, Learner):
     def delete_node(self, node_id: int) -> None:
         index = self._index(node_id)
         image, frames = self.cluster.nodes_[index], float(self.cluster.counts_[index])
-        last, self._counts = self.cluster.delete(index), None
+        last = self.cluster.delete(index)
         angle = 0.0 if self._node_angles is None else self._node_angles[index, :2] / frames
         if self.linear is not None:
             shares = self._histograms[index] / frames

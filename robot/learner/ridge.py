@@ -17,21 +17,19 @@ from __future__ import annotations
 
 import functools
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.base import Vector
+from robot.learner.linear import EVERY, N_CONTEXTS, Angle, LinearPart
 from robot.learner.part import MOST_VALUES, Array, Arrays, Stateful
 from robot.learner.votes import Floats
 
 Singles = NDArray[np.float32]
 Places = NDArray[np.intp]
-Angle = Floats | float
-"""An angle and its magnitude, shape (2,); 0 if no angle is learned."""
 _WAITING = 32
 """Number of pending updates of the inverse that are written together. With more updates, evaluating
 them would take more time than writing them together saves."""
@@ -43,75 +41,12 @@ _MOST_INVERSE = 1e3
 MIRRORED = 0.3
 """Weight of a frame's mirror image, if left and right are alike. A weight of 1 would help no more
 after few frames, and harm more after many frames."""
-N_CONTEXTS = 2
-EVERY = range(N_CONTEXTS)
 
 
 @functools.cache
 def _upper(size: int) -> NDArray[np.bool_]:
     """Return the mask of a square matrix's upper triangle."""
     return np.triu(np.ones((size, size), bool))
-
-
-class LinearPart(Stateful, ABC):
-    """A linear score per label, learned one frame at a time."""
-
-    knows_contexts: ClassVar[bool] = False
-    knows_mirrors: ClassVar[bool] = False
-    n_features: int
-    """Number of leading values of a vector that are used."""
-
-    @abstractmethod
-    def add_label(self) -> None:
-        """Add a label that no earlier frame had."""
-
-    def begin_like(self, columns: Sequence[int], weights: Floats) -> None:
-        """Add weights of these labels to the expected weights, before the first frame.
-
-        Expected weights are as strong as the penalty, so the frames soon outweigh them.
-        """
-        raise ValueError("this linear part cannot begin with other weights")
-
-    def begin_angles(self, of_labels: Floats) -> None:
-        """Also learn an angle from now on; each earlier frame gets the angle of its label."""
-
-    @abstractmethod
-    def scores(self, x: Vector, context: int | None = None) -> Floats:
-        """Return one score per label, shape (n_labels,): about its probability, but not bounded."""
-
-    def angle(self, x: Vector) -> Floats | None:
-        """Return angle and magnitude, shape (2,), not bounded; None if no angle is learned."""
-        return None
-
-    @abstractmethod
-    def learn(
-        self, x: Vector, targets: Floats, angle: Angle = 0.0, contexts: Collection[int] = EVERY
-    ) -> None:
-        """Add a frame with its target scores; the frame counts only in these contexts."""
-
-    @abstractmethod
-    def forget(self, x: Vector, targets: Floats, frames: float, angle: Angle = 0.0) -> None:
-        """Remove `frames` frames whose means are given; each context loses its share of them."""
-
-    @abstractmethod
-    def retarget(self, x: Vector, change: Floats, angle: Angle = 0.0) -> None:
-        """Add `change` to the summed targets of learned frames whose mean is `x`."""
-
-    def learn_mirrored(
-        self, x: Vector, targets: Floats, angle: Angle = 0.0, contexts: Collection[int] = EVERY
-    ) -> None:
-        """Add the mirror image of a frame; all arguments are already mirrored."""
-        raise ValueError("this linear part does not support mirror images")
-
-    def reflect(self, places: Places, columns: Sequence[int], on: bool) -> None:
-        """Add the mirror images of all frames so far, or remove them again.
-
-        Args:
-            places: For each feature the index of the feature that replaces it in the mirror.
-            columns: The column of each label's mirrored label.
-            on: True to add the mirror images.
-        """
-        raise ValueError("this linear part does not support mirror images")
 
 
 class RecursiveRidge(LinearPart):
@@ -128,7 +63,6 @@ class RecursiveRidge(LinearPart):
             so it takes no time per frame.
     """
 
-    knows_mirrors = True
     fields: Sequence[Array] = (
         Array("triangle", np.float32, ("n_triangle",), -_MOST_INVERSE, _MOST_INVERSE),
         Array("linear", np.float64, ("size", "n_labels"), -1e9, 1e9, attribute="_weights"),
@@ -169,6 +103,10 @@ class RecursiveRidge(LinearPart):
         return scores
 
     def begin_like(self, columns: Sequence[int], weights: Floats) -> None:
+        """Add weights of these labels to the expected weights, before the first frame.
+
+        Expected weights are as strong as the penalty, so the frames soon outweigh them.
+        """
         self._weights[:, columns] += weights
 
     def begin_angles(self, of_labels: Floats) -> None:
@@ -188,9 +126,17 @@ class RecursiveRidge(LinearPart):
     def learn_mirrored(
         self, x: Vector, targets: Floats, angle: Angle = 0.0, contexts: Collection[int] = EVERY
     ) -> None:
+        """Add the mirror image of a frame; all arguments are already mirrored."""
         self._add(MIRRORED, self._scaled(x), targets, angle)
 
     def reflect(self, places: Places, columns: Sequence[int], on: bool) -> None:
+        """Add the mirror images of all frames so far, or remove them again.
+
+        Args:
+            places: For each feature the index of the feature that replaces it in the mirror.
+            columns: The column of each label's mirrored label.
+            on: True to add the mirror images.
+        """
         alike = np.eye(self.size)
         if self._alike is not None:
             alike[:-1, :-1] = self._alike

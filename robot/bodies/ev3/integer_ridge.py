@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.base import Vector
+from robot.learner.linear import EVERY, Angle, LinearPart
 from robot.learner.part import Array
-from robot.learner.ridge import EVERY, Angle, LinearPart
 from robot.learner.values import WHOLE
 from robot.learner.votes import Floats
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from robot.learner.classifier import BSOCClassifier
-from robot.learner.ridge import N_CONTEXTS, ContextRidge, RecursiveRidge
+from robot.learner.linear import N_CONTEXTS
+from robot.learner.ridge import ContextRidge, RecursiveRidge
 
 CLOSE = 1e-5
 """Largest difference of scores from exact ones, because the inverse is in single precision."""
