@@ -224,9 +224,9 @@ def _default_path(folder: Path, episode_id: str, form: str) -> Path:
     return free_path(folder, re.sub(r"\s+", "-", f"{episode_id}-{form}"), ending)
 
 
-EXPORT = EpisodeVerb("write episodes for other programs", configure_export, export_episodes)
+EXPORT = EpisodeVerb("write recordings for other programs", configure_export, export_episodes)
 IMPORT = EpisodeVerb(
-    "read tubs, LeRobot, ROS bags, OpenBot, tables or folders of pictures; archives, too",
+    "read recordings of other programs: tubs, LeRobot, ROS bags, OpenBot, tables, pictures",
     configure_import,
     import_episode,
     changes=True,

@@ -22,4 +22,4 @@ def play(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> int
     return main([*words, "--data", str(storage.root)])
 
 
-PLAY = EpisodeVerb("replay one into the page", configure, play)
+PLAY = EpisodeVerb("replay a recording on the page, as if it were a robot", configure, play)

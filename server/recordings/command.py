@@ -46,9 +46,9 @@ from server.recordings.selection import (
 _LETTERS = {"forward": "F", "left": "L", "right": "R", "backward": "B", "stop": "."}
 _AXIS = 96
 _RANGED = {
-    "trim": "keep only a range; `undo` takes it back",
-    "delete": "delete a range; without --from and --to, the whole recording, or several",
-    "relabel": "give a range another label; `undo` takes it back",
+    "trim": "keep only a part of a recording; `undo` reverts this",
+    "delete": "delete a part of a recording, or (without --from and --to) whole recordings",
+    "relabel": "give a part of a recording another label; `undo` reverts this",
 }
 _SEARCH_HELP = "only episodes with these words in name, title, date, labels, robot or learner"
 VERBS = "drivelesson.episode-commands"
@@ -68,10 +68,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         add_data(made)
         return made
 
-    text = "list all episodes, the newest first"
+    text = "list all recordings, the newest first"
     listed = add("list", list_episodes, text, of_one=False, changes=False)
     listed.add_argument("--search", metavar="TEXT", help=_SEARCH_HELP)
-    text = "show one as a timeline of labels and proposals"
+    text = "show a recording as a timeline of labels and of the robot's proposals"
     add("show", show, text, changes=False)
     for verb, text in _RANGED.items():
         ranged = add(verb, edit, text, of_one=verb != "delete")
@@ -83,19 +83,19 @@ def configure(parser: argparse.ArgumentParser) -> None:
         if verb == "relabel":
             text = "name of a move, such as left"
             ranged.add_argument("--label", required=True, metavar="MOVE", help=text)
-    add("undo", undo, "undo the last edit")
-    text = "write several into one zip file, with edits"
+    add("undo", undo, "undo the last edit of a recording")
+    text = "write recordings, with their edits, into one zip file"
     zipped = add("zip", write_zip, text, of_one=False, changes=False)
     add_several(zipped)
     zipped.add_argument("--out", type=Path, metavar="FILE", help="new file (default: in exports/)")
     text = "delete them once the zip file is complete; `restore` brings them back"
     zipped.add_argument("--delete", action="store_true", help=text)
-    restore = add("restore", restore_episode, "bring back what was deleted", of_one=False)
+    restore = add("restore", restore_episode, "restore deleted recordings", of_one=False)
     restore.add_argument("key", nargs="?", metavar="WORD", help="the word that `delete` printed")
-    add("compact", compact, "apply the edits to the recording itself")
-    add("title", set_title, "give one a title").add_argument("title")
-    add("protect", protect, "protect one: never offer it for deletion")
-    add("unprotect", protect, "remove the protection: offer it for deletion again")
+    add("compact", compact, "apply the edits to the recorded file itself")
+    add("title", set_title, "give a recording a title").add_argument("title")
+    add("protect", protect, "protect a recording: never suggest deleting it")
+    add("unprotect", protect, "remove the protection of a recording")
     for point in points(VERBS):
         added: EpisodeVerb = point.load()
         made = add(point.name, added.run, added.help, of_one=False, changes=added.changes)
@@ -103,12 +103,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     budget = add(
         "budget",
         show_budget,
-        "show the space that is used, and what could be deleted",
+        "show the space that recordings use, and which could be deleted",
         of_one=False,
         changes=False,
     )
     budget.add_argument("--gigabytes", type=number(least=0), help="set the space for episodes")
-    text = f"empty the trash, which otherwise keeps deleted episodes for {TRASH_DAYS} days"
+    text = f"empty the trash, which otherwise keeps deleted recordings for {TRASH_DAYS} days"
     add("empty-trash", empty_trash, text, of_one=False)
 
 

@@ -12,16 +12,18 @@ from robot.study.builtin import TRIALS
 
 def configure(parser: argparse.ArgumentParser) -> None:
     commands = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
-    new = commands.add_parser("new", help="write the paper's protocol as a plan to change")
+    new = commands.add_parser(
+        "new", help="write the paper's protocol as a plan that you can change"
+    )
     new.add_argument("plan", type=Path, metavar="PLAN.toml", help="file to write; must not exist")
     new.add_argument(
         "--trial", type=int, choices=tuple(TRIALS), default=1, help="trial (default: %(default)s)"
     )
     new.set_defaults(action=_new)
-    check = commands.add_parser("check", help="check a plan and print a summary")
+    check = commands.add_parser("check", help="check a plan, and print a summary of it")
     check.add_argument("plan", type=Path, metavar="PLAN.toml", help="the plan")
     check.set_defaults(action=_check)
-    report = commands.add_parser("report", help="rebuild the table from a zip")
+    report = commands.add_parser("report", help="make the table of results again from a zip")
     report.add_argument(
         "zip", type=Path, metavar="ZIP", help="the zip file that was downloaded from the page"
     )

@@ -17,7 +17,8 @@ _HEAD = """# The command line
 
 `make docs` writes this page from the program; do not edit it by hand.
 
-`drivelesson COMMAND [OPTION ...]`. Without a command: `drivelesson serve --robot sim`.
+Run `drivelesson COMMAND [OPTION ...]`. `drivelesson` without a command is the same as
+`drivelesson serve --robot sim`.
 
 | exit status | meaning | what a supervisor should do |
 |---|---|---|
@@ -28,7 +29,7 @@ port is in use. | start it again |
 library. | do not start it again |
 | 130 | Ctrl-C ended the command. | nothing |
 
-An error is one line on standard error that says what failed and what to do.
+If a command fails, it prints one line on standard error that says what failed and what to do.
 """
 
 
@@ -66,7 +67,8 @@ def _options(parser: argparse.ArgumentParser) -> Iterator[str]:
         if isinstance(action, argparse._SubParsersAction):
             for name, inner in action.choices.items():
                 about = next((a.help for a in action._choices_actions if a.dest == name), "")
-                yield f"### {parser.prog} {name}\n\n{_cell(about or '')}\n"
+                text = _cell(about or "")
+                yield f"### {parser.prog} {name}\n\n{text[:1].upper()}{text[1:]}.\n"
                 yield from _options(inner)
 
 

@@ -15,9 +15,9 @@ _HEAD = """# Forms that can be imported
 
 `drivelesson episodes import PATH` looks for these forms, in this order, in a file, a folder and
 its subfolders, or an archive ([how to use it](../howto/episodes.md#import)). On this page,
-steering and throttle go from -1 to 1; right and ahead are positive. Steering beyond
-`--threshold` counts as a turn. Pictures of a car that stands still or drives backward are not
-examples. A robot that has two wheels, or is driven by velocities, may also spin.
+steering and throttle go from -1 to 1; right and ahead are positive. The command imports steering
+beyond `--threshold` as a turn, and makes no examples of pictures on which the car stands still or
+drives backward. A robot that has two wheels, or is driven by velocities, may also turn on the spot.
 """
 
 

@@ -322,7 +322,8 @@ def write_page(folder: Path) -> None:
     lines = [
         "# Every screen at every size",
         "",
-        "Taken by `make screenshots` from the running program in simulated rooms:",
+        "`make screenshots` takes these pictures from the running program in simulated rooms, at "
+        "four sizes:",
         ", ".join(f"{size} {look['width']}x{look['height']}" for size, (look, _) in LIGHT.items())
         + ".",
         "[What is on them](../howto/page.md).",
