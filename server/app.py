@@ -19,7 +19,7 @@ from server.services import Services
 
 
 def create_app(services: Services) -> FastAPI:
-    """Make the application for one robot. Nothing happens at import time.
+    """Make the application for one robot.
 
     The caller starts and stops robot and persistence; the application starts the other services.
     Routes find all services through `services_of(request)`.

@@ -14,32 +14,32 @@ Address = ipaddress.IPv4Address | ipaddress.IPv6Address
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """Limits for one client."""
+    """The limits of what one client may send."""
 
     messages_per_second: float = 60.0
-    """Messages per second of one client on `/ws/drive`; a page sends about twelve."""
+    """Maximum messages per second of one client on `/ws/drive`; the page sends about twelve."""
     messages_burst: float = 120.0
     frames_per_second: float = 150.0
-    """Acknowledgements per second of one client on `/ws/video`."""
+    """Maximum acknowledgements per second of one client on `/ws/video`."""
     refused_before_closing: int = 500
-    """Number of refusals after which a client is disconnected; late messages do not count."""
+    """Number of refused messages after which a client is disconnected; late ones do not count."""
     body_bytes: int = 1_000_000
     """Maximum size of a request's body in bytes, unless the path has another limit."""
     upload_bytes: int = 64_000_000
     """Maximum size of an uploaded model in bytes."""
     idle_s: float = 30.0
-    """Idle timeout in seconds; a silent client is disconnected."""
+    """Time without a message after which a client is disconnected, in seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Config:
-    """The settings of a running server. See docs/reference/configuration.md for each field."""
+    """The settings of a running server; docs/reference/configuration.md explains each field."""
 
     host: str = "127.0.0.1"
     port: int = 8000
     data: Path = field(default_factory=default_root)
     web: Path = field(default_factory=lambda: _find_web())
-    """The page's files: beside the package in a clone, inside it in a wheel."""
+    """The folder of the page's files: beside the package in a clone, inside it in a wheel."""
     jpeg_quality: int = 75
     limits: Limits = field(default_factory=Limits)
 

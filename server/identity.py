@@ -20,9 +20,9 @@ _NAMES = (
     " Rover Scout Tango Umi Vega Wren Yuki Ziggy"
 )
 NAMES = tuple(_NAMES.split())
-"""Names from which a robot without a name gets its permanent name."""
+"""Names of which a robot gets one at its first start, if its owner has not given it a name."""
 COLOURS = ("grey", "green", "purple", "pink", "brown", "teal")
-"""Colours of robots. The page uses other colours elsewhere (pilot amber, robot blue, stop red)."""
+"""Colours of robots. Amber, blue and red are left out: on the page they mean pilot, robot, stop."""
 LONGEST_NAME = 24
 
 
@@ -44,7 +44,7 @@ class Identity:
 
 
 class IdentityFile:
-    """Saves the identity of one robot in `robot.json`, or without a folder only in memory."""
+    """Saves the identity of a robot in `robot.json`; without a folder, it is lost at the end."""
 
     def __init__(self, folder: Path | None, name: str | None = None) -> None:
         self._path = folder / "robot.json" if folder is not None else None
@@ -56,7 +56,7 @@ class IdentityFile:
         if self.now != saved:
             try:
                 self._write(self.now)
-            except OSError as error:  # the robot starts even if its name is not saved
+            except OSError as error:  # the robot can start although its name is not saved
                 log.warning("the robot's name was not saved: %s", error)
 
     def change(self, **fields: Any) -> Identity:

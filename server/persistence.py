@@ -1,4 +1,4 @@
-"""Saves the models of one robot; extensions save data of the robot's runs.
+"""Saves the models of a robot. Extensions save more about its runs, for example recordings.
 
 An extension adds a `PersistencePart` by an entry point of `drivelesson.persistence`.
 """
@@ -32,7 +32,7 @@ _P = TypeVar("_P", bound="PersistencePart")
 
 
 class PersistencePart(StartStop):
-    """An extension's part that saves data of a robot's runs; started last and stopped first."""
+    """An extension's part that saves data of a robot's runs, for example as a recording."""
 
     def __init__(self, kept: Persistence, rig: Rig) -> None: ...
 
@@ -46,7 +46,7 @@ class PersistencePart(StartStop):
         """End the current run, because the robot's setup changes. Call it on the loop's thread."""
 
     def keep_run(self) -> None:
-        """Keep the current run, even if it is empty."""
+        """Save the current run, even if nothing is taught in it."""
 
     def write_result(self, of: str, fields: Mapping[str, Any]) -> None:
         """Add a result to the current run. Call it on the loop's thread."""
@@ -56,7 +56,7 @@ class Persistence(StartStop):
     """Starts and stops autosave and the extensions' parts, unless the storage has a `fault`.
 
     Attributes:
-        run: The name under which a part saves the current run; None while no run is saved.
+        run: The name of the run that a part is saving; None while none is being saved.
 
     Args:
         name: The robot's name, which new models get.
@@ -107,12 +107,12 @@ class Persistence(StartStop):
         return cast(_P, self._parts[kind])
 
     def keep_run(self) -> None:
-        """Have every part keep the current run, even if it is empty."""
+        """Have every part save the current run, even if nothing is taught in it."""
         for part in self._parts.values():
             part.keep_run()
 
     def note_options(self, options: Mapping[str, Any]) -> None:
-        """Save these options with each further run. Call it on the loop's thread."""
+        """End the run; save these options with later runs. Call it on the loop's thread."""
         self.options.update({name: str(value) for name, value in options.items()})
         for part in self._parts.values():
             part.end_run()
@@ -123,10 +123,10 @@ class Persistence(StartStop):
             part.write_result(of, fields)
 
     def start(self) -> None:
-        """Lock the folder, recover from a power cut, and start saving.
+        """Lock the data folder, recover what a power cut has interrupted, and start saving.
 
-        `autosave.load_last` loads the last model. If nothing can be saved, the fault is only
-        reported, and the robot drives. ConfigurationError if another program uses the folder.
+        If nothing can be saved, this is only reported, and the robot drives nevertheless. Raises
+        ConfigurationError if another program uses the folder.
         """
         if self.storage.fault is not None:
             for part in self._parts.values():
@@ -138,7 +138,7 @@ class Persistence(StartStop):
             raise
         except ConfigurationError as error:
             log.warning("cannot lock the data folder: %s", error)
-        with contextlib.suppress(OSError):  # a read-only data folder is not watched
+        with contextlib.suppress(OSError):  # a read-only data folder cannot be watched
             self._presence = Presence(self.storage.root)
             self._presence.watch()
         self.storage.sweep()
@@ -156,14 +156,14 @@ class Persistence(StartStop):
     def _recover(self) -> None:
         self.models.retry_damaged()
         if self.models.set_failed_aside():
-            return  # the recovered model would fail again
+            return  # the journal's model is the one that has failed
         recovered = recover(self.storage.journal, self.models, self._loop.history.declared)
         if recovered is not None:
             try_model(recovered.model)
             self.autosave.adopt(recovered)
 
     def _watch_folder(self) -> None:
-        """Announce that the data folder is gone or back; if it is back, save the model."""
+        """Announce when the data folder is gone or back; save the model when it is back."""
         is_gone = self._presence is not None and not self._presence.is_there()
         if is_gone == self._is_gone:
             return
@@ -183,7 +183,7 @@ class Persistence(StartStop):
         """Record that the learner in use failed, so that the next start sets it aside."""
         why, name = self._loop.learning.failure, self.autosave.name
         if why is not None and why != self._noted_failure and name is not None:
-            with contextlib.suppress(OSError, RobotError):  # this is retried at the next check
+            with contextlib.suppress(OSError, RobotError):  # the next call tries again
                 self.models.note_failure(name, why)
                 self._noted_failure = why
 

@@ -19,7 +19,7 @@ from robot.types import Action, Encoding, Frame, Mode, Point
 
 PROTOCOL_VERSION = 1
 MAX_DRIVE_MESSAGE_BYTES = 4096
-"""Maximum bytes of a message on `/ws/drive`; a longer one is refused unparsed (`too_large`)."""
+"""Maximum size of a message on `/ws/drive`, in bytes; a longer one is refused without parsing."""
 MAX_COUNT = 2**53 - 1
 """The largest whole number that JavaScript represents exactly."""
 _MOST_ID = 2**32 - 1
@@ -48,7 +48,7 @@ class ErrorCode(StrEnum):
 
 
 class ProtocolError(ValueError):
-    """A message is refused; `seq` is the message's number, if it had one."""
+    """A message that is refused; `seq` is the number of the message, if it has one."""
 
     def __init__(self, code: ErrorCode, message: str, seq: int | None = None) -> None:
         super().__init__(message)
@@ -65,11 +65,11 @@ def _checked(kind: type[Any], least: int, most: int, **default: Any) -> Any:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveMessage:
-    """The move that the pilot holds, and the frame on the screen: command and heartbeat in one.
+    """The move that the pilot holds, and the frame on the screen; also serves as a heartbeat.
 
-    `seq` grows. `nonce` is the newest nonce that the page has received. `frame_age_ms` is the
-    page's estimate of the frame's age, and `phone_ms` the part of this age spent on the phone; None
-    if unknown to the page. `steering` and `throttle` are set if the pilot steers by degrees.
+    `seq` grows with each message. `nonce` is the newest that the page has received. `frame_age_ms`
+    is the page's estimate of the frame's age, and `phone_ms` the part of it that the phone adds;
+    None if unknown. `steering` and `throttle` are set if the pilot steers by degrees.
     """
 
     held: Action | None
@@ -83,7 +83,7 @@ class DriveMessage:
 
     @property
     def point(self) -> Point | None:
-        """The held steering and throttle; None if the message has none."""
+        """The steering and throttle that the pilot holds; None without steering by degrees."""
         if self.steering is None or self.throttle is None:
             return None
         return Point(self.steering, self.throttle)
@@ -91,7 +91,7 @@ class DriveMessage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModeMessage:
-    """Change the mode: stop, or start (also after a stop)."""
+    """Request to change the mode of the robot."""
 
     mode: Mode
     seq: int = _checked(int, 1, MAX_COUNT)
@@ -101,14 +101,14 @@ class ModeMessage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ping:
-    """Answered immediately by a pong with the same `client_ms`."""
+    """Request for a pong, which the server sends immediately with the same `client_ms`."""
 
     client_ms: float = _checked(float, -MAX_COUNT, MAX_COUNT)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReleaseMessage:
-    """Release the emergency stop with this number, which the sender knows from the state."""
+    """Request to release the emergency stop; it names the stop that the sender has seen."""
 
     stop_number: int = _checked(int, 1, MAX_COUNT)
 
@@ -117,15 +117,15 @@ class BareMessage(StrEnum):
     """A message that contains only its type."""
 
     STOP = "stop"
-    """Emergency stop."""
+    """Latch the emergency stop."""
     TAKE = "take"
     """Request the wheel."""
     YIELD = "yield"
     """Give the wheel away."""
     IDLE = "idle"
-    """This page shows no picture, so few states suffice."""
+    """Receive the state rarely, because this page shows no picture."""
     WATCH = "watch"
-    """This page shows the picture again and needs ten states a second."""
+    """Receive the state ten times a second, because this page shows the picture again."""
 
 
 ClientMessage = DriveMessage | ModeMessage | ReleaseMessage | BareMessage | Ping
@@ -135,8 +135,8 @@ ClientMessage = DriveMessage | ModeMessage | ReleaseMessage | BareMessage | Ping
 class VideoFrame(Frame):
     """One message of `/ws/video` to a client.
 
-    A `quiet` frame need not be acknowledged, because the acknowledgement of a later frame covers
-    it. The next command returns `nonce`, which proves that the command was sent later; 0 if none.
+    A client does not acknowledge a `quiet` frame, but acknowledges a later frame. It returns
+    `nonce` in its next command, which proves that the command is newer than the frame; 0 if none.
     """
 
     quiet: bool = False
@@ -148,8 +148,8 @@ def parse_message(
 ) -> ClientMessage:
     """Parse one message of `/ws/drive` for a robot with these moves, which may accept points.
 
-    An invalid message raises ProtocolError, which names the field and the reason. The functions
-    below raise this error too.
+    Raises ProtocolError if the message is invalid; the error names the field and the reason. All
+    functions of this module that parse raise this error.
     """
     if len(text.encode("utf-8", "replace")) > MAX_DRIVE_MESSAGE_BYTES:
         raise ProtocolError(
@@ -183,7 +183,7 @@ def parse_message(
 
 
 def is_stop(text: str) -> bool:
-    """True for an emergency stop, which no limit may delay. The check takes little time."""
+    """True if a message is an emergency stop. Called for all messages, so it takes little time."""
     if len(text) > MAX_DRIVE_MESSAGE_BYTES or '"stop"' not in text:
         return False
     try:
@@ -193,7 +193,7 @@ def is_stop(text: str) -> bool:
 
 
 def parse_object(text: str) -> dict[str, Any]:
-    """Parse JSON that must be an object, without NaN and infinity."""
+    """Parse a text that must be one JSON object; NaN and infinity are refused."""
     with contextlib.suppress(ValueError, RecursionError):
         message = _DECODER.decode(text)
         if isinstance(message, dict):
@@ -202,7 +202,7 @@ def parse_object(text: str) -> dict[str, Any]:
 
 
 def _refuse_constant(name: str) -> NoReturn:
-    """Refuse NaN and infinity, which Python's parser accepts but JSON does not contain."""
+    """Refuse NaN and infinity, which Python's parser accepts although JSON does not have them."""
     raise ValueError(name)
 
 
@@ -210,11 +210,11 @@ _DECODER = json.JSONDecoder(parse_constant=_refuse_constant)
 
 
 _Check = tuple[str, bool, tuple[type, ...], float, float, str]
-"""A number's name, whether it may be null, its types, minimum and maximum, and a description."""
+"""A number field: its name, whether it may be null, types, minimum, maximum and description."""
 
 
 def _numbers_of(kind: type[Any]) -> list[_Check]:
-    """Return the checks of a message's numbers; computed once, because messages are frequent."""
+    """Return the checks of a message's number fields."""
     return [(one.name, *one.metadata["check"]) for one in fields(kind) if one.metadata]
 
 
@@ -286,7 +286,7 @@ def encode_acknowledgement(frame_id: int) -> bytes:
 
 
 def parse_acknowledgement(message: bytes) -> int:
-    """Return the id of the frame that was drawn."""
+    """Return the number of the frame that a client has drawn."""
     if (size := len(message)) != ACKNOWLEDGEMENT.size:
         code = ErrorCode.TOO_LARGE if size > ACKNOWLEDGEMENT.size else ErrorCode.MALFORMED
         raise ProtocolError(code, "an acknowledgement has 8 bytes")

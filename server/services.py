@@ -1,8 +1,8 @@
 """All services of one robot's server, created once and passed to the routes.
 
 An extension adds routes and services by an entry point of `drivelesson.services`. If its package
-has a module `options`, `configure(parser)` in it declares options of `serve`. The core knows only
-the class `Extension`, so any extension can be removed without changes to the core.
+has a module `options`, the function `configure(parser)` in it declares options of `serve`. The core
+knows only the base class `Extension`, so that any extension can be removed without changing it.
 """
 
 from __future__ import annotations
@@ -48,32 +48,32 @@ class Services:
     extensions: dict[type[Extension], Extension] = field(default_factory=dict)
 
     def extension(self, kind: type[_E]) -> _E:
-        """Return the part that an extension added; KeyError if the extension is not there."""
+        """Return an extension by its class; raises KeyError if it is not installed."""
         return cast(_E, self.extensions[kind])
 
     async def on_loop(self, call: Callable[[], _T]) -> _T:
-        """Call a function on the control loop's thread, between two ticks; raises its errors."""
+        """Call a function on the loop's thread between two ticks; return its result."""
         return await asyncio.wrap_future(self.robot.loop.submit(call))
 
     def note_carried(self) -> None:
-        """Tell the extensions that the robot was moved elsewhere. Call it on the loop's thread."""
+        """Tell the extensions that the robot was put elsewhere. Call it on the loop's thread."""
         for extension in self.extensions.values():
             extension.note_carried()
 
     def shown(self) -> dict[str, Any]:
-        """Return the data that this robot's pilots chose to show on the board, by name."""
+        """Return the data that this robot's pilots show on the board of the class, by name."""
         parts = self.extensions.values()
         return {name: value for part in parts for name, value in part.shown().items()}
 
     def show(self) -> None:
-        """Send all clients the data shown now; on any thread."""
+        """Send this data to all clients after a change. May be called on any thread."""
         self.hub.announce("shown", shown=self.shown())
 
     async def change_learner(self, change: Callable[[TrainingHistory], _T]) -> tuple[_T, bool]:
-        """Let the loop make a change; return the result, and whether the change is saved.
+        """Make a change of the learner on the loop's thread; return its result and if it is saved.
 
-        A saved change is in the journal and survives a kill. An unsaved change is still made: the
-        answer must say that it was not saved.
+        A saved change is in the journal and survives a power cut. A change that could not be saved
+        is made nevertheless; the answer to the client must say that it is not saved.
         """
         history = self.robot.loop.history
         made, number = await self.on_loop(lambda: (change(history), history.changes))
@@ -83,7 +83,7 @@ class Services:
 
 
 class Extension(StartStop):
-    """One extension's part in a robot's server. Override the methods that the extension needs.
+    """Base class of an extension's part in a server, which overrides the methods that it needs.
 
     Attributes:
         public_paths: Paths that need no session.
@@ -94,39 +94,39 @@ class Extension(StartStop):
     open_paths: ClassVar[frozenset[str]] = frozenset()
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
-        """Store the needed parts of the server; `options` are those of `drivelesson serve`."""
+        """Keep what is needed of the server; `options` are those of `drivelesson serve`."""
 
     @property
     def routers(self) -> Sequence[APIRouter]:
-        """Return the routes, which get the extension by `services_of(request).extension(Kind)`."""
+        """Return the routes; they get the extension by `services_of(request).extension(Class)`."""
         return ()
 
     def prepare(self) -> None:
         """Set up the running robot before its model is chosen and the server starts."""
 
     def greet(self) -> list[str]:
-        """Return lines for the person who starts the robot."""
+        """Return lines that the terminal shows when the robot is ready."""
         return []
 
     def shown(self) -> Mapping[str, Any]:
-        """Return the data that pilots chose to show on the board; `Services.show` sends changes."""
+        """Return the data that pilots show on the board; call `Services.show` when it changes."""
         return {}
 
     def start(self) -> None:
-        """Start; may wait for the loop and the disk."""
+        """Start the extension; may wait for the loop and the disk."""
 
     def stop(self) -> None:
-        """Stop; may wait for the loop and the disk."""
+        """Stop the extension; may wait for the loop and the disk."""
 
     def note_carried(self) -> None:
-        """Note that the robot was moved to another place. Call it on the loop's thread."""
+        """Called on the loop's thread when the robot was put elsewhere."""
 
     def require_free_model(self) -> None:
         """Raise ConfigurationError while the model in use must not change."""
 
 
 def installed() -> list[type[Extension]]:
-    """Return the installed extensions in the order of their names."""
+    """Return the classes of the installed extensions, in the order of their names."""
     return [point.load() for point in points(EXTENSIONS)]
 
 
@@ -163,7 +163,7 @@ def services_of(connection: HTTPConnection) -> Services:
 
 
 def persistence_of(connection: HTTPConnection) -> Persistence:
-    """Return the persistence of models and runs; 503 if nothing is saved."""
+    """Return the persistence of a request's server; answers 503 if nothing is saved."""
     persistence = services_of(connection).persistence
     if persistence is None:
         raise HTTPException(503, "Nothing is saved here: start the server with --data FOLDER.")

@@ -38,12 +38,15 @@ _ANSWER_S = 2.0
 _LOG_S = 60.0
 """Minimum time between log lines about one person who exceeds the rate limit, in seconds."""
 _SELDOM_S = 1.0
-"""Longest usual gap between calls of `expire`, in seconds; a longer gap means a busy computer."""
+"""Longest usual time between two calls of `expire`, in seconds; more means a busy computer."""
 
 
 @lru_cache(maxsize=1024)
 def address_key(address: str) -> str:
-    """Return the key by which an address is counted: for IPv6 its /64, which one host may own."""
+    """Return the key by which connections from an address are counted.
+
+    For IPv6 the key is the address's /64 network, because one host may own all of its addresses.
+    """
     ip = as_address(address.partition("%")[0])
     if isinstance(ip, ipaddress.IPv6Address):
         return str(ipaddress.IPv6Network((ip, 64), strict=False))
@@ -59,17 +62,18 @@ class Slot:
     close: Close
     came_s: float = 0.0
     idle_s: float = math.inf
-    """Time since which the connection is idle, in seconds; infinite if it is not idle."""
+    """The clock's time at which the connection became idle, in seconds; infinite if it is busy."""
     is_taken: bool = True
     is_known: bool = False
-    """True if a pending connection's session is known: the slot can be evicted but not time out."""
+    """True if the session of a pending connection is known. Its slot can be evicted, but it does
+    not time out."""
 
     def gives_way(self, before_s: float) -> bool:
-        """True if the slot is idle, or its request was read at `before_s` or earlier."""
+        """True if the connection is idle, or sent its request at `before_s` or earlier."""
         return self.idle_s < math.inf or self.used_s <= before_s
 
     def rank(self) -> tuple[float, ...]:
-        """Return the eviction order: idle connections first, websockets last."""
+        """Return the sort key of evictions: idle connections first, websockets last."""
         return self.idle_s, self.used_s == math.inf, self.came_s, self.used_s
 
 
@@ -80,7 +84,7 @@ class ConnectionLimiter:
         in_all: The total number of slots.
         each: The number of slots that one person may have; a crowd (`Session.is_crowd`) may have
             all.
-        keeps: Returns True for persons who give way only to each other.
+        keeps: Returns True for the persons whose slots only another such person can get.
     """
 
     def __init__(self, in_all: int, each: int, keeps: Callable[[str], bool]) -> None:
@@ -91,9 +95,10 @@ class ConnectionLimiter:
     def take(
         self, session: Session, now_s: float, close: Close, answer_s: float = 0.0
     ) -> Slot | None:
-        """Take a slot; `close` is called when the slot is evicted. None if no slot can be freed.
+        """Take a slot, if necessary by evicting another connection; None if none can be evicted.
 
-        A request that was read less than `answer_s` ago is not cut short for the newcomer.
+        `close` is called when this slot is evicted. A connection whose request was read less than
+        `answer_s` ago is not evicted.
         """
         before_s = now_s - answer_s if answer_s else math.inf
         if self.is_at_limit(session):
@@ -143,7 +148,7 @@ class ConnectionLimiter:
         place.close()
 
     def _giving(self, newcomer: str, before_s: float) -> list[Slot]:
-        """Of the slots that the newcomer may evict, return those of the person who has the most."""
+        """Return the slots of the person with the most slots that the newcomer may evict."""
         own = self._of.get(newcomer, [])
         yielding = [places for person, places in self._of.items() if not self._keeps(person)]
         if self._keeps(newcomer):
@@ -153,8 +158,8 @@ class ConnectionLimiter:
         def gives(places: list[Slot]) -> bool:
             if places is own and any(one.idle_s < math.inf for one in own):
                 return True
-            # The other client must keep at least as many slots as the newcomer gets.
-            # If it kept fewer, the two clients would evict each other in turns.
+            # Take a slot only from a person who then still has at least as many slots as the
+            # newcomer. Otherwise the two persons would evict each other in turns.
             has_more = len(places) > len(own) + 1 or (places is own and len(own) == most)
             return (has_more or self._keeps(newcomer)) and any(
                 one.gives_way(before_s) for one in places
@@ -174,7 +179,7 @@ class AdmissionControl:
         self.keeps: Callable[[str], bool] = lambda person: False
         """Returns True for the owner, the pilot and the teacher."""
         self.recognise: Callable[[bytes, str], Session | None] = lambda head, address: None
-        """Returns the session of a request, from its first bytes and address; None if unknown."""
+        """Returns the session that a request's first bytes and address show; None if unknown."""
         n_pending = min(limits.pending, max(1, capacity // 2))
         # A new connection has no session yet, only an address, so no connection has priority.
         self.pending = ConnectionLimiter(
@@ -193,8 +198,8 @@ class AdmissionControl:
         self._read_until_s = self._asked_s = self._expired_s = 0.0
 
     def has_room(self, now_s: float) -> bool:
-        """True if a new connection evicts only connections that had time to be read."""
-        # Count only a part of a long gap, because a busy computer reads nothing during the gap.
+        """True if a new connection evicts none that the server did not yet have time to read."""
+        # Count only a part of a long gap between calls: a busy computer reads nothing meanwhile.
         self._read_until_s += min(now_s - self._asked_s, _READ_S / 8)
         self._asked_s = now_s
         if not self.pending.is_full:
@@ -203,21 +208,24 @@ class AdmissionControl:
         return first.idle_s < math.inf or self._read_until_s - first.came_s >= _READ_S
 
     def arrive(self, peer: Peer, now_s: float, close: Callable[[], None]) -> None:
-        """Add a new connection as pending; `close` may be called before `left`."""
+        """Add a new connection as pending; `close` is called if the connection is evicted."""
         self.expire(now_s)
         if before := self.connections.get(peer):  # the port of an ended connection is reused
             self.left(peer)
             before.close()
-        # No session has a name like this: without pairing, sessions are named by address.
+        # The word before the address keeps this name different from every session's name.
         stranger = Session(Role.VIEWER, f"stranger {address_key(peer[0])}")
         place = self.pending.take(stranger, now_s, lambda: self._close(peer, close))
-        assert place is not None, "a newcomer always finds a place"
+        assert place is not None, "a new connection always gets a pending slot"
         place.came_s = self._read_until_s
         self.connections[peer] = place
 
     def may_come(self, head: bytes, address: str, now_s: float) -> bool:
-        """Count a new connection by the session in its first bytes; return False if over its limit.
-        The listener then answers 429 immediately, which costs little.
+        """Count a new connection for the session in its first bytes.
+
+        Returns:
+            False if the session opens connections too fast. The listener then answers 429 without
+            parsing the request, which costs little.
         """
         session = self.recognise(head, address)
         if session is None or session.is_crowd:
@@ -236,11 +244,14 @@ class AdmissionControl:
         return False
 
     def asked(self, peer: Peer, session: Session | None, now_s: float, *, lasts: bool) -> bool:
-        """Record a complete request, which admits its connection if it has a session. `lasts` means
-        a websocket.
+        """Record that a request was read completely; admit its connection if it has a session.
 
-        False if all connections of the session are busy: this request is then answered with 429. A
-        request for a websocket instead evicts the least recently used connection.
+        Args:
+            lasts: True if the request opens a websocket. If all connections of the session are
+                busy, a websocket evicts the least recently used one.
+
+        Returns:
+            False if all connections of the session are busy; the request is then answered with 429.
         """
         place = self.connections.get(peer)
         if place is None:
@@ -254,7 +265,7 @@ class AdmissionControl:
             admitted = take(answer_s=self.limits.idle_s)
             if admitted is None and lasts and (is_at_limit or self.keeps(session.name)):
                 admitted = take()
-            # the slot belonged to another session, and was given back
+            # the connection had the slot of another session, which was freed above
             if admitted is None and not place.is_taken:
                 place.close()
                 return True
@@ -264,14 +275,14 @@ class AdmissionControl:
             else:  # no connection can be evicted, so answer in the pending slot
                 place.is_known, is_refused = True, is_at_limit
                 if is_refused:
-                    place.idle_s = now_s  # evict this connection before busy connections
+                    place.idle_s = now_s  # count as idle, so that it is evicted before busy ones
         place.came_s = self._read_until_s + _ANSWER_S * place.is_known
         if lasts:
             place.used_s = math.inf
         return not is_refused
 
     def may_log(self, person: str, reason: str, now_s: float) -> bool:
-        """False if the method was called for the same person and reason within the last minute."""
+        """True if nothing was logged about this person and reason within the last minute."""
         return self._paces.allows(f"{reason} {person}", now_s, per_second=1 / _LOG_S, burst=1)
 
     def is_idle(self, peer: Peer) -> bool:
@@ -292,7 +303,7 @@ class AdmissionControl:
     def expire(self, now_s: float) -> None:
         """Close pending connections that have timed out.
 
-        Time during which the computer was blocked does not count, because it could not read then.
+        While the computer is blocked, the timeouts do not run, because the server cannot read.
         """
         held_up_s = max(0.0, now_s - self._expired_s - _SELDOM_S)
         self._expired_s = now_s
@@ -302,7 +313,10 @@ class AdmissionControl:
                 self.pending.end(place)
 
     def may_ask(self, session: Session, now_s: float) -> bool:
-        """Count a request; return False if there were too many. A crowd may use the whole rate."""
+        """Count a request; return False if the session sends too many per second.
+
+        A crowd gets the rate of as many persons as the server admits.
+        """
         share = self.limits.clients if session.is_crowd else 1
         rate, burst = self.limits.requests_per_second, self.limits.requests_burst
         return self._paces.allows(session.name, now_s, per_second=share * rate, burst=share * burst)

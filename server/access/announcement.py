@@ -16,25 +16,22 @@ from server.config import Address, as_address
 
 log = logging.getLogger(__name__)
 PROBE_MS = 700
-"""How long other machines are asked whether a name is taken, in ms: RFC 6762's probing time."""
+"""How long other machines are asked whether they have a name, in ms; RFC 6762 asks for as long."""
 _HEARD_MS = 15_000.0
-"""Age in milliseconds above which an answer is ignored, because its sender may be gone.
-
-Queries are sent every 10 s.
-"""
+"""Age in milliseconds above which another robot's mDNS answer is ignored, because that robot may be
+gone. A robot asks every 10 s, so a robot that is still there has answered more recently."""
 _A, _AAAA = 1, 28
 _MOST_NAMES = 50
 
 
 class Announcement:
-    """Announces the robot's name on the network, and again whenever its addresses or its name
-    change.
+    """Announces the robot's name on the network by mDNS.
 
-    Robots that share a host name would also share their addresses, so each robot publishes its
-    address in a property. The board of a class reads this property.
+    Each robot also publishes its best address in a property, which the board of a class reads:
+    while two robots have the same host name, that name leads to the addresses of both.
 
-    If the network allows no multicast, or zeroconf is not installed, the failure is only logged and
-    the robot drives.
+    If the network allows no multicast, or zeroconf is not installed, a warning is logged and the
+    robot drives without an announced name.
     """
 
     def __init__(self, config: NetworkConfig, robot: str) -> None:
@@ -43,13 +40,13 @@ class Announcement:
         self._is_off = False
         self.hostname = config.hostname
         self._next = 2
-        """The first number that is tried when another name is needed."""
+        """The number that is tried first if the robot needs a name such as NAME-2."""
 
     def announce(self, addresses: Sequence[str]) -> str:
         """Announce the robot at these addresses; return the name that it got, without `.local`.
 
-        If the name is the default and another machine has it, this robot takes NAME-2, or the next
-        free name.
+        If another machine already has the default name, this robot takes the default name with a
+        number, such as NAME-2.
         """
         self.close()
         try:
@@ -62,7 +59,7 @@ class Announcement:
             return self.hostname
         _be_brief(logging.getLogger("zeroconf"))
         addresses = [one for one in addresses if as_address(one) is not None]
-        if not addresses:  # the name is announced later, once there is an address
+        if not addresses:  # `Surroundings` calls again once there is an address
             log.warning("mdns off: this machine has no address in a network")
             return self.hostname
         try:
@@ -93,7 +90,7 @@ class Announcement:
         )
 
     def _free_name(self, addresses: Sequence[str]) -> str:
-        """Return the first of NAME, NAME-2, NAME-3, ... that no other machine has."""
+        """Return the wanted name, or if another machine has it, the name with the next number."""
         first = self._config.hostname
         others = self.others_at(self.hostname, addresses)
         if not others:
@@ -118,10 +115,10 @@ class Announcement:
         return {one.partition("%")[0] for one in asked.parsed_addresses()} - own
 
     def must_yield(self, addresses: Sequence[str]) -> bool:
-        """True if another robot has this name too, and this robot has to take a new name.
+        """True if another robot has this name too and this robot has to take a new name.
 
-        The robot with the lowest address keeps the name, so that only one robot gives way. A name
-        that a person chose is never changed.
+        Of the robots with one name, the robot with the lowest address keeps it. A name that a
+        person chose is never changed.
         """
         if self._responder is None or self._config.hostname != DEFAULT_HOSTNAME:
             return False
@@ -140,7 +137,7 @@ class Announcement:
         with contextlib.suppress(OSError):
             self._responder.send(question)  # the next call of this method reads the answers
         before = [other for other in others if own and _lowest([other]) < _lowest(own)]
-        self._next = max(2, 1 + len(before))  # each robot tries a different number first
+        self._next = max(2, 1 + len(before))  # so that no two robots try the same number first
         return bool(before)
 
     def close(self) -> None:
@@ -171,7 +168,10 @@ def _is_6(address: str) -> bool:
 
 
 def _one_line(record: logging.LogRecord) -> bool:
-    """Keep tracebacks about a vanished address out of the log: the watch announces again."""
+    """Remove the traceback from a log record of zeroconf.
+
+    Zeroconf logs one whenever an address is gone, although `Watch` then announces the robot again.
+    """
     record.exc_info = None
     return True
 

@@ -9,7 +9,7 @@ from server.gateway.roles import Role
 
 
 def greet_phones(addresses: Sequence[str], tokens: Mapping[Role, str], more: Sequence[str]) -> str:
-    """Return the addresses and how to pair a phone; `more` are lines from extensions."""
+    """Return the text with the addresses and how to pair a phone; `more` are extensions' lines."""
     lines = ["Drivelesson is ready. Only paired browsers are admitted.", ""]
     pilot = pairing_address(addresses[0], tokens[Role.PILOT])
     lines += ["To drive, scan this with the phone:", "", *draw_qr(pilot).splitlines(), ""]
@@ -21,12 +21,12 @@ def greet_phones(addresses: Sequence[str], tokens: Mapping[Role, str], more: Seq
 
 
 def greet_next(address: str, role: Role, token: str) -> str:
-    """Return the text on pairing the next browser, with a QR code for a pilot."""
+    """Return the text that says how to pair the next browser; a pilot's has a QR code."""
     there = pairing_address(address, token)
     code = "\n" + draw_qr(there) if role is Role.PILOT else ""
     return f"A browser was paired. To pair another one that may {role.purpose}: {there}{code}"
 
 
 def pairing_address(address: str, token: str) -> str:
-    """Return the pairing address; browsers do not send the part after the `#`."""
+    """Return the pairing address. The token is after the `#`, a part that browsers never send."""
     return f"{address}/pair#{token}"

@@ -32,7 +32,7 @@ _Authority = tuple[x509.Certificate, ec.EllipticCurvePrivateKey]
 _Extensions = list[tuple[x509.ExtensionType, bool]]
 """Certificate extensions, each with a flag that says whether it is critical."""
 _EVER = dt.datetime(2000, 1, 1, tzinfo=dt.UTC), dt.datetime(2049, 12, 31, tzinfo=dt.UTC)
-"""Period of validity of the authority; long, because the robot's clock may be years off."""
+"""Validity of the authority's certificate; long, because the robot's clock may be years off."""
 _RENEWED_BEFORE = dt.timedelta(days=30)
 """A certificate is renewed when its remaining validity is less than this."""
 _A_DAY, _MOST = dt.timedelta(days=1), dt.timedelta(days=397)  # phones refuse a longer validity
@@ -90,13 +90,16 @@ class RenewedCertificates:
         self._context: ssl.SSLContext | None = None
 
     def use(self, context: ssl.SSLContext) -> None:
-        """From now on, load renewed certificates into this context of a running server."""
+        """Remember the TLS context of a running server, into which renewed certificates go."""
         self._context = context
 
     def renew(self, names: Sequence[str], now: dt.datetime) -> str | None:
-        """Make a new certificate if needed; return the reason, or None if it was not needed.
+        """Make a new certificate if names or clock have changed, or if the old one expires soon.
 
         If the new certificate cannot be written, the previous certificate stays in use.
+
+        Returns:
+            The reason for the new certificate; None if the old one is still good.
         """
         is_outdated = not self._made - _A_DAY < now < self._made + _MOST - _RENEWED_BEFORE
         if not is_outdated and self._names == frozenset(names):
@@ -138,7 +141,7 @@ def _sign(
     valid: tuple[dt.datetime, dt.datetime],
     extensions: _Extensions,
 ) -> x509.Certificate:
-    """Return a key's certificate, signed by an authority, or by the key itself if there is none."""
+    """Return a certificate of `key`, signed by `authority`, or by `key` itself if that is None."""
     subject = x509.Name([x509.NameAttribute(x509.oid.NameOID.COMMON_NAME, name)])
     builder = (
         x509.CertificateBuilder()
@@ -171,11 +174,11 @@ def _key_usage(*, signs_certificates: bool) -> x509.KeyUsage:
 
 
 def _vouched_for(names: Sequence[str], authority: x509.Certificate) -> list[x509.GeneralName]:
-    """Return only the names that the authority's constraints permit."""
+    """Return those of the names for which the authority's constraints permit a certificate."""
     found = [_general_name(name) for name in names if name.isascii()]
     try:
         limits = authority.extensions.get_extension_for_class(x509.NameConstraints).value
-    except x509.ExtensionNotFound:  # a person installed this authority
+    except x509.ExtensionNotFound:  # a person has put another authority into the folder
         return found
     permitted = [one.value for one in limits.permitted_subtrees or ()]
     return [name for name in found if any(_is_within(name, one) for one in permitted)]

@@ -20,9 +20,9 @@ class PublicAddress:
 
     scheme: str
     host: str
-    """The host name as browsers send it: with the port, unless that is the scheme's default."""
+    """The host name as browsers send it, with the port unless it is the default of the scheme."""
     prefix: str = ""
-    """The path, such as /robot; empty for the root."""
+    """The path under which the proxy serves the page, such as /robot; empty for the root."""
 
     @classmethod
     def parse(cls, text: str) -> Self:
@@ -59,34 +59,34 @@ class PublicAddress:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NetworkLimits(Limits):
-    """Limits of a server for a network: for one client, and for all clients together."""
+    """The limits of a server that other machines can reach."""
 
     clients: int = 160
-    """Open websockets and streams of all clients together."""
+    """Maximum number of open websockets and streams of all clients together."""
     clients_each: int = 8
-    """Open websockets and streams of one person; the page has two."""
+    """Maximum number of open websockets and streams of one person; one page has two."""
     connections_each: int = 24
-    """Connections of one person."""
+    """Maximum number of connections of one person."""
     requests_per_second: float = 50.0
-    """Average number of requests per second of one person, or of one address."""
+    """Maximum average number of requests per second of one person, or of one address."""
     requests_burst: float = 300.0
     uploads: int = 2
     """Maximum number of simultaneous uploads; each person may have one at a time."""
     pending: int = 384
-    """Maximum number of connections, of all addresses, that the guard has not admitted yet."""
+    """Maximum number of connections of all addresses that the guard has not admitted yet."""
     pending_per_address: int = 384
     """Maximum number of pending connections of one address (for IPv6, of one /64 network)."""
     pending_s: float = 20.0
-    """Timeout of a pending connection after its last complete request, in seconds. The timeout is
-    long enough for the TLS handshakes of a class with a busy laptop. A new connection that needs a
-    slot does not wait for this timeout."""
+    """Time without a complete request after which a pending connection is closed, in seconds. It is
+    long enough for a busy laptop to make the TLS handshakes of a whole class. If a new connection
+    needs the slot, a pending connection is closed earlier."""
     pairing_failures: int = 10
-    """Number of wrong tokens per minute from one address before it has to wait. The right token is
-    accepted even during the wait."""
+    """Number of wrong tokens per minute after which one address has to wait. The right token is
+    accepted even during that wait."""
 
     @classmethod
     def of(cls, limits: Limits) -> Self:
-        """Return limits as `NetworkLimits`."""
+        """Convert `Limits` to `NetworkLimits`; the additional limits get their defaults."""
         if isinstance(limits, cls):
             return limits
         return cls(**{name: getattr(limits, name) for name in Limits.__dataclass_fields__})
@@ -111,7 +111,7 @@ class NetworkConfig(Config):
 
     @classmethod
     def of(cls, config: Config) -> Self:
-        """Return a configuration as a `NetworkConfig`."""
+        """Convert a `Config` to a `NetworkConfig`; the additional settings get their defaults."""
         if isinstance(config, cls):
             return config
         given = {name: getattr(config, name) for name in Config.__dataclass_fields__}

@@ -1,4 +1,4 @@
-"""The gateway of a server that a network can reach: sessions, proxies, limits and certificates."""
+"""The gateway of a server on a network: pairing, sessions, proxies, limits and certificates."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 _NAME_S = 1.5
-"""How long the start waits for the robot's name on the network, in seconds."""
+"""How long the server's start waits until the robot has its name on the network, in seconds."""
 _UNPAIRED = Refusal(
     401,
     "unpaired",
@@ -67,12 +67,11 @@ _COOKIES = re.compile(rb"\r\ncookie:([^\r]*)\r\n", re.I)
 
 
 class NetworkGateway(Gateway):
-    """Admits only paired browsers if the network can reach the server, and limits every client's
-    use.
+    """Admits only paired browsers if other machines can reach the server, and limits each client.
 
     Args:
-        pairing: The sessions of browsers; if None, `open` creates them when needed.
-        surroundings: The addresses and names; if None, they are made from the configuration.
+        pairing: The sessions of browsers; if None, `open` reads them if pairing is needed.
+        surroundings: The server's addresses and names; if None, they follow from `config`.
     """
 
     limits_type: ClassVar[type[NetworkLimits]] = NetworkLimits
@@ -173,7 +172,7 @@ class NetworkGateway(Gateway):
         self.clock.start_thread(lambda: self._tell(role, token), "next code")
 
     def _tell(self, role: Role, token: str) -> None:
-        """Draw the code for the next phone if a code was drawn for the previous phone."""
+        """Print how to pair the next browser, because its predecessor has used up the old token."""
         address = self.addresses()[0]
         print(greet_next(address, role, token), flush=True)
         if role is Role.PILOT:
@@ -197,7 +196,10 @@ class NetworkGateway(Gateway):
             self._renewed.use(context)
 
     def _follow(self, before: Place, now: Place, more: Callable[[], list[str]]) -> None:
-        """Show the new addresses with pairing codes, because cookies belong to the old address."""
+        """Print the new addresses and pairing codes.
+
+        Phones have to pair again, because a browser sends its cookie only to the old address.
+        """
         if (before.addresses, before.hostname) == (now.addresses, now.hostname):
             return
         log.warning("the robot is now at %s", " ".join(self.addresses()))
@@ -208,13 +210,13 @@ class NetworkGateway(Gateway):
             self._show(self.address_for(Role.PILOT))
 
     def _renew(self, _: Place) -> None:
-        """Renew the certificate if the clock was set or names have changed."""
+        """Renew the certificate if the clock was set, or if the robot's names have changed."""
         assert self._renewed is not None
         try:
             now = dt.datetime.fromtimestamp(self.clock.wall_s(), dt.UTC)
             why = self._renewed.renew(self.surroundings.certified, now)
         except (ConfigurationError, OSError, OverflowError) as error:
-            log.warning("the certificate is not renewed: %s", error)
+            log.warning("cannot renew the certificate: %s", error)
             return
         if why is not None:
             log.info("certificate renewed: %s", why)
@@ -262,8 +264,11 @@ class NetworkGateway(Gateway):
         return Proxies(config.public, config.proxies, admits_all=self.admits_all)
 
     def explain(self, refusal: Refusal, scope: Scope, headers: dict[str, str]) -> Response:
-        """Answer with a page if a person opened an unknown name; tell a player how it can
-        watch."""
+        """Return the answer to a refused request.
+
+        A browser that opened an unknown name gets a page with the right addresses. A video player
+        is told how to get an address with a key.
+        """
         asked = Headers(scope=scope)
         if scope["path"] == VIDEO and refusal.status in (401, 403):
             refusal = replace(refusal, sentence=f"{refusal.sentence} {_WATCH_BY}")
@@ -293,7 +298,7 @@ class NetworkGateway(Gateway):
         return Session(Role.VIEWER, f"player {address}", is_crowd=True) if is_valid else _BAD_KEY
 
     def _recognise(self, head: bytes, address: str) -> Session | None:
-        """Return the session in the first bytes of a request; None if there is no session."""
+        """Return the session whose cookie is in the first bytes of a request; None if none is."""
         found = _COOKIES.search(head)
         is_proxy = self.config.public and self._proxies.is_proxy(address)
         if self.pairing is None or found is None or is_proxy:
@@ -357,7 +362,7 @@ class NetworkGateway(Gateway):
 
 
 def advise(name: str | None, address: str) -> str:
-    """Return advice for a client that used a wrong name or address."""
+    """Return what to do if the name in a refused request is right, or if a proxy forwarded it."""
     known = f" If this is its name, start it with --also-at {name}." if name is not None else ""
     return (
         f"{known} If a proxy forwarded this request, start the robot with --behind-proxy {address}"
@@ -365,7 +370,7 @@ def advise(name: str | None, address: str) -> str:
 
 
 def _read_label(text: str) -> str:
-    """Read the first part of a name on the local network, as argparse's `type`."""
+    """Check a host name given as an option; it must be one label, without a dot."""
     if not _LABEL.fullmatch(text):
         raise argparse.ArgumentTypeError(
             f"must be at most 63 letters, digits and hyphens, without a dot, not {text!r}"

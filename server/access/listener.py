@@ -1,7 +1,7 @@
 """A listening socket that limits connections when they are accepted.
 
-The socket works below TLS and HTTP, so that unfinished handshakes are counted too, and with every
-version of uvicorn and asyncio.
+Because the limit is below TLS and HTTP, it also counts connections with unfinished handshakes, and
+it works with every version of uvicorn and asyncio.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from robot.clock import Clock
 from server.access.admission import AdmissionControl, Peer
 
 _AT_ONCE = 1024
-"""Maximum number of connections taken from the kernel at once, closed ones included."""
+"""Maximum number of connections that one call takes from the kernel, even if it closes them."""
 _HANDED_ON = 64
-"""Maximum number of accepted connections before the event loop reads from all connections again."""
+"""Maximum number of connections accepted in a row; then the event loop reads from all of them."""
 _KEPT_BACK = 128
-"""File descriptors reserved for files, cameras and the brick."""
+"""Number of file descriptors that connections leave for files, cameras and the brick."""
 _MOST_CONNECTIONS = 1024
 _MOST_IN_SELECT = 512
 """Maximum number of sockets that `select` can wait for on Windows."""
 _HEAD = 4096
 STOP = b"POST /api/stop "
-"""First bytes of a page's STOP request without a websocket."""
+"""First bytes of the request by which a page without a websocket sends STOP."""
 _RESET = struct.pack("ii", 1, 0)
 _UNREAD_PARTS = 16
-"""Maximum number of 4 KB parts of a refused request that are read."""
+"""How much of a refused request is read at most, in parts of 4 KB."""
 TOO_MANY_CONNECTIONS = "Too many connections; reuse them, or wait a second."
 _BODY = json.dumps({"error": "connections", "detail": TOO_MANY_CONNECTIONS}).encode()
 _TOO_MANY = (
@@ -44,7 +44,7 @@ _EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 
 def connection_capacity() -> int:
-    """Return the number of connections that the limit of file descriptors allows."""
+    """Return how many connections the system's limit of file descriptors allows."""
     try:
         import resource
     except ImportError:
@@ -54,7 +54,7 @@ def connection_capacity() -> int:
 
 
 class AdmissionListener(socket.socket):
-    """Accepts only connections that its `AdmissionControl` admits; replaces `listener`."""
+    """Accepts only connections that `admission` admits; takes over the socket of `listener`."""
 
     def __init__(self, admission: AdmissionControl, clock: Clock, listener: socket.socket) -> None:
         super().__init__(listener.family, listener.type, listener.proto, fileno=listener.detach())
@@ -64,11 +64,11 @@ class AdmissionListener(socket.socket):
         self._waiting: deque[_Connection | None] = deque()
 
     def accept(self) -> tuple[socket.socket, Any]:
-        """Accept the next connection, a waiting STOP first; see `socket.socket.accept`.
+        """Accept the next connection like `socket.socket.accept`; a STOP comes before the others.
 
         Raises:
-            BlockingIOError: If no connection waits, or enough were accepted for now: accepted
-                connections must be read before later ones can evict them.
+            BlockingIOError: If no connection waits. Also after each batch of connections, so that
+                the event loop reads from them before new connections can evict them.
         """
         if not self._waiting:
             self._gather()
@@ -79,7 +79,7 @@ class AdmissionListener(socket.socket):
         return connection, connection.peer
 
     def _gather(self) -> None:
-        """Accept waiting connections from the kernel, at most a fair share for each person."""
+        """Accept a batch of connections from the kernel; refuse sessions that open too many."""
         for _ in range(_AT_ONCE):
             now_s = self.clock.now_s()
             if len(self._waiting) >= _HANDED_ON or not self.admission.has_room(now_s):
@@ -113,8 +113,10 @@ class AdmissionListener(socket.socket):
             self._spare = None
 
     def _reject_one(self) -> None:
-        """Accept the next connection with the spare descriptor, and close it. If the connection
-        stayed in the queue, it would wake the event loop again and again."""
+        """Accept and close one connection, although no file descriptor is left but the spare one.
+
+        A connection that stayed in the kernel's queue would wake the event loop again and again.
+        """
         if self._spare is not None:
             os.close(self._spare)
             self._spare = None
@@ -131,8 +133,11 @@ class _Connection(socket.socket):
     peer: Peer = ("", 0)
 
     def peek(self) -> bytes | None:
-        """Return the waiting bytes without removing them; b"" if the client has left, None if no
-        bytes wait."""
+        """Return received bytes without removing them.
+
+        Returns:
+            b"" if the client has disconnected, None if it has sent nothing yet.
+        """
         try:
             return self.recv(_HEAD, socket.MSG_PEEK)
         except BlockingIOError:
@@ -141,19 +146,19 @@ class _Connection(socket.socket):
             return b""
 
     def recv(self, size: int, flags: int = 0) -> bytes:
-        """Read only a little at a time, so that one sender does not delay the others."""
+        """Read at most 4 KB at a time, so that one client does not delay the others."""
         return super().recv(min(size, _HEAD), flags)
 
     def recv_into(self, buffer: Any, size: int = 0, flags: int = 0) -> int:
         return super().recv_into(buffer, min(size or len(buffer), _HEAD), flags)
 
     def abort(self) -> None:
-        """Abort the connection so that both sides notice; the owner then closes the socket.
+        """End the connection; the server notices and then closes the socket.
 
-        A busy connection is reset. An idle connection is not reset, because its last answer may
-        still be on the way.
+        A busy connection is reset. An idle connection is shut down normally, because its last
+        answer may still be on the way.
         """
-        admission, self.admission = self.admission, None  # dropping the admission frees its slot
+        admission, self.admission = self.admission, None  # the caller has already freed the slot
         with contextlib.suppress(OSError):
             if admission is None or not admission.is_idle(self.peer):
                 self.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
@@ -162,7 +167,7 @@ class _Connection(socket.socket):
     def refuse(self) -> None:
         """Answer that this session opens too many connections, and close.
 
-        The request is read first, because otherwise the system would reset the connection, and the
+        The request is read first. If it were not, the system would reset the connection, and the
         client would not see the answer.
         """
         with contextlib.suppress(BlockingIOError):

@@ -1,4 +1,4 @@
-"""This machine's own addresses and names, and the addresses at which its page is open."""
+"""This machine's own addresses and names, and the addresses at which it serves the page."""
 
 from __future__ import annotations
 
@@ -18,11 +18,12 @@ EVERYWHERE = ("0.0.0.0", "::")
 _RESOLVER = Path("/etc/resolv.conf")
 _NAME = re.compile(r"[\w-]+(?:\.[\w-]+)*", re.ASCII)
 _PROBES = ((socket.AF_INET, "192.0.2.1"), (socket.AF_INET6, "2001:db8::1"))
-"""Documentation addresses, used to ask the system for its source address; nothing is sent."""
+"""Addresses reserved for documentation. Connecting a UDP socket to one of them sends nothing, but
+shows which of its own addresses the system would use."""
 
 
 def lan_addresses(config: NetworkConfig) -> list[str]:
-    """Return the addresses for the terminal and the certificate, the most likely first."""
+    """Return this machine's addresses in its network, the most likely to be reachable first."""
     if config.host not in EVERYWHERE:
         return [config.host]
     found = own_addresses()
@@ -57,7 +58,7 @@ def own_addresses(version: int = 4) -> list[str]:
 
 
 def page_addresses(config: NetworkConfig, addresses: Sequence[str] | None = None) -> list[str]:
-    """Return the addresses of the page, the best first; `addresses` are the machine's own."""
+    """Return the addresses of the page, the best first; `addresses` are those of this machine."""
     public = [str(address) for address in config.public]
     if public and not config.lan:
         return public
@@ -66,7 +67,7 @@ def page_addresses(config: NetworkConfig, addresses: Sequence[str] | None = None
         hosts = [*own, f"{config.hostname}.local"]
     else:
         hosts = [config.host]
-    # our certificates contain no public address, so list the name before such an address
+    # Our certificates contain no public IP addresses, so list the name before them.
     if config.tls:
         hosts.sort(key=lambda host: not getattr(as_address(host), "is_private", True))
     scheme = "https" if config.tls else "http"
@@ -76,7 +77,7 @@ def page_addresses(config: NetworkConfig, addresses: Sequence[str] | None = None
 
 
 def host_names(config: NetworkConfig) -> list[str]:
-    """Return the names that the robot answers to, without a query to the resolver."""
+    """Return the names that the robot answers to and that are known without asking the resolver."""
     own = socket.gethostname().lower()
     names = [f"{config.hostname}.local", own, f"{own}.local"] if config.lan else []
     return list(dict.fromkeys([*loopback_names(config), *names, *config.also_at]))
@@ -85,10 +86,10 @@ def host_names(config: NetworkConfig) -> list[str]:
 def names_in_network(
     hostname: str, addresses: Iterable[str], resolver: Path = _RESOLVER
 ) -> list[str]:
-    """Return this machine's names in the network: its host name with each search domain, and the
-    names that the resolver returns for its addresses.
+    """Return this machine's names in the network; may wait for the resolver for many seconds.
 
-    May wait for the resolver for many seconds.
+    The names are the host name, also with each search domain, and the names that the resolver
+    returns for the machine's addresses.
     """
     own = socket.gethostname().lower()
     first = [own.partition(".")[0], hostname.lower()]
@@ -97,7 +98,7 @@ def names_in_network(
         f"{first[0]}.local",
         *(f"{name}.{end}" for end in _domains(resolver) for name in first),
     ]
-    if first[0] == "penguin":  # the browser of a Chromebook reaches its Linux by this name
+    if first[0] == "penguin":  # a Chromebook's browser reaches its Linux system by this name
         found.append("penguin.linux.test")
     for address in addresses:
         with contextlib.suppress(OSError):
@@ -108,7 +109,7 @@ def names_in_network(
 
 
 def _domains(resolver: Path) -> list[str]:
-    """Return the search domains of short names; the last line in the file counts."""
+    """Return the search domains in a file such as /etc/resolv.conf; its last such line counts."""
     try:
         lines = resolver.read_text("utf-8", "replace").splitlines()
     except OSError:

@@ -41,14 +41,14 @@ _TOKEN = re.compile(
     rf"(?<![^\W_])(?:[{ALPHABET}]{{{_GROUP}}}[\W_]{{0,3}}){{{TOKEN_LETTERS // _GROUP}}}(?![^\W_])"
 )
 ROLES = "drivelesson.roles"
-"""Group of the entry points of roles that browsers can get."""
+"""Group of the entry points by which extensions add roles that browsers can get."""
 FOLDER = FolderKind(name="tls", files=("paired.json",), secrets=("paired.json", "tls/", "*.key"))
 """The files of this extension in the data folder."""
 LONGEST_TEXT = 2000
 """Maximum length of the text read as a token, in characters; the text may be a whole address."""
 _SESSIONS = 192
-"""Maximum number of sessions of one kind (one role, paired by the terminal or by invitation). The
-maximum exceeds the number of websockets, so nobody can keep all sessions in use."""
+"""Maximum number of sessions with the same role that were paired in the same way (by the terminal
+or by a class's board). It exceeds the number of websockets, so not all of them can be in use."""
 INVITATION_S = 300.0
 """How long a token on a class's board is valid, in seconds; any number of phones can use it."""
 _INVITATIONS = 16
@@ -56,21 +56,21 @@ _INVITATIONS = 16
 
 @cache
 def browser_roles() -> tuple[Role, ...]:
-    """Return the roles that a browser can get; roles of extensions are last."""
+    """Return the roles that a browser can get by pairing; those of extensions come last."""
     return Role.VIEWER, Role.PILOT, *(role for p in points(ROLES) if (role := p.load()).purpose)
 
 
 class Paired(NamedTuple):
-    """A paired browser: its role, its cookie's secret, and whether it stays paired after a
-    restart."""
+    """A paired browser: its role, and the secret in its cookie."""
 
     role: Role
     secret: str
     is_kept: bool = True
+    """True if the browser stays paired after a restart of the server."""
 
 
 class _Kind(NamedTuple):
-    """The way in which a browser was paired."""
+    """The role of a paired browser, and the way in which it was paired."""
 
     role: Role
     invited: bool = False
@@ -84,10 +84,10 @@ Sessions = Mapping[str, _Kind]
 
 
 def cookie_name(config: NetworkConfig) -> str:
-    """Return the session cookie's name. The name contains the public address or, without one, the
-    port, because cookies ignore ports.
+    """Return the name of the session cookie.
 
-    The prefix makes browsers reject a cookie that was set without TLS or for another path.
+    The name contains the public address, or else the port, because browsers send a cookie to every
+    port of a host. Its prefix makes browsers reject a cookie set without TLS or for another path.
     """
     public = config.public[0] if config.public else None
     place = re.sub(r"\W+", "-", f"{public.host}{public.prefix}") if public else config.port
@@ -102,11 +102,11 @@ class Pairing:
     Args:
         failures_a_minute: Number of wrong tokens per minute before an address has to wait.
         file: The file with the sessions; None to lose the sessions at a restart.
-        on_token: Called with each new token and its role, to show the token on the terminal.
+        on_token: Called with each new token and its role, so that the terminal can show the token.
 
     Attributes:
-        is_in_use: Returns True if the session of the given name is connected now.
-        standing_code: A printed code that pairs any number of browsers as pilots.
+        is_in_use: Returns True if a browser of the session with the given name is connected now.
+        standing_code: A printed code that pairs any number of browsers as pilots; None if none.
     """
 
     def __init__(
@@ -120,12 +120,12 @@ class Pairing:
         self._file = file
         self._on_token = on_token
         self._sessions: OrderedDict[str, _Kind] = _load(file) if file else OrderedDict()
-        """Sessions by the hash of their secret, in order of their last use in this run."""
+        """Sessions by the hash of their secret: first those that no browser has used in this run,
+        then the others in the order of their first use in this run."""
         self._unused = set(self._sessions)
-        """Sessions not used in this run; they are evicted first."""
+        """Sessions that no browser has used since the server started; they are evicted first."""
         self._is_saved = file is not None
-        """True if the file is up to date. If the file is not up to date, the next request tries to
-        write it again."""
+        """True if the file is up to date. If it is not, the next pairing or unpairing writes it."""
         self.is_in_use: Callable[[str], bool] = lambda name: False
         self.tokens: dict[Role, str] = {role: _new_token() for role in browser_roles()}
         self._invitations: deque[tuple[str, float]] = deque(maxlen=_INVITATIONS)
@@ -136,9 +136,15 @@ class Pairing:
     ) -> Paired | Refusal:
         """Exchange a token for a session. Each token works once and is then replaced.
 
-        A browser has one session: `secret` is the secret of its existing session, which is renewed.
-        The right token is accepted even after wrong ones from the same address, so nobody can be
-        locked out. 78 bits cannot be guessed at any rate that the guard allows.
+        Args:
+            token: The text that contains the token; see `token_in`.
+            now_s: The time in seconds.
+            address: The address from which wrong tokens are counted.
+            secret: The secret of the browser's existing session, which is replaced if its role
+                changes, so that each browser has one session.
+
+        The right token is accepted even after too many wrong ones from the same address, so that
+        nobody can lock others out. Guessing is hopeless at any rate: a token has 78 random bits.
         """
         given = token_in(token)
         for role, wanted in self.tokens.items():
@@ -160,9 +166,9 @@ class Pairing:
         return Refusal(403, "pairing", sentence)
 
     def invite(self, now_s: float) -> tuple[str, float]:
-        """Return a token for any number of pilots, and its validity in seconds.
+        """Return a new token that pairs any number of pilots, and how long it is valid, in seconds.
 
-        The board shows the token as a QR code that several phones can scan.
+        A class's board shows it as a QR code that several phones can scan.
         """
         token = _new_token()
         self._invitations.append((token.replace("-", ""), now_s + INVITATION_S))
@@ -174,14 +180,14 @@ class Pairing:
         kind = self._sessions.get(name)
         if kind is None:
             return None
-        if name in self._unused:  # saved once per run, so that the order of use survives a restart
+        if name in self._unused:  # save the order of use, so that it survives a restart
             self._unused.discard(name)
             self._sessions.move_to_end(name)
             self._save()
         return Session(kind.role, name)
 
     def sign_out_invited(self) -> Sessions:
-        """End the sessions that a class's board has opened; return them for `sign_in`."""
+        """End the sessions paired by a class's board; return them, for `sign_in` to restore."""
         ended = {name: kind for name, kind in self._sessions.items() if kind.invited}
         for name in ended:
             del self._sessions[name]
@@ -190,7 +196,7 @@ class Pairing:
         return ended
 
     def sign_in(self, sessions: Sessions) -> None:
-        """Restore sessions that were ended."""
+        """Restore sessions that `sign_out_invited` has ended."""
         self._sessions = OrderedDict({**sessions, **self._sessions})
         self._save()
 
@@ -199,8 +205,11 @@ class Pairing:
         return name in self._sessions and self._sessions[name].owner
 
     def forget(self, secret: str) -> bool:
-        """End a session. Return False if it is still on the disk, from which a restart would
-        restore it."""
+        """End a session.
+
+        Returns:
+            False if the file could not be written; a restart would then restore the session.
+        """
         known = self._sessions.pop(hash_of(secret), None)
         return self._save() if known is not None else self._is_saved or self._save()
 
@@ -216,8 +225,8 @@ class Pairing:
             idle = [name for name in same if not self.is_in_use(name)]
             if not idle:
                 return Refusal(503, "sessions", "Too many browsers are connected.")
-            # If all idle sessions were used, evict the newest.
-            # A client that keeps redeeming codes then evicts only itself.
+            # If every idle session was used in this run, evict the newest.
+            # A client that keeps redeeming codes then evicts only its own sessions.
             del self._sessions[next((name for name in idle if name in self._unused), idle[-1])]
         self._sessions.pop(hash_of(before), None)
         secret = secrets.token_urlsafe(32)
@@ -229,7 +238,7 @@ class Pairing:
         return Paired(role=kind.role, secret=secret, is_kept=is_kept)
 
     def _save(self) -> bool:
-        """Replace the file of the sessions' hashes; return False if it could not be written."""
+        """Write all sessions to the file; return False if that fails or there is no file."""
         if self._file is None:
             return False
         self._is_saved = False
@@ -268,16 +277,19 @@ def _load(file: Path) -> OrderedDict[str, _Kind]:
 
 
 def hash_of(secret: str) -> str:
-    """Hash only once, because a secret of 256 random bits cannot be guessed from its hash."""
+    """Return the SHA-256 hash of a secret.
+
+    A slow password hash is not needed, because nobody can guess a secret of 256 random bits.
+    """
     return hashlib.sha256(secret.encode("utf-8", "replace")).hexdigest()
 
 
 def token_in(text: str) -> str:
     """Return the letters of the token in a text that a person pastes or types.
 
-    The text may be the token (with or without hyphens, in any case or width), the whole address
-    (also with an encoded `#`, or inside another address), or the terminal's lines (also with colour
-    codes). If there are several addresses, the first counts.
+    The text may be the token (with or without hyphens, in any case or width), the pairing address
+    (also with an encoded `#`, or inside another address), or lines of the terminal (also with
+    colour codes). If the text has several addresses, the first counts.
 
     Example:
         >>> token_in("or open http://robot.local:8000/pair%23abcd-efgh-jkmn-pqrs")

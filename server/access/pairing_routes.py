@@ -22,7 +22,7 @@ _YEAR_S = 365 * 24 * 3600
 
 
 class PairingToken(RawValue):
-    """The token of a pairing address, or the whole address."""
+    """A request's body: the token of a pairing address, or the whole address."""
 
     token: str = text(most=LONGEST_TEXT)
 
@@ -36,13 +36,13 @@ async def pair_page(request: Request) -> Response:
 
 @router.get("/pair#{token}", include_in_schema=False)
 async def encoded_pair_page(token: str) -> Response:
-    """Redirect a browser whose app had encoded the `#` of the address."""
+    """Redirect a browser to the pairing page if an app has encoded the `#` of its address."""
     return RedirectResponse(f"pair#{quote(token)}", 303)
 
 
 @router.post("/api/pair")
 async def pair(request: Request, body: PairingToken) -> JSONResponse:
-    """Exchange a token for a session cookie. The token is never sent in an address."""
+    """Exchange a token for a session cookie."""
     pairing, now_s = _require_pairing(request), services_of(request).robot.clock.now_s()
     result = pairing.redeem(body.token, now_s, person_of(request), _secret(request))
     if isinstance(result, Refusal):
@@ -58,7 +58,7 @@ async def pair(request: Request, body: PairingToken) -> JSONResponse:
 
 @router.post("/api/unpair")
 async def unpair(request: Request) -> JSONResponse:
-    """End the session of this browser, in all of its tabs."""
+    """End the session of this browser, which unpairs all of its tabs."""
     is_kept = _require_pairing(request).forget(_secret(request))
     _end_sockets(request)
     response = JSONResponse({"role": None, "kept": is_kept})
@@ -77,7 +77,7 @@ async def authority(request: Request) -> Response:
 
 
 def _end_sockets(request: Request) -> None:
-    """Close the websockets of a session that has ended: it may have been a pilot's."""
+    """Close the websockets of the session that ends, because one of them may still be driving."""
     sockets = gateway_of(request).admission.sockets
     for place in sockets:
         if place.person == person_of(request):

@@ -1,8 +1,8 @@
-"""The key in the address of a player: VLC, ffmpeg, a dashboard, an `<img>` of another site.
+"""The key in the video address for programs that cannot be paired because they keep no cookie.
 
-Such a program has no cookie, so it cannot be paired. Anybody who has the address may watch the
-video and do nothing else. The key is in one file, which is read for each request, so the key can be
-replaced while the server runs.
+Such programs are VLC, ffmpeg, dashboards and the `<img>` of another site. Anybody who has the
+address may watch the video and do nothing else. The server reads the key's file for each request,
+so the key can be replaced while the server runs.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class PlayerKey:
             return ""
 
     def accepts(self, key: str) -> bool:
-        """Return True if this is the key."""
+        """Return True if `key` is the key of this data folder."""
         kept = self.read()
         return bool(kept) and hmac.compare_digest(kept.encode(), key.encode())
 
@@ -50,6 +50,6 @@ class PlayerKey:
         return key
 
     def remove(self) -> None:
-        """Delete the key; players cannot watch until there is a new key."""
+        """Delete the key; players cannot watch until `replace` makes a new one."""
         with contextlib.suppress(FileNotFoundError):
             self._file.unlink()

@@ -1,7 +1,7 @@
-"""Restores requests that came through a proxy to the form in which the client sent them.
+"""Restores a request that came through a proxy to the form in which its client sent it.
 
-The addresses that people open are configured (`--behind-proxy`). A proxy's headers select one of
-these addresses and name the client. Headers that do not come from a trusted proxy are ignored.
+The option `--behind-proxy` lists the addresses that people open. The proxy's headers say which of
+them the client opened, and who the client is. Headers that no trusted proxy sent are ignored.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from server.gateway.roles import Refusal
 from server.gateway.rules import host_name
 
 PEER = "drivelesson.peer"
-"""Key in a scope: the peer's address and port, set if a proxy made the connection."""
+"""Key in a scope whose connection a proxy made: the proxy's address and port."""
 SPOKEN = ("forwarded", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto")
 _PAIR = re.compile(r'(?<![\w-])([\w-]+)\s*=\s*("(?:[^"\\]|\\.)*"|[^;,"\s]*)|(,)')
 
 
 class _Hop(NamedTuple):
-    """The client, host and scheme that one proxy reports; empty if it reports none."""
+    """What one proxy reports: client, host and scheme; a field that it does not report is empty."""
 
     client: str = ""
     host: str = ""
@@ -35,7 +35,14 @@ class _Hop(NamedTuple):
 
 
 class Proxies:
-    """The proxies in front of a server; a server that `admits_all` refuses unknown proxies."""
+    """The proxies in front of a server.
+
+    Args:
+        public: The addresses that people open.
+        trusted: The networks whose proxies are believed.
+        admits_all: True if the server needs no pairing. It then refuses a request that an unknown
+            proxy forwarded, because anybody may have sent it.
+    """
 
     def __init__(
         self, public: Sequence[PublicAddress], trusted: Iterable[Network], *, admits_all: bool
@@ -43,7 +50,7 @@ class Proxies:
         self._public, self._trusted, self._admits_all = public, tuple(trusted), admits_all
 
     def see_through(self, scope: Scope) -> Scope | Refusal:
-        """Return the request as its client sent it, or why it is refused."""
+        """Return the request's scope as the client sent it, or the refusal of the request."""
         said = _said(scope)
         if not self._public:
             if not said or not self._admits_all:
@@ -70,13 +77,15 @@ class Proxies:
         return _as_sent(scope, public, hop.client, peer)
 
     def is_proxy(self, address: str) -> bool:
-        """True if this is the address of a trusted proxy."""
+        """True if a trusted proxy has this address."""
         own = as_address(address)
         return own is not None and any(own in network for network in self._trusted)
 
     def _walk(self, peer: str, hops: list[_Hop]) -> _Hop:
-        """Go back from proxy to proxy up to the first untrusted address, which may forge
-        headers."""
+        """Follow the reports from proxy to proxy as far as the proxies are trusted.
+
+        The first untrusted address is the client's; what it reports itself may be forged.
+        """
         told = _Hop(client=peer)
         for hop in reversed(hops):
             if not self.is_proxy(told.client):
@@ -89,7 +98,7 @@ class Proxies:
         return told
 
     def _choose(self, hop: _Hop, scope: Scope) -> PublicAddress | None:
-        """Return the address that was opened; None if the proxy names an unknown address."""
+        """Return the address that the client opened; None if the proxy reports an unknown one."""
         asked = hop.host or Headers(scope=scope).get("host", "")
 
         def fit(public: PublicAddress) -> tuple[bool, bool, bool]:
@@ -101,7 +110,7 @@ class Proxies:
 
 
 def _said(scope: Scope) -> dict[str, str]:
-    """Return the headers set by proxies; lines of the same name are joined to one list."""
+    """Return the headers that proxies set; several lines with one name are joined by commas."""
     said: dict[str, str] = {}
     for raw_name, raw_value in scope["headers"]:
         name, value = raw_name.decode("latin-1").lower(), raw_value.decode("latin-1")
@@ -111,11 +120,14 @@ def _said(scope: Scope) -> dict[str, str]:
 
 
 def _hops(said: dict[str, str]) -> list[list[_Hop]]:
-    """Return the chain of proxies, the nearest last, as each kind of header reports it."""
+    """Return the reports of all proxies, the nearest last, once for each kind of header.
+
+    The kinds are `Forwarded` and `X-Forwarded-*`.
+    """
     kinds = []
     if "forwarded" in said:
         elements: list[dict[str, str]] = [{}]
-        # A client's open quote would hide the entry that a proxy appended, so ignore such a header.
+        # Ignore a header with an open quote: a client could hide the proxy's entry behind it.
         is_whole = not _PAIR.sub("", said["forwarded"]).strip("; \t")
         for name, value, comma in _PAIR.findall(said["forwarded"]) if is_whole else ():
             if comma:
@@ -128,7 +140,7 @@ def _hops(said: dict[str, str]) -> list[list[_Hop]]:
         clients, hosts, schemes = (
             [one.strip() for one in said.get(name, "").split(",")] for name in SPOKEN[1:]
         )
-        # The list is shorter if proxies replace this header instead of appending to it.
+        # A proxy may replace the host or scheme instead of appending its own: the list is shorter.
         kinds.append(
             [
                 _hop(client, hosts[max(-n, -len(hosts))], schemes[max(-n, -len(schemes))])
@@ -144,10 +156,10 @@ def _hop(client: str, host: str, scheme: str) -> _Hop:
 
 
 def _as_sent(scope: Scope, public: PublicAddress, client: str, peer: Any) -> Scope:
-    """Return a copy of a scope as it was before the proxy."""
+    """Return a copy of a scope with the host, scheme, client and path that the client used."""
     kept = [(name, value) for name, value in scope["headers"] if name.lower() != b"host"]
     path, is_socket = str(scope["path"]), scope["type"] == "websocket"
-    if path.startswith(f"{public.prefix}/"):  # a proxy may have removed the prefix
+    if path.startswith(f"{public.prefix}/"):  # some proxies remove the prefix, others keep it
         path = path[len(public.prefix) :]
     return {
         **scope,

@@ -1,4 +1,4 @@
-"""Rate limits for addresses. Pure: the time is an argument."""
+"""Rate limits, one for each name. Pure: the time is an argument."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import lru_cache
 from server.clients.rate_limit import RateLimit
 
 _NAMES = 1024
-"""Number of names whose rate is remembered."""
+"""Maximum number of names whose rate is remembered."""
 
 
 class RateLimits:

@@ -1,7 +1,7 @@
 """Tracks a running server's environment: addresses, names, the wall clock.
 
-All three can change: Wi-Fi connects late, a router assigns another address, the clock of a small
-computer leaps from 1970. One watch checks every second and notifies its listeners.
+All three can change while the server runs: Wi-Fi connects late, a router assigns another address,
+the clock of a small computer leaps from 1970 to today. `Watch` checks them every second.
 """
 
 from __future__ import annotations
@@ -19,11 +19,10 @@ from server.access.network import host_names, lan_addresses, names_in_network, p
 
 log = logging.getLogger(__name__)
 LOOK_EVERY_S = 1.0
-"""Time between two checks, in seconds. A change is announced about three seconds after the terminal
-shows it, because probing and announcing a name take this time."""
+"""Time between two checks of the network, in seconds."""
 CLAIM_EVERY_S = 10.0
-"""Interval at which a robot asks whether another robot has its name, in seconds. Robots that start
-at the same moment, for example from one switch, miss each other's first query."""
+"""Interval at which a robot asks whether another robot has its name, in seconds. Asking once is not
+enough: robots that start at the same moment miss each other's first query."""
 ASK_EVERY_S = 60.0
 """Interval at which the resolver is asked for this machine's names even if nothing has changed, in
 seconds."""
@@ -31,9 +30,13 @@ seconds."""
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """The robot's place on the network: its name without `.local`, addresses, names.
+    """The names and addresses of the robot on the network.
 
-    `machine` is the computer's own name, which a person or the network may change.
+    Attributes:
+        hostname: The announced name, without `.local`.
+        addresses: The addresses of this machine, the best first.
+        names: Further names that the resolver returns for this machine.
+        machine: The computer's own name, which a person or the network may change.
     """
 
     hostname: str
@@ -49,8 +52,9 @@ class Surroundings:
         config: The server's configuration; `hostname` is the name that the robot wants.
         addresses: Returns this machine's addresses, the best first.
         ask_names: Asks the resolver for this machine's names; may take long.
-        claim: Announces the robot at the given addresses and returns the name that it got.
-        is_taken: Returns True if another robot has the name too and may keep it.
+        claim: Announces the robot at the given addresses and returns the name that it got; None if
+            the robot is not announced.
+        is_taken: Returns True if another robot has the same name and this one has to change it.
     """
 
     def __init__(
@@ -68,9 +72,9 @@ class Surroundings:
         self.now = Place(config.hostname, found, machine=socket.gethostname())
         self._known = self._names_known()
         self.listeners: list[Callable[[Place, Place], None]] = []
-        """Called on the watch's thread with the previous and the new place."""
+        """Functions that are called with the old and the new place whenever the place changes."""
         self.ticks: list[Callable[[Place], None]] = []
-        """Called at every check, for parts that depend on the wall clock."""
+        """Functions that are called at every check, because they also depend on the wall clock."""
         self._is_claimed = claim is None
         self._asked_s: float | None = None
         self._claimed_s = 0.0
@@ -78,8 +82,8 @@ class Surroundings:
     def __contains__(self, name: object) -> bool:
         """True if the robot answers to this name.
 
-        A name without a dot is accepted: it belongs to this network, because no page on the
-        internet has such a name.
+        On the local network, every name without a dot is accepted, because no page on the internet
+        can have such a name.
         """
         place = self.now
         if name in self._known or name in place.names:
@@ -93,7 +97,7 @@ class Surroundings:
 
     @property
     def config_now(self) -> NetworkConfig:
-        """The configuration with the robot's current name."""
+        """The configuration with the name that the robot has now, for example NAME-2."""
         return dataclasses.replace(self._config, hostname=self.now.hostname)
 
     @property
@@ -113,7 +117,7 @@ class Surroundings:
         is_new = addresses != before.addresses
         if is_new or machine != before.machine:
             self._asked_s = None
-        # The server already answers at the new addresses.
+        # Accept the new addresses first: claiming a name takes a second.
         self._change(dataclasses.replace(before, addresses=addresses, machine=machine))
         is_due = bool(addresses) and now_s - self._claimed_s >= CLAIM_EVERY_S
         if is_new or not self._is_claimed or (is_due and self._is_taken(addresses)):
@@ -129,7 +133,7 @@ class Surroundings:
         return self.now != before
 
     def ask(self, now_s: float) -> None:
-        """If it is time, ask the resolver for this machine's names; waits for the answer."""
+        """Ask the resolver for this machine's names if the last answer is old; wait for it."""
         if self._asked_s is not None and now_s - self._asked_s < ASK_EVERY_S:
             return
         self._asked_s = now_s
@@ -152,7 +156,7 @@ class Surroundings:
 
 
 class Watch:
-    """Checks the surroundings on one thread; a second thread waits for the resolver."""
+    """Checks the surroundings regularly on a thread; asks the slow resolver on a second thread."""
 
     def __init__(self, surroundings: Surroundings, clock: Clock) -> None:
         self._surroundings, self._clock = surroundings, clock
@@ -167,7 +171,7 @@ class Watch:
         ]
 
     def wait_for_the_first(self, timeout_s: float) -> None:
-        """Wait until the name is known, but at most this time."""
+        """Wait until the first check has ended, which announces the robot; at most `timeout_s`."""
         self._clock.wait(self._looked, timeout_s)
 
     def stop(self) -> None:

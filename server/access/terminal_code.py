@@ -1,8 +1,8 @@
-"""QR codes on a terminal, readable by a phone's camera on every theme.
+"""Draws QR codes on a terminal so that a phone's camera can read them with every colour theme.
 
-A code must be dark on light. Characters without colours take the theme's colours, so on a light
-theme the code would be a negative, which many readers refuse. If the terminal has colours, the code
-sets black and white of the 256-colour cube, which themes do not change.
+Many readers need dark modules on a light ground. Characters without a colour have the theme's
+colours, so a code may come out inverted. If the terminal has colours, the code is therefore drawn
+in the black and white of the 256-colour cube, which themes do not change.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from robot.errors import install_command
 
 _COLOURS, _RESET = "\x1b[38;5;16;48;5;231m", "\x1b[0m"
 _BLOCKS = {(0, 0): " ", (1, 0): "▀", (0, 1): "▄", (1, 1): "█"}
-"""Character for two modules, one above the other; 1 is dark."""
+"""The character for two modules of a code, one above the other; 1 is a dark module."""
 _INVERSE = {pair: _BLOCKS[1 - pair[0], 1 - pair[1]] for pair in _BLOCKS}
 
 
@@ -73,7 +73,7 @@ def draw_qr(text: str, terminal: Terminal | None = None) -> str:
         return f"(a QR code needs drivelesson[lan]: {install_command('lan')})\n"
     if not terminal.has_blocks:
         return "(no QR code: this terminal does not use UTF-8; use the address)\n"
-    # In these rows, 1 is a dark module. The quiet zone of two modules is enough for readers.
+    # A border of two light modules is enough for readers; the standard asks for four.
     rows = [list(row) for row in segno.make(text, error="l", micro=False).matrix_iter(border=2)]
     width = len(rows[0])
     if terminal.columns is not None and terminal.columns < width:

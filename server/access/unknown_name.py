@@ -1,4 +1,4 @@
-"""The page for a browser that used an unknown name; the page shows the address to open. Pure."""
+"""The page for a browser that opened the robot by an unknown name; it shows the right address."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ class AdjustmentsExtension(Extension):
         return (router,)
 
     def prepare(self) -> None:
-        """Correct the running robot, and note the corrections for recordings."""
+        """Correct the running robot; later recordings contain the corrections as metadata."""
         self.file.apply()
         robot, persistence = self._services.robot, self._services.persistence
         if persistence is not None:
@@ -46,9 +46,9 @@ class AdjustmentsExtension(Extension):
             robot.clock.result(robot.loop.submit(lambda: note(now)))
 
     async def change(self, given: Mapping[str, Any]) -> None:
-        """Stop the robot, and set the corrections of body and camera; None leaves them unchanged.
+        """Stop the robot, and set the given corrections of body and camera.
 
-        A new recording begins, whose metadata contain the corrections.
+        The current recording ends, so that the next one gets the new corrections as metadata.
 
         Raises:
             ConfigurationError: If a correction does not apply to this body or camera.
@@ -69,7 +69,7 @@ class AdjustmentsExtension(Extension):
 
 
 class CorrectionsChange(RawValue):
-    """The corrections to change."""
+    """A request's body: the corrections to change."""
 
     reverse: Literal["none", "left", "right", "both"] | None = must_be(
         f"one of {', '.join(REVERSED)}", None
@@ -84,7 +84,7 @@ class CorrectionsChange(RawValue):
 
 @dataclass
 class CorrectionsAnswer:
-    """The corrections, and the names of the corrections that apply to this robot and its camera."""
+    """The corrections of a robot, and the names of those that apply to its body and camera."""
 
     reverse: str
     swap_sides: bool

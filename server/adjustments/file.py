@@ -19,13 +19,17 @@ from server.adjustments.options import CorrectionOptions
 log = logging.getLogger(__name__)
 
 _PATIENCE_S = 40.0
-"""Time limit for a correction, in seconds: a Raspberry Pi's pins may have to be claimed again."""
+"""Time limit for applying corrections, in seconds. On a Raspberry Pi, this may claim pins again,
+which is slow."""
 
 
 class CorrectionsFile:
-    """Saves corrections in `corrections.json`, by body and by camera, if there is a folder.
+    """Saves the corrections of each body and each camera in `corrections.json`.
 
-    `given` are the options of the command line; they override saved corrections.
+    Args:
+        folder: The folder of the file; None to save nothing.
+        rig: The robot that is corrected.
+        given: The corrections on the command line, which override saved ones.
     """
 
     def __init__(self, folder: Path | None, rig: Rig, given: Mapping[str, Any]) -> None:
@@ -41,15 +45,15 @@ class CorrectionsFile:
 
     @property
     def possible(self) -> tuple[str, ...]:
-        """The names of the corrections that apply to this body and this camera."""
+        """The names of the corrections that this body and this camera support."""
         of_camera = ("turn_picture", "mirror_picture") if self._rig.camera.can_be_turned else ()
         return (*possible_corrections(self._rig.driver), *of_camera)
 
     def apply(self) -> None:
-        """Correct the running robot by the saved and the given corrections; save the given ones.
+        """Apply the saved and the given corrections to the running robot; save the given ones.
 
         Raises:
-            ConfigurationError: If a given correction does not apply to this body or camera.
+            ConfigurationError: If body and camera do not support a given correction.
         """
         names = {*self.possible, *self._given}
         wanted = {n: value for n, value in self._wanted.described().items() if n in names}
@@ -60,11 +64,11 @@ class CorrectionsFile:
         if self._given:
             try:
                 self.save()
-            except OSError as error:  # the robot starts without saved corrections
+            except OSError as error:  # the robot can start although nothing is saved
                 log.warning("the corrections were not saved: %s", error)
 
     def save(self) -> bool:
-        """Save the robot's corrections; return False if nothing is saved.
+        """Save the robot's corrections; return False if there is no folder to save them in.
 
         Raises:
             OSError: If the file cannot be written.

@@ -1,1 +1,1 @@
-"""The teacher's board of a class: queries the robots' servers and shows all on one page."""
+"""The teacher's board of a class: it queries the robots' servers and shows all robots on a page."""

@@ -1,4 +1,4 @@
-"""The board's own server: one page for the teacher, only on the teacher's machine."""
+"""The board's web server. It serves a page for the teacher, on the teacher's computer only."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from server.routes.bodies import HANDLERS, Short, do
 from server.routes.sockets import end_with_either
 
 SEND_EVERY_S = 0.1
-"""How long news and pictures are collected before they are sent together, in seconds."""
+"""How long news and pictures are collected until they are sent to a page together, in seconds."""
 LANGUAGES = ("en", "es", "zh")
 """The languages of the lessons."""
 PICTURE_HEADER = struct.Struct("<HI")
@@ -37,13 +37,13 @@ PICTURE_HEADER = struct.Struct("<HI")
 
 
 class StopOrder(RawValue):
-    """The robot to stop; all robots if `robot` is left out."""
+    """A request's body: the number of the robot to stop, or nothing to stop all robots."""
 
     robot: int | None = whole(None)
 
 
 class RobotChange(RawValue):
-    """Changes to one robot."""
+    """A request's body: changes to one robot."""
 
     name: str | None = text(None)
     colour: str | None = text(None)
@@ -51,19 +51,19 @@ class RobotChange(RawValue):
 
 
 class ModelCopies(RawValue):
-    """The robots that get the model."""
+    """A request's body: the numbers of the robots that get the model."""
 
     to: list[int] = must_be("a list of robots' numbers")
 
 
 class OrderBody(RawValue):
-    """An order to all robots."""
+    """A request's body: an order to all robots."""
 
     order: Literal["keep", "reset", "hand_over"] = must_be("keep, reset or hand_over")
 
 
 class LessonModel(RawValue):
-    """The name that the robots give the model."""
+    """A request's body: the name under which the robots save the model."""
 
     name: str = text(NAME, most=60)
 
@@ -78,9 +78,14 @@ def create_board_app(
     begin: Callable[[], None] = lambda: None,
     lesson: str = "",
 ) -> FastAPI:
-    """Make the application; `begin` adds the robots when the event loop runs.
+    """Make the board's application.
 
-    The page of lessons opens `lesson` if its address names no lesson.
+    Args:
+        config: The configuration of the board's server.
+        board: The board.
+        clock: The clock.
+        begin: Called as soon as the event loop runs, to add the robots.
+        lesson: The lesson that the page of lessons opens if its address names none.
     """
     app = FastAPI(
         title="Drivelesson board",
@@ -94,7 +99,7 @@ def create_board_app(
     @app.exception_handler(RobotError)
     @app.exception_handler(OSError)
     async def refuse(request: Request, error: RobotError | OSError) -> JSONResponse:
-        """Return the robot's error to the client, or 502 if the robot does not answer."""
+        """Answer a request with its robot's error, or with 502 if the robot does not answer."""
         if isinstance(error, NotFoundError):
             return JSONResponse({"detail": str(error)}, 404)
         sentence = f"{board.robot(int(request.path_params['number'])).name}: {error}"
@@ -186,13 +191,13 @@ def _add_routes(
 
     @app.post("/api/models")
     async def order(body: OrderBody) -> dict[str, Any]:
-        """Have all robots save their models, start empty ones, or be handed over to the next
-        pupils."""
+        """Give an order to all robots: to save their models, to start empty ones, or to be handed
+        over to the next pupils."""
         return await models.give(ClassOrder(body.order))
 
     @app.post("/api/models/left-turns")
     async def give_left_turns(body: LessonModel) -> dict[str, Any]:
-        """Have all robots load the ready lesson of left turns only as a model of this name."""
+        """Have all robots load the ready-made model "left turns only", under the given name."""
         return await models.give(ClassOrder.LOAD, await do(left_turns), body.name)
 
     @app.post("/api/models/undo")
@@ -202,13 +207,13 @@ def _add_routes(
 
     @app.post("/api/robots/{number}/copy-model")
     async def take_model(number: int, body: ModelCopies) -> dict[str, Any]:
-        """Copy this robot's model in use to other robots; return the failures."""
+        """Copy the model that a robot uses to other robots; return a sentence for each failure."""
         targets = [board.robot(target) for target in body.to if target != number]
         return {"faults": await copy_model(board.robot(number), targets)}
 
     @app.get("/api/robots/{number}/qr.svg")
     async def draw_code(number: int, printed: bool = False) -> Response:
-        """Draw the QR code that pairs a phone with a robot; with `printed` a permanent code."""
+        """Draw the QR code that pairs a phone with a robot; with `printed`, the permanent one."""
         address = board.robot(number).page_address(printed=printed)
         if address is None:
             raise HTTPException(409, "There is no code while the robot is away.")
@@ -223,7 +228,7 @@ def _add_routes(
 
     @app.websocket("/ws/board")
     async def follow(websocket: WebSocket) -> None:
-        """Send news and pictures; receive the robots to watch, STOP, and releases."""
+        """Serve an open page: send news and pictures, receive STOP, releases and choices."""
         await websocket.accept()
         onlooker = BoardViewer()
         board.join(onlooker)
@@ -260,9 +265,9 @@ async def _hear(websocket: WebSocket, board: Board, onlooker: BoardViewer) -> No
 
 
 async def _tell(websocket: WebSocket, board: Board, onlooker: BoardViewer, clock: Clock) -> None:
-    """Send news and the newest pictures, but not while a stop is under way.
+    """Send news and the newest pictures to a page, but nothing while a stop is under way.
 
-    Pictures are sent once the previous ones have been drawn.
+    Further pictures are sent only after the page has drawn the previous ones.
     """
     while True:
         await onlooker.due.wait()

@@ -23,9 +23,8 @@ class BoardViewer:
     """One open page of the board, with its unsent news and the newest pictures.
 
     Attributes:
-        due: Set when there is something to send, to wake the page's task.
-        may_send: Set while the page waits for pictures, because it has drawn all pictures that were
-            sent.
+        due: Set when there is something to send; wakes the task that sends to the page.
+        may_send: Set while further pictures may be sent, because the page has drawn the last ones.
     """
 
     def __init__(self) -> None:
@@ -41,9 +40,9 @@ class Board:
     """The robots of one class. Everything runs on one event loop.
 
     Attributes:
-        robots: The robots of the class, which the teacher named or which proved the key. No robot
-            is ever removed.
-        strangers: The other announced robots.
+        robots: The robots of the class by number: those that the teacher listed, and those that
+            have proved that they know the key. No robot is ever removed.
+        strangers: The other robots that the network announces.
         code: The token on the printed cards, for phones that cannot scan.
     """
 
@@ -62,15 +61,15 @@ class Board:
         self._tasks: list[asyncio.Task[None]] = []
         self._onlookers: list[BoardViewer] = []
         self.at_leisure = asyncio.Event()
-        """Cleared from a stop until it is confirmed or reported as failed.
+        """Cleared from the press of STOP until the stop is confirmed or reported as failed.
 
-        While it is cleared, no pictures or news are sent, so that the stop has the machine and the
-        network to itself.
+        Meanwhile no pictures or news are sent, so that the stop has the computer and the network
+        to itself.
         """
         self.at_leisure.set()
 
     def add(self, address: RobotAddress) -> RobotLink | None:
-        """Add a robot and connect to it; return None if it was added before."""
+        """Add a robot to the class and connect to it; return None if it was already added."""
         if self.has(address):
             return None
         robot = RobotLink(
@@ -87,7 +86,7 @@ class Board:
         return robot
 
     def announce(self, address: RobotAddress) -> None:
-        """Add an announced robot; the robot joins the class only after it has proved the key."""
+        """Note an announced robot; it is added once it has proved that it knows the class key."""
         if not self.has(address):
             self.strangers.announce(address)
 
@@ -121,10 +120,13 @@ class Board:
             robot.stop.press()
 
     def release(self, stops: Mapping[int, str]) -> None:
-        """Release robots; `stops` maps a robot's number to the `stop_id` that the teacher has seen.
+        """Release stopped robots; a robot that was stopped again in the meantime stays stopped.
 
-        A robot that was stopped again since then stays stopped. Raises NotFoundError for an unknown
-        number.
+        Args:
+            stops: The `stop_id` that the teacher has seen, by the robot's number.
+
+        Raises:
+            NotFoundError: If there is no robot with one of these numbers.
         """
         for robot, stop in [(self.robot(number), stop) for number, stop in stops.items()]:
             robot.stop.release(stop)
@@ -132,7 +134,7 @@ class Board:
     # Pages -------------------------------------------------------------------------------------
 
     def join(self, page: BoardViewer) -> None:
-        """Add a page and send it all robots."""
+        """Add a page, and send it the state of all robots."""
         self._onlookers.append(page)
         page.changed.update(self.robots)
         page.strangers_changed = True

@@ -13,11 +13,11 @@ from server.cli.parser import whole
 
 MOST = 60
 PORT = 8080
-"""The board's port, if no other is named."""
+"""The default port of the board."""
 ORDERS = ("keep", "reset", "hand-over", "undo")
 """The orders to all robots at the end of a lesson."""
 LESSONS = {"teach-it": "box", "fool-it": "box", "fair-data": "box"}
-"""The lessons in `docs/lessons`, each with the place in which its simulated robots begin."""
+"""The lessons in `docs/lessons`, each with the world in which its simulated robots begin."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -42,7 +42,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run until interrupted, then end all processes; or give an order."""
+    """Run a class until interrupted, or give an order to the running class."""
     if args.order:
         from server.board.class_orders import give_order
 
@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
     listener = open_socket(BOARD_HOST, args.port)
     file = args.data / "class.key"
     key = keep_class_key(file)
-    # The QR codes lead phones to this address, so the board uses this address too.
+    # The board, too, uses the address to which the QR codes lead the phones.
     here = next(iter(lan_addresses(NetworkConfig(host=args.host, lan=True))), "127.0.0.1")
 
     def make_model() -> tuple[str, bytes]:
@@ -85,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def split(text: str) -> tuple[int, str]:
-    """Return the number of simulated robots in a list, and the list's other entries."""
+    """Split the value of --robots into the number of simulated robots and the other entries."""
     words = list(filter(None, map(str.strip, text.split(","))))
     count = sum(int(word) for word in words if word.isdecimal())
     listed = [word for word in words if not word.isdecimal()]

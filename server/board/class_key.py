@@ -1,8 +1,8 @@
-"""The key that a teacher's board shares with the robots of a class, and its proofs.
+"""The key that a teacher's board shares with the robots of a class, and proofs of knowing it.
 
-Each side proves that it knows the key without sending the key. A proof covers both sides' random
-numbers and the robot's address as each side sees it, so an impostor at another address can neither
-replay nor relay the proof. Pure, except for the key's file.
+Each side proves that it knows the key without sending the key. A proof covers the random numbers of
+both sides, and the robot's address as the prover sees it. An impostor at another address can
+therefore neither replay nor relay the proof. Pure, except for the key's file.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from robot.store.records import read_regular
 from server.access.pairing import ALPHABET, TOKEN_LETTERS
 
 SHORTEST = 32
-"""Minimum length of a key in characters: keys can be tried offline on a recorded handshake."""
+"""Minimum length of a key in characters. It must be long, because an attacker who has recorded a
+handshake can try out keys without limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +37,7 @@ class ClassKey:
             )
 
     def prove(self, who: str, board_nonce: str, robot_nonce: str, endpoint: str) -> str:
-        """Return the proof of one side.
+        """Return the proof that one side knows the key.
 
         Args:
             who: `robot` or `board`, so that neither side can use the other's proof.
@@ -49,12 +50,12 @@ class ClassKey:
 
     @property
     def code(self) -> str:
-        """The printed code, which pairs any phone with any robot that has this key."""
+        """The token for printed cards, which pairs any phone with any robot that has this key."""
         digest = hmac.digest(self.secret.encode(), b"drivelesson class code 1", "sha256")
         return "".join(ALPHABET[byte % len(ALPHABET)] for byte in digest[:TOKEN_LETTERS])
 
     def accepts(self, proof: str, who: str, board_nonce: str, robot_nonce: str, at: str) -> bool:
-        """True if the proof is the other side's."""
+        """True if the other side has made this proof with the same key; see `prove`."""
         wanted = self.prove(who, board_nonce, robot_nonce, at)
         return hmac.compare_digest(wanted.encode(), proof.encode("utf-8", "replace"))
 
@@ -64,7 +65,7 @@ def new_nonce() -> str:
 
 
 def endpoint(address: str, port: int) -> str:
-    """Return an address and port in the form for proofs, without an interface's name."""
+    """Return an address and a port as one text for proofs; an IPv6 zone is left out."""
     return f"{address.partition('%')[0].removeprefix('::ffff:').lower()}:{port}"
 
 
@@ -77,7 +78,7 @@ def read_class_key(file: Path) -> ClassKey:
 
 
 def keep_class_key(file: Path) -> ClassKey:
-    """Read the key; if there is none, make a key that only its owner can read."""
+    """Read the key of a file; if there is no file, make a key that only the user can read."""
     with told_as(ConfigurationError, f"cannot write a class key {file}"), suppress(FileExistsError):
         file.parent.mkdir(parents=True, exist_ok=True)
         with os.fdopen(os.open(file, os.O_CREAT | os.O_WRONLY | os.O_EXCL, 0o600), "w") as out:

@@ -1,8 +1,8 @@
 """Saves, resets or hands over the models of all robots of a class at once, with undo.
 
-All robots get the order at the same time, and nothing is lost: a robot saves its model before it
-starts another. A model without examples is not saved; it is deleted when another takes its place.
-Each step is recorded for each robot, so that an order that failed halfway can be undone as well.
+All robots get an order at the same time. A robot saves its model before it starts another, unless
+the model has no examples; such a model is deleted. The steps of each robot are recorded, so that
+even an order that failed halfway can be undone.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from server.board.teacher_session import Status
 from server.board.transport import UnreachableError, within
 
 PATIENCE_S = 20.0
-"""How long one robot may take to carry out an order, in seconds: it saves and loads a model."""
+"""How long one robot may take to carry out an order, in seconds; it saves and loads a model."""
 _STOP_S, _LOOK_S = 3.0, 0.05
 _MOST_UNDONE = 10
 _LONGEST_NAME = 40
@@ -36,7 +36,7 @@ class ClassOrder(StrEnum):
     """An order to all robots of a class."""
 
     KEEP = "keep"
-    """Save a dated copy of the model in use, and continue with the model."""
+    """Save a dated copy of the model in use, and keep using the model."""
     RESET = "reset"
     """Save the model in use, and start an empty one."""
     HAND_OVER = "hand_over"
@@ -47,11 +47,11 @@ class ClassOrder(StrEnum):
 
 @dataclass(slots=True)
 class RobotOutcome:
-    """The result of an order at one robot.
+    """The result of an order, or of its undo, at one robot.
 
     Attributes:
-        did: The order if the robot carried it out; if not, `undone`, `away`, `failed`, or `empty`
-            if there was nothing to keep.
+        did: The order if the robot carried it out, `undone` after an undo, `empty` if there was
+            nothing to keep, `away` if the robot did not answer, or `failed`.
         model: The model that was saved or set aside; empty if it had no examples.
         detail: The failure's cause, in English.
     """
@@ -65,7 +65,7 @@ class RobotOutcome:
 
 @dataclass(slots=True)
 class _Done:
-    """An order, and for each robot the steps that undo the order, in sequence."""
+    """An order that was given, with the steps by which each robot undoes it, the last one first."""
 
     order: ClassOrder
     steps: dict[int, list[Undo]] = field(default_factory=dict)
@@ -76,7 +76,7 @@ class ClassModels:
     """Gives orders to all robots of a board.
 
     Args:
-        robots: Returns the board's current robots.
+        robots: Returns the robots that are on the board now.
     """
 
     def __init__(self, robots: Callable[[], Sequence[RobotLink]], clock: Clock) -> None:
@@ -105,7 +105,7 @@ class ClassModels:
             return {"order": order.value, "robots": [asdict(one) for one in done.outcomes]}
 
     async def undo(self) -> dict[str, Any]:
-        """Undo the last order; the undo can be repeated for robots that did not answer."""
+        """Undo the last order. If some robots do not answer, a further call undoes it on them."""
         async with self._lock:
             if not self._done:
                 raise NotFoundError("there is nothing to undo")
@@ -160,7 +160,7 @@ class ClassModels:
             async def go_back() -> None:
                 again = f"{_model(before)}/load" if before else "/api/models"
                 await robot.ask("POST", again, {})
-                if await _lessons(robot, new) == lessons:  # the robot was not taught since then
+                if await _lessons(robot, new) == lessons:  # nobody has taught this model since
                     await robot.ask("DELETE", _model(new))
 
             steps.append(go_back)
@@ -225,21 +225,23 @@ def _model(name: str) -> str:
 
 
 async def _set_aside(robot: RobotLink) -> tuple[str | None, bool]:
-    """Save the model in use; return its name, and True if it is empty and was not saved.
+    """Save the model that a robot uses.
 
-    The name is None if no model is in use.
+    Returns:
+        The name of the model (None if the robot uses none), and True if the model is empty and was
+        therefore not saved.
     """
     if robot.state.get("lessons") == 0:
         listed = (await robot.ask("GET", "/api/models")).json()
         name = listed.get("current")
-        # the state may be older than a model that was loaded just now
+        # the state may still be that of another model, if this one was loaded just now
         if not name or not _lessons_in(listed, name):
             return name, True
     return name_in(await robot.ask("POST", "/api/models/save", {})), False
 
 
 async def _lessons(robot: RobotLink, name: str) -> int | None:
-    """Return the number of examples in a model; None if the model is gone."""
+    """Return the number of examples in a robot's model; None if the robot no longer has it."""
     return _lessons_in((await robot.ask("GET", "/api/models")).json(), name)
 
 

@@ -1,4 +1,4 @@
-"""Gives an order to the board that runs on this computer, from the command line."""
+"""Gives an order from the command line to the board that runs on this computer."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from server.board.class_command import PORT
 from server.board.class_models import PATIENCE_S
 
 _ANSWERED_S = PATIENCE_S + 10.0
-"""How long the board may take to answer, in seconds: robots that do not answer take longest."""
+"""How long the board may take to answer, in seconds; it waits for the slowest robot."""
 _DID = {
     "keep": "kept a copy: {model}",
     "reset": "starts over",
@@ -23,7 +23,7 @@ _DID = {
     "failed": "could not do it: {detail}",
 }
 _SAVED = {"reset": "; saved before: {model}", "hand_over": "; saved before: {model}"}
-"""The rest of the sentence if the robot's model was saved."""
+"""The end of a robot's line if the robot has saved a model."""
 _FAILED = ("away", "failed")
 
 
@@ -31,11 +31,11 @@ def give_order(order: str, port: int) -> tuple[bool, list[str]]:
     """Have the board at this port give an order to all robots.
 
     Returns:
-        Whether every robot carried out the order, and a line for each robot; the robots that failed
-            come first.
+        True if every robot has carried out the order, and a line for each robot; the lines of
+        robots that failed come first.
 
     Raises:
-        NotConnectedError: If no board answers there.
+        NotConnectedError: If no board answers at this port.
         ConfigurationError: If the board refuses the order.
     """
     answer = _ask(order, f"http://127.0.0.1:{port}")

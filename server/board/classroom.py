@@ -1,8 +1,8 @@
 """A robot's membership in a class: the teacher's sessions, and the locks on pupils.
 
-A robot has a `Classroom` only if it was given the class's key. The teacher's board proves that it
-knows the key and gets a session. No browser has this session: its secret is sent in a header that a
-page of another site cannot set. Locks are stored on the robot and enforced by its guard. Pure,
+A robot has a `Classroom` only if it was started with the class's key. The teacher's board proves
+that it knows the key and gets a session. Its requests carry the session's secret in a header, which
+no page of another site can set. The robot stores the locks, and its guard enforces them. Pure,
 except for the locks' file; the time is an argument.
 """
 
@@ -28,14 +28,14 @@ from server.gateway.roles import Role
 log = logging.getLogger(__name__)
 
 TEACHER = Role(value="teacher", may_change=True, holds_stop=True)
-"""The board of a class: it may change whatever a pilot may, and the locks, but never drives."""
+"""The role of a class's board: it may change the locks and all that a pilot may, but not drive."""
 LOCKS: dict[str, tuple[str, ...]] = {
     "settings": ("/api/settings", "/api/world"),
     "models": ("/api/models", "/api/retraining", "/api/studies", "/api/session"),
     "gallery": ("/api/gallery",),
     "recordings": ("/api/episodes",),
 }
-"""The locks of a teacher, each with the paths below which it forbids changes."""
+"""The locks that a teacher can set, each with the paths below which it forbids changes."""
 _NONCE = re.compile(r"[0-9a-f]{32}")
 _READS = ("GET", "HEAD", None)
 _SESSIONS = 8
@@ -44,7 +44,7 @@ _USED = 64
 
 
 class Classroom:
-    """The teacher's sessions and the locks of one robot; without a file the locks are in memory."""
+    """The teacher's sessions and the locks of one robot; the locks are saved if there is a file."""
 
     def __init__(self, key: ClassKey, file: Path | None = None) -> None:
         self._key = key
@@ -58,8 +58,8 @@ class Classroom:
     def challenge(self, board_nonce: str, endpoint: str, now_s: float) -> tuple[str, str]:
         """Return a random number for the board, and the proof that this robot knows the key.
 
-        Nothing is stored, so repeated requests use no memory and evict nobody. Raises
-        ConfigurationError if `board_nonce` is not valid.
+        Nothing is stored, so that a flood of requests uses no memory. Raises ConfigurationError if
+        `board_nonce` is not valid.
         """
         if not _NONCE.fullmatch(board_nonce):
             raise ConfigurationError("'nonce' must be 32 hexadecimal digits")
@@ -83,7 +83,7 @@ class Classroom:
         return secret
 
     def knows(self, authorization: str) -> bool:
-        """True if the header `authorization` contains the secret of a session."""
+        """True if the value of an Authorization header has the secret of a teacher's session."""
         kind, _, secret = authorization.partition(" ")
         return kind == "Bearer" and hash_of(secret) in self._sessions
 
@@ -99,7 +99,7 @@ class Classroom:
         return hmac.new(self._own_secret, text, hashlib.sha256).hexdigest()[:32]
 
     def lock(self, names: Sequence[str]) -> None:
-        """Set these locks and remove all others; an error leaves the locks unchanged."""
+        """Set these locks and remove all others; if an error is raised, the old locks remain."""
         locks = frozenset(names)
         if not locks <= LOCKS.keys():
             raise ConfigurationError(f"'locks' may contain only these: {', '.join(LOCKS)}")
@@ -108,7 +108,7 @@ class Classroom:
         self.locks = locks
 
     def is_locked(self, path: str, method: str | None) -> bool:
-        """True if only the teacher may send this request."""
+        """True if a lock reserves such a request for the teacher."""
         return method not in _READS and any(
             path == prefix or path.startswith(prefix + "/")
             for name in self.locks

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _NETWORK = "network"
 BOARD_HOST = "127.0.0.1"
-"""The board's address: only a browser on the teacher's computer may command the class."""
+"""The board's address: only browsers on the teacher's computer can reach it."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -61,12 +61,15 @@ def serve_board(
     picture_every_s: float = 1.0,
     lesson: str = "",
 ) -> None:
-    """Serve the board of these robots; if no robots are given, of all robots that the network
-    announces.
+    """Serve the board until interrupted.
 
-    `listener` is the open socket of the board: a port in use is found before any robot starts.
-
-    The lessons' page opens `lesson`; if it is empty, the first lesson.
+    Args:
+        key: The class key.
+        listener: The open socket of the board. The caller opens it, so that a port in use is
+            reported before any robot starts.
+        listed: The robots; if empty, all robots that the network announces.
+        picture_every_s: The time between two pictures of a robot, in seconds.
+        lesson: The lesson that the lessons' page opens; if empty, the first lesson.
     """
     from server.board.app import create_board_app
     from server.board.board import Board

@@ -1,7 +1,7 @@
 """Finds robots, from a list or from their announcements on the network.
 
-Announcements can be forged, so only the port is taken from an announcement. The address is that of
-the packet's sender, so nobody can direct the board to a third computer.
+Announcements can be forged, so the board takes only the port from an announcement and connects to
+the sender of the packet. Nobody can therefore direct the board to a third computer.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _KINDS = {"_http._tcp.local.": False, "_https._tcp.local.": True}
 _GROUP, _PORT = "224.0.0.251", 5353
 _LONGEST = 9000
 _ASK_EVERY_S = 60.0
-"""Longest time between two queries, in seconds; the first waits are 1, 2, 4 ... s."""
+"""Longest time between two queries, in seconds; it starts at 1 s and doubles up to this."""
 
 
 def read_list(text: str) -> list[RobotAddress]:
@@ -84,10 +84,10 @@ def browsing(
 
 
 def _join(addresses: Sequence[str]) -> socket.socket:
-    """Listen for announcements on these addresses of this computer."""
+    """Open a socket that receives announcements on these addresses of this computer."""
     network = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
-        # share the port with other programs that listen on it
+        # share the port of mDNS with other programs on this computer
         for name in ("SO_REUSEADDR", "SO_REUSEPORT"):
             if hasattr(socket, name):
                 network.setsockopt(socket.SOL_SOCKET, getattr(socket, name), 1)
@@ -107,13 +107,13 @@ def _zeroconf() -> Any:
 
 
 def _ask(network: socket.socket, addresses: Sequence[str]) -> None:
-    """Query all services of these kinds, so that they announce themselves again."""
+    """Ask all web servers on the network to announce themselves again."""
     zeroconf = _zeroconf()
     question = zeroconf.DNSOutgoing(0)
     for kind in _KINDS:
         question.add_question(zeroconf.DNSQuestion(kind, 12, 1))
     for address in addresses:
-        with suppress(OSError):  # a cable may be unplugged
+        with suppress(OSError):  # this address's network cable may be unplugged
             own = socket.inet_aton(address)
             network.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, own)
             for packet in question.packets():
@@ -121,9 +121,10 @@ def _ask(network: socket.socket, addresses: Sequence[str]) -> None:
 
 
 def read_announcement(data: bytes, source: str) -> list[RobotAddress]:
-    """Return the robots in a packet that came from `source`; robots at other addresses are ignored.
+    """Return the robots that the computer at `source` announces in a packet.
 
-    A robot with several addresses names the best one; its packets from other addresses are ignored.
+    A robot with several addresses names the best of them in each packet, and counts only if this
+    packet came from that address. Each robot is therefore found once.
     """
     zeroconf = _zeroconf()
     packet = zeroconf.DNSIncoming(data, (source, _PORT))

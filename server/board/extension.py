@@ -1,4 +1,4 @@
-"""A robot's side of a class: `/api/class`, which the board requests. See docs/reference/http.md."""
+"""A robot's side of a class: `/api/class`, for the board's requests. See docs/reference/http.md."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from server.services import Extension, Services, services_of
 
 router = APIRouter(prefix="/api/class", route_class=Route)
 _SIGNED_OUT = 10
-"""Number of sign-outs that can be undone."""
+"""Number of times that signing out all phones can be undone."""
 
 
 def _require_teacher(request: Request) -> None:
@@ -37,27 +37,27 @@ ONLY_TEACHER = Depends(_require_teacher)
 
 
 class ClassHello(RawValue):
-    """The board's random number."""
+    """A request's body: the board's random number."""
 
     nonce: str = text()
 
 
 class ClassJoin(ClassHello):
-    """The board's proof that it knows the class key."""
+    """A request's body: the board's proof that it knows the class key."""
 
     board_nonce: str = text()
     proof: str = text()
 
 
 class ClassLocks(RawValue):
-    """The locks: changes that pupils may not make."""
+    """A request's body: the locks, which are changes that pupils may not make."""
 
     locks: list[Short] = must_be(f"a list of some of {', '.join(LOCKS)}")
 
 
 @router.post("/hello", responses={404: {}, 409: {}})
 async def hello(request: Request, body: ClassHello) -> dict[str, str]:
-    """Begin the handshake: this robot is the first to prove that it knows the key."""
+    """Begin the handshake; the robot proves that it knows the key before the board does."""
     now_s = services_of(request).robot.clock.now_s()
     nonce, proof = _classroom(request).challenge(body.nonce, _own(request), now_s)
     return {"nonce": nonce, "proof": proof}
@@ -76,7 +76,7 @@ async def join(request: Request, body: ClassJoin) -> dict[str, str]:
 
 @router.get("", dependencies=[ONLY_TEACHER])
 async def describe_class(request: Request) -> dict[str, Any]:
-    """Return name, colour, locks, the model in use, and what the pilots chose to show."""
+    """Return the robot's name, colour, locks and model, and the data that its pilots show."""
     services = services_of(request)
     identity, persistence = services.identity.now, services.persistence
     return {
@@ -100,7 +100,7 @@ async def lock(request: Request, body: ClassLocks) -> dict[str, Any]:
 
 @router.post("/invitation", dependencies=[ONLY_TEACHER])
 async def invite(request: Request) -> dict[str, Any]:
-    """Return a token for the QR code on the board; null if no pairing is needed."""
+    """Return a token for the QR code on the board; null if phones need not be paired."""
     services = services_of(request)
     pairing = _pairing(services)
     if pairing is None:
@@ -111,7 +111,7 @@ async def invite(request: Request) -> dict[str, Any]:
 
 @router.delete("/phones", dependencies=[ONLY_TEACHER])
 async def sign_out(request: Request) -> dict[str, Any]:
-    """Sign out all phones that paired by this class's codes; `undo` signs them in again."""
+    """Sign out all phones that a code of this class has paired; return a key to undo it."""
     services = services_of(request)
     pairing = _pairing(services)
     ended = pairing.sign_out_invited() if pairing is not None else {}
@@ -126,7 +126,7 @@ async def sign_out(request: Request) -> dict[str, Any]:
 
 @router.post("/phones", dependencies=[ONLY_TEACHER])
 async def sign_in(request: Request, body: Key) -> dict[str, Any]:
-    """Sign in the phones that were signed out."""
+    """Sign in again the phones that were signed out; the body has the key of that sign-out."""
     services = services_of(request)
     sessions = services.extension(ClassroomExtension).take_signed_out(body.undo)
     pairing = _pairing(services)
@@ -147,7 +147,7 @@ def _classroom(request: Request) -> Classroom:
 
 
 def _own(request: Request) -> str:
-    """Return this robot's address from its own socket, which no header can change."""
+    """Return the robot's own address; it comes from the socket, so no header can forge it."""
     address, port = request.scope.get("server") or ("", 0)
     own = endpoint(str(address), int(port or 0))
     files = services_of(request).gateway.tls_files
@@ -159,9 +159,9 @@ def _own(request: Request) -> str:
 
 
 class ClassroomExtension(Extension):
-    """The class that the robot belongs to; `classroom` is None if it belongs to none.
+    """Makes a robot part of a class; `classroom` is None if the robot belongs to no class.
 
-    The option `class_key` names the key's file. The argument `classroom` replaces this option.
+    The option `class_key` names the key's file. A given `classroom` is used instead of that option.
     """
 
     routers = (router,)
@@ -181,13 +181,13 @@ class ClassroomExtension(Extension):
         services.gateway.kept.add(TEACHER.value)
 
     def keep_signed_out(self, sessions: Sessions) -> str:
-        """Store ended sessions, so that they can be restored; return their key."""
+        """Remember ended sessions, so that they can be restored; return a key for them."""
         key = secrets.token_hex(8)
         self._signed_out = dict([*self._signed_out.items(), (key, sessions)][-_SIGNED_OUT:])
         return key
 
     def take_signed_out(self, key: str) -> Sessions:
-        """Remove and return the sessions of a key; raises NotFoundError if there are none."""
+        """Return the sessions of a key and forget them; raises NotFoundError for another key."""
         if key not in self._signed_out:
             raise NotFoundError("these phones signed in again, or were signed out too long ago")
         return self._signed_out.pop(key)
@@ -202,7 +202,7 @@ class ClassroomExtension(Extension):
         assert self.classroom is not None
         if not self.classroom.knows(headers.get("authorization", "")):
             return None
-        return Session(TEACHER, TEACHER.value)  # all boards count as one client
+        return Session(TEACHER, TEACHER.value)  # the limits count all boards as one client
 
     def _check(self, path: str, method: str | None, role: Role) -> Refusal | None:
         assert self.classroom is not None

@@ -1,4 +1,4 @@
-"""Copies a model from one robot to others, which check the model like any uploaded file."""
+"""Copies a model from one robot to other robots; they check it like any uploaded file."""
 
 from __future__ import annotations
 
@@ -13,13 +13,12 @@ from server.board.transport import HttpAnswer, UnreachableError
 
 
 async def copy_model(source: RobotLink, targets: Sequence[RobotLink]) -> list[str]:
-    """Copy the model that one robot uses to other robots, all at the same time, and have them load
-    it.
+    """Copy the model that `source` uses to all `targets` at the same time, and have them load it.
 
-    The other robots must be stopped; they save their current models first.
+    The target robots must be stopped; they save their current models first.
 
     Returns:
-        One sentence for each robot that failed; the sentence also says what was left unchanged.
+        One sentence for each robot that failed, which also says what was left unchanged.
     """
     try:
         name = name_in(await source.ask("POST", "/api/models/save", {}))

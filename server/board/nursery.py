@@ -1,10 +1,10 @@
-"""A process that has imported everything and forks robots on request.
+"""A process that has imported all modules of a robot, and forks robots on request.
 
-Thirty robots that each import separately take 30 CPU seconds to start, and share no memory. Here
-one process imports, and its forks share its memory. Each robot is still a separate process, so a
-crash of one robot does not affect the others. The nursery reads lines of JSON on its standard input
-and answers on its standard output. The nursery runs only on Linux, because on other systems a
-process with these libraries must not be forked.
+Thirty robots that import their modules separately take 30 CPU seconds to start, and share no
+memory. Here one process imports the modules, and its forks share its memory. Each robot is still a
+separate process, so a crash of one robot does not affect the others. The nursery reads lines of
+JSON on its standard input and answers on its standard output. It runs only on Linux, because on
+other systems a process with these libraries must not be forked.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ BELOW = 5
 """Niceness of the robots: the board and the browsers have priority."""
 _POLL_S = 1.0
 _COLD = 6.0
-"""Factor by which a picture costs more in a class than in a loop in one process, because caches are
-cold, sockets and the disk add time, and a tenth of the computer stays free for a STOP. Measured
-with thirty robots on two cores."""
+"""Ratio of the CPU time that a robot in a class needs for a picture to the time that
+`measure_picture_s` returns. In a class, caches are cold, sockets and the disk add time, and a tenth
+of the computer must stay free for a STOP. Measured with thirty robots on two cores."""
 _BATCHES, _BATCH = 5, 20
-"""This computer is measured with five batches of twenty pictures each. The fastest batch counts,
-because other programs only slow a batch down."""
+"""Number of batches by which this computer is measured, and number of pictures in each batch. Only
+the fastest batch counts, because other programs can slow a batch down but not speed it up."""
 _MODULES = (
     *("anyio._backends._asyncio", "cv2", "encodings.ascii", "encodings.idna"),
     *("encodings.utf_8_sig", "fastapi.telemetry._runtime", "filelock", "google.protobuf"),
@@ -56,8 +56,8 @@ _MODULES = (
     *("server.integrations.metrics", "server.integrations.mjpeg", "server.integrations.unread"),
     *("server.persistence", "server.recordings.retraining_routes", "server.recordings.routes"),
 )
-"""The modules that a robot of a class imports; a test fails if one of ours is missing. Each robot
-would read a missing module separately, and keep it in its own memory."""
+"""The modules that a robot of a class imports. If one is missing here, each robot imports it
+separately and keeps it in its own memory. A test finds missing modules of Drivelesson."""
 
 _ARENAS = "1"
 """Number of heaps of glibc's allocator. By default each thread gets its own heap, and keeps some
@@ -65,11 +65,11 @@ megabytes of freed memory there; a robot has 14 threads, of which only one runs 
 
 
 class Nursery:
-    """The class's connection to the nursery.
+    """Starts the nursery process, and sends requests to it.
 
     Attributes:
-        picture_s: CPU seconds per picture of a taught robot on this computer; None if it was not
-            measured.
+        picture_s: CPU time in seconds that a taught robot of a class needs for one picture on this
+            computer; None if it could not be measured.
     """
 
     def __init__(self, folder: Path, world: str) -> None:
@@ -104,7 +104,7 @@ class Nursery:
         return None
 
     def end(self) -> None:
-        """End all robots; they also end when the calling process ends."""
+        """Tell all robots to end; they also end by themselves when the calling process ends."""
         if self._life >= 0:
             os.close(self._life)
             self._life = -1
@@ -113,7 +113,7 @@ class Nursery:
                 self._process.stdin.close()
 
     def wait(self) -> None:
-        """Wait until all robots have ended."""
+        """Wait until all robots have ended; kill the nursery if this takes too long."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(END_S + 5.0)
         self._process.kill()
@@ -135,7 +135,7 @@ class Nursery:
 
 
 def _serve(words: Sequence[str], log: str, life: int) -> int:
-    """Run a robot until it or the class ends."""
+    """Run a robot in this process until the robot or the class ends; return the exit status."""
     gc.enable()
     os.setsid()
     os.nice(BELOW)
@@ -178,12 +178,11 @@ def _fork(work: Callable[[], int]) -> int:
         with contextlib.suppress(Exception):
             sys.stdout.flush()
             sys.stderr.flush()
-        os._exit(status)  # `os._exit` skips the parent's exit handlers
+        os._exit(status)  # unlike `sys.exit`, does not run the exit handlers of the parent
 
 
 def measure_picture_s(world: str) -> float:
-    """Return the CPU time that one picture takes to be rendered, encoded, decoded, judged and
-    learned."""
+    """Return the CPU time in which a picture is rendered, encoded, decoded, judged and learned."""
     from robot.control.loop import ControlLoop
     from robot.policy.registry import make_policy
     from robot.simulator.camera import SimCamera, SimCameraOptions
@@ -214,7 +213,7 @@ def measure_picture_s(world: str) -> float:
 
 
 def _measure_apart(world: str) -> float | None:
-    """Measure in a fork, because a process with a renderer must not be forked."""
+    """Measure in a separate process: after rendering, the nursery could no longer be forked."""
     read, write = os.pipe()
 
     def work() -> int:
@@ -230,10 +229,10 @@ def _measure_apart(world: str) -> float | None:
 
 
 def _run(world: str, life: int) -> None:
-    """Import, fork robots until the input ends, and wait until they have ended."""
+    """Import the modules, fork robots until the input ends, and wait until they have ended."""
     import importlib
 
-    # If memory were freed before the fork, robots would write to it, and Linux would copy pages.
+    # Memory freed now would be reused by each robot, so Linux would have to copy its pages.
     gc.disable()
     for name in _MODULES:
         with contextlib.suppress(ImportError):
@@ -243,7 +242,7 @@ def _run(world: str, life: int) -> None:
     from server.routes import routers
     from server.services import installed
 
-    make_policy("default-32")  # this call and the next three cache constants
+    make_policy("default-32")  # this call and the next three fill caches that all robots share
     websocket_protocol()
     installed()
     routers()

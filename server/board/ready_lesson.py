@@ -1,7 +1,7 @@
-"""The ready-made lesson "left turns only": a model that was never taught a right turn.
+"""Makes the model of the lesson "left turns only", which was never taught a right turn.
 
-The model is made when it is needed, by driving rounds in the simulator. So the model fits this
-version's learner, and no model file is shipped.
+The model is taught in the simulator when a class needs it. It therefore always fits the learner of
+this version, and no model file has to be shipped.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ from functools import cache
 from robot.clock import RealClock
 
 NAME = "left turns only"
-"""Name of the model on a robot if no language is known."""
+"""Name of the model on a robot if the computer's language is not known."""
 _NAMES = {"es": "solo izquierda", "spanish": "solo izquierda"}
 _NAMES |= {"zh": "只会左转", "chinese": "只会左转"}
 _STEP_S = 0.1
-"""Time between two pictures, in seconds."""
+"""Simulated time between two pictures, in seconds."""
 _NEAR_M, _FREE_M = 0.35, 0.5
 """Distances to the wall ahead at which a left turn begins and at which it ends, in metres."""
 
 
 def locale_of_computer(environment: Mapping[str, str]) -> str | None:
-    """Return the name of the locale that a person chose.
+    """Return the name of the locale that a person chose for this computer.
 
-    The environment is read first: if the system has no files of the locale that the environment
-    names, Python reports another one.
+    The environment's variables come first, because Python reports another locale if the files of
+    the chosen locale are not installed.
     """
     chosen = (environment.get(name) for name in ("LC_ALL", "LC_MESSAGES", "LANG"))
     return next(filter(None, chosen), None) or locale.getlocale()[0]
@@ -42,7 +42,7 @@ def name_of_left_turns(locale_name: str | None) -> str:
 
 @cache
 def left_turns(world: str = "box", seconds: float = 90.0) -> bytes:
-    """Return the model's file, taught on rounds of a place in which every turn is to the left."""
+    """Return the bytes of a model that was taught on rounds of a world, with left turns only."""
     from robot.policy.history import TrainingHistory
     from robot.policy.registry import make_policy
     from robot.simulator.camera import SimCamera, SimCameraOptions

@@ -1,8 +1,8 @@
 """The board's connection to one robot, which stays open so that a stop takes one message.
 
-The board is a client of the robot's own server, like a page. The board receives the state on
-`/ws/drive` as an idle client, and pictures on `/ws/video` only while somebody looks. A slow or
-missing robot does not delay the others, because each robot has its own tasks, which share nothing.
+The board is a client of the robot's server, as a page is. It receives the robot's state on
+`/ws/drive`, and pictures on `/ws/video` while a page of the board shows them. Each robot has its
+own tasks, so a slow or missing robot does not delay the others.
 """
 
 from __future__ import annotations
@@ -34,10 +34,11 @@ log = logging.getLogger(__name__)
 
 PING_EVERY_S, SILENCE_S = 1.0, 3.0
 START_S = 30.0
-"""How long a robot that has never answered counts as starting, in seconds."""
+"""How long a robot that has not yet answered is assumed to be starting, in seconds."""
 _RETRY_S, _LONGEST_RETRY_S, _STOP_RETRY_S = 0.5, 5.0, 0.25
 _STARTING_RETRY_S = 1.0
-"""Longest time between two tries while a robot may be starting, in seconds; short for the class."""
+"""Longest time between two tries to connect while a robot may be starting, in seconds; short, so
+that a new class is complete soon."""
 _INVITE_EVERY_S = 100.0
 _FIELDS = (
     *("mode", "driven_by", "action", "stop_reason", "emergency", "asks_pilot", "fault", "link"),
@@ -49,9 +50,12 @@ class RobotLink:
     """One robot on the board.
 
     Args:
-        on_news: Called when something about the robot has changed.
-        on_picture: Called with each message of `/ws/video`.
-        at_leisure: Cleared while a stop is under way, so that pictures wait for the stop.
+        number: The robot's number on the board.
+        session: The teacher's session with the robot.
+        clock: The clock.
+        on_news: Called with this link when something about the robot has changed.
+        on_picture: Called with this link and each message of `/ws/video`.
+        at_leisure: Cleared while a stop is under way; no further pictures are then requested.
     """
 
     def __init__(
@@ -114,7 +118,7 @@ class RobotLink:
         return pairing_address(address, token) if token else None
 
     def show(self, every_s: float | None) -> None:
-        """Get one picture every `every_s` seconds; None means no pictures."""
+        """Receive a picture every `every_s` seconds from now on; None means no pictures."""
         if every_s != self._every_s:
             self._every_s = every_s
             self._rate_changed.set()
@@ -158,14 +162,14 @@ class RobotLink:
         self._on_news(self)
 
     async def _serve(self) -> None:
-        """Connect once, and serve until the connection ends."""
+        """Connect to the robot, and exchange messages until the connection ends."""
         async with within():
             if not self._session.is_open:
                 await self._session.join()
             try:
                 await self.refresh()
             except RefusedError:
-                self._session.forget()  # the robot restarted, perhaps without the key
+                self._session.forget()  # the robot has restarted, perhaps without the class key
                 raise
         async with self._session.connect("/ws/drive") as channel:
             await self.stop.send_again(channel)
@@ -196,7 +200,7 @@ class RobotLink:
                 self.stop.refuse_release()
 
     def _note_state(self, state: dict[str, Any]) -> None:
-        is_ours = state.get("stop_held_by") == TEACHER.value  # a stop by a pupil is not the board's
+        is_ours = state.get("stop_held_by") == TEACHER.value  # a pupil can stop the robot, too
         is_stopped = is_ours and state.get("emergency") is True
         number = state.get("stop_number")
         self.stop.note_state(number if type(number) is int else None, is_stopped=is_stopped)
@@ -223,7 +227,7 @@ class RobotLink:
                 await channel.send(json.dumps(words))
             await self._clock.pause(PING_EVERY_S)
             if self._clock.now_s() - self._heard_s > SILENCE_S:
-                raise UnreachableError("the robot has fallen silent")
+                raise UnreachableError("the robot no longer answers")
 
     async def _invite(self) -> None:
         """Renew the QR code's token before it expires."""

@@ -1,8 +1,9 @@
 """The simulated robots of a class, each in its own process, which ends with the class.
 
-A process runs `serve` until its standard input is closed. Every system, Windows included, closes
-the standard input when the parent ends, is killed or loses its terminal, so no process is left
-behind. Ctrl-C would reach all processes at once, so only the class handles Ctrl-C.
+Such a process runs `serve` until its standard input is closed. Every system, also Windows, closes
+the standard input when the parent process ends, is killed or loses its terminal, so no robot is
+left behind. Each process is in a session of its own, so that Ctrl-C reaches only the class, which
+then ends the robots.
 """
 
 from __future__ import annotations
@@ -31,12 +32,13 @@ log = logging.getLogger(__name__)
 _ASK_S, _ASKS = 0.2, 150
 _ANSWER_S = 5.0
 _GOLDEN_DEG = 137.508
-"""Step between hues in degrees: the golden angle keeps any number of hues distinct."""
+"""Step between the hues of successive robots' walls, in degrees. This step, the golden angle, keeps
+any number of hues distinct."""
 _HUES_DEG = {"green": 130, "purple": 259, "pink": 324, "brown": 28, "teal": 176}
 """Hues of the board's colours in degrees; a robot gets the colour nearest to its walls' hue."""
 _AT_A_TIME = 4
-"""Number of forked robots per CPU core that start at the same time: each waits four fifths of that
-time until its name is announced."""
+"""Number of forked robots per CPU core that start at the same time. A core can start several,
+because a starting robot spends four fifths of the time waiting until its name is announced."""
 RATE_HZ, PER_CORE_HZ = 30, 150
 """Maximum frame rate of one robot, and of all robots together per CPU core, in Hz."""
 _FLAGS = sum(  # these flags exist only on Windows
@@ -48,8 +50,8 @@ _FLAGS = sum(  # these flags exist only on Windows
 class SimulatedRobot:
     """One simulated robot.
 
-    The robot's number decides its name, colour and room. If a teacher changed these, the robot's
-    folder contains them.
+    The robot's number determines its name, colour and room. If a teacher has changed one of these,
+    the robot's folder has the new value.
     """
 
     def __init__(self, number: int, port: int, folder: Path) -> None:
@@ -57,7 +59,7 @@ class SimulatedRobot:
         self._hue_deg = round(number * _GOLDEN_DEG) % 360
         self._process: subprocess.Popen[bytes] | None = None
         self.model = ""
-        """The model that the robot begins with; if empty, the model that the robot used last."""
+        """Name of the model with which the robot begins; empty for the model that it used last."""
         self._ending, self._has_ended = threading.Event(), threading.Event()
         if not (folder / "robot.json").exists():
             again, place = divmod(number - 1, len(NAMES))
@@ -66,15 +68,17 @@ class SimulatedRobot:
             IdentityFile(folder, name).change(colour=min(off, key=lambda colour: abs(off[colour])))
 
     def keep_model(self, name: str, data: bytes) -> None:
-        """Put a model into the robot's folder unless the name is taken, and begin with it."""
+        """Save a model in the robot's folder unless its name is taken; begin with this model."""
         models = ModelStore(Storage(self.folder))
         self.model = name if name in models.names() else models.add_file(name, data)
 
     def start(
         self, host: str, world: str, key: Path, rate_hz: float, nursery: Nursery | None = None
     ) -> bool:
-        """Start the robot's process, whose output goes to `log.txt`; return True when it serves,
-        and False if it does not."""
+        """Start the robot's process, and wait until it serves; return False if it never does.
+
+        The output of the process goes to `log.txt` in the robot's folder.
+        """
         if self._ending.is_set():
             return False
         words = ["--lan", "--host", host, "--port", self.port, "--hostname", f"robot-{self.number}"]
@@ -137,7 +141,7 @@ class SimulatedRobot:
 
 
 def _serves(host: str, port: int) -> bool:
-    """Return True if a robot answers with more than its starting page."""
+    """Return True if the robot at this address has started; its starting page does not count."""
     with (
         contextlib.suppress(OSError),
         socket.create_connection((host, port), _ANSWER_S) as line,
@@ -161,12 +165,20 @@ def simulated_robots(
 ) -> Iterator[list[int]]:
     """While the `with` block runs, run `count` robots, each in its own room; yield their ports.
 
-    The robots serve on the ports after `port`, which is the board's, and save their models in
-    `data/class`. `make_model` returns the name and the file of the model that they begin with
-    (default: the model that they used last); the function is called once all ports are free.
+    The robots save their data in `data/class`.
+
+    Args:
+        count: The number of robots.
+        host: The address on which the robots serve.
+        port: The board's port; the robots serve on the ports after it.
+        data: The data folder of the class.
+        world: The simulated world.
+        key: The file of the class key.
+        make_model: Returns the name and the bytes of the model with which the robots begin. It is
+            called after all ports were found free. None: the robots continue their last models.
     """
     robots = [SimulatedRobot(i, port + i, data / "class" / f"{i:02d}") for i in range(1, count + 1)]
-    for robot in robots:  # check the ports of all robots before the first robot starts
+    for robot in robots:  # check that all ports are free before the first robot starts
         open_socket(host, robot.port).close()
     if make_model is not None:
         name, file = make_model()
@@ -174,7 +186,7 @@ def simulated_robots(
             robot.keep_model(name, file)
     cores = os.cpu_count() or 1
     does_fork = sys.platform == "linux" and count > 1
-    # starting more robots at the same time would block the board
+    # if more robots started at the same time, the board would answer slowly
     starting = ThreadPoolExecutor(cores * (_AT_A_TIME if does_fork else 1))
     nurseries: list[Nursery] = []
     begun, asked = itertools.count(1), itertools.count(1)
@@ -226,7 +238,7 @@ def _end_with_input() -> None:
 
 
 if __name__ == "__main__":
-    # The shell that started this program may ignore the signal.
+    # Set the handler, because a process inherits from its shell that SIGINT is ignored.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if hasattr(os, "nice"):
         os.nice(BELOW)

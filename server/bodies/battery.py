@@ -1,4 +1,5 @@
-"""Tells people to check the battery if the program ended just as the robot began to drive."""
+"""Tells people to check the battery if the program has ended several times as the robot started to
+drive, because a weak battery then also cuts off the computer."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ FILE = "drive-began.json"
 
 
 class BatteryExtension(Extension):
-    """Detects a program's end just after a drive began; needs a data folder that can be written."""
+    """Notes in the data folder when a drive starts; without a data folder, it does nothing."""
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
         self._services = services

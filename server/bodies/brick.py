@@ -113,7 +113,7 @@ def _start_agent(args: argparse.Namespace) -> int:
 
 
 def _shared_secret(host: str) -> str:
-    """Return the secret that this machine shares with a brick; make a secret the first time."""
+    """Return the secret that this machine shares with a brick; the first call makes it."""
     file = secret_path(host)
     if not file.exists():
         write_whole(file, f"{secrets.token_urlsafe(16)}\n".encode(), mode=0o600)
@@ -164,7 +164,7 @@ def _build(args: argparse.Namespace, *, with_userland: bool) -> Files:
 
 
 def _make_userland(folder: Path, args: argparse.Namespace) -> bool:
-    """Build the brick's Debian unless it exists; return whether its Python files are compiled."""
+    """Build the brick's Debian unless it exists; return True if its Python files are compiled."""
     stamp, wanted = folder.with_name(folder.name + ".packages"), userland_stamp(args.release)
     if not (stamp.is_file() and stamp.read_text() == wanted):
         print("building the brick's Debian, which takes a minute ...", flush=True)
@@ -200,7 +200,7 @@ def examine_at(address: str, secret: str, may_turn_wheels: Callable[[], bool]) -
 
 
 def ask_consent() -> bool:
-    """Ask whether the wheels may turn; the end of input means no."""
+    """Ask on the terminal whether the wheels may turn; the end of input means no."""
     try:
         return input(CONSENT).strip().lower() in ("", "y", "yes")
     except EOFError:

@@ -1,4 +1,4 @@
-"""Measure the robot's straight speed and turning rate by driving, and save the results."""
+"""Measure how far the robot drives and turns, and save its wheel diameter and track width."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ from server.cli.settings import PREFIX, apply_to, parse_settings, read_settings
 
 ROBOTS = ("ev3", "ev3-remote")
 LARGEST_CORRECTION = 3.0
-"""Largest plausible correction factor; a larger one means a typing error or a wrong motor port."""
+"""Largest plausible correction factor; a larger factor means a typing error or a wrong motor port.
+"""
 _TABLE = re.compile(r"^\s*\[", re.MULTILINE)
 
 
@@ -52,7 +53,7 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Drive, ask for the measured distance and angle, and write the results."""
+    """Drive, ask how far the robot went and turned, and write the results."""
     driver_type = load_driver(args.robot)
     driver = driver_type(make_options(driver_type.options_type, vars(args)))
     assert isinstance(driver, ChassisDriver)
@@ -75,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _measure_straight(driver: ChassisDriver, seconds: float) -> float:
-    """Return the factor by which the wheels are larger than configured."""
+    """Drive straight on; return the ratio of the wheels' real size to the configured size."""
     room_cm = 100 * driver.options.forward_speed_mps * seconds
     _prompt(
         f"\nThe robot will drive straight on for about {room_cm:.0f} cm. Mark its place, and press "
@@ -93,7 +94,10 @@ def _measure_straight(driver: ChassisDriver, seconds: float) -> float:
 
 
 def _measure_turn(driver: ChassisDriver, seconds: float, wider: float) -> float:
-    """Return the ratio of the measured turn to the expected turn; `wider` corrects the wheels."""
+    """Turn left; return the ratio of the real angle to the angle computed from the wheels' turns.
+
+    `wider` is the ratio that `_measure_straight` returned.
+    """
     angle_deg = driver.options.turn_rate_deg_s * seconds
     _prompt(
         f"\nThe robot will turn left by about {angle_deg:.0f} degrees. Mark where it looks, and "
@@ -108,10 +112,10 @@ def _measure_turn(driver: ChassisDriver, seconds: float, wider: float) -> float:
 
 
 def correction(measured: float, expected: float, unit: str) -> float:
-    """Return the ratio of the measured value to the value computed from the wheels.
+    """Return the ratio of the measured value to the value computed from the wheels' turns.
 
     Raises:
-        ConfigurationError: If the wheels' counts or the measurement are impossible.
+        ConfigurationError: If the wheels have not turned, or if the ratio is implausible.
     """
     if expected <= 0:
         raise ConfigurationError(
@@ -127,7 +131,7 @@ def correction(measured: float, expected: float, unit: str) -> float:
 
 
 def ask(question: str) -> float:
-    """Ask until the answer is a number above 0; the end of input is an error."""
+    """Ask on the terminal until the answer is a number above 0; raise an error at end of input."""
     while True:
         try:
             number = float(_prompt(question).strip().replace(",", "."))
@@ -135,7 +139,7 @@ def ask(question: str) -> float:
             number = 0.0
         if 0 < number < 100_000:
             return number
-        print("A number above 0, please.")
+        print("Please type a number above 0.")
 
 
 def _prompt(question: str) -> str:
@@ -148,10 +152,10 @@ def _prompt(question: str) -> str:
 
 
 def keep(file: Path, values: Mapping[str, float]) -> None:
-    """Set values at the head of a TOML file; all other lines, including comments, stay unchanged.
+    """Set top-level values of a TOML file; all other lines, including comments, stay unchanged.
 
     Raises:
-        ConfigurationError: If the file cannot be written, or writing would change other values.
+        ConfigurationError: If the file cannot be written, or if other values would change.
     """
     with told_as(ConfigurationError, f"cannot write {file}", OSError, ValueError):
         text = file.read_text("utf-8-sig") if file.exists() else ""
@@ -165,7 +169,7 @@ def keep(file: Path, values: Mapping[str, float]) -> None:
         wanted, made = {**parse_settings(text), **values}, None
         with contextlib.suppress(TOMLDecodeError):
             made = parse_settings(head + rest)
-        # for example, one line of a list over several lines may look like a table
+        # The values differ if, for example, a line of a long list looks like the head of a table.
         if made != wanted:
             lines = "; ".join(f"{name} = {value}" for name, value in values.items())
             raise ValueError(

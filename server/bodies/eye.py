@@ -1,7 +1,8 @@
-"""A phone as the robot's camera: its messages, and its clock converted to the robot's. Pure.
+"""The messages of a phone that is the robot's camera, and its clock. Pure.
 
 The phone sends pictures as bytes (a header of 16 bytes, then the JPEG) and other messages as text.
-The robot sends acknowledgements as on `/ws/video`, and text. See docs/reference/protocol.md.
+The robot answers with acknowledgements as on `/ws/video`, and sends text. See
+docs/reference/protocol.md.
 """
 
 from __future__ import annotations
@@ -20,12 +21,13 @@ HEADER = struct.Struct("<BBHId")
 _EYE_FRAME, _COVERED = 3, 1
 _MOST_TEXT = 500
 CLOCK_SAMPLES = 8
-"""Number of remembered round trips; few, because phones' clocks drift by milliseconds a minute."""
+"""Number of pings from which the difference of the clocks is measured; few, because the clock of a
+phone drifts by milliseconds a minute."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EyeFrame:
-    """One picture of the phone, with the phone's frame number and the time on the phone's clock."""
+    """One picture of the phone, with the phone's number of it and the phone's time of capture."""
 
     seq: int
     taken_ms: float
@@ -34,22 +36,23 @@ class EyeFrame:
 
 
 class EyeClock:
-    """Converts the phone's clock to the robot's, from the shortest of the last round trips.
+    """Converts times of the phone's clock to the robot's clock.
 
-    The robot sends the ping, so that no phone can claim a shorter round trip than the real one. The
-    phone answered between ping and pong, so the midpoint is off by half the round trip at most.
+    The robot pings the phone and uses the shortest of the last round trips. It assumes that the
+    phone answered halfway between ping and pong, which is wrong by at most half the round trip. The
+    robot measures the round trip itself, so a phone cannot claim a shorter one.
     """
 
     def __init__(self) -> None:
         self._samples: deque[tuple[float, float]] = deque(maxlen=CLOCK_SAMPLES)
 
     def note(self, asked_ms: float, eye_ms: float, now_ms: float) -> None:
-        """Record that a ping sent at `asked_ms` was answered at `eye_ms` on the phone's clock."""
+        """Record a ping sent at `asked_ms` and answered at `eye_ms` by the phone's clock."""
         if asked_ms <= now_ms:
             self._samples.append((now_ms - asked_ms, (asked_ms + now_ms) / 2 - eye_ms))
 
     def to_ours(self, eye_ms: float) -> float | None:
-        """Convert to the robot's clock, in milliseconds; return None before the first pong."""
+        """Convert a time of the phone to the robot's clock, in ms; None before the first pong."""
         if not self._samples:
             return None
         return eye_ms + min(self._samples)[1]

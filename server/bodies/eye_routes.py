@@ -33,24 +33,21 @@ EYE = Role(
     refusal="This phone is the robot's eye; it may see and stop, not drive.",
     purpose="be the robot's eye",
 )
-"""Role of the phone on the robot; nobody watches this phone, so it may request little."""
+"""Role of the phone on the robot. It may request only what it needs, because nobody watches it."""
 STATE_EVERY_S = 0.2
 _STATE_FIELDS = ("mode", "driven_by", "action", "stop_reason", "emergency", "fault", "frame_age_ms")
 
 
 @router.get("/eye", include_in_schema=False)
 async def eye_page(request: Request) -> Response:
-    """Return the phone's page, the only page that may use a camera."""
+    """Return the page that sends the phone's camera pictures; no other page may use a camera."""
     config = services_of(request).config
     policy = {"permissions-policy": "camera=(self), microphone=(), geolocation=()"}
     return FileResponse(config.web / "eye/index.html", headers=policy)
 
 
 class _Eye:
-    """One phone's websocket.
-
-    The newest phone is the robot's camera; the phone before is disconnected.
-    """
+    """The websocket of a phone that is the robot's camera; a newer phone replaces it."""
 
     def __init__(self, websocket: WebSocket, hub: Hub, camera: PhoneCamera) -> None:
         self._websocket = websocket
@@ -67,7 +64,7 @@ class _Eye:
         """Serve the phone until it disconnects or another phone replaces it."""
         before, self._camera.source = self._camera.source, self
         ending: asyncio.Task[None] | None = None
-        # closing a dead connection takes seconds, and STOP must not wait
+        # close the connection in a task, because a dead one takes seconds and STOP must not wait
         if isinstance(before, _Eye):
             ending = asyncio.create_task(before.give_way())
         try:
@@ -88,12 +85,11 @@ class _Eye:
                 await ending
 
     async def give_way(self) -> None:
-        """Close the connection, because another phone is the eye now. The phone may be gone
-        already."""
+        """Close the connection, because another phone is the robot's camera now."""
         await end_with_either(self._websocket.close(4001, "another phone is the eye now"))
 
     def _hear(self, text: str | bytes) -> None:
-        assert isinstance(text, str)  # messages of bytes are passed to `_see`
+        assert isinstance(text, str)  # `converse` passes binary messages to `_see`
         try:
             said = parse_text(text)
         except ProtocolError as error:

@@ -1,8 +1,9 @@
-"""The command line without modules that a brick never needs: `python -m server.bodies.lean`.
+"""The command line with less memory, for a brick: `python -m server.bodies.lean`.
 
-A brick has 64 MB of memory, and OpenSSL would use five. OpenSSL's modules are replaced before
-anything imports them. So https is unavailable, and `hashlib` uses Python's own code. Other modules
-are loaded only when they are used; numpy's random numbers, for example, need two MB.
+A brick has 64 MB of memory, of which OpenSSL would use 5 MB. Modules that load OpenSSL are
+therefore replaced before anything imports them: https is unavailable, and `hashlib` uses Python's
+own code. Some other modules are loaded only when they are used; numpy's random numbers, for
+example, need 2 MB.
 """
 
 from __future__ import annotations
@@ -15,18 +16,18 @@ from types import ModuleType
 from typing import Any
 
 LEFT_OUT = ("_bz2", "_ctypes", "_hashlib", "_lzma", "_ssl")
-"""Modules that load libraries which a brick never uses: OpenSSL, libffi and two compressors. The
-import of these modules fails, and each importer has a fallback."""
+"""Modules whose import is made to fail, because they load libraries that a brick does not need:
+OpenSSL, libffi and two compressors. Every module that imports one of them has a fallback."""
 
 PUT_OFF = ("logging.config", "numpy.fft", "numpy.ma", "numpy.polynomial", "numpy.random")
-"""Modules that numpy and uvicorn import, and that a lesson on a brick never touches."""
+"""Modules that numpy and uvicorn import, but that are not used while a brick drives."""
 
 
 class StandIn(ModuleType):
-    """A module that contains every name and does nothing, so that imports and annotations work.
+    """A module that has an attribute of every name, so that code that imports `ssl` still loads.
 
-    A name in capitals is the number 0, and any other name is an exception class, because some
-    libraries use `int(ssl.PROTOCOL_TLS_SERVER)` or `except ssl.SSLError`.
+    An attribute in capitals is the number 0, and any other is an exception class, because libraries
+    use expressions such as `int(ssl.PROTOCOL_TLS_SERVER)` and `except ssl.SSLError`.
     """
 
     def __getattr__(self, name: str) -> Any:
@@ -38,9 +39,9 @@ class StandIn(ModuleType):
 
 
 class PutOff:
-    """Import hook for the modules of `PUT_OFF`; the first attribute access loads the module.
+    """Import hook that loads a module of `PUT_OFF` only at the first access to an attribute.
 
-    This class has no base class, because `importlib.abc` imports the compressors.
+    It does not inherit from `importlib.abc.MetaPathFinder`, whose import loads the compressors.
     """
 
     def find_spec(
@@ -56,7 +57,7 @@ class PutOff:
 
 
 def leave_out_unused() -> None:
-    """Leave out and put off the modules above; modules already loaded stay."""
+    """Replace the modules of `LEFT_OUT`, and delay those of `PUT_OFF`, unless already imported."""
     for name in LEFT_OUT:
         sys.modules.setdefault(name, None)  # type: ignore[arg-type]
     sys.modules.setdefault("ssl", StandIn("ssl"))

@@ -1,4 +1,4 @@
-"""Write a package of three files for your own robot; it passes the contract tests unchanged."""
+"""Write a driver package of three files for your own robot, which already passes its tests."""
 
 from __future__ import annotations
 

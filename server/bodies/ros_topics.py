@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _table(found: Iterable[Endpoint]) -> list[str]:
-    """Return a line for each topic and type, with its publishers and subscribers."""
+    """Return a line for each topic and type, with the number of its publishers and subscribers."""
     counts: dict[tuple[str, str], list[int]] = defaultdict(lambda: [0, 0])
     for each in found:
         counts[each.topic, each.kind][0 if each.publishes else 1] += 1

@@ -19,7 +19,7 @@ router = APIRouter(prefix="/api/challenge", route_class=Route)
 
 
 class ChallengeExtension(Extension):
-    """Counts the tries of one robot."""
+    """Counts the tries of one robot: autonomous drives that the page announced as a try."""
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
         self._services, self._loop = services, services.robot.loop
@@ -35,8 +35,7 @@ class ChallengeExtension(Extension):
             self._unsubscribe()
 
     def arm(self) -> None:
-        """Count the robot's next autonomous drive as a try. Call this on the loop's thread. Ticks
-        are observed only after the first call."""
+        """Count the robot's next autonomous drive as a try. Call this on the loop's thread."""
         self.challenge.arm()
         if self._unsubscribe is None:
             self._unsubscribe = self._loop.subscribe(self._note)
@@ -72,7 +71,7 @@ class TryAnswer:
 
 @dataclass
 class ChallengeAnswer:
-    """The challenge's state; `can_measure` is false for a robot that does not know its path."""
+    """The state of the challenge; `can_measure` is false if the robot does not know its path."""
 
     can_measure: bool
     is_armed: bool
@@ -87,7 +86,7 @@ class ChallengeAnswer:
 
 
 class ChallengeShown(RawValue):
-    """Whether the pilots show their best try on the class's board."""
+    """A request's body: true to show the best try on the class's board, false to hide it."""
 
     is_shown: bool = must_be("true or false")
 
@@ -108,7 +107,7 @@ async def post_try(connection: HTTPConnection) -> ChallengeAnswer:
 
 @router.delete("/try")
 async def delete_try(connection: HTTPConnection) -> ChallengeAnswer:
-    """Cancel the try; it does not count."""
+    """Cancel the announced or running try; it does not count."""
     services = services_of(connection)
     await services.on_loop(services.extension(ChallengeExtension).challenge.cancel)
     return _answer(connection)

@@ -28,24 +28,24 @@ from robot.errors import (
 from server.cli.parser import Parser
 
 DONE, TRY_AGAIN, CHANGE_FIRST, INTERRUPTED = 0, 1, 2, 130
-"""Exit statuses. 0: success. 1: it failed, but the same command may succeed later, for example
-after a missing camera, a full disk or a port in use. 2: the same command would fail again: an
-option, a setting, a file or a missing library has to be changed first. 130: Ctrl-C."""
+"""Exit statuses. 0: success. 1: the command failed, but may succeed later without changes, for
+example once the camera is there or the port is free. 2: the command would fail again, until an
+option, a setting, a file or a library is changed. 130: Ctrl-C ended the command."""
 _LASTING = (ConfigurationError, MissingExtraError, NotFoundError, PluginError, RecordingError)
 
 GROUP = "drivelesson.commands"
 FIRST = "serve"
 _DRIVE = ("drive", "run", "start", "teach")
-"""Words that people type to drive a robot; none of the words is a command."""
+"""Words that people type as a command to drive a robot, although no command has this name."""
 
 
 def commands() -> dict[str, str]:
-    """Return each command with one line of help; the default command is first.
+    """Return the name of each command with one line of help; the default command is first.
 
     A command is an entry point of `drivelesson.commands`: a module with `configure(parser)` and
-    `run(args) -> int`. If some options depend on other options, `extend(parser, words)` declares
-    the dependent ones. Only the chosen command's module is imported, because an import takes
-    seconds on a slow computer. The line of help is therefore read from the module's source.
+    `run(args) -> int`. Its function `extend(parser, words)`, if any, declares options that depend
+    on other options. The line of help is read from the module's source, because importing the
+    modules of all commands would take seconds on a slow computer.
     """
     names = sorted(_points(), key=lambda name: (name != FIRST, name))
     return {name: _summary(name) for name in names}
@@ -78,7 +78,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         parser = make_parser(name, words)
         return int(load_command(name).run(parser.parse_args(words)))
-    except BrokenPipeError:  # the program that reads our output, for example `head`, has ended
+    except BrokenPipeError:  # the reader of our output, for example `head`, has ended
         raise
     except (RobotError, OSError) as error:
         print(f"drivelesson: {error}", file=sys.stderr)
@@ -88,7 +88,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def status_of(error: RobotError | OSError) -> int:
-    """Return the exit status, from which a supervisor knows whether a restart can help."""
+    """Return the exit status for an error; it tells a supervisor whether a restart can help."""
     is_lasting = isinstance(error, _LASTING) and not isinstance(error, InUseError)
     is_full = getattr(error.__cause__, "errno", None) in (errno.ENOSPC, errno.EDQUOT)
     return CHANGE_FIRST if is_lasting and not is_full else TRY_AGAIN
@@ -97,8 +97,8 @@ def status_of(error: RobotError | OSError) -> int:
 def make_parser(
     name: str, words: Sequence[str] = (), *, is_extended: bool = True
 ) -> argparse.ArgumentParser:
-    """Return the parser of one command. `words` are the command line's words, which decide the
-    options that depend on others; if `is_extended` is False, these options are left out."""
+    """Return the parser of one command. If `is_extended`, it also has the options that depend on
+    other options; these are taken from `words`, the words of the command line."""
     module = load_command(name)
     parser = Parser(prog=f"drivelesson {name}", description=module.__doc__)
     module.configure(parser)

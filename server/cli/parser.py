@@ -1,4 +1,4 @@
-"""An argument parser with suggestions, readers that check values, and the progress bar."""
+"""An argument parser that suggests corrections, converters of option values, and a progress bar."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robot.errors import ConfigurationError, did_you_mean, need
 
 
 class Parser(argparse.ArgumentParser):
-    """Explains an error in one sentence, and names the nearest known option or choice."""
+    """An argument parser whose errors are one sentence that names the nearest option or choice."""
 
     def error(self, message: str) -> NoReturn:
         text = f"{self.prog}: {message}{self._suggestion(message)}; see {self.prog} --help\n"
@@ -34,7 +34,7 @@ class Parser(argparse.ArgumentParser):
 def number(
     *, above: float | None = None, least: float | None = None, most: float | None = None
 ) -> Callable[[str], Any]:
-    """Return a reader for argparse of a number greater than `above` and at least `least`."""
+    """Return a converter for argparse (`type=`) that reads a number within these limits."""
     declared = raw_value.number(above=above, least=least, most=most)
     return lambda text: _read(float, declared, text)
 
@@ -42,13 +42,13 @@ def number(
 def whole(
     least: int, most: int | None = None, *, or_word: str | None = None
 ) -> Callable[[str], Any]:
-    """Return a reader for argparse of a whole number within limits, or of one given word."""
+    """Return a converter for argparse that reads a whole number within limits, or one word."""
     declared = raw_value.whole(least=least, most=most, or_word=or_word)
     return lambda text: text if text == or_word else _read(int, declared, text)
 
 
 def several(read: Callable[[str], Any]) -> Callable[[str], list[Any]]:
-    """Return a reader for argparse of a comma-separated list; `read` reads one entry."""
+    """Return a converter for argparse that reads a comma-separated list; `read` reads an entry."""
     return lambda text: [read(part) for part in text.split(",")]
 
 
@@ -60,9 +60,9 @@ def _read(kind: type[Any], declared: Any, text: str) -> Any:
 
 
 def declare(group: Any, option: Option) -> None:
-    """Turn a declared option into a flag.
+    """Add a driver's or camera's option to the parser.
 
-    Values stay text, because the rig parses and checks them.
+    Its value stays text, because the rig parses and checks it.
     """
     shown = "" if option.default is None else f" (default: {option.default})"
     choices = "" if option.choices is None else f": {', '.join(option.choices)}"

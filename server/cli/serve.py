@@ -102,7 +102,7 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
         camera_name = chosen.camera or settings.get("camera") or driver_type.default_camera
         kinds = [("robot", driver_type), ("camera", load_camera(str(camera_name)))]
     ours = {action.dest for action in parser._actions}
-    declared = {"jpeg_quality"}  # an option of the server, shared with cameras
+    declared = {"jpeg_quality"}  # `serve` itself declares this option of cameras
     for title, kind in kinds:
         group = parser.add_argument_group(f"options of the {title} {kind.name}")
         for option in options_of(kind.options_type):
@@ -178,7 +178,7 @@ def _make_services(
 
 
 def _report_problems(moved: list[tuple[str, str]], fault: str | None, hub: Hub) -> None:
-    """Report set-aside files, or that nothing can be saved, on the page and in the log."""
+    """Report on the page and in the log damaged files that were set aside, or a storage fault."""
     if moved:
         sentence = ", ".join(f"{name} -> {where}" for name, where in moved)
         log.warning("set aside in the data folder: %s", sentence)
@@ -189,7 +189,7 @@ def _report_problems(moved: list[tuple[str, str]], fault: str | None, hub: Hub) 
 
 
 def _recorded(args: argparse.Namespace, rig: Rig) -> dict[str, str]:
-    """Return the options to save with each run, without secrets."""
+    """Return the options that each recording contains; secrets are left out."""
     kinds = (rig.driver.options_type, rig.camera.options_type)
     secret = {one.name for kind in kinds for one in options_of(kind) if one.is_secret}
     return {
@@ -202,7 +202,7 @@ def _recorded(args: argparse.Namespace, rig: Rig) -> dict[str, str]:
 
 
 def _name_learner(args: argparse.Namespace) -> str:
-    """Return the learner's name; for `auto`, measure this machine first."""
+    """Return the learner's name; if `--max-nodes` is `auto`, measure this machine first."""
     learner = args.learner or "default"
     if args.max_nodes != "auto":
         return full_name(learner, args.max_nodes, 32)
@@ -218,7 +218,7 @@ def _name_learner(args: argparse.Namespace) -> str:
 
 
 def _choose_model(autosave: Autosave, args: argparse.Namespace, learner: str) -> None:
-    """Load the requested model, or else the last good model of the requested learner."""
+    """Load the model that was asked for, or else the last good model of this learner."""
     if args.model is None:
         autosave.load_last(learner if args.learner or args.max_nodes else None)
         return
@@ -227,7 +227,7 @@ def _choose_model(autosave: Autosave, args: argparse.Namespace, learner: str) ->
             autosave.load(args.model)
         else:
             autosave.begin(args.model)
-    except (OSError, RecordingError) as error:  # the robot starts nevertheless
+    except (OSError, RecordingError) as error:  # the robot starts without this model
         log.warning("the model %s is not in use: %s", args.model, error)
         autosave.announce("model_not_saved", detail=str(error))
 
@@ -254,14 +254,14 @@ def _make_loop_config(settings: Settings) -> LoopConfig:
 
 
 def has_screen(system: str, environment: Mapping[str, str]) -> bool:
-    """True if a browser can open a window: a text browser would take over the terminal."""
-    if "SSH_CONNECTION" in environment:  # the person uses a different machine
+    """True if a browser can open a window; a text browser would take over the terminal."""
+    if "SSH_CONNECTION" in environment:  # the person sits at another machine
         return False
     has_display = bool(environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
     return system in ("win32", "darwin") or has_display
 
 
 def show_page(address: str) -> None:
-    """Open the address in the browser without waiting for it."""
+    """Open the address in the browser; return before the browser has started."""
     if has_screen(sys.platform, os.environ):
         threading.Thread(target=webbrowser.open, args=[address], daemon=True).start()

@@ -1,6 +1,6 @@
-"""Settings from a file and from the environment, as defaults for the command line.
+"""Reads settings from a file and from environment variables, as defaults of the command line.
 
-The command line overrides the environment. The environment overrides the file.
+The command line overrides the environment, and the environment overrides the file.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from robot.errors import ConfigurationError, did_you_mean, told_as
 
 PREFIX = "DRIVELESSON_"
 TABLES = ("limits", "gate", "governor", "patience")
-"""Tables of the file: settings that have no flag."""
+"""The tables of the file, which hold the settings that no command-line option can set."""
 _T = TypeVar("_T")
 _TRUE, _FALSE = ("1", "true", "yes", "on"), ("0", "false", "no", "off", "")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """The settings of the file and the environment: flags by name, and the file's tables."""
+    """The settings in the file and in the environment: options by name, and the file's tables."""
 
     file: Path | None = None
     flags: Mapping[str, Any] = field(default_factory=dict)
@@ -32,11 +32,11 @@ class Settings:
     environ: Mapping[str, str] = field(default_factory=dict)
 
     def get(self, name: str, default: Any = None) -> Any:
-        """Return a flag's value: from the environment, else from the file, else the default."""
+        """Return an option's value from the environment, or else from the file, or `default`."""
         return self.environ.get(PREFIX + name.upper(), self.flags.get(name, default))
 
     def place(self, name: str) -> str:
-        """Return the location of a flag's value, as text for a person."""
+        """Return where an option's value was set, for an error message."""
         variable = PREFIX + name.upper()
         return variable if variable in self.environ else f"{self.file}: {name}"
 
@@ -50,7 +50,7 @@ def read_settings(file: Path | None, environ: Mapping[str, str]) -> Settings:
 
 
 def parse_settings(text: str) -> dict[str, Any]:
-    """Read TOML, in which a setting may be spelled with hyphens; raises TOMLDecodeError."""
+    """Parse TOML, in which names may be spelled with hyphens; raises TOMLDecodeError."""
     return {name.replace("-", "_"): value for name, value in tomllib.loads(text).items()}
 
 
@@ -61,13 +61,13 @@ def apply_to(parser: argparse.ArgumentParser, settings: Settings) -> None:
         raise ConfigurationError(f"{settings.file}: unknown setting {', '.join(unknown)}{hint}")
     for name, action in actions.items():
         value = settings.get(name)
-        # Skip an empty text: as a path it would become ".".
+        # Skip an empty value, because an empty path would mean the working directory.
         if value is not None and (value != "" or action.type is not Path):
             parser.set_defaults(**{name: _typed(action, value, settings.place(name))})
 
 
 def _typed(action: argparse.Action, value: Any, at: str) -> Any:
-    """Convert a value like one typed as an argument; the error names the setting instead."""
+    """Convert a value as argparse would; an error names the setting instead of the option."""
     if isinstance(action, argparse._StoreTrueAction):
         if (text := str(value).lower()) not in _TRUE + _FALSE:
             raise ConfigurationError(f"{at} must be true or false, not {value!r}")
@@ -80,7 +80,7 @@ def _typed(action: argparse.Action, value: Any, at: str) -> Any:
 
 
 def build(kind: type[_T], table: Mapping[str, Any], name: str) -> _T:
-    """Build a dataclass of numbers from a table of the file."""
+    """Build a dataclass of numbers, such as `Limits`, from a table of the file."""
     known = {f.name: f for f in fields(kind)}  # type: ignore[arg-type]
     for key, value in table.items():
         if key not in known:

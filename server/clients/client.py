@@ -11,18 +11,18 @@ from server.gateway.roles import Role
 from server.protocol import ErrorCode, ProtocolError, encode_error
 
 _OUTBOX = 64
-"""Maximum number of answers queued for one client; a slow reader loses the oldest."""
+"""Maximum number of messages queued for one client; if it reads too slowly, the oldest are lost."""
 
 IDLE_STATE_EVERY_S = 5.0
-"""Interval in seconds at which an idle client, which shows no picture, gets the state. Changes of
-mode, pilot or fault are sent immediately."""
+"""Interval in seconds at which a client that shows no picture gets the state. A change of mode,
+pilot or fault is sent to it immediately."""
 
 
 class Client:
-    """One open `/ws/drive`: its sequence check, its rate limit and its outgoing messages.
+    """One open `/ws/drive`: checks its message numbers, limits its rate, queues its messages.
 
-    Answers and events wait in a short queue. Only the newest state waits, because each state
-    replaces the one before.
+    Answers and events wait in a short queue. Of the states, only the newest waits, because each
+    state replaces the one before.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class Client:
         self._waiting = asyncio.Event()
 
     def require_newer(self, seq: int) -> None:
-        """Refuse a message that arrives out of order: `seq` must grow."""
+        """Raise ProtocolError unless `seq` is greater than that of every earlier message."""
         if seq <= self._last_seq:
             wanted = f"'seq' must be greater than {self._last_seq}, the last one"
             raise ProtocolError(ErrorCode.OUT_OF_ORDER, wanted, seq)
@@ -55,9 +55,9 @@ class Client:
         self._waiting.set()
 
     def refuse(self, error: ProtocolError) -> None:
-        """Queue the answer to a refused message; a client with too many refusals is disconnected.
+        """Queue the answer to a refused message; disconnect a client after too many refusals.
 
-        Messages that only arrived late do not count, because a slow link causes them.
+        Refusals of late messages do not count, because a slow link causes them.
         """
         self.refused += error.code is not ErrorCode.STALE
         if self.refused >= self._most_refused:
@@ -70,7 +70,7 @@ class Client:
         self._waiting.set()
 
     def is_state_due(self, urgent: object, now_s: float) -> bool:
-        """True if a state is due. An idle client rarely gets one, unless `urgent` has changed."""
+        """True if the next state is due; an idle client gets one rarely or if `urgent` changed."""
         is_new = urgent != self._sent or self.is_answer_due
         if self.is_idle and not is_new and now_s - self._sent_s < IDLE_STATE_EVERY_S:
             return False

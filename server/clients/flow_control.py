@@ -1,4 +1,4 @@
-"""The window of frames in flight to a viewer, and the size of the frames.
+"""Decides how many frames may be in flight to a viewer, and how large they may be.
 
 Pure: nothing here uses sockets or clocks; the time is an argument.
 """
@@ -22,21 +22,21 @@ class _Sent(NamedTuple):
 class VideoWindow:
     """A congestion window: the number of frames that may be in flight to one viewer.
 
-    The window is one frame while bandwidth is the limit, because a second frame would only queue
-    behind the first. The window is up to `LARGEST` frames when only the round trip is long, because
-    then the delay of an acknowledgement does not grow with the window. The window probes: it grows
-    by one when frames had to be skipped, and falls back to one when the delay has grown as well.
-    After a failed probe the window backs off by a factor of four.
+    If bandwidth is the limit, the window is one frame, because a second frame would only queue
+    behind the first. If only the round trip is long, acknowledgements do not come later when more
+    frames are in flight, and the window is up to `LARGEST` frames. To find out, it grows by one
+    frame when frames had to be skipped. If acknowledgements then come later, it shrinks to one
+    frame, and the next attempt waits four times as long as the last.
 
-    On a fast link, acknowledgements arrive long before the next frame. On such a link only every
-    third frame requests an acknowledgement; the other frames are *quiet*. Quiet frames save both
-    ends a third of their work, and a phone's radio two of three packets.
+    On a fast link, acknowledgements arrive long before the next frame. There, only every third
+    frame requests an acknowledgement; the others are *quiet*. Quiet frames save both ends a third
+    of their work, and save a phone two of the three packets that it would have to send.
     """
 
     LARGEST = 4
     LARGEST_BYTES = 60_000
-    """Maximum number of bytes in flight, below the 64 KiB at which a transport pauses its writer,
-    so that sending never waits. A larger frame is sent when no other is in flight."""
+    """Maximum number of bytes in flight. Sending never waits, because asyncio pauses a writer only
+    at 64 KiB. A larger frame is sent if no other frame is in flight."""
     _TRIAL_ACKNOWLEDGEMENTS = 3
     _TOLERANCE, _DOUBLED, _SLACK_S = 1.3, 1.5, 0.008
     _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 2.0, 64.0
@@ -53,14 +53,14 @@ class VideoWindow:
         self._begin()
 
     def _begin(self) -> None:
-        """Allow one frame in flight; nothing is known about the link."""
+        """Allow one frame in flight, and forget all measurements of the link."""
         self.size = 1
         self.is_easy = False
         self._lone_delay_s: float | None = None
         self._starved = self._slow = self._easy = 0
 
     def may_send(self, n_bytes: int) -> bool:
-        """True if another frame of this size may be sent; refusals are counted."""
+        """True if a frame of this size may be sent now; False also counts as a skipped frame."""
         if not self._asked:  # no frame in flight requests an acknowledgement
             return True
         if len(self._flight) < self.size and self._bytes + n_bytes <= self.LARGEST_BYTES:
@@ -69,9 +69,9 @@ class VideoWindow:
         return False
 
     def sent(self, frame_id: int, n_bytes: int, now_s: float, *, is_frequent: bool = True) -> bool:
-        """Record a frame as in flight; return True if the frame is quiet.
+        """Record that a frame was sent; return True if it requests no acknowledgement.
 
-        A frame that follows after a long pause (`is_frequent` is False) is never quiet.
+        `is_frequent` is False after a long pause; the frame then requests an acknowledgement.
         """
         is_quiet = (
             self.is_easy
@@ -85,7 +85,7 @@ class VideoWindow:
         return is_quiet
 
     def acknowledged(self, frame_id: int, now_s: float) -> None:
-        """Record that a frame and all earlier ones are drawn; ProtocolError if it is unknown."""
+        """Record that the viewer has drawn a frame; raises ProtocolError if it is not in flight."""
         if frame_id not in self._flight:
             raise ProtocolError(ErrorCode.UNKNOWN_FRAME, f"frame {frame_id} is not in flight")
         while True:
@@ -129,9 +129,9 @@ class VideoWindow:
 
 
 class PictureSize:
-    """Gives a viewer the camera's larger pictures only while the viewer draws them in time.
+    """Decides whether a viewer gets larger pictures, which it must be able to draw in time.
 
-    After each failure the size backs off by a factor of four.
+    If it cannot, the next attempt waits four times as long as the last.
     """
 
     _GOOD_S, _LATE_S = 0.06, 0.12

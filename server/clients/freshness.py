@@ -1,4 +1,4 @@
-"""Proof of freshness: a message cannot be older than the nonce that it carries. Pure."""
+"""Proves that a message is fresh: it cannot be older than the nonce that it contains. Pure."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from collections.abc import Callable
 from server.protocol import ErrorCode, ProtocolError
 
 NEVER_S = -math.inf
-"""The time of a message without a known nonce."""
+"""Time of issue of an unknown nonce, by which its message is older than any limit."""
 _KEPT_S = 2.0
-"""How long a nonce is remembered, in seconds; a command that carries it expires much sooner."""
+"""How long a nonce is remembered, in seconds; a command with this nonce expires much sooner."""
 
 
 class NonceLedger:
     """Issues nonces and remembers for a while when each nonce was issued.
 
-    Every state and every frame carries a nonce. A message that returns a nonce cannot have been
-    sent before the nonce was issued, even if the message was delayed on a stalled link, in a frozen
-    server or in a queue. Only the robot's own clock is trusted, and nobody can guess a nonce.
+    Every state and every frame has a nonce, and each command returns the newest one. The command
+    cannot have been sent before that nonce was issued, however long it was delayed by a stalled
+    link or a queue. The check trusts only the robot's own clock, and nobody can guess a nonce.
 
     Args:
-        below: Draws a random whole number from 0 to one below its argument.
+        below: Returns a random whole number from 0 to its argument minus one.
     """
 
     def __init__(self, below: Callable[[int], int] = secrets.randbelow) -> None:
@@ -45,7 +45,7 @@ class NonceLedger:
 
 
 def why_refused(frame: int | None, seq: int, limit_s: float) -> ProtocolError:
-    """Return why the gate refused the message `seq`, which names this frame and has this age."""
+    """Return the error for a command that is too old, or that names no frame (`frame` is None)."""
     if frame is None:
         why = "'frame' must be the frame on the screen: a client without one cannot drive"
         return ProtocolError(ErrorCode.NO_PICTURE, why, seq)

@@ -8,11 +8,11 @@ LAPSE_S = 1.5
 
 
 class Lease:
-    """The wheel: at most one client has it, and that client renews its lease by its commands.
+    """The right to drive. At most one client, the owner, has it and renews it by its commands.
 
-    A lease that was not renewed for `LAPSE_S` has lapsed. The owner keeps a lapsed lease until
-    another client requests it. A client that requests a lease in use waits until the owner yields
-    or the lease lapses.
+    A lease lapses if it is not renewed for `LAPSE_S`. A client that requests the lease gets it when
+    the owner yields it or when it has lapsed. Until another client requests a lapsed lease, the
+    owner keeps it.
     """
 
     def __init__(self) -> None:
@@ -29,7 +29,7 @@ class Lease:
         return len(self._line) > 1
 
     def join(self, client: str, now_s: float) -> bool:
-        """Give the wheel to a client that may drive if the wheel is free; return True if it was."""
+        """Return True if the client gets the wheel: it is free, or lapsed and no other is next."""
         is_next = self._line[1:2] in ([], [client])
         if self._line and not (is_next and self._has_lapsed(now_s)):
             return False
@@ -38,7 +38,7 @@ class Lease:
         return True
 
     def take(self, client: str, now_s: float) -> bool:
-        """Request the wheel; True if the client has it now, False if the client waits for it."""
+        """Request the wheel; return True if the client has it now, False if the client waits."""
         if self.owner == client or self.join(client, now_s):
             return True
         if client not in self._line:
@@ -49,9 +49,9 @@ class Lease:
         self._renewed_s = now_s
 
     def give_up(self, client: str, now_s: float) -> bool:
-        """Take the wheel from a client that yields or has disconnected; True if it had the wheel.
+        """Take the wheel from a client that yields or has disconnected, and give it to the next.
 
-        The next waiting client gets the wheel.
+        Return False if the client did not have the wheel; it then no longer waits for it.
         """
         was_owner = self.owner == client
         if client in self._line:

@@ -1,4 +1,4 @@
-"""Converts the control loop's state to the fields of a `state` message. Pure."""
+"""Converts the state of the control loop to the fields of a `state` message. Pure."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from robot.types import Prediction
 
 STATE_EVERY_S = 0.1
 SOON_S = 0.05
-"""Interval of states in seconds while a robot with a slow camera moves. A slow camera's pictures
-carry too few nonces, so a short Wi-Fi pause would look like an absent pilot."""
+"""Interval of states in seconds while a robot with a slow camera moves. States carry nonces, too:
+with those of the few pictures only, a short pause of the Wi-Fi would look like an absent pilot."""
 
 
 def describe_state(state: Tick, now_ms: float, *, is_resting: bool = False) -> dict[str, Any]:
-    """Return the fields of a `state` message; a robot at rest has no recent picture."""
+    """Return the fields of a `state` message; a resting robot's camera pauses and has no age."""
     decision, camera, sensors = state.decision, state.camera, state.sensors
     captured_s, source_s = state.frame_captured_s, state.source_age_s
-    # Delay that the brick and its connection add to the camera's delay.
+    # The delay that the brick and its connection add to the delay of the camera.
     brick_s = None if source_s is None else max(0.0, camera.delivery_age_s - source_s)
     fields = {
         "server_ms": round(now_ms, 1),
@@ -74,7 +74,7 @@ def describe_body(driver: Driver) -> dict[str, Any]:
 
 
 def describe_devices(driver: Driver, camera: Camera) -> dict[str, str]:
-    """Return the devices that a search for bodies and cameras found."""
+    """Return the bodies and cameras that the driver and the camera have found, for a choice."""
     found = {"device": driver.device, "camera_device": camera.device}
     return {name: device for name, device in found.items() if device and isinstance(device, str)}
 
@@ -93,7 +93,7 @@ def _describe_prediction(prediction: Prediction) -> dict[str, Any]:
 
 
 def _rounded(value: Any) -> Any:
-    """Round numbers to four places, enough for a page, and convert numpy's numbers to Python's."""
+    """Round numbers to four decimal places, and convert numpy's numbers to Python's."""
     if value is None or isinstance(value, str | int | list):
         return value
     if not isinstance(value, float) and isinstance(value, Mapping):

@@ -16,14 +16,14 @@ from server.clients.flow_control import PictureSize, VideoWindow
 from server.protocol import encode_picture
 
 _REMEMBERED_FRAMES = 256
-"""Number of frames whose capture time is remembered."""
+"""Number of frames of which the capture time is remembered."""
 _FREQUENT_S = 0.06
-"""Frame interval in seconds above which every frame is acknowledged, so that a pilot who sees
-nothing is noticed soon."""
+"""Interval between frames, in seconds, above which every frame requests an acknowledgement, so that
+the server soon notices if the pilot sees nothing."""
 
 _SELDOM_S, _EARLY_SHARE = 0.25, 0.95
-"""First, the interval in seconds above which a viewer lets a standing robot rest. Second, the share
-of a viewer's interval after which a frame is due: a camera's rate is not exact."""
+"""If every viewer wants pictures less often than `_SELDOM_S`, in seconds, a robot that stands may
+rest. A frame is due after `_EARLY_SHARE` of a viewer's interval: no camera's rate is exact."""
 
 
 class Encoder:
@@ -39,7 +39,7 @@ class Encoder:
 
     @cached_property
     def _compress(self) -> Encode | None:
-        """Compress with OpenCV, which is imported at the first call: JPEG frames do not need it."""
+        """OpenCV's encoder, imported at the first use; None if OpenCV is not installed."""
         try:
             return jpeg_encoder(self._quality)
         except MissingExtraError:
@@ -51,7 +51,7 @@ class Encoder:
         return frame
 
     def encode_jpeg(self, frame: Frame) -> bytes:
-        """Return the frame as JPEG; raises MissingExtraError if that needs OpenCV."""
+        """Return the frame as JPEG; raises MissingExtraError if OpenCV is needed but missing."""
         if frame.encoding is Encoding.JPEG:
             return frame.data
         if self._compress is None:
@@ -63,13 +63,13 @@ class Encoder:
 
 @dataclass(eq=False)
 class Viewer:
-    """One receiver of the video, with its window and the last frame sent to it.
+    """One receiver of the video.
 
     Attributes:
-        send: Sends a message and never blocks: a viewer's window is smaller than the buffer at
-            which its transport pauses the writer.
+        send: Sends a message without blocking, because the window of frames in flight is smaller
+            than the buffer of the connection.
         every_s: The minimum time between two frames, in seconds.
-        person: The key of the person who watches.
+        person: The name by which the limits count the viewer; see `Session.name`.
     """
 
     send: Callable[[bytes], None]
@@ -83,12 +83,12 @@ class Viewer:
 
 
 class VideoHub:
-    """Sends the newest frame to all viewers, to each as fast as it acknowledges.
+    """Sends each viewer the newest frame as often as the viewer acknowledges frames.
 
     Everything runs on the server's event loop and nothing waits, so one viewer delays no other.
 
-    `for_the_eye` returns a larger picture of a frame, or the frame itself. Viewers that draw large
-    pictures in time get large pictures; others get smaller pictures more often.
+    `for_the_eye` returns a larger picture of a frame, or the frame itself if there is none. Only
+    viewers that draw larger pictures in time get them.
     """
 
     def __init__(
@@ -108,12 +108,12 @@ class VideoHub:
         self._nonce = 0
         self._pictures: dict[bool, Frame] = {}
         self._messages: dict[tuple[bool, bool], bytes] = {}
-        # The capture times of the last frames, by the frame's id.
+        # The capture times of the last frames, by the frame's number.
         self.captured_s: OrderedDict[int, float] = OrderedDict()
         self.frames_encoded = 0
         self.frames_sent = 0
         self.on_drawn: Callable[[float], None] = lambda age_s: None
-        """Called with a frame's age when a viewer has drawn it, in seconds."""
+        """Called when a viewer has drawn a frame, with the frame's age in seconds."""
 
     @property
     def viewers(self) -> int:
@@ -126,7 +126,7 @@ class VideoHub:
 
     @property
     def needed_every_s(self) -> float:
-        """Shortest interval at which a viewer needs pictures, in seconds; infinite for none."""
+        """Interval in seconds at which the viewers need pictures: 0 for all, inf for none."""
         if self._watchers:
             return 0.0
         every_s = min((viewer.every_s for viewer in self._viewers), default=math.inf)
@@ -165,7 +165,7 @@ class VideoHub:
         if now_s - viewer.last_sent_s < _EARLY_SHARE * viewer.every_s:
             return
         window = viewer.window
-        # A viewer with an interval shows many robots, so small pictures suffice.
+        # Only the page with many robots asks for an interval, so small pictures suffice.
         is_large = viewer.size.is_large and not viewer.every_s
         picture = self._pictures.get(is_large) or self._picture_of(frame, is_large)
         n_bytes = len(picture.data)
@@ -182,7 +182,7 @@ class VideoHub:
         viewer.send(message)
 
     def _picture_of(self, frame: Frame, is_large: bool) -> Frame:
-        """Return the picture of the newest frame; each size is encoded once for all viewers."""
+        """Return the newest frame's picture in one size; it is encoded once for all viewers."""
         if is_large not in self._pictures:
             source = self._for_the_eye(frame) if is_large else frame
             if is_large and source is frame:
@@ -193,7 +193,7 @@ class VideoHub:
         return self._pictures[is_large]
 
     def acknowledge(self, viewer: Viewer, frame_id: int, now_s: float) -> None:
-        """Record that a viewer has drawn a frame, and send the next frame if there is one."""
+        """Record that a viewer has drawn a frame, and send it a newer frame if there is one."""
         viewer.window.acknowledged(frame_id, now_s)
         viewer.drawn_id = frame_id
         viewer.size.note(viewer.window.delay_s or 0.0, now_s)
@@ -203,13 +203,13 @@ class VideoHub:
         self.offer(viewer, now_s)
 
     def drawn_by(self, person: str) -> int | None:
-        """Return the newest frame that a person's viewers have acknowledged; None if none has."""
+        """Return the number of the newest frame that a person has seen; None if there is none."""
         own = (viewer for viewer in self._viewers if viewer.person == person)
         return max((one.drawn_id for one in own if one.drawn_id is not None), default=None)
 
     def watch(self, watcher: Callable[[], None]) -> Callable[[], None]:
-        """Count a viewer that reads `newest` by itself; `watcher`, which must be quick, is called
-        for each new frame. Return a function that ends this."""
+        """Count a viewer that reads `newest` by itself, and call `watcher`, which must be quick,
+        for each new frame. Return a function that ends both."""
         self._watchers.append(watcher)
         self._on_viewers()
 

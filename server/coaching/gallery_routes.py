@@ -21,7 +21,7 @@ router = APIRouter(prefix="/api", route_class=Route)
 
 
 class ImageEdit(RawValue):
-    """Relabel an image (the value is a move), pin or unpin it (true or false), or delete it."""
+    """A request's body: relabel an image (`value` is a move), pin it (a bool) or delete it."""
 
     verb: Literal["relabel", "pin", "delete"] = must_be("relabel, pin or delete")
     value: StrictBool | StrictStr | None = must_be("a move, true or false", None)
@@ -29,9 +29,10 @@ class ImageEdit(RawValue):
 
 @dataclass
 class ImageAnswer:
-    """One learned image. `taught_at_s` and `episode` are set if its last example is remembered.
+    """One learned image.
 
-    `angle` is the mean steering of the image's frames, if they were steered by degrees.
+    `taught_at_s` and `episode` say when and in which recording its last example was taught, if that
+    is still known. `angle` is the mean steering of its frames, if the pilot steered by degrees.
     """
 
     taught_at_s: float | None
@@ -56,7 +57,10 @@ class ImageList:
 
 @dataclass
 class Why:
-    """The image that decides now, and the current view, both PNG in base64."""
+    """The learned image that decides the robot's move now, and the robot's current view.
+
+    Both pictures are PNG in base64.
+    """
 
     frame: int
     action: str | None
@@ -77,7 +81,7 @@ async def list_images(request: Request) -> ImageList:
     images = await progress.gallery()
     return ImageList(
         moves=[move.value for move in state.moves],
-        # The learner of a plug-in may store more images than its name says.
+        # A learner of a plug-in may store more images than the number in its name.
         max_nodes=max(state.max_nodes, len(images)),
         images=[_describe(image, progress) for image in images],
     )
@@ -124,7 +128,10 @@ async def edit_image(request: Request, node: int, body: ImageEdit) -> dict[str, 
 
 @router.get("/why")
 async def show_why(request: Request) -> dict[str, Why | None]:
-    """Return the image that decides now, and the current view; null if no image decides."""
+    """Return the learned image that decides the robot's move now, with the current view.
+
+    The answer is null if no image decides.
+    """
     services = services_of(request)
     found = await services.on_loop(lambda: _explain(services.robot.loop))
     if found is None:
@@ -158,7 +165,7 @@ def _describe(image: LearnedImage, progress: Progress) -> ImageAnswer:
 
 
 def _explain(loop: ControlLoop) -> tuple[Prediction, Explanation] | None:
-    """Explain the newest proposal. Call it on the loop's thread."""
+    """Explain the newest prediction; None if there is none. Call it on the loop's thread."""
     newest = loop.learning.newest
     if newest is None:
         return None

@@ -22,7 +22,7 @@ router = APIRouter(prefix="/api", route_class=Route)
 
 @dataclass
 class Teaching:
-    """The examples taught, and the curve of agreement over them."""
+    """The number of examples, and how the agreement has changed with them."""
 
     lessons: int
     taught: dict[str, int]
@@ -32,7 +32,7 @@ class Teaching:
 
 @dataclass
 class GapAnswer:
-    """One move to teach the robot; `png` is the view in which to teach it, in base64."""
+    """One gap in the training: what to teach, and in `png` (base64) a view in which to teach it."""
 
     kind: str
     move: str | None
@@ -45,7 +45,7 @@ class GapAnswer:
 
 @dataclass
 class ReadinessAnswer:
-    """Readiness to drive autonomously, with the gaps and their places."""
+    """The robot's readiness to drive autonomously, and the gaps in its training."""
 
     stage: str
     alone_s: float
@@ -59,7 +59,7 @@ class ReadinessAnswer:
 
 @dataclass
 class PathAnswer:
-    """Points of a path, as columns."""
+    """Points of the driven path; each field is a list with a value for each point."""
 
     first: int
     pose: list[list[float]]
@@ -70,10 +70,10 @@ class PathAnswer:
 
 @router.get("/path")
 def show_path(request: Request, since: int = 0) -> PathAnswer:
-    """Return the points of the path from number `since` on, as columns.
+    """Return the points of the driven path from number `since` on.
 
-    `first` is the number of the first returned point. Continue with `since` = `first` plus the
-    number of points.
+    `first` is the number of the first point in the answer. For the next points, request `since` =
+    `first` plus the number of points in the answer.
     """
     first, points = progress_of(request).trail.since(since)
     return PathAnswer(
@@ -94,7 +94,7 @@ def show_path(request: Request, since: int = 0) -> PathAnswer:
 
 @router.get("/teaching")
 def describe_teaching(request: Request) -> Teaching:
-    """Return the number of examples, and the curve of agreement over the examples."""
+    """Return the number of examples, and how the agreement has changed with them."""
     state = services_of(request).robot.loop.state
     return Teaching(
         lessons=sum(state.taught.values()),
@@ -108,7 +108,7 @@ def describe_teaching(request: Request) -> Teaching:
 
 @router.get("/teaching/readiness")
 async def show_readiness(request: Request, pictures: bool = True) -> ReadinessAnswer:
-    """Return the readiness to drive autonomously, with the gaps and their places."""
+    """Return the robot's readiness to drive autonomously, and the gaps in its training."""
     services = services_of(request)
     readiness = progress_of(request).readiness
     return await services.on_loop(lambda: _describe_readiness(readiness, pictures))

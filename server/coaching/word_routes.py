@@ -16,18 +16,19 @@ from server.services import services_of
 
 router = APIRouter(prefix="/api", route_class=Route)
 _ONE_SIDED = 20
-"""Number of one-sided turn examples after which the page asks about symmetry."""
+"""Number of examples of turns to one side, with none to the other, after which the page asks
+whether left and right are alike."""
 
 
 class AlikeWord(RawValue):
-    """The pilot's answer about symmetry."""
+    """A request's body: the pilot's word that left and right are alike, or are not."""
 
     alike: bool
 
 
 @dataclass
 class AlikeAnswer:
-    """The setting of symmetry, whether it can be set, and whether the page should ask for it."""
+    """Whether left and right are alike, whether that can be set, and whether to ask about it."""
 
     alike: bool
     possible: bool
@@ -36,7 +37,7 @@ class AlikeAnswer:
 
 @dataclass
 class AlikeChanged(AlikeAnswer):
-    """The new setting of symmetry; `kept` is false if it could not be saved."""
+    """The setting after a change; `kept` is false if the change could not be saved."""
 
     kept: bool
 
@@ -54,14 +55,14 @@ async def outdate(request: Request) -> dict[str, int | bool]:
 
 @router.get("/teaching/alike")
 async def show_alike(request: Request) -> AlikeAnswer:
-    """Return whether the pilot said that left and right are alike here."""
+    """Return whether the pilot has said that left and right are alike."""
     services = services_of(request)
     return await services.on_loop(lambda: _alike(services.robot.loop.history))
 
 
 @router.post("/teaching/alike")
 async def set_alike(request: Request, body: AlikeWord) -> AlikeChanged:
-    """Set whether past and future examples also count mirrored."""
+    """Set whether every example, past or future, also counts as its mirror image."""
     services = services_of(request)
     try:
         _, is_kept = await services.change_learner(
@@ -73,7 +74,7 @@ async def set_alike(request: Request, body: AlikeWord) -> AlikeChanged:
 
 
 def _alike(history: TrainingHistory) -> AlikeAnswer:
-    """Describe the setting of symmetry. Call it on the loop's thread."""
+    """Describe whether left and right are alike. Call it on the loop's thread."""
     policy, taught = history.policy, history.taught
     pairs = policy.kinds.mirrored().items()
     return AlikeAnswer(

@@ -40,14 +40,15 @@ EXPORTS: dict[str, tuple[Callable[..., int], str, tuple[str, ...]]] = {
     "npz": (write_npz, "examples", ()),
     "film": (write_look, "pictures", ("fps",)),
 }
-"""For each export format: the function that writes the file, what it counts, and its options."""
+"""The export formats: the function that writes each, the unit of the number it returns, options."""
 FLAGS = {"fps": "--fps", "taught_only": "--all", "task": "--task", "plain": "--plain"}
 TIMED: dict[str, Callable[[EpisodeFrame], bool]] = {
     "film": lambda _: True,
     "lerobot": lambda moment: not moment.is_deleted,
     "npz": is_example,
 }
-"""Formats whose times are repaired, each with a test for the pictures whose times count."""
+"""Export formats for which irregular times are repaired, each with a function that says whether a
+picture is exported."""
 
 
 def configure_export(parser: argparse.ArgumentParser) -> None:
@@ -91,7 +92,7 @@ def configure_import(parser: argparse.ArgumentParser) -> None:
 
 
 def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Import the drives of another program, each as an episode: all drives, or none."""
+    """Import the drives of another program, each as an episode; an error leaves no episode."""
     reading = Reading(
         threshold=args.threshold,
         trim=args.trim,
@@ -102,7 +103,7 @@ def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Stora
     )
     if args.name:
         check_name(args.name)
-    storage.sweep()  # remove what a killed import left
+    storage.sweep()  # remove unfinished files of an import that was killed
     whole = ImportReport(is_strict=args.strict)
     made: list[Path] = []
     try:
@@ -142,7 +143,7 @@ def _import_one(
 
 
 def _tell(path: Path, count: int, name: str, form: str, report: ImportReport) -> None:
-    """Print the imported pictures and their rate, the examples by label, and the omissions."""
+    """Print what was imported: pictures, their rate, examples by label, and what was left out."""
     print(f"{path.stem}: {count} pictures from {name} ({form}), {report.rate:.3g} a second")
     labels = ", ".join(f"{move} {number}" for move, number in report.labels.most_common())
     print(f"  examples: {labels or 'none'}")
@@ -151,7 +152,7 @@ def _tell(path: Path, count: int, name: str, form: str, report: ImportReport) ->
 
 
 def _tidy(name: str) -> str:
-    """Return a folder's name as an episode's name; if that is not valid, a valid name."""
+    """Turn the name of a folder into a valid name of an episode."""
     try:
         return check_name(re.sub(r"[^\w .()+,-]", "-", name).strip("-_ .")[:64])
     except ConfigurationError:
@@ -187,7 +188,7 @@ def _export(
         for episode, _ in episodes:
             episode.on_read = bar.update
         made = write(*given, part, **options)
-        bar.update(total - bar.n)  # pictures that are left out count as done
+        bar.update(total - bar.n)  # count the pictures that were left out, so that the bar is full
     print(f"{out}: {made} {what}")
     sizes = set[tuple[int, int]]().union(*(episode.frames.sizes for episode, _ in episodes))
     if len(sizes) > 1 and form in ("film", "lerobot"):
@@ -207,10 +208,9 @@ def _export(
 
 @contextlib.contextmanager
 def _beside(path: Path) -> Iterator[Path]:
-    """Yield a path to write to; the file is renamed to `path` at the end, or removed after an
-    error."""
+    """Yield a path to write to; it is renamed to `path` at the end, or removed after an error."""
     folder = path.with_name(f".part-{path.name}")
-    shutil.rmtree(folder, ignore_errors=True)  # remove what a killed run left
+    shutil.rmtree(folder, ignore_errors=True)  # remove the files of an export that was killed
     try:
         folder.mkdir(parents=True)
         yield folder / path.name

@@ -1,7 +1,7 @@
-"""Decides which connections and requests reach the application; this gateway serves only loopback.
+"""Decides which connections and requests reach the application.
 
-The extension `access` replaces this gateway by an entry point of `drivelesson.gateway`. The
-replacement serves networks and admits browsers that have proved their identity.
+This gateway serves only this computer. The extension `access` replaces it, by an entry point of
+`drivelesson.gateway`, with a gateway for networks that admits only paired browsers.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from server.gateway.rules import AccessRules
 
 GATEWAY = "drivelesson.gateway"
 STOP_PATH = "/api/stop"
-"""The emergency stop for a page without a websocket."""
+"""The path by which a page without a websocket sends the emergency stop."""
 SLOT = "drivelesson.slot"
-"""Key in a scope: the limiter's slot of a websocket, stream or upload."""
+"""Key in a scope: the slot that a limited websocket, stream or upload has taken."""
 PREFIX = "drivelesson.prefix"
 """Key in a scope: the path under which the page is served, such as /robot; empty for the root."""
 Credential = Callable[[Mapping[str, str]], Session | None]
@@ -37,18 +37,18 @@ class Gateway:
     """Admits every client of this computer as a pilot.
 
     Attributes:
-        credentials: Functions; each returns the session that a request's headers prove, if any.
-        checks: Functions; each may refuse a request by path, method (None: a websocket) and role.
-        kept: Persons whose connections are never evicted for others.
-        has_priority: Returns True for the person who drives, whose connections are not evicted
-            either.
+        credentials: Functions that return the session that a request's headers prove, or None.
+        checks: Functions that may refuse a request by path, method (None: websocket) and role.
+        kept: Names of sessions whose connections are never evicted for others.
+        has_priority: Returns True for the name of the pilot's session, whose connections are not
+            evicted either.
     """
 
     limits_type: ClassVar[type[Limits]] = Limits
     is_tls = False
     """True if the page is served by https. `open` then sets `tls_files`."""
     tls_files: tuple[str, str] | None = None
-    """The files of key and chain if the page is served by https."""
+    """The files of the private key and the certificate chain; None without https."""
 
     def __init__(self, config: Config, clock: Clock) -> None:
         self.config, self.clock = config, clock
@@ -67,15 +67,15 @@ class Gateway:
         return Config(host=args.host or "127.0.0.1", **given)
 
     def open(self, robot: str, show: Callable[[str], None]) -> None:
-        """Prepare to serve a robot; `show` is called with the address for the next pilot."""
+        """Prepare to serve a robot; `show` is called with each new address for a pilot."""
         show(self.addresses()[0])
 
     def serving(self, more: Callable[[], list[str]]) -> contextlib.AbstractContextManager[object]:
-        """While the `with` block runs, track the environment; `more` are lines for `greet`."""
+        """While the `with` block runs, follow changes of the network; `greet` gets `more` lines."""
         return contextlib.nullcontext()
 
     def use_tls(self, context: ssl.SSLContext) -> None:
-        """Remember the running server's TLS context, whose files may be renewed."""
+        """Remember the TLS context of the running server, to load renewed certificates into it."""
 
     @property
     def admits_all(self) -> bool:
@@ -84,7 +84,7 @@ class Gateway:
 
     @property
     def is_secure(self) -> bool:
-        """True if browsers treat the page as a secure context at each of its addresses."""
+        """True if the page is a secure context for browsers at each of its addresses."""
         return True
 
     def addresses(self) -> list[str]:
@@ -93,11 +93,11 @@ class Gateway:
         return [f"{scheme}://{f'[{host}]' if ':' in host else host}:{self.config.port}"]
 
     def address_for(self, role: Role) -> str:
-        """Return the address that gives a browser this role; an extension may limit its use."""
+        """Return the address that gives a browser this role."""
         return self.addresses()[0] + (role.start or "")
 
     def draw(self, address: str) -> list[str]:
-        """Return an address's QR code as lines; none if phones cannot reach the address."""
+        """Return the lines of a QR code of an address; none if phones cannot reach the address."""
         return []
 
     def greet(self, more: Sequence[str]) -> str:
@@ -105,53 +105,53 @@ class Gateway:
         return "\n".join([f"Drivelesson is ready: open {self.addresses()[0]}", *more, ""])
 
     def rules(self, public: frozenset[str], open: frozenset[str]) -> AccessRules:
-        """Return the access rules, given the extensions' public and open paths."""
+        """Return the access rules; `public` and `open` are paths of extensions, see `Extension`."""
         return AccessRules(names=frozenset(loopback_names(self.config)), public=public, open=open)
 
     def explain(self, refusal: Refusal, scope: Scope, headers: dict[str, str]) -> Response:
-        """Return the answer that says why a request is refused; `headers` go into this answer."""
+        """Return the answer to a refused request; it says why, and has these `headers`."""
         told = {"error": refusal.reason, "detail": refusal.sentence}
         return JSONResponse(told, refusal.status, headers)
 
     def see_through(self, scope: Scope) -> Scope | Refusal:
-        """Return the request as its client sent it, or why it is refused."""
+        """Return the request's scope as its client sent it, before any proxy, or a refusal."""
         return scope
 
     def session_of(self, headers: Mapping[str, str], address: str) -> Session | None:
-        """Return the session of a request; None for a client that has none."""
+        """Return the session that a request's headers prove; None if they prove none."""
         for credential in self.credentials:
             if session := credential(headers):
                 return session
         return self.find_session(headers, address)
 
     def find_session(self, headers: Mapping[str, str], address: str) -> Session | None:
-        """Return the session of a browser."""
+        """Return the session of a browser, from its cookie or its address; None if it has none."""
         return Session(Role.PILOT, address, is_crowd=True)
 
     def session_by_address(self, scope: Scope) -> Session | Refusal | None:
-        """Return the session that a request's own address proves, or why it proves none.
+        """Return the session that the key in a request's URL proves; for players without cookies.
 
         Returns:
-            None for an address that names no key. A call while a stream lasts returns a refusal
-            once the key is no longer valid.
+            None for a URL without a key, and a refusal for a key that is not valid. Streams call
+            this repeatedly, because a key can be replaced.
         """
         return None
 
     def peer(self, scope: Scope) -> tuple[str, int]:
-        """Return the other end of the connection: the client, or its proxy."""
+        """Return address and port at the other end of the connection: the client's or a proxy's."""
         return tuple(scope.get("client") or ("", 0))
 
     def anonymous(self, address: str) -> Session:
-        """Return the session by which a client without a session is counted."""
+        """Return the session for which the requests of a client without a session are counted."""
         return Session(Role.VIEWER, address)
 
     def check(self, path: str, method: str | None, role: Role) -> Refusal | None:
-        """Return why an extension refuses a request; None if none does."""
+        """Return the first refusal of a request by `checks`; None if no check refuses it."""
         refusals = (check(path, method, role) for check in self.checks)
         return next((refusal for refusal in refusals if refusal), None)
 
     def is_kept(self, person: str) -> bool:
-        """True for persons whose connections are never evicted for others."""
+        """True if the connections of this session are never evicted for others."""
         return person in self.kept or self.has_priority(person)
 
     # Limits: a server on loopback needs none ----------------------------------------------------
@@ -166,27 +166,27 @@ class Gateway:
         return listener
 
     def may_ask(self, person: Session) -> bool:
-        """Count a request; return False if there were too many."""
+        """Count a request; return False if the session sends too many per second."""
         return True
 
     def may_log(self, person: str, reason: str) -> bool:
-        """False if this person's refusal for this reason was logged recently."""
+        """False if a refusal of this session for this reason was logged recently."""
         return True
 
     def note_asked(self, scope: Scope, session: Session | None, *, lasts: bool) -> Refusal | None:
-        """Note a complete request; `lasts` marks a websocket or stream.
+        """Record that a request was read completely; `lasts` is True for a websocket or stream.
 
-        Return a refusal if the client is over a limit.
+        Return a refusal if the session has too many connections.
         """
         return None
 
     def note_answered(self, scope: Scope) -> None:
-        """Note that a request was answered."""
+        """Record that a request was answered, so that its connection is idle."""
 
     def take_slot(
         self, scope: Scope, person: Session, end: Callable[[], object], *, is_upload: bool
     ) -> Refusal | None:
-        """Count a websocket, stream or upload until `leave`; `end` is called when it is evicted."""
+        """Count a websocket, stream or upload until `leave`; `end` is called if it is evicted."""
         return None
 
     def leave(self, scope: Scope) -> None:
@@ -200,11 +200,11 @@ class Gateway:
 
 
 def gateway_type() -> type[Gateway]:
-    """Return the installed gateway: an extension's for networks, or else this one."""
+    """Return the gateway of an extension if one is installed, or else `Gateway`."""
     found = [point.load() for point in entry_points(group=GATEWAY)]
     return found[0] if found else Gateway
 
 
 def loopback_names(config: Config) -> list[str]:
-    """Return the names to which every server answers."""
+    """Return the names to which a server answers even without a network."""
     return list(dict.fromkeys(["localhost", "127.0.0.1", "::1", config.host.lower()]))

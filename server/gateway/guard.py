@@ -28,33 +28,33 @@ log = logging.getLogger(__name__)
 _PARTS = ("/js/", "/css/", "/icons/")
 _ROLE, _PERSON = "drivelesson.role", "drivelesson.person"
 _UPLOADS = re.compile(r"/api/[a-z]+/[^/]+/file")
-"""Paths whose bodies may be as large as a model."""
+"""Paths of uploads, whose bodies may be as large as a model's file."""
 _TOO_LARGE = Refusal(413, "size", "That is too large.")
 _TOO_MANY_S = 0.5
 VIDEO = "/video.mjpg"
-"""Path of a stream, which stays open like a websocket and is counted as one."""
+"""Path of the video stream, which stays open like a websocket and is counted as one."""
 
 
 def role_of(connection: HTTPConnection) -> Role:
-    """Return the role of the browser behind a request or websocket."""
+    """Return the role in which the guard has admitted a request or websocket."""
     role = connection.scope.get(_ROLE)
     return role if isinstance(role, Role) else Role.VIEWER
 
 
 def person_of(connection: HTTPConnection) -> str:
-    """Return the key that a client is counted by: its session, or its address."""
+    """Return the name by which the limits count a client: its session's name or its address."""
     return str(connection.scope.get(_PERSON, ""))
 
 
 def note_use(scope: Scope, now_s: float) -> None:
-    """Note that a websocket is in use, because a person's idle websockets are evicted first."""
+    """Record that a websocket is in use; among one person's, the least used is evicted first."""
     if (slot := scope.get(SLOT)) is not None:
         slot.used_s = now_s
 
 
 @dataclass(frozen=True)
 class Guard:
-    """ASGI middleware around the whole application; `refused` counts refusals by reason."""
+    """ASGI middleware that checks every request; `refused` counts its refusals by reason."""
 
     app: ASGIApp
     rules: AccessRules
@@ -77,7 +77,7 @@ class Guard:
             ):
                 path, why = str(scope["path"])[:80], verdict.sentence
                 log.warning("refused reason=%s path=%r why=%r", verdict.reason, path, why)
-            if verdict.status == 429:  # a client sends no more requests until this one is answered
+            if verdict.status == 429:  # the pause slows the client, which waits for the answer
                 await self.clock.pause(_TOO_MANY_S)
             await _refuse(scope, receive, send, verdict, self.gateway)
             return
@@ -100,7 +100,7 @@ class Guard:
         scheme = "https" if scope["scheme"] in ("https", "wss") else "http"
         is_lasting = scope["type"] == "websocket" or scope["path"] == VIDEO
         refusal, session = rules.check_host(headers), None
-        # A page of another site may use an address with a key, because it needs no cookie.
+        # A URL with a key needs no cookie, so pages of other sites may use it: skip their check.
         by_address = None if refusal else gateway.session_by_address(scope)
         if isinstance(by_address, Session):
             session = by_address
@@ -165,7 +165,7 @@ class Guard:
 
 
 def _limited(receive: Receive, most: int) -> Receive:
-    """End a body that is longer than allowed, whatever length its header claims."""
+    """Break off a body as soon as it is longer than `most` bytes, as no header can be trusted."""
     total = 0
 
     async def receive_limited() -> Message:
@@ -180,7 +180,7 @@ def _limited(receive: Receive, most: int) -> Receive:
 
 
 def _headers(scope: Scope) -> dict[str, str]:
-    """Return the request's headers. Of a repeated header the first counts; cookies are joined."""
+    """Return a request's headers; of repeated headers the first counts, but cookies are joined."""
     headers = Headers(scope=scope)
     return {**headers, "cookie": "; ".join(headers.getlist("cookie"))}
 
@@ -206,7 +206,7 @@ def _security_headers(scheme: str, host: str, path: str) -> dict[str, str]:
 
 
 def content_policy(scheme: str, host: str, inline: Iterable[str] = ()) -> str:
-    """Return a document's content policy; `inline` are hashes of the scripts and styles in it."""
+    """Return the content policy of a document; `inline` are the hashes of its inline code."""
     socket = f"{'wss' if scheme == 'https' else 'ws'}://{host}"
     own = " ".join(["'self'", *inline])
     return "; ".join(
@@ -228,7 +228,7 @@ def content_policy(scheme: str, host: str, inline: Iterable[str] = ()) -> str:
 
 
 async def _close(scope: Scope, send: Send) -> None:
-    """End a request or websocket that was evicted."""
+    """End a request or websocket whose slot was given to another client."""
     task = asyncio.current_task()
     if task is not None:
         task.uncancel()
@@ -242,7 +242,7 @@ async def _close(scope: Scope, send: Send) -> None:
 async def _refuse(
     scope: Scope, receive: Receive, send: Send, refusal: Refusal, gateway: Gateway
 ) -> None:
-    """Answer with a status; a websocket gets a plain 403 if the server supports no other status."""
+    """Answer a refused request; a websocket gets a plain 403 if uvicorn supports nothing else."""
     kind = scope["type"]
     if kind == "websocket" and "websocket.http.response" not in scope.get("extensions", {}):
         await receive()

@@ -13,14 +13,14 @@ class Role:
 
     Attributes:
         value: The role's name in messages and files.
-        may_change: The client may do more than read, and more than stop the robot.
-        may_drive: The client may have the wheel.
-        holds_stop: Only this role can release a robot that this role has stopped.
+        may_change: The client may change things, not only read and stop the robot.
+        may_drive: The client may drive the robot, one client at a time.
+        holds_stop: If the client stops the robot, only a client of this role can release it.
         paths: The only paths that the client may request besides public ones; None means all paths.
-        start: The page to which the client is redirected.
+        start: The page to which the client is redirected from other paths.
         refusal: The sentence in the answer to a forbidden request.
-        purpose: The purpose of a browser with this role, worded to follow "may"; empty if no
-            browser gets the role.
+        purpose: What a browser with this role may do, worded to follow "may"; empty if browsers
+            cannot get the role.
     """
 
     value: str
@@ -48,19 +48,19 @@ class Refusal:
     reason: str
     """Short name for logs and metrics."""
     sentence: str
-    """Text for the person."""
+    """The reason as a sentence for the person at the browser."""
     location: str | None = None
-    """Address to redirect to."""
+    """Address to which the browser is redirected; None for no redirection."""
     open_at: tuple[str, ...] = ()
     """Addresses of the page, for a client that used an unknown name."""
 
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """A client's role, and the name by which the client is counted."""
+    """A client's role, and the name under which the limits count it."""
 
     role: Role
     name: str
-    """The session's name for a browser that proved who it is, otherwise the client's address."""
+    """The hash of a paired browser's secret; for any other client its address."""
     is_crowd: bool = False
     """True if the name is only an address, behind which many people may be."""

@@ -1,7 +1,7 @@
-"""Access rules: Host, Origin and role of a request.
+"""Access rules, by the Host, Origin and role of a request.
 
-Host and Origin are checked even on loopback: a page of another site, open in the same browser, must
-not reach the robot by cross-site websockets or by DNS rebinding.
+Host and Origin are checked even on loopback. Otherwise a page of another site that is open in the
+same browser could reach the robot, by a cross-site websocket or by DNS rebinding.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ class AccessRules:
 
     Args:
         names: Names that the robot answers to; they may change while the server runs.
-        addresses: Returns the page's current addresses, for clients that used another name.
-        advise: Returns advice for a client that used the given name or address.
-        allows_addresses: Accept any IP address as Host too, because DNS rebinding needs a name.
+        addresses: Returns the page's current addresses, to tell a client that used another name.
+        advise: Returns advice for a client that used another name (or None), and its address.
+        allows_addresses: Also accept every IP address as Host, because DNS rebinding needs a name.
         origins: Other origins of the robot's page, if a proxy serves the page.
         public: Paths that need no session.
         open: Paths on which a viewer may do more than read.
@@ -46,7 +46,7 @@ class AccessRules:
     unknown: Refusal = NOT_ADMITTED
 
     def check_host(self, headers: Mapping[str, str]) -> Refusal | None:
-        """Refuse a request whose Host is another name: it may be DNS rebinding."""
+        """Refuse a request whose Host is not a name of the robot, as it may be DNS rebinding."""
         host = headers.get("host", "")
         name = host_name(host)
         if name in self.names or (self.allows_addresses and as_address(name) is not None):
@@ -62,8 +62,8 @@ class AccessRules:
     ) -> Refusal | None:
         """Refuse a request that a page of another site has sent.
 
-        A page cannot forge these headers. Other programs omit these headers or send any text.
-        `method` is the request's, None for a websocket.
+        A page cannot forge the headers Origin and Sec-Fetch-Site; other programs can send anything
+        in them. `method` is None for a websocket.
         """
         origin, host = headers.get("origin"), headers.get("host", "")
         if origin is not None:
@@ -74,7 +74,7 @@ class AccessRules:
             )
             return _cross_site(f"{told}.{self.advise(None, short(origin))}")
         site = headers.get("sec-fetch-site", "none")
-        # A link on another site may open the page, but no other site may frame the page.
+        # Another site may link to the page, but may not show it in a frame.
         is_link = method in ("GET", "HEAD") and headers.get("sec-fetch-mode") == "navigate"
         if site in ("none", "same-origin") or is_link:
             return None
@@ -84,7 +84,7 @@ class AccessRules:
         self, path: str, method: str | None, headers: Mapping[str, str], session: Session | None
     ) -> Role | Refusal:
         """Return the role in which a request is admitted, or why it is not."""
-        is_public = path.partition("#")[0] in self.public  # some apps encode the `#`
+        is_public = path.partition("#")[0] in self.public  # some apps send the `#` encoded
         role = session.role if session else Role.VIEWER
         refusal: Refusal | None = None
         if not session and not is_public:
@@ -117,5 +117,5 @@ def _cross_site(why: str) -> Refusal:
 
 
 def short(text: str) -> str:
-    """Return what a client has sent as one word to be shown."""
+    """Return a client's text in a form that can be shown: at most 80 printable characters."""
     return re.sub(r"[^!-~]", "?", text)[:80]

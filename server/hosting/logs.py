@@ -1,4 +1,4 @@
-"""Logs with one line per event: `time level logger event key=value ...`."""
+"""Writes a log with one line for each event: `time level logger event key=value ...`."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from typing import Any, TextIO
 
 _MOST, _WINDOW_S = 5, 60.0
 _KINDS = 256
-"""Number of kinds of log line whose rate is remembered."""
+"""Number of kinds of log lines of which the rate is remembered."""
 _END_S = 1.0
-"""When it ends, the program waits at most this time for a terminal to read the last lines, in s."""
+"""How long the program waits at its end until the terminal has read the last lines, in seconds."""
 
 
 class OneLine(logging.Formatter):
-    """Puts each record on one line, so that text from a client cannot forge a second line."""
+    """Puts each log record on one line, so that no client's text can look like another line."""
 
     converter = staticmethod(time.gmtime)
     default_msec_format = "%s.%03d"
@@ -32,10 +32,10 @@ class OneLine(logging.Formatter):
 
 
 class RepeatFilter(logging.Filter):
-    """Passes a few lines of each kind per minute and reports the number of lines left out.
+    """Passes only a few lines of each kind per minute, and logs how many others there were.
 
-    A kind is a logger, a level and a message before formatting. A client without a session can
-    cause any number of lines of some kinds, and these lines must not fill the robot's disk.
+    A kind is a logger, a level and a message before formatting. Without this filter, any client
+    could fill the robot's disk, because each refused request is logged.
     """
 
     def __init__(self) -> None:
@@ -60,10 +60,10 @@ class RepeatFilter(logging.Filter):
 
 
 def start_logging(*, verbose: bool) -> None:
-    """Log to standard error; standard output is for the user.
+    """Start to log to standard error; standard output is for the user.
 
-    A separate thread writes, so that a paused terminal (Ctrl+S) or a full pipe blocks no other
-    thread, and delays the program's end only briefly.
+    A separate thread writes the lines, so that a paused terminal (Ctrl+S) or a full pipe does not
+    block the other threads, and hardly delays the program's end.
     """
     records: SimpleQueue[Any] = SimpleQueue()
     handler = QueueHandler(records)
@@ -76,7 +76,7 @@ def start_logging(*, verbose: bool) -> None:
         records.put(None)
         writer.join(_END_S)
         if writer.is_alive():
-            sys.stderr = None  # or Python would wait for it at exit
+            sys.stderr = None  # otherwise Python would wait for it at exit
 
     atexit.register(end)
     logging.basicConfig(level=logging.DEBUG if verbose else logging.INFO, handlers=[handler])

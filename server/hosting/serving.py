@@ -1,4 +1,4 @@
-"""Configures any version of uvicorn for low latency: no compression, small messages, no delay."""
+"""Configures uvicorn, in any of its versions, for low latency: without compression and delays."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
 
 
 PROTOCOLS = "drivelesson.websockets"
-"""Group of the entry points of other websocket protocols: functions that return a class or None."""
+"""Group of entry points for other websocket protocols: functions that return a class, or None."""
 DIRECT = "drivelesson.direct"
-"""Key in `scope["extensions"]` of an installed protocol that writes pictures directly."""
+"""Key in `scope["extensions"]`: the websocket's protocol, if it can write pictures directly."""
 MAX_MESSAGE_BYTES = 65_536
 """Maximum size of a websocket message in bytes; a larger one closes the connection unread."""
 _DEAD_PEER_MS = 15_000
 _BACKLOG = 4096
-"""Length of the accept queue; if it is full, a connection retries only a second later."""
+"""Length of the accept queue; when it is full, a client's system retries only after a second."""
 _END_S = 1.0
-"""How long connections may take to finish, and after that to close, in seconds."""
+"""How long requests may take to finish when the server ends, and then to close, in seconds."""
 
 
 def open_socket(host: str, port: int) -> socket.socket:
@@ -42,8 +42,8 @@ def open_socket(host: str, port: int) -> socket.socket:
         # With SO_REUSEADDR on Windows, two programs would share the port.
         exclusive = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
         listener.setsockopt(socket.SOL_SOCKET, exclusive, 1)
-        # On Linux, connections inherit these options: one sends small messages immediately,
-        # and one closes the connection to a peer that acknowledges nothing.
+        # On Linux, connections inherit these options. The first sends small messages immediately,
+        # the second closes a connection whose peer acknowledges nothing.
         listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         if hasattr(socket, "TCP_USER_TIMEOUT"):
             listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _DEAD_PEER_MS)
@@ -62,9 +62,9 @@ def open_socket(host: str, port: int) -> socket.socket:
 
 
 def open_sockets(host: str, port: int) -> list[socket.socket]:
-    """Listen on an address. For `::` (all addresses) there are two sockets on the same port, one
-    for IPv4 and one for IPv6, so that IPv4 addresses keep their usual form. A machine may support
-    only one of the two."""
+    """Listen on an address; for `::` (all addresses), on two sockets with the same port. The one
+    for IPv4 gives IPv4 addresses in their usual form. On a machine without IPv4 or without IPv6,
+    the other socket suffices."""
     if host != "::":
         return [open_socket(host, port)]
     found: list[socket.socket] = []
@@ -81,13 +81,13 @@ def open_sockets(host: str, port: int) -> list[socket.socket]:
 
 
 def websocket_protocol() -> Any:
-    """Return the websocket protocol for uvicorn: an installed one if it fits, or the default."""
+    """Return the websocket protocol for uvicorn: an extension's if it supports this version."""
     found = (point.load()() for point in points(PROTOCOLS))
     return next(filter(None, found), "websockets")
 
 
 def make_server(app: Any, tls_files: tuple[str, str] | None) -> Server:
-    """Return uvicorn's server with its newest websocket backend."""
+    """Return a server of uvicorn that uses the newest websocket backend of its version."""
     import uvicorn
 
     config = uvicorn.Config(
@@ -101,7 +101,7 @@ def make_server(app: Any, tls_files: tuple[str, str] | None) -> Server:
         ws_ping_timeout=20.0,
         http="h11",
         access_log=False,
-        # Ignore X-Forwarded-For, with which a client could claim any address.
+        # Let uvicorn ignore X-Forwarded-For, with which a client could claim any address.
         proxy_headers=False,
         log_config=None,
         log_level="warning",
@@ -114,8 +114,8 @@ def make_server(app: Any, tls_files: tuple[str, str] | None) -> Server:
 
 
 def leave_out_of_collections() -> None:
-    """Exclude all existing objects from garbage collection: a full collection would block every
-    thread, including the control loop and a STOP, for 100 to 300 ms."""
+    """Exclude all existing objects from garbage collection. A full collection of them would block
+    every thread, including the control loop and a STOP, for 100 to 300 ms."""
     gc.collect()
     gc.freeze()
 
@@ -135,8 +135,8 @@ def serve(app: Any, listeners: Sequence[socket.socket]) -> None:
 
 
 def end_by_signals() -> None:
-    """Let SIGTERM and a closed terminal end the program as Ctrl-C does: uvicorn raises a signal
-    again at its own end, and the default handler would neither stop motors nor save the model."""
+    """Let SIGTERM and a closed terminal end the program like Ctrl-C. Uvicorn raises a signal again
+    when it has ended, and the default handler would neither stop the motors nor save the model."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     for name in ("SIGHUP", "SIGBREAK"):
         number = getattr(signal, name, None)
@@ -145,17 +145,17 @@ def end_by_signals() -> None:
 
 
 def run(served: Coroutine[Any, Any, None]) -> None:
-    """Run on an event loop that calls the listener's `accept`; Windows' default loop does not."""
+    """Run on an event loop that calls our listener's `accept`; Windows' default loop does not."""
     with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
         runner.run(served)
 
 
 async def serve_until_told(server: Server, gateway: Gateway, *listeners: socket.socket) -> None:
-    """Serve until told to end; then close hanging connections, such as uploads or handshakes, and
-    cancel hanging requests, such as a computation on a thread."""
+    """Serve until a signal ends the server; then close connections that hang, for example in an
+    upload or a handshake, and cancel requests that still wait, for example for a thread."""
     logging.getLogger("uvicorn.error").addFilter(_is_not_cancellation)
     serving = asyncio.ensure_future(server.serve(sockets=list(listeners)))
-    # Newer uvicorns raise a signal again; retrieve the exception, or the loop would log an error.
+    # Newer versions of uvicorn raise the signal again: read the error, or the loop would log it.
     serving.add_done_callback(lambda done: done.cancelled() or done.exception())
     while not server.should_exit and not serving.done():
         gateway.expire()

@@ -1,9 +1,9 @@
 """The page that a browser sees while the robot is still starting.
 
-Importing, opening a camera and reading a model take seconds on a small computer. Until then each
-request is answered immediately with a 503 page that names the part still starting and reloads
-itself. This page is the only answer; it contains nothing about the robot, and only the first piece
-of a request is read.
+Importing modules, opening a camera and reading a model take seconds on a small computer. Until all
+is ready, every request is answered immediately with status 503 and this page, which names the part
+that is still starting and reloads itself. For safety, the page contains nothing about the robot,
+and only the beginning of a request is read.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from robot.clock import Clock, Worker
 from robot.types import StartStop
 
 _PATIENCE_S = 0.2
-"""How long a client may take to send its request, in seconds; other clients wait."""
+"""How long a client may take to send its request, in seconds; other clients wait meanwhile."""
 _PAGE = """<!doctype html><html><head><meta charset="utf-8"><title>Drivelesson</title>
 <meta name="viewport" content="width=device-width"><meta http-equiv="refresh" content="1">
 </head><body style="font:1.2em sans-serif;margin:3em;text-align:center">
@@ -38,7 +38,7 @@ class StartingPart(Enum):
 
 
 class StartingPage(StartStop):
-    """Answers on listening sockets until `stop`; later connections wait for the server.
+    """Answers on listening sockets until `stop`; connections that come later reach the server.
 
     Attributes:
         part: The part that is still starting.

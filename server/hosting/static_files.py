@@ -1,4 +1,4 @@
-"""Serves the page's files compressed; files named by their content are cached indefinitely."""
+"""Serves the page's files compressed; files with a hash in their name are cached indefinitely."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class CompressedFiles(StaticFiles):
 
     def __init__(self, folder: Path) -> None:
         super().__init__(directory=folder)
-        for suffix in (".js", ".mjs"):  # Windows' registry may call scripts plain text
+        for suffix in (".js", ".mjs"):  # the registry of Windows may declare them as plain text
             mimetypes.add_type("text/javascript", suffix)
         mimetypes.add_type("application/manifest+json", ".webmanifest")
 
@@ -40,7 +40,7 @@ class PageFiles(CompressedFiles):
     """Serves the page: bundled in a wheel (`web/bundle.py`), or the sources in a clone."""
 
     async def get_response(self, path: str, scope: Scope) -> Response:
-        path = path.replace("\\", "/")  # starlette uses the separators of the system
+        path = path.replace("\\", "/")  # starlette passes paths with the system's separator
         path = "index.html" if path == "." else path
         response = await super().get_response(path, scope)
         if path == "index.html":
@@ -65,7 +65,7 @@ def _hashes(html: str) -> list[str]:
 
 
 def _compress(response: Response, scope: Scope) -> Response:
-    """Return a text, compressed if the client accepts compression."""
+    """Return a response of text compressed, if the client accepts that."""
     headers = response.headers
     if not headers.get("content-type", "").startswith(_TEXT):
         return response

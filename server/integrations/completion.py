@@ -23,7 +23,7 @@ def run(args: argparse.Namespace) -> int:
         try:
             parser = make_parser(name)
         except PluginError:
-            # the robot does not support this system (for example, Windows lacks fcntl)
+            # this system lacks a module that the robot's driver needs, for example Windows fcntl
             parser = make_parser(name, is_extended=False)
         subparsers.add_parser(name, help=text, parents=[parser], add_help=False)
     print(shtab.complete(whole, args.shell))

@@ -1,4 +1,4 @@
-"""Interfaces for other programs: addresses for Prometheus and players, and shell completion."""
+"""Interfaces for other programs: `/metrics` for Prometheus, and `/video.mjpg` for players."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from server.services import Extension, Services
 
 
 class FrameAges:
-    """Histogram of the ages of frames at the time when a viewer has drawn them, in seconds."""
+    """Histogram of the ages that frames have when a viewer has drawn them, in seconds."""
 
     bounds = (0.025, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.5, 1.0, 2.0)
 

@@ -1,9 +1,9 @@
 """A fast path through uvicorn for video: frames are written directly, without ASGI and its tasks.
 
-At 16 viewers and 30 frames a second ASGI costs two task switches and a pause of reading for each
-frame. The fast path avoids both (`drivelesson bench link`). Short messages, such as
-acknowledgements and commands, are also read without the parser of websockets. If uvicorn is too old
-for sans-I/O websockets, frames go through ASGI, with the same behaviour at a higher cost.
+ASGI costs two task switches and a pause of reading for each frame and viewer, which is much at 16
+viewers and 30 frames a second (`drivelesson bench link` measures it). The fast path avoids both. It
+also reads short messages, such as acknowledgements and commands, without the parser of websockets.
+If uvicorn is too old for sans-I/O websockets, frames go through ASGI with the same behaviour.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from websockets.http11 import Request
 
 FRAME_S, BURST_S = 0.004, 3.0
-"""Rate limit of received frames: seconds per frame, and the burst allowed, in seconds. Frames
-beyond the limit stay unread, so that the network holds them back."""
+"""Rate limit of received websocket frames: the time per frame and the length of a burst, both in
+seconds. Frames beyond the limit are not read for a while, so that their sender has to wait."""
 _SHORT_BYTES = 125
-"""Longest message whose frame has the shortest header (RFC 6455, section 5.2), in bytes."""
+"""Length in bytes of the longest message with the shortest frame header (RFC 6455, section 5.2)."""
 _HEAD_BYTES = 6
-"""Size of that header with its mask, in bytes."""
+"""Length in bytes of the shortest frame header from a client, which includes a mask."""
 _TEXT, _BINARY = 0x81, 0x82
-"""First byte of a frame that is a complete text or binary message."""
+"""The first byte of a frame that is a complete message of text or of bytes."""
 
 
 def make_protocol() -> type[Any] | None:
@@ -38,7 +38,7 @@ def make_protocol() -> type[Any] | None:
     from websockets.protocol import State
 
     class FastPathProtocol(WebSocketsSansIOProtocol):
-        """Uvicorn's own protocol, with the fast path."""
+        """The websocket protocol of uvicorn, with the fast path."""
 
         on_bytes: Callable[[bytes], None] | None = None
         """Called with each binary message instead of ASGI's `receive`."""
@@ -48,10 +48,10 @@ def make_protocol() -> type[Any] | None:
         Texts bypass all queues, so a burst does not delay later messages.
         """
         _read_s = -math.inf
-        """At the limit's rate, all frames read so far would have come by this time, in seconds."""
+        """The time at which all frames read so far would have come at the limit's rate, in s."""
         _is_held = False
         _written: ClassVar[tuple[bytes, bytes]] = b"", b""
-        """The last message written to any viewer, and its encoded frame: viewers share both."""
+        """The last message written to any viewer, and its frame, which all viewers share."""
 
         def handle_connect(self, event: Request) -> None:
             super().handle_connect(event)
@@ -71,8 +71,10 @@ def make_protocol() -> type[Any] | None:
             self._note_frames(1)
 
         def _short_message(self, data: bytes) -> bytes | None:
-            """Return the message if `data` is exactly one frame with one short message, and
-            nothing of an earlier frame or message waits; otherwise None."""
+            """Return the message if `data` is exactly one frame with one short message.
+
+            None if it is not, or if the rest of an earlier frame or message is still to come.
+            """
             size = len(data) - _HEAD_BYTES
             if not 0 <= size <= _SHORT_BYTES or data[1] != 0x80 | size:
                 return None
@@ -84,7 +86,7 @@ def make_protocol() -> type[Any] | None:
             step = conn.parser
             while (inner := getattr(step, "gi_yieldfrom", None)) is not None:
                 step = inner
-            if getattr(step, "__name__", "") != "at_eof":  # the parser waits amid a frame
+            if getattr(step, "__name__", "") != "at_eof":  # the parser is in the middle of a frame
                 return None
             mask = (data[2:_HEAD_BYTES] * (size // 4 + 1))[:size]
             masked = int.from_bytes(data[_HEAD_BYTES:], "big")
@@ -104,7 +106,7 @@ def make_protocol() -> type[Any] | None:
 
         def handle_cont(self, event: Frame) -> None:
             super().handle_cont(event)
-            # Join the frames, so that endless empty frames use no memory.
+            # Join the fragments of a message, so that endless empty ones use no memory.
             # Older versions of uvicorn do this by themselves.
             self.frames = [b"".join(getattr(self, "frames", ()))]
 
@@ -129,17 +131,17 @@ def make_protocol() -> type[Any] | None:
 
         async def receive(self) -> Any:
             message = await super().receive()
-            if self._is_held:  # keep reading paused, although uvicorn may have resumed it
+            if self._is_held:  # pause again, because uvicorn may have resumed reading
                 self.transport.pause_reading()
             return message
 
         def shutdown(self) -> None:
-            # If the client is leaving, uvicorn raises an error and would not end the application.
+            # While the client leaves, uvicorn's method raises an error, and the app does not end.
             if not self.transport.is_closing():
                 super().shutdown()
 
         def write_now(self, message: bytes) -> None:
-            """Write a binary message; nothing is written after the close."""
+            """Write a binary message, unless the websocket is closing."""
             if not self.close_sent and not self.transport.is_closing():
                 before, frame = FastPathProtocol._written
                 if before is not message:

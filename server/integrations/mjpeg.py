@@ -1,7 +1,7 @@
 """`/video.mjpg`: the video for VLC, dashboards and an `<img>`.
 
-A viewer of such a stream cannot acknowledge frames, so the server checks the unread bytes of its
-connection.
+A viewer of this stream cannot acknowledge frames. Instead, the server measures how many bytes of
+its connection are still unread.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from server.services import services_of
 
 router = APIRouter(route_class=Route)
 _VLC_WAITS_FOR, _VLC_ADDS = 15 * 1024, 5 * 1024
-"""Number of bytes that VLC 3 waits for before it looks for a picture's end, and the number of bytes
-that it adds each time it does not find the end. VLC ignores the header's length."""
+"""VLC 3 looks for the end of a picture once it has received the first number of bytes, and again
+after each further second number of bytes. It ignores the length in a part's header."""
 _VLC_END = 12
-"""Number of bytes after a picture's end that VLC waits for: the next boundary must be among them,
-but nothing of the next picture."""
+"""Number of bytes after a picture's end that VLC must have received when it looks for the end. The
+next boundary begins in them, but no byte of the next picture may be among them."""
 _KEY_EVERY = 32
-"""Number of frames between two checks of the key in the address."""
+"""Number of frames after which the key in the viewer's address is checked again."""
 _ROOM_EVERY_S = 0.01
-"""Interval at which a viewer is polled for unread bytes, in seconds."""
+"""Interval at which the unread bytes of a slow viewer are measured, in seconds."""
 _BOUNDARY, _END_OF_HEADER = b"--frame\r\nContent-Type: image/jpeg\r\n", b"\r\n"
 _MEDIA_TYPE = "multipart/x-mixed-replace; boundary=frame"
 
@@ -42,7 +42,7 @@ async def mjpeg(request: Request) -> StreamingResponse:
     hub = services_of(request).hub
     frame = hub.robot.camera.latest()
     if frame is not None:
-        # the route answers 501 if encoding needs OpenCV and OpenCV is missing
+        # encode now, because a missing OpenCV can be answered with 501 only before the stream
         hub.video.encoder.encode_jpeg(frame)
     gateway = services_of(request).gateway
     sent, room = itertools.count(1), Room(measure_connection(gateway.peer(request.scope)))
@@ -52,7 +52,7 @@ async def mjpeg(request: Request) -> StreamingResponse:
         is_due = next(sent) % _KEY_EVERY == 0
         return not (is_due and isinstance(gateway.session_by_address(request.scope), Refusal))
 
-    headers = {"x-accel-buffering": "no"}  # a proxy that buffers would keep old frames
+    headers = {"x-accel-buffering": "no"}  # a proxy that buffered would delay the frames
     if isinstance(gateway.session_by_address(request.scope), Session):
         headers["cross-origin-resource-policy"] = "cross-origin"
         headers["access-control-allow-origin"] = "*"
@@ -72,8 +72,8 @@ async def frames_of(
 ) -> AsyncGenerator[bytes, None]:
     """Yield the newest frames as JPEG, for viewers that cannot acknowledge.
 
-    `has_room` decides from the last frame's size whether another may be sent. A viewer that does
-    not read skips frames, and gets the newest as soon as it reads again.
+    `has_room` says whether the viewer has read the last frame, whose size is its argument. A viewer
+    that reads slowly misses frames, and then gets the newest.
     """
     shown, last_id, n_bytes = asyncio.Event(), 0, 0
     end = video.watch(shown.set)
@@ -95,7 +95,7 @@ async def frames_of(
 
 
 def _is_browser(request: Request) -> bool:
-    """True for a browser, which accepts pages or pictures; players accept anything."""
+    """True if the headers are those of a browser; other programs send no such headers."""
     accept = request.headers.get("accept", "")
     return "sec-fetch-mode" in request.headers or "image/" in accept or "text/html" in accept
 
@@ -105,8 +105,8 @@ async def _parts_with_length(
 ) -> AsyncIterator[bytes]:
     """Yield the parts of the answer for players.
 
-    Players based on FFmpeg wait for the headers of the next two parts, unless a part says its
-    length.
+    Each part says its length. Otherwise players based on FFmpeg would show it only after the
+    headers of the next two parts.
     """
     async with contextlib.aclosing(stream) as frames:
         async for jpeg in frames:
@@ -121,8 +121,8 @@ async def _parts_that_end_at_once(
 ) -> AsyncIterator[bytes]:
     """Yield the parts of the answer for browsers.
 
-    Browsers show a part only when the next part's header has arrived, so that header is sent with
-    the frame.
+    A browser shows a part only after the header of the next part, so each frame is sent together
+    with the next header.
     """
     yield _BOUNDARY + _END_OF_HEADER
     async with contextlib.aclosing(stream) as frames:
@@ -133,7 +133,7 @@ async def _parts_that_end_at_once(
 
 
 async def _padded_for_vlc(stream: AsyncGenerator[bytes, None]) -> AsyncGenerator[bytes, None]:
-    """Yield each frame with zeros behind it, so that VLC need not wait for the next frames."""
+    """Yield each frame with zeros behind it, so that VLC shows it without waiting for the next."""
     waits_for = _VLC_WAITS_FOR
     async with contextlib.aclosing(stream) as frames:
         async for jpeg in frames:

@@ -1,7 +1,7 @@
-"""Decides when a viewer that cannot acknowledge frames has read enough to get another one.
+"""Measures whether a viewer that cannot acknowledge frames has read the last frame.
 
-Unread bytes are in flight, or in the client's receive buffer, which shrinks the window that its
-system offers. Only Linux reports both.
+Unread bytes are either in flight or in the client's receive buffer. The latter make the TCP window
+smaller that the client's system offers. Only on Linux can the server read both numbers.
 """
 
 from __future__ import annotations
@@ -16,32 +16,34 @@ _FILES = Path("/proc/self/fd")
 _WINDOW_AT = 228
 """Offset of `tcpi_snd_wnd` in Linux's `struct tcp_info` (5.4 and newer), in bytes."""
 _LEAST_ROOM = 2048
-"""Number of unread bytes that are ignored, because windows are reported in steps of kilobytes."""
+"""Number of unread bytes that are ignored, because TCP windows change in steps of kilobytes."""
 _PATIENCE = 2048
-"""Number of calls after which a viewer that seems not to read gets a frame anyway. The number is a
-power of two, and doubles after each such frame."""
+"""Number of calls of `is_there` after which a viewer that seems not to read gets a frame anyway; a
+power of two. Before the next such frame, the number doubles."""
 _REPORTED = 256
-"""Number of calls after which the client's system has reported its window, once a second."""
+"""Number of calls of `is_there` after which the client's system has reported its window again. It
+does so once a second."""
 
 Measure = Callable[[], tuple[int, int] | None]
 """Returns the number of bytes in flight and the client's window, both in bytes; None if unknown."""
 
 
 class Room:
-    """Room for a frame on the way to one client."""
+    """Says whether there is room for another frame on the way to one client."""
 
     def __init__(self, measure: Measure) -> None:
         self._measure = measure
         self._widest = self._waited = self._tried = 0
 
     def is_there(self, n_bytes: int) -> bool:
-        """Return True if most of a frame of `n_bytes` is read, or if that is unknown.
+        """Return True if most of the last frame, of `n_bytes`, is read, or if that is unknown.
 
-        A client holds at most two unread frames, because its system may receive the first without a
-        smaller window. The caller repeats the call every 10 ms while the answer is False. Some
-        systems reduce their window permanently although nothing is unread. So a frame is sometimes
-        sent although the window seems too small: if the window is afterwards at least as large as
-        before, the client has read the frame, and this window counts as its largest.
+        The caller repeats the call every 10 ms while the answer is False. A client can have two
+        unread frames, because its system may receive one without offering a smaller window.
+
+        Some systems reduce their window permanently although nothing is unread. If the window seems
+        too small for long, the answer is therefore True once. If the window is afterwards at least
+        as large as before, the client has read that frame, and the present window counts as full.
         """
         measured = self._measure()
         if measured is None:
@@ -62,10 +64,10 @@ class Room:
 
 
 def measure_connection(peer: tuple[str, int]) -> Measure:
-    """Return the measurement of this server's connection with a client.
+    """Return a function that measures this server's connection with the client at `peer`.
 
-    The connection belongs to the server's library, which gives no access to it. The connection is
-    found among the open files of this process by the client's address, and checked before each use.
+    Uvicorn gives no access to the connection's socket. The function finds the socket by the
+    client's address among the open files of this process, and checks it again before each use.
     """
     known: list[int] = []
 
@@ -90,7 +92,7 @@ def measure_connection(peer: tuple[str, int]) -> Measure:
                         socket.IPPROTO_TCP, socket.TCP_INFO, _WINDOW_AT + 4
                     )
                 finally:
-                    connection.detach()  # the descriptor still belongs to the server
+                    connection.detach()  # so that the server's descriptor is not closed
                 window = struct.unpack_from("I", info, _WINDOW_AT)[0]
                 return int.from_bytes(size, sys.byteorder), int(window)
         except (ImportError, AttributeError, OSError, struct.error):
@@ -116,9 +118,9 @@ def _peer_of(connection: socket.socket) -> tuple[str, int] | None:
 
 
 def _ask_for_windows(connection: socket.socket) -> None:
-    """Have the client's system report its window each second while nothing is sent.
+    """Have the client's system report its window every second, even if nothing is sent.
 
-    The system does not always report unasked that the client has read more.
+    By itself, it does not always report that the client has read something.
     """
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 1)

@@ -53,7 +53,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    # scikit-learn takes ten times as long for a picture if its threads outnumber the cores.
+    # With more threads than cores, scikit-learn takes ten times as long for a picture.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     learners = _learners(args.learners)
     pairs = evaluation.load_pairs(args.folder)
@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _learners(names: str | None) -> list[str]:
-    """Return the named learners, or ours and the baselines that can run here."""
+    """Return the named learners, or without names, ours and the baselines that can run here."""
     if names is not None:
         learners = list(dict.fromkeys(name.strip() for name in names.split(",") if name.strip()))
         if not learners:

@@ -102,7 +102,8 @@ def _settings(args: argparse.Namespace) -> ExperimentSettings:
     from robot.lab.ideas import make_learner, make_teacher
     from robot.types import DEFAULT_MOVES
 
-    args.learners = list(dict.fromkeys(args.learners))  # duplicates would be counted twice
+    # a learner or world that is named twice counts once
+    args.learners = list(dict.fromkeys(args.learners))
     args.worlds = list(dict.fromkeys(args.worlds))
     for learner in args.learners:
         make_learner(learner, DEFAULT_MOVES)

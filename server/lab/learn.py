@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check_out(out: str) -> None:
-    """Refuse, before any learning, a path to which the model could not be saved."""
+    """Raise ConfigurationError if the model could not be saved at `out`; called before learning."""
     if not out.endswith(".npz"):
         check_name(out)
     elif os.path.lexists(out):
@@ -106,7 +106,10 @@ def _say(report: Report, policy: Policy, episodes: list[EditedEpisode], seconds:
 
 
 def _driven(policy: Policy, last: EditedEpisode, *, must_be: bool) -> Model | None:
-    """Return the model that this learner made during the drive; None if none was recorded."""
+    """Return the model that the learner had after the recorded drive; None if there is none.
+
+    If `must_be`, a ConfigurationError is raised instead of returning None.
+    """
     episode, notes = last
     after = episode.model_after()
     if after is not None and after.summary.learner == policy.name and not notes.edits:
@@ -118,7 +121,7 @@ def _driven(policy: Policy, last: EditedEpisode, *, must_be: bool) -> Model | No
 
 
 def _compare(policy: Policy, driven: Model, episodes: list[EditedEpisode], goes_on: bool) -> bool:
-    """Print whether the drive made the same nodes."""
+    """Print and return whether the policy has the same nodes as the model after the drive."""
     is_same = same_nodes(policy.get_state(), driven.state)
     print(f"the nodes {'are the same as' if is_same else 'differ from'} those learned by driving")
     first = episodes[0][0]

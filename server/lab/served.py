@@ -14,7 +14,7 @@ from server.hosting.serving import make_server, open_socket, run, serve_until_to
 
 @contextlib.contextmanager
 def served(app: Any, config: Config) -> Iterator[str]:
-    """While the `with` block runs, serve on a separate thread; yield the address."""
+    """While the `with` block runs, serve the application on a thread; yield its address."""
     gateway: Gateway = app.state.gateway
     listener = gateway.limit(open_socket(config.host, config.port))
     server = make_server(app, gateway.tls_files)

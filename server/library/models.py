@@ -17,12 +17,12 @@ from robot.store.models.model import ModelSummary, decode_model, stamp
 from robot.store.models.store import ModelStore
 
 MOST_EARLIER = 8
-"""Maximum number of earlier models on which a new model is based; each takes a moment to load."""
+"""Maximum number of earlier models that a new model can begin like; each takes time to load."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoredModel:
-    """One model in the list; `summary` is None if no version can be read."""
+    """One model in the list; `summary` is None if no version of the model can be read."""
 
     name: str
     summary: ModelSummary | None
@@ -40,7 +40,7 @@ class ModelLibrary:
         self._storage, self._store, self._autosave = storage, store, autosave
 
     def saved(self) -> list[StoredModel]:
-        """List all models, last saved first."""
+        """List all models, those saved last first."""
         store, current = self._store, self._store.current
         saved = [
             StoredModel(
@@ -55,7 +55,7 @@ class ModelLibrary:
         return sorted(saved, key=lambda s: -s.summary.saved_at_s if s.summary else 0.0)
 
     def rename(self, name: str, new_name: str) -> str:
-        """Rename a model; return the new name in its stored form."""
+        """Rename a model; return the new name as it was saved."""
         if self._autosave is None:
             return self._rename(name, new_name)
         with self._autosave.lock:
@@ -75,7 +75,7 @@ class ModelLibrary:
         if was_current:
             try:
                 store.current = new_name
-            except OSError:  # undo the change, so that no refused name stays on the disk
+            except OSError:  # rename the folder back, so that the old name stays valid
                 with contextlib.suppress(OSError):
                     (folder / new_name).rename(folder / name)
                 with contextlib.suppress(OSError):
@@ -94,7 +94,9 @@ class ModelLibrary:
         store.save(name, stamp(store.load(name), place=place))
 
     def begin_like(self, policy: Policy, names: Sequence[str]) -> None:
-        """Begin a policy like models whose places its place may resemble (`Policy.begin_like`).
+        """Let a new policy begin like earlier models, of places that its place may resemble.
+
+        See `Policy.begin_like`.
 
         Raises:
             ConfigurationError: If a model does not exist or is of another kind, or there are more
@@ -103,7 +105,7 @@ class ModelLibrary:
         """
         if len(names) > MOST_EARLIER:
             raise ConfigurationError(f"a model can begin like at most {MOST_EARLIER} others")
-        # An uploaded model can contain anything, which `to_policy` checks.
+        # `to_policy` checks the model, because an uploaded file can contain anything.
         states = [self._store.load(name).to_policy().get_state() for name in names]
         if policy.begin_like(states) < len(names):
             raise ConfigurationError(
@@ -121,8 +123,10 @@ class ModelLibrary:
         return name
 
     def preview(self, name: str) -> NDArray[np.uint8]:
-        """Return a small picture of the most used image; one black pixel if there are no
-        images."""
+        """Return a small picture of the model's most used learned image, as grey values.
+
+        A model without images has a single black pixel.
+        """
         policy = decode_model(self._store.read_file(name)).to_policy()
         nodes = policy.learner.nodes()
         if not nodes:

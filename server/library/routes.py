@@ -21,13 +21,13 @@ router = APIRouter(prefix="/api/models", route_class=Route)
 
 
 class ModelChange(Named):
-    """A new name for a model, or the place where it was taught."""
+    """A request's body: a new name for a model, or the place where it was taught, or both."""
 
     place: str | None = text(None)
 
 
 class NewModel(ModelChange):
-    """The name of an empty model, its learner, and models of places that this place resembles."""
+    """A request's body: a new model's name and learner, and earlier models that it begins like."""
 
     learner: str | None = text(None)
     like: list[str] = must_be("a list of models' names", [])
@@ -37,7 +37,7 @@ _NEW = NewModel()
 _UNREADABLE: Any = SimpleNamespace(
     place="", saved_at_s=None, learner=None, moves=(), taught={}, n_examples=0, n_nodes=0
 )
-"""The details shown for a model that cannot be read."""
+"""The details that a list shows of a model that cannot be read."""
 
 
 @dataclass
@@ -60,7 +60,7 @@ class ModelAnswer:
 
 @dataclass
 class ModelList:
-    """All models, the last saved first, and the name of the model in use."""
+    """All models, those saved last first, and the name of the model in use."""
 
     current: str | None
     models: list[ModelAnswer]
@@ -68,14 +68,14 @@ class ModelList:
 
 @router.get("")
 def list_models(request: Request) -> ModelList:
-    """List all models, the last saved first."""
+    """List all models, those saved last first."""
     models = [_describe(saved) for saved in library_of(request).saved()]
     return ModelList(current=persistence_of(request).autosave.name, models=models)
 
 
 @router.post("", dependencies=[FREE_MODEL], status_code=201)
 def begin_model(request: Request, body: NewModel = _NEW) -> dict[str, str | bool]:
-    """Save the model in use and start an empty one, or one that expects a place like others."""
+    """Save the model in use and start a new one: empty, or beginning like earlier models."""
     begin, like = persistence_of(request).autosave.begin, library_of(request).begin_like
     name = begin(
         body.name, body.learner, body.place, prepare=lambda policy: like(policy, body.like)
@@ -104,8 +104,7 @@ def load_model(request: Request, name: str) -> dict[str, str | bool]:
 
 @router.patch("/{name}")
 def change_model(request: Request, name: str, body: ModelChange) -> dict[str, str]:
-    """Rename a model, set the place where it was taught, or both; an error leaves both
-    unchanged."""
+    """Rename a model, set the place where it was taught, or both; an error changes neither."""
     library = library_of(request)
     persistence_of(request).models.require(name)
     renamed = name if body.name is None or body.name == name else library.rename(name, body.name)
@@ -122,7 +121,7 @@ def change_model(request: Request, name: str, body: ModelChange) -> dict[str, st
 
 @router.post("/{name}/copy", status_code=201)
 def copy_model(request: Request, name: str, body: Named = NAMED) -> dict[str, str]:
-    """Copy a model; the request body has the copy's name."""
+    """Copy a model; the request's body may name the copy."""
     return {"name": library_of(request).copy(name, body.name)}
 
 
@@ -166,7 +165,7 @@ def library_of(request: Request) -> ModelLibrary:
 
 
 def _in_use(request: Request, name: str) -> dict[str, str | bool]:
-    """Return the model in use; `kept` is false if the next start would use another model."""
+    """Return the model now in use; `kept` is false if the next start would use another one."""
     return {"name": name, "kept": persistence_of(request).models.current == name}
 
 
@@ -186,6 +185,6 @@ def _describe(saved: StoredModel) -> ModelAnswer:
 
 
 class LibraryExtension(Extension):
-    """Adds the routes to a robot's server; saving and loading models is part of the core."""
+    """Adds the routes of models to a robot's server; the core itself saves and loads models."""
 
     routers = (router,)

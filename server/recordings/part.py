@@ -1,4 +1,4 @@
-"""Recordings in the persistence of a robot's server."""
+"""The part of a robot's persistence that saves recordings."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ from server.persistence import Persistence, PersistencePart
 from server.recordings.separate_process import SeparateWork
 
 _SHORT = 5000
-"""Number of pictures up to which a copy takes no longer than the start of a process."""
+"""Number of pictures up to which a recording is copied in this process. To copy more takes longer
+than to start a process."""
 
 
 class Recordings(PersistencePart):
@@ -43,7 +44,7 @@ class Recordings(PersistencePart):
         self.episodes = EpisodeStore(kept.storage, lambda: recording.episode_id, _write_edited)
 
     def _announce(self, name: str, **fields: Any) -> None:
-        """Set the run's name, because a recording began or ended, and announce the event."""
+        """Set the name of the run whenever a recording begins or ends; pass on the event."""
         self._kept.run = self.recorder.recording.episode_id
         self._kept.announce(name, **fields)
 
@@ -71,7 +72,7 @@ class Recordings(PersistencePart):
 
 
 def _write_edited(episode: Episode, notes: Notes, file: BinaryIO, *, is_part: bool = False) -> None:
-    """Write like `write_edited`, but write a long recording in a separate process."""
+    """Write an edited recording (see `write_edited`), a long one in a separate process."""
     if len(episode.frames) <= _SHORT:
         write_edited(episode, notes, file, is_part=is_part)
         return

@@ -1,4 +1,4 @@
-"""Training again from recordings, in the background; the result is then saved or dropped."""
+"""Trains a new model from recordings in the background, which a person then saves or drops."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from robot.types import DEFAULT_MOVES
 from server.recordings.separate_process import SeparateWork
 
 EditedPath = tuple[Path, Notes]
-"""A recording's first file, and the recording's edits."""
+"""The first file of a recording, and its edits."""
 _TOLD_EVERY_S = 0.1
 
 
@@ -39,7 +39,7 @@ class Retrained:
 
 
 class Retraining:
-    """At most one run at a time; a run's result stays until it is dropped."""
+    """Trains from recordings, one run at a time; the result stays until it is dropped."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
@@ -47,7 +47,11 @@ class Retraining:
         self._run: _Run | None = None
 
     def begin(self, store: EpisodeStore, episode_ids: Sequence[str], learner: str) -> None:
-        """Train an empty learner on these episodes in the order of recording; one run at a time."""
+        """Begin to train an empty learner on these episodes, in the order of recording.
+
+        Raises:
+            ConfigurationError: If there is nothing to train on, or another run is in progress.
+        """
         if not episode_ids:
             raise ConfigurationError("choose at least one recording")
         episodes = [
@@ -67,7 +71,7 @@ class Retraining:
         self._clock.start_thread(run.work, "retraining")
 
     def take(self) -> Model:
-        """Return the trained model, which stays until `drop`."""
+        """Return the trained model; raises ConfigurationError if no run has finished."""
         run = self._run
         if run is None or run.model is None:
             raise ConfigurationError("no training run has finished yet")
@@ -99,7 +103,7 @@ class _Run:
         return self._result.model if self._result else None
 
     def work(self) -> None:
-        """Compare, then train on everything; on a separate thread, which mostly waits."""
+        """Have a separate process do the run, and wait for it on this thread."""
         try:
             work = SeparateWork(retrain, self._episodes, self._learner, self._clock.wall_s())
             with reading([path for path, _ in self._episodes]), contextlib.closing(work):
@@ -111,13 +115,13 @@ class _Run:
                         self._result = told
                     else:
                         self._share = told
-        except Exception as error:  # a plug-in's learner may raise anything
+        except Exception as error:  # the learner of a plug-in may raise any error
             self._error = str(error) or type(error).__name__
         finally:
             self.is_running = False
 
     def drop(self) -> None:
-        """End the run now; nobody reads its result."""
+        """End the run now, without a result."""
         self._is_dropped = True
         if self._work is not None:
             self._work.close()
@@ -144,11 +148,13 @@ def retrain(
     learner: str,
     wall_s: float,
 ) -> None:
-    """Train an empty learner. Pass the finished share of the work to `tell`, and at the end the
-    result."""
+    """Compare learners on the recordings, then train an empty one on all of them.
+
+    `tell` is called with the share of the work that is done, and at the end with the result.
+    """
     episodes = [(open_episode(path), notes) for path, notes in edited]
     unedited = [(episode, Notes()) for episode, _ in episodes]
-    # Begin with the largest possible number of steps.
+    # This is the largest possible number of steps, so that the share never goes back.
     total = max(count_steps(unedited) + 2 * count_steps(episodes), 1)
     moves = tuple(dict.fromkeys(move for episode, _ in episodes for move in episode.moves))
     clock, done, told_s = RealClock(), 0, -_TOLD_EVERY_S

@@ -1,4 +1,4 @@
-"""`/api/retraining`: train again from recordings, compare, then save or drop the result."""
+"""`/api/retraining`: train a new model from recordings, then save or drop it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _MOST_EPISODES = 100
 
 
 class RetrainingOrder(RawValue):
-    """The recordings that an empty learner is taught."""
+    """A request's body: the recordings from which an empty learner is trained."""
 
     episodes: list[Short] = must_be("a list of recordings' names")
     learner: str | None = text(None)
@@ -31,7 +31,7 @@ def describe_retraining(request: Request) -> dict[str, Any]:
 
 @router.post("", status_code=202)
 def begin_retraining(request: Request, body: RetrainingOrder) -> dict[str, Any]:
-    """Train an empty learner."""
+    """Begin to train an empty learner from recordings."""
     if len(body.episodes) > _MOST_EPISODES:
         raise HTTPException(
             400, f"The robot can learn from at most {_MOST_EPISODES} recordings at once."
@@ -45,7 +45,7 @@ def begin_retraining(request: Request, body: RetrainingOrder) -> dict[str, Any]:
 
 @router.post("/keep", dependencies=[FREE_MODEL], status_code=201)
 def keep(request: Request, body: Named = NAMED) -> dict[str, str]:
-    """Save the result as a model and load it; 409 unless the robot is stopped."""
+    """Save the trained model and load it; 409 unless the robot is stopped."""
     services, persistence = services_of(request), persistence_of(request)
     model = retraining_of(request).take()
     kept = persistence.models.free_name(body.name or services.identity.now.name)
@@ -61,6 +61,6 @@ def keep(request: Request, body: Named = NAMED) -> dict[str, str]:
 
 @router.delete("")
 def drop(request: Request) -> dict[str, Any]:
-    """Drop the result, or cancel the run."""
+    """Drop the trained model, or cancel the run."""
     retraining_of(request).drop()
     return {"state": "idle"}

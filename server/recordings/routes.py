@@ -45,18 +45,18 @@ _COLUMNS = {
     **{name: name for name in ("at_s", "label", "predicted", "confidence", "driven_by", "sent")},
     **{name: name for name in ("asks_pilot", "distance_m", "bumped", "pose")},
 }
-"""The columns of a timeline, each with the picture's attribute that fills the column."""
+"""The columns of a timeline, each with the attribute of a picture from which it is filled."""
 
 
 class EpisodeChange(RawValue):
-    """A new title, or protection from deletion."""
+    """A request's body: a new title, or protection from deletion, or both."""
 
     title: str | None = text(None)
     protected: bool | None = must_be("true or false", None)
 
 
 class EpisodeEdit(RawValue):
-    """One edit of the frames from `first` to `last`, both included."""
+    """A request's body: an edit of the frames from `first` to `last`, both included."""
 
     verb: Literal["delete", "trim", "relabel"] = must_be("delete, trim or relabel")
     first: int = must_be("a frame's number")
@@ -65,13 +65,13 @@ class EpisodeEdit(RawValue):
 
 
 class EpisodeChoice(RawValue):
-    """Several episodes."""
+    """A request's body: several episodes."""
 
     episodes: list[str] = must_be("a list of episodes' ids")
 
 
 class EpisodeSplit(RawValue):
-    """The first frame of the second part."""
+    """A request's body: the first frame of the second part."""
 
     frame: int = must_be("a frame's number")
 
@@ -102,9 +102,9 @@ class EpisodeAnswer:
 class EpisodeList:
     """All episodes, the newest first, and the state of the recording.
 
-    `offered` are the episodes that could be deleted if the disk gets full. `undo` is the key of the
-    episodes deleted last. `trash_bytes` is the space that emptying the trash would free; the trash
-    is emptied automatically after `days`.
+    `offered` are the episodes that a person is offered to delete if the disk gets full. `undo` is
+    the key that restores the episodes deleted last. `trash_bytes` is the size of the trash, from
+    which episodes are removed after `days`.
     """
 
     recording: str | None
@@ -119,8 +119,10 @@ class EpisodeList:
 
 @dataclass
 class DeletedEpisodes:
-    """The deleted episodes, the key that restores them together within `days`, and the reasons why
-    others were not deleted, by id."""
+    """The result of a deletion: the deleted episodes, and why others were kept, by id.
+
+    `undo` is the key that restores the deleted episodes together within `days`.
+    """
 
     undo: str | None
     deleted: list[str]
@@ -130,7 +132,7 @@ class DeletedEpisodes:
 
 @dataclass
 class RestoredEpisodes:
-    """The names of the restored episodes; `id` is the first."""
+    """The ids of the restored episodes; `id` is the first."""
 
     id: str
     ids: list[str]
@@ -138,7 +140,7 @@ class RestoredEpisodes:
 
 @dataclass
 class EditAnswer:
-    """One edit: its verb and its frames."""
+    """One edit of an episode: its verb, its ranges of frames, and its label."""
 
     verb: str
     ranges: Sequence[Sequence[int]]
@@ -146,12 +148,12 @@ class EditAnswer:
 
 
 Edits = dict[str, list[EditAnswer]]
-"""The edits of an episode, as `edit_list`."""
+"""An answer whose only field, `edit_list`, has the edits of an episode."""
 
 
 @dataclass
 class EpisodeDetails(EpisodeAnswer):
-    """One episode with its edits and the run's metadata."""
+    """One episode with its edits and the metadata of its run."""
 
     run: dict[str, Any]
     moves: list[str]
@@ -165,7 +167,7 @@ class EpisodeDetails(EpisodeAnswer):
 
 @dataclass
 class EpisodeTimeline:
-    """Pictures as columns for drawing: the columns of `_COLUMNS`."""
+    """The pictures of an episode; each of `_COLUMNS` is a list with a value for each picture."""
 
     columns: dict[str, list[Any]]
     is_estimate: bool
@@ -205,13 +207,13 @@ def list_episodes(request: Request) -> Response:
         undo=max(part.episodes.trash(), default=None),
         days=TRASH_DAYS,
     )
-    # NOTE: encoded here, because FastAPI needs a second for a list of 2,000 episodes.
+    # NOTE: encoded here, because FastAPI would need a second for a list of 2,000 episodes.
     return Response(json.dumps(found, default=vars, allow_nan=False), media_type="application/json")
 
 
 @router.post("/episodes/restore")
 def restore_episodes(body: Key, store: EpisodeStore = STORE) -> RestoredEpisodes:
-    """Restore the episodes that were deleted together."""
+    """Restore the episodes that a deletion has moved to the trash; the body has its key."""
     ids = store.restore(body.undo)
     return RestoredEpisodes(id=ids[0], ids=ids)
 
@@ -234,9 +236,9 @@ def download_episodes(episode: list[str] = CHOSEN, store: EpisodeStore = STORE) 
 
 
 async def _sent(paths: Sequence[Path], blocks: Iterator[bytes]) -> AsyncIterator[bytes]:
-    """Yield a file; its episodes cannot be deleted until it is sent or the client has left.
+    """Yield the blocks of a download, which are read on other threads.
 
-    The disk is read on other threads.
+    The recordings at `paths` cannot be deleted until all is sent or the client has left.
     """
     with reading(paths):
         async for block in iterate_in_threadpool(blocks):
@@ -244,9 +246,9 @@ async def _sent(paths: Sequence[Path], blocks: Iterator[bytes]) -> AsyncIterator
 
 
 async def _sent_separately(path: Path) -> AsyncIterator[bytes]:
-    """Yield a recording as one file, which a separate process joins."""
+    """Yield a recording as one file; a separate process joins its files."""
     with reading([path]), contextlib.closing(SeparateWork(join_recording, path)) as blocks:
-        # Use the default executor, because a thread of the pool would delay the shutdown.
+        # Use asyncio's own threads: the server's shutdown would wait for a thread of anyio's pool.
         loop = asyncio.get_running_loop()
         while block := await loop.run_in_executor(None, next, blocks, b""):
             yield block
@@ -260,7 +262,7 @@ def empty_trash(request: Request) -> dict[str, int]:
 
 @router.get("/episodes/{episode_id}")
 def show_episode(request: Request, episode_id: str, store: EpisodeStore = STORE) -> EpisodeDetails:
-    """Describe one episode, with its edits and the run's metadata."""
+    """Describe one episode, with its edits and the metadata of its run."""
     episode, notes = store.open(episode_id), store.notes(episode_id)
     ids = episode.frames.ids[[0, -1]].tolist() if len(episode.frames) else []
     declared = describe_moves(episode.moves, episode.declared_moves)
@@ -286,9 +288,9 @@ def show_timeline(
     last: int | None = None,
     store: EpisodeStore = STORE,
 ) -> EpisodeTimeline:
-    """Return label, prediction and driver of each picture, or of `count` evenly spaced pictures.
+    """Return label, prediction and more of each picture, or of `count` evenly spaced pictures.
 
-    With `first` and `last`, return only the pictures in this range.
+    `first` and `last` restrict the answer to the pictures in this range.
     """
     episode, notes = store.open(episode_id), store.notes(episode_id)
     between = None if first is None or last is None else (first, last)
@@ -365,7 +367,7 @@ def split_episode(
 
 @router.post("/episodes/{episode_id}/compact")
 def compact_episode(episode_id: str, store: EpisodeStore = STORE) -> dict[str, str]:
-    """Apply the edits to the recording; `undo` restores the original."""
+    """Apply the edits to the recording itself; `undo` is the key that restores the original."""
     return {"undo": store.compact(episode_id)}
 
 

@@ -1,4 +1,4 @@
-"""Finds episodes by a typed name, and declares the options that choose them."""
+"""Finds episodes by the names that a person types, and declares the options that choose them."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ def add_data(parser: argparse.ArgumentParser) -> None:
 
 
 def find_id(store: EpisodeStore, name: str) -> str:
-    """Return the id of the episode with this name, or of the only episode that begins with it."""
+    """Return the id of the episode with this name, or of the only one whose name begins so."""
     ids = store.ids()
     if not ids:
         raise NotFoundError("nothing is recorded yet")
     if name == "last" and name not in ids:
-        # choose by recording time, because names may sort differently
+        # choose `last` by the time of recording, because names may sort differently
         return store.summaries()[0].id
     typed = composed(name)
     found = [i for i in ids if i == name] or [i for i in ids if composed(i).startswith(typed)]
@@ -61,7 +61,7 @@ def add_several(parser: argparse.ArgumentParser) -> None:
 
 
 def find_ids(store: EpisodeStore, args: argparse.Namespace) -> list[str]:
-    """Return the ids of the episodes that were named or searched for, or of all."""
+    """Return the ids of the episodes that the command line names, searches for, or all."""
     if sum(map(bool, (args.episodes, args.search, args.all))) > 1:
         raise ConfigurationError("give names of episodes, --search or --all, but not two of these")
     if args.episodes:
@@ -76,7 +76,7 @@ def find_ids(store: EpisodeStore, args: argparse.Namespace) -> list[str]:
 
 
 def find_path(store: EpisodeStore, name: str) -> Path:
-    """Return the file of this name, or the file of the episode of this name."""
+    """Return the path `name` if there is such a file, or else the file of that episode."""
     path = Path(name)
     is_file = path.suffix == ".mcap" and path.is_file()
     return path if is_file else store.path(find_id(store, name))

@@ -1,8 +1,8 @@
 """Runs long work on recordings in a separate process with low priority.
 
-A thread that parses a long recording holds the interpreter's lock for milliseconds at a time, and
-an order waits for that lock at each step between the pilot and the motors. With the work in a
-separate process, orders take effect as fast as when nobody reads.
+A thread that parses a long recording would hold the interpreter's lock for milliseconds at a time,
+and a command of the pilot waits for that lock at each step on its way to the motors. A separate
+process does not delay commands.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ _P = ParamSpec("_P")
 _T = TypeVar("_T")
 _NICENESS = 19
 _TOLD, _RAISED, _ENDED = range(3)
-"""The kinds of messages from the process."""
+"""The kinds of messages from the separate process: a value, an error, the end of the work."""
 _BEGIN = "import sys; sys.path[:] = {path!r}; from {module} import main; main()"
-"""With `-m`, a folder named `robot` in the working directory would hide the package."""
+"""The program of the separate process. It is not started by `-m`, because a folder named `robot` in
+the working directory would then hide our package."""
 
 
 class SeparateWork(Iterator[_T]):
-    """Runs `work(tell, *args, **kwargs)` in a separate process; yields each value that it passes to
-    `tell`, and raises what it raises.
+    """Runs `work(tell, *args, **kwargs)` in a separate process, which also ends with this one.
 
-    `work` is a function at the top of a module. The separate process also ends with this process.
-    If the separate process is killed, RecordingError is raised.
+    Iterating yields each value that `work` passes to `tell`, and raises the error that `work`
+    raises, or RecordingError if the process was killed. `work` must be a function of a module.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class SeparateWork(Iterator[_T]):
         )
         assert self._process.stdin is not None and self._process.stdout is not None
         self._orders, self._results = self._process.stdin, self._process.stdout
-        # the process has ended; reading its results raises the error
+        # if the process has already ended, reading its results raises the error
         with contextlib.suppress(BrokenPipeError):
             self._orders.write(pickle.dumps((work, args, kwargs)))
             self._orders.flush()
@@ -73,8 +73,8 @@ class SeparateWork(Iterator[_T]):
         raise StopIteration
 
     def close(self) -> None:
-        """Kill the process. Any thread may call this; a `next` that waits on another thread then
-        raises."""
+        """Kill the process. Any thread may call this; if another waits in `next`, it gets an
+        error."""
         self._process.kill()
         self._process.wait()
         with contextlib.suppress(BrokenPipeError):
@@ -83,14 +83,13 @@ class SeparateWork(Iterator[_T]):
 
 
 def main() -> None:
-    """Do the work that is described on the standard input, and write its results to the standard
-    output."""
-    # Ctrl-C ends the server, and the server ends this process
+    """Read the work from standard input, do it, and write its results to standard output."""
+    # ignore Ctrl-C, because the server gets it too and then ends this process
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(os, "nice"):
         os.nice(_NICENESS)
     results = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # a learner may print, which must not disturb the results
+    os.dup2(2, 1)  # if a learner prints, this must not get among the results
 
     def send(kind: int, value: Any = None) -> None:
         results.write(pickle.dumps((kind, value)))
@@ -105,17 +104,17 @@ def main() -> None:
         except Exception as error:
             send(_RAISED, _portable(error))
     except BrokenPipeError:
-        os._exit(1)  # the other process no longer reads the results
+        os._exit(1)  # the process that started this one no longer reads the results
 
 
 def _end_with_parent() -> None:
-    while os.read(0, 1024):  # wait until the other process closes the pipe or ends
+    while os.read(0, 1024):  # wait until the process that started this one closes the pipe
         pass
     os._exit(1)
 
 
 def _portable(error: Exception) -> Exception:
-    """Return the error, or an error with its text if it cannot be sent."""
+    """Return the error, or if it cannot be pickled, a RuntimeError with its text."""
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:

@@ -56,21 +56,21 @@ def png_text(pixels: NDArray[np.uint8]) -> str:
 
 
 def attachment(data: bytes, kind: str, name: str) -> Response:
-    """Answer with a file to be saved under a name."""
+    """Answer with a file that the browser saves under a name."""
     headers = {"content-disposition": f"attachment; filename*=UTF-8''{quote(name, safe='')}"}
     return Response(data, media_type=kind, headers=headers)
 
 
 def answer(kind: type[_T], source: Any, **own: Any) -> _T:
-    """Make an answer from the given fields; an object's attributes supply the other fields."""
+    """Make an answer from the fields in `own`; the attributes of `source` are the other fields."""
     names = (field.name for field in fields(kind) if field.name not in own)  # type: ignore[arg-type]
     return kind(**{name: getattr(source, name) for name in names}, **own)
 
 
 class Route(APIRoute):
-    """A route that uses its answer's type only for `/openapi.json`, so that a brick starts sooner.
+    """A route that ignores the type of its answer, so that a server on a brick starts sooner.
 
-    `described` returns a copy of the route that has the answer's type.
+    `described` returns a copy that knows this type, for `/openapi.json`.
     """
 
     def __init__(self, path: str, endpoint: Callable[..., Any], **options: Any) -> None:
@@ -79,7 +79,7 @@ class Route(APIRoute):
 
 
 def describe_routes(app: FastAPI, routers: Iterable[APIRouter]) -> dict[str, Any]:
-    """Return `/openapi.json`: the parameters, the answer and the errors of each route."""
+    """Return the content of `/openapi.json`: each route's parameters, answer and errors."""
     content = {"application/json": {"schema": {"$ref": "#/components/schemas/Refusal"}}}
     errors: Any = {code: {"description": why, "content": content} for code, why in _WHY.items()}
     twin = FastAPI(title=app.title, version=__version__)

@@ -1,4 +1,4 @@
-"""Helpers for routes: explain refused values, and turn errors into HTTP answers."""
+"""Helpers for routes: types of request bodies, and functions that turn errors into answers."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from robot.errors import ConfigurationError, MissingExtraError, NotFoundError, R
 from server.services import services_of
 
 do = run_in_threadpool
-"""Runs a function in a thread, because the function waits for the disk."""
+"""Runs a function that waits for the disk in a thread, so that the event loop does not wait."""
 Short = Annotated[str, Field(max_length=200)]
 
 
 class Named(RawValue):
-    """A body with an optional name."""
+    """A request's body with an optional name."""
 
     name: str | None = text(None)
 
 
 class Key(RawValue):
-    """The key that a deletion returned."""
+    """A request's body: the key that a deletion returned, by which it can be undone."""
 
     undo: str = text()
 
@@ -36,7 +36,7 @@ NAMED = Named()
 
 
 async def refuse_values(request: Request, error: Exception) -> JSONResponse:
-    """Say which value is refused and what is allowed: 400 for a body, 422 for an address."""
+    """Answer which value is refused and what is allowed; 400 in a body, 422 in an address."""
     assert isinstance(error, RequestValidationError)
     first = error.errors()[0]
     place, *loc = first["loc"]
@@ -71,11 +71,11 @@ HANDLERS: dict[Any, Any] = {
     RequestValidationError: refuse_values,
     **dict.fromkeys((RobotError, OSError), refuse),
 }
-"""The error handlers of every application."""
+"""The error handlers of the robot's and the board's applications."""
 
 
 def require_free_model(request: Request) -> None:
-    """Refuse a change of the model in use with 409 while an extension needs the model unchanged."""
+    """Raise ConfigurationError while an extension needs the model in use to stay unchanged."""
     for extension in services_of(request).extensions.values():
         extension.require_free_model()
 

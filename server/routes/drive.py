@@ -19,7 +19,7 @@ router = APIRouter(route_class=Route)
 
 @dataclass
 class StopAnswer:
-    """The robot has stopped. A release names this STOP by its number, `stop_number`."""
+    """The answer to a STOP. A release names this STOP by its number, `stop_number`."""
 
     stop_number: int
     emergency: bool = True
@@ -27,13 +27,13 @@ class StopAnswer:
 
 @router.post(STOP_PATH)
 async def stop(request: Request) -> StopAnswer:
-    """Latch the emergency stop, for a page without a websocket. Any admitted client may."""
+    """Latch the emergency stop; for a page without a websocket. Every admitted client may."""
     return StopAnswer(services_of(request).hub.latch_emergency("http", role_of(request)))
 
 
 @dataclass
 class DoingAnswer:
-    """The robot's current activity, for a page without a websocket."""
+    """What the robot is doing now, for a page without a websocket."""
 
     robot: str
     mode: str
@@ -46,7 +46,7 @@ class DoingAnswer:
 
 @router.get("/api/state")
 def show_doing(request: Request) -> DoingAnswer:
-    """Return the robot's current activity; it works even if the network blocks websockets."""
+    """Return what the robot is doing now, for pages whose network blocks websockets."""
     hub = services_of(request).hub
     state = hub.robot.loop.state
     decision = state.decision

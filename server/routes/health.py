@@ -1,4 +1,4 @@
-"""`/healthz`: whether the control loop runs."""
+"""`/healthz`: says whether the control loop runs."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ STALE_LOOP_S = 2.0
 async def healthz(request: Request) -> JSONResponse:
     """Answer 200 while the control loop runs, otherwise 503.
 
-    Anybody may send this request, so the answer contains no details: a fault may name a camera's
-    host and path.
+    Everybody may send this request, so the answer has no details: the text of a fault may contain,
+    for example, the host and path of a camera.
     """
     robot = services_of(request).hub.robot
     is_alive = robot.clock.now_s() - robot.loop.state.now_s < STALE_LOOP_S

@@ -22,12 +22,12 @@ from server.services import persistence_of, services_of
 router = APIRouter(prefix="/api/settings", route_class=Route)
 Size = Literal[16, 32, 64, 128, 256]
 SIZES: tuple[int, ...] = get_args(Size)
-"""The selectable numbers of learned images."""
+"""The numbers of learned images among which the page lets the pilot choose."""
 _TRIALS = 10
 
 
 class SettingsChange(RawValue):
-    """The settings to change."""
+    """A request's body: the settings to change."""
 
     speed: float | None = number(None, least=0.3, most=1.0)
     name: str | None = text(None)
@@ -38,7 +38,7 @@ class SettingsChange(RawValue):
 
 @dataclass
 class CameraAnswer:
-    """The camera; its size is null before its first picture."""
+    """The robot's camera; width and height are null before its first picture."""
 
     name: str
     rate_hz: float
@@ -56,14 +56,14 @@ class Changed:
 
 @dataclass
 class ChangeAnswer(Changed):
-    """The settings after a change; `kept` is false if the next start will use the old model."""
+    """The settings after a change; `kept` is false if the next start would use the old model."""
 
     kept: bool
 
 
 @dataclass
 class SettingsAnswer(Changed):
-    """The settings and their possible values."""
+    """The settings, and the values to which they can be set."""
 
     name: str
     colour: str
@@ -79,7 +79,7 @@ class SettingsAnswer(Changed):
 
 @router.get("")
 async def describe_settings(request: Request) -> SettingsAnswer:
-    """Return the settings and their possible values."""
+    """Return the settings, and the values to which they can be set."""
     robot = services_of(request).robot
     state = robot.loop.state
     rates_hz = await do(estimate_rates_hz, split_name(state.learner)[0])
@@ -107,7 +107,7 @@ async def describe_settings(request: Request) -> SettingsAnswer:
 
 @router.put("")
 async def change_settings(request: Request, body: SettingsChange) -> ChangeAnswer:
-    """Change settings; a new `max_nodes` or `moves` starts an empty model, 409 while driving."""
+    """Change settings. Changing `max_nodes` or `moves` starts an empty model; 409 while driving."""
     services = services_of(request)
     loop = services.robot.loop
     given = {"name": body.name, "colour": body.colour}
@@ -142,9 +142,9 @@ def _choose(moves: list[str], request: Request) -> tuple[Action, ...]:
 
 @lru_cache(maxsize=8)
 def estimate_rates_hz(kind: str) -> dict[int, float]:
-    """Return the pictures per second that this machine can process, for each number of images.
+    """Return how many pictures per second this machine can process with each of `SIZES` images.
 
-    Only two numbers are measured, once, because the cost grows linearly with the number of images.
+    Only two sizes are measured, because the time per picture grows linearly with the size.
     """
     small, large = SIZES[0], SIZES[-2]
     frames = autosize.sample_frames(4)

@@ -1,4 +1,4 @@
-"""Shared parts of the websockets: receiving messages without delay, and ending cleanly."""
+"""What all websockets share: they receive messages without delay, and end cleanly."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from server.gateway.guard import note_use
 from server.hosting.serving import DIRECT
 
 _LAST_S = 1.0
-"""How long messages of a client are still read while it is being disconnected, in seconds."""
+"""How long a client's messages are still read after it was told to disconnect, in seconds."""
 _GONE = ("ClientDisconnected", "ConnectionClosed", "ConnectionClosedOK", "ConnectionClosedError")
 
 
@@ -35,10 +35,9 @@ async def converse(
 ) -> None:
     """Serve a client until it disconnects, is silent for `idle_s`, or has too many refusals.
 
-    Messages are handled as soon as they are decoded, before any queue and while the socket closes,
-    so a STOP from a client that is being disconnected still counts. If uvicorn is too old to do so,
-    messages are handled in order. Slow binary messages are also handled in order; they go to `see`
-    instead of `hear`.
+    `hear` gets each message as soon as it is decoded, even while the socket closes, so that a STOP
+    of a client that is being disconnected still counts. If uvicorn is too old for this, messages
+    wait in a queue. So do binary messages if there is a `see`, which gets them and may take long.
     """
     heard_s = clock.now_s()
 
@@ -79,7 +78,7 @@ async def converse(
 
 
 async def end_with_either(*parts: Coroutine[Any, Any, None]) -> None:
-    """Run both directions of a socket; when one direction or the client ends, end the other."""
+    """Run both directions of a websocket until one of them ends or the client disconnects."""
     try:
         await first_of(*parts)
     except Exception as error:
@@ -88,7 +87,7 @@ async def end_with_either(*parts: Coroutine[Any, Any, None]) -> None:
 
 
 async def first_of(*works: Coroutine[Any, Any, object]) -> None:
-    """Run until the first coroutine ends; cancel the others and raise the first one's error."""
+    """Run coroutines until one ends; cancel the others, and raise its error if there is one."""
     tasks = [asyncio.create_task(work) for work in works]
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -101,7 +100,7 @@ async def first_of(*works: Coroutine[Any, Any, object]) -> None:
 
 
 def _means_gone(error: Exception) -> bool:
-    """True for the errors by which any server version reports a client that disconnected."""
+    """True if the error means that the client has disconnected, in any version of uvicorn."""
     if isinstance(error, RuntimeError):
         return "close" in str(error) or "ASGI message" in str(error)
     return isinstance(error, WebSocketDisconnect | OSError) or type(error).__name__ in _GONE

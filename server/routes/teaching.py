@@ -1,4 +1,4 @@
-"""`/api/teaching`: undo of the latest training. See docs/reference/http.md."""
+"""`/api/teaching`: undo the last seconds of training. See docs/reference/http.md."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from server.services import services_of
 router = APIRouter(prefix="/api/teaching", route_class=Route)
 _LAST = Query(5.0, gt=0, le=UNDO_HORIZON_S, description="a number above 0 up to 35")
 _STRIP = 24
-"""Maximum number of frames in a strip."""
+"""Maximum number of examples that the answer shows of those that undo would remove."""
 
 
 class TrainingUndo(RawValue):
-    """The amount of latest training to undo."""
+    """A request's body: how many of the last seconds of training to undo."""
 
     seconds: float = number(above=0, most=UNDO_HORIZON_S)
 
 
 @dataclass
 class ExampleAnswer:
-    """One example of a strip."""
+    """One of the examples that undo would remove."""
 
     png: str
     frame: int
@@ -36,7 +36,7 @@ class ExampleAnswer:
 
 @dataclass
 class LastExamples:
-    """The examples that undoing the last seconds would remove."""
+    """The examples that undo would remove."""
 
     lessons: int
     taught: dict[str, int]
@@ -45,7 +45,7 @@ class LastExamples:
 
 @router.get("/last")
 async def show_last(request: Request, seconds: float = _LAST) -> LastExamples:
-    """Return the examples that undoing the last seconds would remove."""
+    """Return the examples of the last seconds, which undo would remove."""
     services = services_of(request)
     return await services.on_loop(lambda: _preview(services.robot.loop.history, seconds))
 

@@ -22,7 +22,7 @@ _SELDOM_MS = 60_000
 
 @router.websocket("/ws/video")
 async def video(websocket: WebSocket) -> None:
-    """Send the video to one viewer until it disconnects; `?every_ms=N` sets the interval."""
+    """Send the video to one viewer until it disconnects, at most one frame every `every_ms`."""
     hub = services_of(websocket).hub
     await websocket.accept()
     every_ms = websocket.query_params.get("every_ms", "0")
@@ -65,7 +65,7 @@ async def video(websocket: WebSocket) -> None:
 
 @router.get("/picture.jpg", include_in_schema=False)
 def picture(request: Request) -> Response:
-    """Return the newest picture, for networks that pass only plain requests."""
+    """Return the newest picture, for pages whose network blocks websockets."""
     hub = services_of(request).hub
     frame = hub.robot.camera.latest()
     if frame is None:

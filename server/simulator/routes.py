@@ -33,7 +33,7 @@ class ThingAnswer:
 
 @dataclass
 class WorldMap:
-    """A world as the page draws it."""
+    """A world as the page draws it from above."""
 
     name: str
     width_m: float
@@ -44,14 +44,16 @@ class WorldMap:
 @dataclass
 class WorldAnswer:
     """The current world in metres and radians, and the worlds to which the robot can be carried.
-    For a real robot, the world is null and the list is empty."""
+
+    For a real robot, the world is null and the list is empty.
+    """
 
     world: WorldMap | None
     worlds: list[str]
 
 
 class WorldChange(RawValue):
-    """The world to which the robot is carried."""
+    """A request's body: the world to which the robot is carried."""
 
     name: str = text()
 
@@ -74,9 +76,9 @@ def show_world(request: Request) -> WorldAnswer:
 
 @router.put("/api/world", dependencies=[FREE_MODEL])
 async def change_world(request: Request, body: WorldChange) -> WorldAnswer:
-    """Carry a simulated robot to the start of another world; it keeps its model.
+    """Carry a simulated robot to the start of another world, with its model.
 
-    Answers 409 unless the robot is stopped, and also while the model in use must not change.
+    Answers 409 if the robot is not stopped, or while an extension needs the model unchanged.
     """
     services = services_of(request)
     driver: Any = services.robot.driver

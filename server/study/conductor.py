@@ -1,6 +1,6 @@
-"""Conducts one participant's session: timed phases on the loop's ticks, and questions.
+"""Conducts the session of one participant: phases timed by the loop's ticks, and questions.
 
-The log holds the whole state of a session, so that it can be resumed at any time.
+A session can be resumed at any time, because its event log has its whole state.
 """
 
 from __future__ import annotations
@@ -30,19 +30,18 @@ _Act = TypeVar("_Act", bound=Callable[..., Any])
 
 
 def name_of_world(body: object) -> str | None:
-    """Return the world of a simulated body, None for a real one.
+    """Return the name of a simulated body's world; None for a real body.
 
-    The attribute is tested instead of the class, because a server on a brick never imports the
-    simulation.
+    It tests for an attribute and not for the class, which a server on a brick cannot import.
     """
     return cast(str, body.simulation.world.name) if hasattr(body, "simulation") else None
 
 
 def check_body(body: Any, condition: Condition) -> None:
-    """Raise ConfigurationError for a body in another simulated world, or one that lacks a move."""
+    """Raise ConfigurationError if a body is in another simulated world, or lacks a move."""
     here, place = name_of_world(body), condition.world
     worlds: Mapping[str, str] = getattr(body, "worlds", {place: place}) if here else {}
-    file = os.path.realpath(place)  # the condition may name only the world's file
+    file = os.path.realpath(place)  # the condition may give the world's file instead of its name
     place = next((name for name, at in worlds.items() if os.path.realpath(at) == file), place)
     if here not in (None, place):
         do = f"choose {place!r} under Settings, Place, while no session is on"
@@ -61,7 +60,7 @@ def check_body(body: Any, condition: Condition) -> None:
 
 
 def _in_turn(act: _Act) -> _Act:
-    """Run calls one after the other, because two pages or two presses may call at the same time."""
+    """Decorate a method so that calls run one after the other, even if two pages call at once."""
 
     @wraps(act)
     def serialized(self: Conductor, *args: Any, **named: Any) -> Any:
@@ -72,18 +71,18 @@ def _in_turn(act: _Act) -> _Act:
 
 
 class Conductor(StartStop):
-    """Runs one session at a time. Methods wait for the disk: never call them on an event loop.
+    """Runs one session at a time. Its methods wait for the disk: never call them on an event loop.
 
     Args:
         rig: The robot.
-        kept: The studies' folder, the model in use and the recorder.
-        announce: Called with events for the clients.
+        kept: The persistence, with the data folder, the model in use and the current recording.
+        announce: Called with each event for the clients.
     """
 
     def __init__(self, rig: Rig, kept: Persistence, announce: Callable[..., None]) -> None:
         self.folder = StudyFolder(kept.storage)
         self.pace = 1.0
-        """Speed of a phase's clock: 1 except in demonstrations and tests."""
+        """Speed of the phases' clocks; other than 1 only in demonstrations and tests."""
         self.study: str | None = None
         self.session: StudySession | None = None
         self._rig, self._loop, self._clock = rig, rig.loop, rig.clock
@@ -97,11 +96,11 @@ class Conductor(StartStop):
     def start(self) -> None:
         try:
             self._models.put_away()
-        except (RobotError, OSError, TimeoutError) as error:  # the robot starts without the session
+        except (RobotError, OSError, TimeoutError) as error:  # the robot can start nevertheless
             log.warning("a session's model is still in use: %s", error)
 
     def stop(self) -> None:
-        """Leave the session."""
+        """Leave the session, so that it can be resumed after the next start."""
         try:
             self._end("server_ended")
         except (RobotError, OSError, TimeoutError) as error:
@@ -109,12 +108,12 @@ class Conductor(StartStop):
 
     @property
     def is_simulated(self) -> bool:
-        """True if the robot is simulated, and therefore knows its place."""
+        """True if the robot is simulated; only then the program knows the robot's place."""
         return name_of_world(self._rig.driver) is not None
 
     @property
     def is_driving(self) -> bool:
-        """True if the session's own model is in use, so that its phases' clocks may run."""
+        """True if the robot uses the session's own model; only then the phases' clocks run."""
         return self._models.in_use is not None
 
     @property
@@ -126,7 +125,7 @@ class Conductor(StartStop):
 
     @_in_turn
     def begin_trial(self, trial: int, teach_s: int) -> StudySession:
-        """Begin a guided trial of one person, in the built-in study of that trial; see `begin`."""
+        """Begin one of the paper's trials for one person, as a session of a built-in study."""
         learner = self._loop.state.learner
         text = trial_plan(trial, teach_s, learner)
         check_body(self._rig.driver, parse_plan(text).conditions[0])
@@ -142,8 +141,10 @@ class Conductor(StartStop):
         """Begin a participant's session, or resume it.
 
         Raises:
-            ConfigurationError: If another session is running, or the code or the plan does not
-            allow this one. NotFoundError, RecordingError: If study or log cannot be read.
+            ConfigurationError: If another session is running, the code is invalid or has finished,
+                no place is free, or the plan has changed since the session began.
+            NotFoundError: If there is no such study.
+            RecordingError: If the plan or the event log cannot be read.
         """
         if self.session is not None:
             if self._is_on(study, participant):
@@ -188,7 +189,7 @@ class Conductor(StartStop):
 
     @_in_turn
     def consent(self, language: str) -> None:
-        """Note that the participant confirmed the text."""
+        """Record that the participant has consented to the plan's text."""
         self._session().require(SessionStep.CONSENT)
         self._happen("consent", name=language[:2])
         self._flush()
@@ -200,10 +201,11 @@ class Conductor(StartStop):
 
         Args:
             confirmed: The researcher confirms that a real robot is in the condition's place.
-            anew: Begin the condition again; earlier drives in it do not count.
+            anew: Begin the condition again; its earlier drives then do not count.
 
         Raises:
-            ConfigurationError: If it is the wrong time or place, or the robot lacks a move.
+            ConfigurationError: If another step of the session is due, the robot is in the wrong
+                place, or it lacks a move.
             OSError: If the disk cannot be written.
         """
         session = self._session()
@@ -232,8 +234,10 @@ class Conductor(StartStop):
 
     @_in_turn
     def answer(self, answers: Mapping[str, Any], *, is_done: bool) -> None:
-        """Save answers by question; with `is_done`, raise ConfigurationError if an answer is
-        missing."""
+        """Save answers by the name of their question.
+
+        With `is_done`, the questions end; raises ConfigurationError if an answer is missing.
+        """
         session = self._session()
         session.require(SessionStep.QUESTIONS)
         questions = {question.name: question for question in session.questions}
@@ -258,9 +262,9 @@ class Conductor(StartStop):
 
     @_in_turn
     def leave(self) -> None:
-        """End the session at any stage; `begin` resumes it. Idempotent.
+        """Leave the session at any stage; `begin` resumes it. Idempotent.
 
-        OSError if the events cannot be written; then the session continues.
+        Raises OSError if the events cannot be written; the session then continues.
         """
         self._flush()
         self._end("left")
@@ -289,7 +293,7 @@ class Conductor(StartStop):
     # Ticks ------------------------------------------------------------------------------------
 
     def note(self, tick: Tick) -> None:
-        """Record one tick, on the loop's thread; stop the robot when a phase ends."""
+        """Count one tick, on the loop's thread; stop the robot when a phase ends."""
         session, event_log = self.session, self._log
         if session is None or event_log is None or not (self.is_driving and session.phase):
             return
@@ -298,12 +302,12 @@ class Conductor(StartStop):
         episode = self._kept.run
         if episode is not None and episode != self._episode:
             self._episode = episode
-            self._kept.keep_run()  # keep the recording even if nothing is taught in it
+            self._kept.keep_run()  # save the recording even if nothing is taught in it
             events.append(session.make("recording", wall_s, value=episode))
         events += session.note(tick, wall_s, self._measure)
         event_log.note(events)
         if any(event.event == "phase_ended" for event in events):
-            self._episode = None  # then the next phase also lists the recording
+            self._episode = None  # so that the log names the recording again in the next phase
             self._loop.set_mode(Mode.STOPPED)
             self._tell()
 
@@ -322,15 +326,15 @@ class Conductor(StartStop):
         return self.session
 
     def _tell(self) -> None:
-        """Let every page reload the session's state."""
+        """Tell every page to reload the state of the session."""
         self._announce("session", step=self.session.step.value if self.session else None)
 
     def _happen(self, event: str, **fields: Any) -> None:
-        """Apply an event on the loop's thread, between two ticks, and write it to the log."""
+        """Apply an event to the session between two ticks, and queue it for the log."""
         session, event_log = self._session(), self._log
         assert event_log is not None
         wall_s = self._clock.wall_s()
-        # Log on the loop's thread: no event is lost if the wait for a stalled loop times out.
+        # Queue it on the loop's thread, so that it is not lost if the wait below times out.
         making = self._loop.submit(lambda: event_log.note([session.make(event, wall_s, **fields)]))
         self._clock.result(making, PATIENCE_S)
 

@@ -10,12 +10,21 @@ from robot.store.folder import Storage, composed
 
 
 def erase(storage: Storage, names: Collection[str], *paths: Path) -> list[str]:
-    """Permanently delete the data with these names and all their copies, and the given files.
+    """Permanently delete models, recordings and exports by name, with all copies, and files.
 
-    The names are names of models, recordings and exports without file extensions. Data in the trash
-    is deleted, too. The given files are deleted last, so that an interrupted deletion can be
-    repeated.
-    Returns the deleted paths within the data folder; raises OSError if a deletion fails.
+    Copies in the trash are deleted, too. The files at `paths` are deleted last, because an
+    interrupted deletion can be repeated only while they exist.
+
+    Args:
+        storage: The data folder.
+        names: Names without file extensions.
+        *paths: Further files.
+
+    Returns:
+        The deleted paths, relative to the data folder.
+
+    Raises:
+        OSError: If a file cannot be deleted.
     """
     folders = (folder for folder in (*storage.kept(), *storage.trash.iterdir()) if folder.is_dir())
     entries = [path for folder in folders for path in folder.iterdir()]
@@ -29,6 +38,6 @@ def erase(storage: Storage, names: Collection[str], *paths: Path) -> list[str]:
 
 
 def _is_called(entry: str, names: Collection[str]) -> bool:
-    """True for a name with any file extension, also of a part (`-2`) or a copy (` (2)`)."""
+    """True if a file has one of these names; an extension, `-2` (a part) or ` (2)` may follow."""
     entry, names = composed(entry), [composed(name) for name in names]
     return any(entry == n or (entry.startswith(n) and entry[len(n)] in ".- (") for n in names)

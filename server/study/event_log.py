@@ -15,7 +15,7 @@ log = logging.getLogger(__name__)
 
 
 class EventLog(DiskThread):
-    """Appends events to one file; a failed write is retried every second."""
+    """Appends events to one file; if a write fails, it tries again every second."""
 
     def __init__(self, path: Path, clock: Clock) -> None:
         super().__init__(clock, every_s=1.0)
@@ -25,10 +25,13 @@ class EventLog(DiskThread):
         self._waiting: list[StudyEvent] = []
         self._size = 0
         self.fault = ""
-        """The reason why the last write failed; empty if it succeeded."""
+        """The reason why the last write has failed; empty if it succeeded."""
 
     def start(self) -> None:
-        """Cut off a line that a power cut left incomplete, and begin; OSError on failure."""
+        """Remove a last line that a power cut left incomplete, and start the thread.
+
+        Raises OSError if the file cannot be written.
+        """
         self._path.parent.mkdir(parents=True, exist_ok=True)
         with self._path.open("ab+") as file:
             file.seek(0)
@@ -38,11 +41,11 @@ class EventLog(DiskThread):
         super().start()
 
     def note(self, events: Iterable[StudyEvent]) -> None:
-        """Queue events; never blocks, and may be called on any thread."""
+        """Queue events for writing; never blocks, and may be called on any thread."""
         self._waiting.extend(events)
 
     def flush(self) -> None:
-        """Write all events to disk; after an OSError they stay queued."""
+        """Write all queued events to disk; if this raises OSError, they stay queued."""
         with self._lock:
             events = self._waiting[:]
             if not events:

@@ -23,7 +23,7 @@ router = APIRouter(prefix="/api", route_class=Route)
 
 
 class NewStudy(RawValue):
-    """A study's name, and its plan as TOML or the number of a trial of the paper."""
+    """A request's body: a study's name, and its plan as TOML or the number of a paper's trial."""
 
     name: str = text()
     plan: str | None = text(None, most=100_000)
@@ -31,7 +31,7 @@ class NewStudy(RawValue):
 
 
 class NewSession(RawValue):
-    """A participant and a study, or a trial of the paper with its teaching time."""
+    """A request's body: a participant and a study, or a paper's trial and its teaching time."""
 
     study: str = text("")
     participant: str = text("")
@@ -40,20 +40,20 @@ class NewSession(RawValue):
 
 
 class Consent(RawValue):
-    """The language in which the participant confirmed the plan's text."""
+    """A request's body: the language in which the participant has consented."""
 
     language: str = text()
 
 
 class Going(RawValue):
-    """Whether the robot is in the right place, and whether a condition begins again."""
+    """A request's body: `confirmed` and `anew`, see `Conductor.drive`."""
 
     confirmed: bool = must_be("true or false", False)
     anew: bool = must_be("true or false", False)
 
 
 class Answers(RawValue):
-    """Answers by question; with `done`, no answer may be missing."""
+    """A request's body: answers by question; with `done`, no answer may be missing."""
 
     answers: dict[str, Any] = must_be("an object of answers by question", {})
     done: bool = must_be("true or false", False)
@@ -76,7 +76,7 @@ def describe_study(folder: StudyFolder, name: str) -> dict[str, Any]:
 
 
 def describe_place(conductor: Conductor) -> dict[str, Any] | None:
-    """Return a viewer's part of the current session's state; None if there is no session."""
+    """Return what a viewer may know of the current session; None if there is no session."""
     session = conductor.session
     if session is None:
         return None
@@ -130,7 +130,7 @@ _GO_ON = Going()
 
 
 def _require_pilot(request: Request) -> None:
-    """Refuse a viewer: studies are for pilots and the teacher."""
+    """Refuse a viewer, because only pilots and the teacher may see studies."""
     if not (role := role_of(request)).may_change:
         raise HTTPException(403, role.refusal)
 
@@ -139,7 +139,7 @@ PILOT = Depends(_require_pilot)
 
 
 def _conductor(request: Request) -> Conductor:
-    persistence_of(request)  # answers 503 if nothing is saved
+    persistence_of(request)  # answers 503 if the server has no data folder
     conductor = services_of(request).extension(StudyExtension).conductor
     assert conductor is not None
     return conductor
@@ -153,7 +153,7 @@ def list_studies(request: Request) -> dict[str, Any]:
 
 @router.post("/studies", dependencies=[PILOT], status_code=201)
 def create_study(request: Request, body: NewStudy) -> dict[str, str]:
-    """Create a study from a plan, or from a plan of the paper."""
+    """Create a study from a given plan, or from the plan of one of the paper's trials."""
     plan = body.plan if body.trial is None else paper_plan(body.trial)
     if plan is None:
         raise ConfigurationError("send either 'plan' (a TOML text) or 'trial' (1, 2 or 3)")
@@ -168,13 +168,13 @@ def show_study(request: Request, name: str) -> dict[str, Any]:
 
 @router.get("/studies/{name}/zip", dependencies=[PILOT], **media("application/zip"))
 def download_study(request: Request, name: str) -> Response:
-    """Return all files of a study: plan, event logs, tables, figures."""
+    """Return a zip file with the plan, the event logs and the table of a study."""
     return attachment(_conductor(request).folder.zip(name), "application/zip", f"{name}.zip")
 
 
 @router.get("/studies/{name}/sessions/{participant}", dependencies=[PILOT])
 def show_outcomes(request: Request, name: str, participant: str) -> dict[str, Any]:
-    """Return the similarity of the participant's and the robot's driving, by condition."""
+    """Return by condition how similarly the participant and the robot have driven."""
     return {"conditions": _conductor(request).folder.outcomes(name, participant)}
 
 
@@ -186,7 +186,7 @@ def withdraw_participant(request: Request, name: str, participant: str) -> dict[
 
 @router.get("/session")
 def show_session(request: Request) -> dict[str, Any]:
-    """Return the current session, or null; a viewer gets only its state."""
+    """Return the current session, or null; a viewer gets only a part of it."""
     conductor = services_of(request).extension(StudyExtension).conductor
     is_viewer = role_of(request) is Role.VIEWER
     return {"session": conductor and (describe_place if is_viewer else describe_session)(conductor)}
@@ -212,27 +212,27 @@ def leave_session(request: Request) -> dict[str, Any]:
 
 @router.post("/session/consent", dependencies=[PILOT])
 def give_consent(request: Request, body: Consent) -> dict[str, Any]:
-    """Note that the participant confirmed the plan's text."""
+    """Record that the participant has consented to the plan's text."""
     _conductor(request).consent(body.language)
     return show_session(request)
 
 
 @router.post("/session/drive", dependencies=[PILOT])
 def drive_condition(request: Request, body: Going = _GO_ON) -> dict[str, Any]:
-    """Begin or resume the next condition; 409 in the wrong world."""
+    """Begin or resume the next condition; 409 if the robot is in the wrong world."""
     _conductor(request).drive(confirmed=body.confirmed, anew=body.anew)
     return show_session(request)
 
 
 @router.post("/session/answers", dependencies=[PILOT])
 def answer_questions(request: Request, body: Answers) -> dict[str, Any]:
-    """Save answers."""
+    """Save the participant's answers to the questions."""
     _conductor(request).answer(body.answers, is_done=body.done)
     return show_session(request)
 
 
 class StudyExtension(Extension):
-    """Sessions of studies with participants.
+    """Adds studies with participants to a robot's server.
 
     Attributes:
         conductor: The conductor of sessions; None if nothing is saved.

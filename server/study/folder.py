@@ -1,4 +1,4 @@
-"""Studies on disk: plans, sessions' event logs, and the models that participants taught."""
+"""Studies on disk: their plans, event logs, and the models that participants have taught."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from server.study.erasing import erase
 _PLAN, _ACTIVE = "plan.toml", "active.json"
 LONGEST_NAME = 40
 _PLANS, _SESSIONS = 16, 2**14
-"""Number of parsed plans, and of session summaries, that are cached."""
+"""Maximum number of parsed plans in the cache, and of session summaries."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionSummary:
-    """One session in a list; `fault` is set if its log cannot be read."""
+    """One session in a list; `fault` says why its log cannot be read, if that is the case."""
 
     participant: str
     slot: int = -1
@@ -42,7 +42,7 @@ class SessionSummary:
 
 
 class SessionModel(RawValue):
-    """The model of the session that is being driven, and the model in use before."""
+    """The model of the session that is being driven, and the model to which the robot returns."""
 
     study: str = text()
     participant: str = text()
@@ -114,11 +114,14 @@ class StudyFolder:
         return self.root / name / f"{code}.csv"
 
     def model_path(self, name: str, code: str, position: int) -> Path:
-        """Return the path of the model that a participant taught."""
+        """Return the path of the model that a participant has taught in one condition."""
         return self.root / name / "models" / f"{code}-{position}.npz"
 
     def events(self, name: str, code: str) -> list[StudyEvent]:
-        """Read a session's event log ([] if there is none); RecordingError if it is damaged."""
+        """Read a session's event log; raises RecordingError if it is damaged.
+
+        Without a log, the session has not begun, and there are no events.
+        """
         if code not in self.codes(name):
             return []
         events = read_events(self.log(name, code), f"{name}/{code}.csv")
@@ -134,17 +137,17 @@ class StudyFolder:
             return path.read_bytes()
 
     def summaries(self, name: str) -> list[SessionSummary]:
-        """Summarize each session; a session that cannot be read has a `fault`."""
+        """Return a summary of each session; that of an unreadable session has a `fault`."""
         plan_text, found = self.plan_text(name), []
         for code in self.codes(name):
-            with contextlib.suppress(FileNotFoundError):  # the session was just withdrawn
+            with contextlib.suppress(FileNotFoundError):  # the participant has just withdrawn
                 log = self.log_path(name, code).stat()
                 state = log.st_size, log.st_mtime_ns
                 found.append(self._summary(name, code, plan_text, *state))
         return found
 
     def free_slots(self, name: str, plan: StudyPlan) -> list[int]:
-        """List the slots of the plan that no participant has, in order."""
+        """Return the slots of the plan that no participant has, in order."""
         return sorted(set(range(plan.participants)) - {s.slot for s in self.summaries(name)})
 
     def _summarize(self, name: str, code: str, plan_text: str, *_state: int) -> SessionSummary:
@@ -165,14 +168,14 @@ class StudyFolder:
         )
 
     def outcomes(self, name: str, code: str) -> list[dict[str, Any]]:
-        """Return the similarity of participant and robot by condition, in the order driven."""
+        """Return for each driven condition, in order, how similarly participant and robot drove."""
         return [outcome(log) for log in condition_logs(self.plan(name), code, self.log(name, code))]
 
     def withdraw(self, name: str, code: str, recording: str | None) -> list[str]:
         """Permanently delete all data of a participant: log, models, recordings, also in the trash.
 
-        Returns the deleted paths within the data folder. Raises ConfigurationError if one of the
-        recordings is still being made: `recording` is the current one.
+        Returns the deleted paths, relative to the data folder. Raises ConfigurationError if
+        `recording`, which is being made now, is one of the participant's.
         """
         recordings = recordings_in(self.log(name, code))
         if recording in recordings:
@@ -185,10 +188,10 @@ class StudyFolder:
 
     @property
     def active(self) -> SessionModel | None:
-        """The session's model that is in use; still known after a power cut."""
+        """The session's model that the robot uses; saved, so that a power cut does not lose it."""
         try:
             model = read(SessionModel, json.loads((self.root / _ACTIVE).read_bytes()))
-            list(map(Action, model.moves_before))  # raises if a name is not that of a move
+            list(map(Action, model.moves_before))  # raises ValueError for an unknown move
         except (OSError, ValueError, RecursionError):
             return None
         is_known = model.study in self.names() and CODE.fullmatch(model.participant)
@@ -203,7 +206,7 @@ class StudyFolder:
 
 
 def model_name(study: str, participant: str, position: int) -> str:
-    """Return the name of a session's model while it is in use."""
+    """Return the name that a session's model has while the robot uses it."""
     return f"{study} {participant} {position}"
 
 

@@ -1,8 +1,9 @@
-"""The model of a session: in use while the session is driven, then stored beside its log.
+"""Exchanges the robot's model for that of a session, and back.
 
-A participant's model is among the robot's models only while the session is driven. Afterwards this
-model is put away, and the previous model is in use again. `StudyFolder.active` records on disk
-which model is in use, so that a start after a power cut can put it away.
+A participant's model is among the robot's models only while the session is driven. Afterwards it is
+put away, beside the session's log, and the robot uses its previous model again. A file on disk
+(`StudyFolder.active`) names the session's model, so that the next start after a power cut can put
+it away.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ PATIENCE_S = 10.0
 
 
 class SessionModels:
-    """Puts a session's model in use, and away again. The methods wait for the loop and the disk."""
+    """Puts the model of a session in use and away again; may wait for the loop and the disk."""
 
     def __init__(self, rig: Rig, folder: StudyFolder, autosave: Autosave) -> None:
         self.in_use: SessionModel | None = None
@@ -30,10 +31,10 @@ class SessionModels:
     def put_in_use(
         self, study: str, participant: str, position: int, condition: Condition, *, anew: bool
     ) -> bool:
-        """Use the participant's model of this condition, or an empty one.
+        """Use the participant's saved model of this condition, or an empty one.
 
-        Returns True if the model is empty, because of `anew` or because none was saved. After a
-        ConfigurationError or OSError the previous model stays in use.
+        Returns True if the model is empty, because `anew` is True or none was saved. If it raises
+        ConfigurationError or OSError, the robot keeps its previous model.
         """
         path = self._folder.model_path(study, participant, position)
         kept = path.read_bytes() if not anew and path.is_file() else None
@@ -79,7 +80,7 @@ class SessionModels:
             if model.before is not None and model.before in autosave.store.names():
                 autosave.load(model.before)
             else:
-                # There was no saved previous model, so begin a new, empty model.
+                # The robot had no saved model before, so begin an empty one that is not saved.
                 moves = tuple(map(Action, model.moves_before))
                 autosave.delete(autosave.begin(None, model.learner_before, None, moves))
         if model.own in autosave.store.names():

@@ -1,8 +1,8 @@
 """Measures how much greedy viewers in a class slow down the control loop while a pilot drives.
 
-Eight paired viewers, each a separate process, request every address as fast as the server answers.
-The run has turns with and without these viewers (SIGSTOP holds them), so that other load on the
-machine affects both sides alike. A pilot drives throughout.
+The greedy viewers, each a separate process, request every address as fast as the server answers.
+They run and are paused (by SIGSTOP) in turns, so that other load on the machine affects both cases
+alike. A pilot drives throughout.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from server.lab.bench.report import TOO_BUSY, add_usual, percentiles, report
 from server.lab.bench.subject import ServerUnderTest
 
 _TURNS = 4
-"""Number of turns with greedy viewers, and number of turns without."""
+"""Number of turns with greedy viewers; as many turns are without."""
 _ASKED_RATIO = 1.5
 
 
@@ -66,7 +66,7 @@ async def _measure_greedy(count: int, seconds: float, rate_hz: float) -> dict[st
         async with _held_forward(subject, subject.pair("pilot")):
             viewers = [subprocess.Popen([*words, subject.pair("viewer")]) for _ in range(count)]
             try:
-                # the first requests import modules and compute cached values
+                # do not measure the first requests, which import modules and fill caches
                 await asyncio.sleep(5.0)
                 for turn in range(2 * _TURNS):
                     reads = turn % 2
@@ -108,7 +108,7 @@ async def _measure_watched(count: int, seconds: float, rate_hz: float) -> dict[s
 
 @contextlib.asynccontextmanager
 async def _held_forward(subject: ServerUnderTest, cookie: str = "") -> AsyncIterator[None]:
-    """While the `with` block runs, drive forward, like a finger on the pad."""
+    """While the `with` block runs, hold Forward, like a finger on the pad."""
     async with link.driving(subject, cookie) as send:
 
         async def hold() -> None:

@@ -1,4 +1,4 @@
-"""A process that requests everything a viewer may, as fast as it can: `greedy PORT COOKIE`."""
+"""A process that requests everything that a viewer may, as fast as it can: `greedy PORT COOKIE`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _ENDLESS = "/video.mjpg"
 
 
 def readable(description: bytes, models: bytes) -> list[str]:
-    """Return every address that a viewer can read, from the server's `/openapi.json`."""
+    """Return every path that a viewer can read, according to the server's `/openapi.json`."""
     paths = json.loads(description)["paths"]
     found = [path for path, ways in paths.items() if "get" in ways and path != _ENDLESS]
     names = [quote(one["name"], safe="") for one in json.loads(models).get("models", [])]

@@ -1,4 +1,4 @@
-"""Times to learn and to predict by number of nodes, and the frame rate that each number allows."""
+"""Measures the times to learn and to predict for numbers of nodes, and the possible frame rates."""
 
 from __future__ import annotations
 
@@ -49,7 +49,8 @@ def _as_dict(cost: autosize.Cost) -> dict[str, float]:
 
 
 def _cluster(max_nodes: int) -> dict[str, float]:
-    """Time training steps, look-ups and plain matrix products in turn, under the same load."""
+    """Time training steps, look-ups and bare matrix products in turns, so that all have the same
+    load."""
     frames = _frames(600 if max_nodes < 512 else 300)
     learner = BSOC(max_nodes)
     rng = np.random.default_rng(1)

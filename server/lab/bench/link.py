@@ -1,4 +1,4 @@
-"""Frames and commands over loopback, to viewers without a screen."""
+"""Measures the delay and the CPU time of frames and commands over loopback, without a browser."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ def run(args: argparse.Namespace) -> int:
 async def _compare(
     count: int, size: int, turns: int, seconds: float, rate_hz: float
 ) -> dict[str, Any]:
-    """Measure the CPU time per viewer and frame of our serving thread, and of a plain server's.
+    """Measure the CPU time per viewer and frame of our serving thread and that of a plain server.
 
-    Viewers leave one server before they join the other, so that only one server at a time has work.
+    The viewers leave one server before they join the other, so that only one has work at a time.
     """
     spent_us: list[list[float]] = [[], []]
     with (
@@ -104,7 +104,7 @@ async def _measure_viewers(count: int, seconds: float, rate_hz: float) -> dict[s
 
 
 async def _measure_commands(count: int, rate_hz: float) -> dict[str, Any]:
-    """Time each change of the held move, from the wire to the body."""
+    """Measure the time from the sending of each new move until the robot's body drives it."""
     with ServerUnderTest("drivelesson", rate_hz) as subject:
         async with watching(subject, count), driving(subject) as send:
             sent: list[tuple[float, str]] = []
@@ -137,12 +137,12 @@ def _pair_up(
 
 
 Send = Callable[..., Awaitable[None]]
-"""Sends a message with the newest nonce."""
+"""Function that sends a message of a pilot with the newest nonce."""
 
 
 @contextlib.asynccontextmanager
 async def driving(subject: ServerUnderTest, cookie: str = "") -> AsyncIterator[Send]:
-    """While the `with` block runs, be the pilot of a robot that may move; yield how to send."""
+    """While the `with` block runs, be the pilot in training mode; yield a function that sends."""
     from websockets.asyncio.client import connect
 
     url, headers = f"ws://127.0.0.1:{subject.port}/ws/drive", {"Cookie": cookie}
@@ -155,7 +155,7 @@ async def driving(subject: ServerUnderTest, cookie: str = "") -> AsyncIterator[S
 
         reading = asyncio.create_task(_read_all(pilot, seen))
         await asyncio.sleep(_SETTLE_S)
-        # the robot refuses to start while the picture is old
+        # ask repeatedly, because the robot refuses to start while its picture is old
         while subject.ask()["mode"] != "train":
             await send(type="mode", mode="train")
             await asyncio.sleep(0.1)
@@ -164,7 +164,7 @@ async def driving(subject: ServerUnderTest, cookie: str = "") -> AsyncIterator[S
 
 
 async def _read_all(pilot: Any, seen: dict[str, int]) -> None:
-    """Read all messages; store in `seen` what the next command must contain."""
+    """Read all messages; store in `seen` the newest frame and nonce, for the next command."""
     async for text in pilot:
         message = json.loads(text)
         if message["type"] == "state" and message["frame"] is not None:
@@ -172,7 +172,7 @@ async def _read_all(pilot: Any, seen: dict[str, int]) -> None:
 
 
 Watched = list[tuple[float, float]]
-"""The time at which each frame reached a viewer, and the frame's age then, in seconds."""
+"""For each frame the time at which it reached a viewer, and its age at that time, in seconds."""
 
 
 def ages_since(start_s: float, watched: Watched) -> list[float]:
@@ -184,7 +184,7 @@ async def _watch(port: int, watched: Watched) -> None:
     from websockets.asyncio.client import connect
 
     url = f"ws://127.0.0.1:{port}/ws/video"
-    # Browsers always offer compression, and the server decides whether to use it.
+    # Offer compression, as browsers do; the server decides whether to use it.
     async with connect(url, compression="deflate", max_size=None, ping_interval=None) as socket:
         async for message in socket:
             assert isinstance(message, bytes)
@@ -196,8 +196,7 @@ async def _watch(port: int, watched: Watched) -> None:
 
 @contextlib.asynccontextmanager
 async def watching(subject: ServerUnderTest, count: int) -> AsyncIterator[list[Watched]]:
-    """While the `with` block runs, let `count` viewers watch; yield the frames that each viewer
-    got."""
+    """While the `with` block runs, let `count` viewers watch; yield what each viewer has got."""
     viewers: list[Watched] = [[] for _ in range(count)]
     tasks = [asyncio.create_task(_watch(subject.port, viewer)) for viewer in viewers]
     try:

@@ -1,7 +1,8 @@
 """Measures how soon a phone can use the page, the load of its main thread, and the frame rates.
 
-A Chromium shows the page of a server in a separate process and holds Forward with one finger. For a
-slow phone, Chromium slows down its main thread. A first visit has a new profile and a slow link.
+A Chromium opens the page and holds Forward with one finger; the server is a separate process. To
+imitate a slow phone, Chromium slows down its main thread. For a first visit, it has a new profile
+and a slow link.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ LINKS: dict[str, dict[str, float]] = {
     "fast 3G": {"latency": 150, "downloadThroughput": 200_000, "uploadThroughput": 93_750},
     "DevTools' 3G": {"latency": 562.5, "downloadThroughput": 180_000, "uploadThroughput": 84_375},
 }
-"""Latency of a request in milliseconds, and bytes per second: 150 ms and 1.6 Mbit/s. The second set
-is DevTools' equivalent, which only delays requests."""
+"""Slow links, each with the latency of a request in milliseconds and the rates in bytes per second.
+The second is the preset of Chromium's DevTools, with a longer latency: it delays only requests."""
 PHONE = 4
 _WATCH = """window.usableMs = new Promise((done, fail) => {
   setTimeout(() => fail(new Error('a person cannot teach within 30 s')), 30000);
@@ -41,7 +42,7 @@ _WATCH = """window.usableMs = new Promise((done, fail) => {
 _BUSY = ("TaskDuration", "ScriptDuration", "LayoutDuration", "RecalcStyleDuration")
 _PATIENCE_S = 30.0
 _STATE = "document.querySelector('drive-pad').page.store.state"
-"""JavaScript expression for the page's state."""
+"""JavaScript expression that returns the state of the page's store."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -61,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
         page.goto(f"http://127.0.0.1:{subject.port}/")
         page.wait_for_selector("video-view[data-frames]")
         tools = page.context.new_cdp_session(page)
-        # CPU time excludes other load on the machine.
+        # Count CPU time, because it excludes other load on the machine.
         tools.send("Performance.enable", {"timeDomain": "threadTicks"})
         rows = [_measure(page, tools, rate, args.seconds) for rate in args.throttle]
     with ServerUnderTest("drivelesson", args.rate) as subject:
@@ -92,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _visit(subject: ServerUnderTest, link: str) -> tuple[float, float]:
-    """Return the seconds until a new browser shows a picture, and until it lets a person teach."""
+    """Return the seconds until a new browser shows a picture, and until a person can teach."""
     with _phone() as page:
         tools = page.context.new_cdp_session(page)
         tools.send("Network.enable")
@@ -107,7 +108,7 @@ def _visit(subject: ServerUnderTest, link: str) -> tuple[float, float]:
 
 @contextlib.contextmanager
 def _phone() -> Iterator[Any]:
-    """While the `with` block runs, run a Chromium; yield its page."""
+    """While the `with` block runs, run Chromium as a phone's browser; yield its page."""
     playwright = need("playwright.sync_api", "the benchmark of the page", "dev")
     path = os.environ.get("CHROMIUM") or next(filter(None, map(shutil.which, _BROWSERS)), None)
     if path is None:
@@ -159,7 +160,7 @@ def _start_and_hold(page: Any, tools: Any) -> None:
     deadline_s = time.monotonic() + _PATIENCE_S
     while page.evaluate(f"{_STATE}.robot?.mode") != "train":
         if time.monotonic() > deadline_s:
-            raise ConfigurationError("the robot does not start")
+            raise ConfigurationError("the robot did not start to train within 30 s")
         page.evaluate("document.querySelector('mode-bar [data-mode=train]').click()")
         time.sleep(0.3)
     box = page.locator(".move[data-move=forward]").bounding_box()

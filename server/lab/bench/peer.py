@@ -1,7 +1,7 @@
-"""The comparison for the link benchmark: uvicorn's plain websocket, which pushes ready bytes.
+"""The server with which the link benchmark compares ours: uvicorn's plain websocket.
 
-The peer makes no pictures, reads no acknowledgements and has no limits. The peer runs in a separate
-process, in turns with the product.
+It sends ready bytes: it makes no pictures, reads no acknowledgements and has no limits. It runs in
+a separate process, in turns with our server.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _Send = Callable[[dict[str, Any]], Awaitable[None]]
 
 
 class PlainVideo:
-    """An ASGI application that sends every message to every client, even to a slow one."""
+    """An ASGI application that sends every message to every client, even to slow ones."""
 
     def __init__(self, size: int, rate_hz: float) -> None:
         self._picture, self._period_s = b"\0" * size, 1.0 / rate_hz
@@ -42,7 +42,7 @@ class PlainVideo:
             self._clients.discard(send)
 
     async def push(self) -> None:
-        """Send to all clients, at the given rate."""
+        """Send messages to all clients at the given rate."""
         due_s = time.monotonic()
         while True:
             due_s += self._period_s
@@ -63,7 +63,7 @@ class PlainVideo:
 
 
 def serve_plain(line: Connection, size: int, rate_hz: float) -> None:
-    """Send the port, then answer each command until the pipe is closed."""
+    """Send the port of the server through the pipe; answer commands until the pipe is closed."""
     import uvicorn
 
     listener, app = open_socket("127.0.0.1", 0), PlainVideo(size, rate_hz)

@@ -1,4 +1,4 @@
-"""Output of a benchmark: tables, or the figures as JSON."""
+"""Prints the result of a benchmark as tables, or writes its figures as JSON."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from server.lab.output import write_json
 
 
 def add_usual(parser: argparse.ArgumentParser, seconds: float) -> None:
-    """Declare the options for the time of each measurement and for the rate."""
+    """Declare the options that benchmarks share: length of a measurement, frame rate, JSON."""
     positive = number(above=0)
     text = "seconds of each measurement (%(default)s)"
     parser.add_argument("--seconds", type=positive, default=seconds, help=text)
@@ -39,7 +39,7 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 
 
 def report(args: argparse.Namespace, figures: Any, *tables: Table) -> int:
-    """Print the tables, or the figures; return the exit status."""
+    """Print the tables, or the figures as JSON if `--json` is given; return the exit status."""
     if args.json == "-":
         print(json.dumps(figures, indent=1))
         return 0
@@ -52,18 +52,18 @@ TOO_BUSY = "The computer was too busy for the figures that are missing (-): clos
 
 
 def percentiles(seconds: Sequence[float]) -> dict[str, Any]:
-    """Return the 50th, 95th and 99th percentiles of times, in milliseconds; None if there are no
-    times."""
+    """Return the 50th, 95th and 99th percentiles of times, in ms; None if there are no times."""
     found = 1000 * np.percentile(seconds or [0.0], (50, 95, 99), method="inverted_cdf")
     known = found.round(2).tolist() if seconds else 3 * [None]
     return dict(zip(("p50", "p95", "p99"), known, strict=True))
 
 
 def in_turns(own: Sequence[float], peer: Sequence[float]) -> dict[str, Any]:
-    """Compare measurements made in turns: the medians, and the median of the turns' ratios.
+    """Compare measurements of two servers that were made in turns.
 
-    The ratio is None if the turns' ratios differ by more than the ratio itself, because then the
-    machine was too busy for a comparison.
+    Returns:
+        Both medians, and as `ratio` the median of the ratios of the turns. It is None if these
+        ratios differ by more than their median, because the machine was then too busy.
     """
     ratios = [one / other for one, other in zip(own, peer, strict=True)]
     ratio, spread = statistics.median(ratios), max(ratios) - min(ratios)

@@ -37,10 +37,12 @@ _COUNTED = ("serving_s", "process_s", "frames", "late_cycles", "stops")
 
 
 class ServerUnderTest:
-    """A server of the kind `drivelesson`, or of the kind `paired`, which has pairing, its limits
-    and a folder.
+    """A server in a separate process, driven by commands through a pipe.
 
-    If the kind is a size in bytes, it is the plain server of `peer.py` with pictures of this size.
+    Args:
+        kind: `drivelesson`; `paired` for a server that also has pairing, its limits and a data
+            folder; or a number of bytes for the plain server of `peer.py` with such pictures.
+        rate_hz: The camera's frame rate, in Hz.
     """
 
     def __init__(self, kind: str | int, rate_hz: float) -> None:
@@ -58,14 +60,14 @@ class ServerUnderTest:
         return self._process.pid
 
     def ask(self, word: str = "") -> Any:
-        """Return the CPU times of the process and of its serving thread, and the notes of loop and
-        body. After the command `forget`, which drops earlier lessons and notes, return also the
-        memory in use."""
+        """Return the CPU times of the process and of its serving thread, and what loop and body
+        have noted. The word `forget` first drops all training and notes; the answer then also has
+        the memory in use."""
         self._line.send(word)
         return self._read()
 
     async def watch(self, seconds: float) -> dict[str, Any]:
-        """Let the server run for `seconds`; return its CPU use, its notes and the start time."""
+        """Wait for `seconds`; return what the server used and did meanwhile, and the start time."""
         before, start_s = self.ask(), time.monotonic()
         await asyncio.sleep(seconds)
         after, lasted_s = self.ask(), time.monotonic() - start_s
@@ -99,7 +101,7 @@ class ServerUnderTest:
 
 
 def _serve(line: Connection, kind: str, rate_hz: float) -> None:
-    """Send the port, then answer each command until the pipe is closed."""
+    """Send the port of the server through the pipe; answer commands until the pipe is closed."""
     config = Config(port=0, limits=NetworkLimits(requests_burst=1e9))
     driver, camera = FakeDriver(), FakeCamera(RealClock(), rate_hz)
     rig = Rig(driver, camera, make_policy(), camera.clock)
@@ -153,16 +155,15 @@ def _serve(line: Connection, kind: str, rate_hz: float) -> None:
 
 
 def _serving_cpu_s() -> float:
-    """Return the serving thread's CPU time, without camera, control loop and learner."""
+    """Return the CPU time of the serving thread; camera, loop and learner have other threads."""
     thread = next(thread for thread in threading.enumerate() if thread.name == "server")
     return time.clock_gettime(time.pthread_getcpuclockid(thread.ident or 0))
 
 
 def _memory() -> dict[str, int]:
-    """Return the number of Python's memory blocks, and the resident bytes after free memory was
-    given back.
+    """Return the number of Python's memory blocks, and the resident memory in bytes.
 
-    The amount of free memory that the allocator retains is random.
+    Free memory is given back to the system first, because the allocator keeps a random amount.
     """
     gc.collect()
     blocks = sys.getallocatedblocks()

@@ -115,7 +115,7 @@ def test_a_brick_is_calibrated_by_driving(
     words = f"calibrate --robot {robot} --config {file} --brick-root {brick.root}"
     assert main(f"{words} --straight-s 0.6 --turn-s 0.6".split()) == 0
     said = capsys.readouterr().out
-    assert "A number above 0, please." in said
+    assert "Please type a number above 0." in said
     assert f"drivelesson serve --robot {robot} --config {file}" in said
     kept = dict(line.split(" = ") for line in file.read_text().splitlines())
     assert float(kept["wheel_diameter_m"]) == pytest.approx(0.0509 * 1.1, rel=0.1)
