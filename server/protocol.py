@@ -153,7 +153,7 @@ def parse_message(
     """
     if len(text.encode("utf-8", "replace")) > MAX_DRIVE_MESSAGE_BYTES:
         raise ProtocolError(
-            ErrorCode.TOO_LARGE, f"a message has at most {MAX_DRIVE_MESSAGE_BYTES} bytes"
+            ErrorCode.TOO_LARGE, f"a message may have at most {MAX_DRIVE_MESSAGE_BYTES} bytes"
         )
     message = parse_object(text)
     seq = message.get("seq")
@@ -198,7 +198,7 @@ def parse_object(text: str) -> dict[str, Any]:
         message = _DECODER.decode(text)
         if isinstance(message, dict):
             return message
-    raise ProtocolError(ErrorCode.MALFORMED, "a message is one JSON object")
+    raise ProtocolError(ErrorCode.MALFORMED, "a message must be one JSON object")
 
 
 def _refuse_constant(name: str) -> NoReturn:
@@ -238,7 +238,7 @@ def _read(numbers: list[_Check], message: dict[str, Any], seq: int | None) -> di
 def _check_point(numbers: dict[str, Any], may_be: bool, seq: int | None) -> None:
     for name, other in (("steering", "throttle"), ("throttle", "steering")):
         if name in numbers and not may_be:
-            raise _bad_field(name, "left out if no move is held, or if points are not used", seq)
+            raise _bad_field(name, "left out if no move is held or the body takes no points", seq)
         if name in numbers and other not in numbers:
             raise _bad_field(other, f"a number when {name} is given", seq)
 
@@ -263,7 +263,7 @@ def encode_picture(frame: Frame, nonce: int = 0, *, is_quiet: bool = False) -> b
 
 def parse_picture(message: bytes) -> VideoFrame:
     if len(message) < FRAME_HEADER.size:
-        raise ProtocolError(ErrorCode.MALFORMED, "a frame starts with a header of 24 bytes")
+        raise ProtocolError(ErrorCode.MALFORMED, "a frame must begin with a header of 24 bytes")
     kind, encoding, width, height, flags, frame_id, nonce, captured_ms = FRAME_HEADER.unpack_from(
         message
     )
@@ -289,7 +289,7 @@ def parse_acknowledgement(message: bytes) -> int:
     """Return the number of the frame that a client has drawn."""
     if (size := len(message)) != ACKNOWLEDGEMENT.size:
         code = ErrorCode.TOO_LARGE if size > ACKNOWLEDGEMENT.size else ErrorCode.MALFORMED
-        raise ProtocolError(code, "an acknowledgement has 8 bytes")
+        raise ProtocolError(code, "an acknowledgement must have 8 bytes")
     kind, _, _, frame_id = ACKNOWLEDGEMENT.unpack(message)
     if kind != _ACKNOWLEDGEMENT:
         raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "this socket receives acknowledgements only")

@@ -36,7 +36,7 @@ class PublicAddress:
         is_plain = not (parts.query or parts.fragment or parts.username or parts.password)
         if parts.scheme not in ("http", "https") or not name or not is_plain or "//" in prefix:
             raise ConfigurationError(
-                f"--behind-proxy {text!r} is not an address that people open, "
+                f"--behind-proxy {text!r} is not the address of a page, "
                 "such as https://home.example/robot/"
             )
         host = f"[{name}]" if ":" in name else name

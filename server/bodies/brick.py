@@ -85,9 +85,9 @@ def run(args: argparse.Namespace) -> int:
         return 0
     if not args.address:
         raise ConfigurationError(
-            "which file? drivelesson brick pack FILE"
+            "name the file to write: drivelesson brick pack FILE"
             if args.what == "pack"
-            else f"which brick? drivelesson brick {args.what} ADDRESS"
+            else f"name the brick: drivelesson brick {args.what} ADDRESS"
         )
     if args.what == "pack":
         return _pack(args)
@@ -185,7 +185,7 @@ def _examine(args: argparse.Namespace) -> int:
             furnish(brick)
             return examine_at(address, SECRET, lambda: True)
     if not args.address:
-        raise ConfigurationError("which brick? drivelesson brick doctor ADDRESS, or --fake")
+        raise ConfigurationError("name the brick: drivelesson brick doctor ADDRESS, or use --fake")
     host = args.address.rpartition("@")[2]
     address = host if ":" in host else f"{host}:{args.port}"
     return examine_at(address, "", lambda: args.yes or ask_consent())

@@ -46,7 +46,7 @@ class Client:
     def require_newer(self, seq: int) -> None:
         """Raise ProtocolError unless `seq` is greater than that of every earlier message."""
         if seq <= self._last_seq:
-            wanted = f"'seq' must be greater than {self._last_seq}, the last one"
+            wanted = f"'seq' must be greater than {self._last_seq}, the last 'seq'"
             raise ProtocolError(ErrorCode.OUT_OF_ORDER, wanted, seq)
         self._last_seq = seq
 

@@ -47,7 +47,7 @@ class NonceLedger:
 def why_refused(frame: int | None, seq: int, limit_s: float) -> ProtocolError:
     """Return the error for a command that is too old, or that names no frame (`frame` is None)."""
     if frame is None:
-        why = "'frame' must be the frame on the screen: a client without one cannot drive"
+        why = "'frame' must name the frame on the screen: nobody drives without a picture"
         return ProtocolError(ErrorCode.NO_PICTURE, why, seq)
     why = f"'nonce' was not issued within the last {1000 * limit_s:.0f} ms: message too old"
     return ProtocolError(ErrorCode.STALE, why, seq)

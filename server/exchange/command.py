@@ -117,7 +117,7 @@ def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Stora
                         raise
                     whole.skip(source.name, str(error))
         if not made:
-            raise RecordingError(f"{args.path} has no drive to use{whole.why_nothing()}")
+            raise RecordingError(f"found no drive to import in {args.path}{whole.why_nothing()}")
     except BaseException:
         for each in made:
             each.unlink(missing_ok=True)

@@ -1,7 +1,7 @@
 """Decides which connections and requests reach the application.
 
 This gateway serves only this computer. The extension `access` replaces it, by an entry point of
-`drivelesson.gateway`, with a gateway for networks that admits only paired browsers.
+`drivelesson.gateway`, with a gateway for networks that only admits browsers it can identify.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Gateway:
     is_tls = False
     """True if the page is served by https. `open` then sets `tls_files`."""
     tls_files: tuple[str, str] | None = None
-    """The files of the private key and the certificate chain; None without https."""
+    """The files of the server's private key and TLS chain; None without https."""
 
     def __init__(self, config: Config, clock: Clock) -> None:
         self.config, self.clock = config, clock
@@ -75,7 +75,7 @@ class Gateway:
         return contextlib.nullcontext()
 
     def use_tls(self, context: ssl.SSLContext) -> None:
-        """Remember the TLS context of the running server, to load renewed certificates into it."""
+        """Remember the TLS context of the running server, to load renewed `tls_files` into it."""
 
     @property
     def admits_all(self) -> bool:

@@ -61,6 +61,6 @@ class Session:
 
     role: Role
     name: str
-    """The hash of a paired browser's secret; for any other client its address."""
+    """The session's name for a browser that has proved who it is, or else the client's address."""
     is_crowd: bool = False
     """True if the name is only an address, behind which many people may be."""

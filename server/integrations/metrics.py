@@ -49,20 +49,20 @@ def _measure(services: Services, ages: FrameAges) -> Iterator[Any]:
     stops = {reason.value: state.stops.get(reason, 0) for reason in StopReason}
     refused = {code.value: hub.refused[code] for code in ErrorCode}
     turned_away = dict(sorted(services.turned_away.items()))
-    yield _one(Gauge, "loop_rate_hz", "New frames a second", state.cycle_hz)
+    yield _one(Gauge, "loop_rate_hz", "New camera frames per second", state.cycle_hz)
     yield _one(Counter, "loop_turns_total", "Ticks of the control loop", state.cycles)
-    yield _one(Counter, "loop_late_cycles_total", "Ticks that took too long", state.late_cycles)
-    yield _one(Gauge, "loop_age_seconds", "Since the last tick", age_s)
-    yield _many(Gauge, "mode", "1 for the present mode", "mode", modes)
-    yield _one(Gauge, "emergency", "1 while latched", int(state.emergency))
+    yield _one(Counter, "loop_late_cycles_total", "Ticks that were late", state.late_cycles)
+    yield _one(Gauge, "loop_age_seconds", "Time since the last tick", age_s)
+    yield _many(Gauge, "mode", "1 for the robot's current mode, else 0", "mode", modes)
+    yield _one(Gauge, "emergency", "1 while an emergency stop is latched", int(state.emergency))
     yield _many(Counter, "stops_total", "Stops by reason", "reason", stops)
     yield _one(Gauge, "pages", "Open control sockets", len(hub.clients))
     yield _one(Gauge, "viewers", "Browsers that see the picture", video.viewers)
-    yield _one(Counter, "frames_sent_total", "Frames to viewers", video.frames_sent)
-    yield _one(Counter, "frames_encoded_total", "Frames made ready to send", video.frames_encoded)
+    yield _one(Counter, "frames_sent_total", "Frames sent to viewers", video.frames_sent)
+    yield _one(Counter, "frames_encoded_total", "Frames encoded for viewers", video.frames_encoded)
     yield Histogram(
         "drivelesson_frame_age_seconds",
-        "Capture to acknowledged by a viewer",
+        "Time from a frame's capture until a viewer has acknowledged it",
         buckets=[
             (str(bound), count)
             for bound, count in zip((*ages.bounds, "+Inf"), accumulate(ages.counts), strict=True)
@@ -72,12 +72,14 @@ def _measure(services: Services, ages: FrameAges) -> Iterator[Any]:
     if state.link.age_s is not None:
         text = "Age of the picture that the pilot acts upon"
         yield _one(Gauge, "pilot_frame_age_seconds", text, state.link.age_s)
-    text = "Websocket messages refused"
+    text = "Refused websocket messages by code"
     yield _many(Counter, "messages_refused_total", text, "code", refused)
-    text = "Requests and websockets refused"
+    text = "Refused requests and websockets by reason"
     yield _many(Counter, "requests_refused_total", text, "reason", turned_away)
     times = Summary(
-        "drivelesson_learner_seconds", "Time that the learner's work took", labels=["work"]
+        "drivelesson_learner_seconds",
+        "Time that the learner has worked, by kind of work",
+        labels=["work"],
     )
     for work, timing in state.learner_times.items():
         times.add_metric([work], timing.count, timing.total_s)

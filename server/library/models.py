@@ -104,7 +104,7 @@ class ModelLibrary:
             RecordingError: If a model is damaged.
         """
         if len(names) > MOST_EARLIER:
-            raise ConfigurationError(f"a model can begin like at most {MOST_EARLIER} others")
+            raise ConfigurationError(f"a new model can begin like at most {MOST_EARLIER} models")
         # `to_policy` checks the model, because an uploaded file can contain anything.
         states = [self._store.load(name).to_policy().get_state() for name in names]
         if policy.begin_like(states) < len(names):

@@ -245,7 +245,7 @@ def _delete(store: EpisodeStore, episode_ids: Sequence[str]) -> int:
     chosen = {one.id: one for one in store.summaries()}
     gone = store.delete(*episode_ids)
     for episode_id, why in gone.kept.items():
-        print(f"{episode_id} was kept: {why}", file=sys.stderr)
+        print(f"{episode_id} was not deleted: {why}", file=sys.stderr)
     if gone.key is not None:
         size = _megabytes(chosen[one] for one in gone.ids if one in chosen)
         what = gone.ids[0] if len(gone.ids) == 1 else _count(len(gone.ids))
@@ -275,7 +275,7 @@ def undo(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> Non
 
 
 def _print_edits(notes: Notes) -> None:
-    print(f"{_edits(len(notes.edits))}; the recording is not touched")
+    print(f"{_edits(len(notes.edits))}; the recorded file is unchanged")
 
 
 def _edits(count: int) -> str:
@@ -285,17 +285,17 @@ def _edits(count: int) -> str:
 def restore_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Restore deleted episodes; without a key, the episodes deleted last."""
     for episode_id in store.restore(args.key or max(store.trash(), default="")):
-        print(f"{episode_id} is back")
+        print(f"{episode_id} is restored")
 
 
 def compact(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     key = store.compact(find_id(store, args.episode))
-    print(f"done; to restore the earlier recording: drivelesson episodes restore {key}")
+    print(f"edits applied; to restore the original: drivelesson episodes restore {key}")
 
 
 def set_title(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     notes = store.set_title(find_id(store, args.episode), args.title)
-    print(f"its title is {notes.title!r}" if notes.title else "it has no title")
+    print(f"the title is now {notes.title!r}" if notes.title else "the title is removed")
 
 
 def protect(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:

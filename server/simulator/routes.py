@@ -83,7 +83,7 @@ async def change_world(request: Request, body: WorldChange) -> WorldAnswer:
     services = services_of(request)
     driver: Any = services.robot.driver
     if not hasattr(driver, "worlds"):
-        raise ConfigurationError("only a robot of the simulator can be carried to another world")
+        raise ConfigurationError("only a simulated robot can be carried to another world")
 
     def carry() -> None:
         if services.robot.loop.mode is not Mode.STOPPED:

@@ -37,7 +37,7 @@ def test_models_among_recordings_are_reported_and_do_not_stop_an_import(
         assert why in line
     say(f"episodes import {folder} --strict", status=2)
     (folder / "b.npz").unlink()
-    assert "no drive to use" in say(f"episodes import {folder}", status=2)
+    assert "found no drive to import" in say(f"episodes import {folder}", status=2)
 
 
 @pytest.mark.parametrize("form", ["tub", "film", "npz"])

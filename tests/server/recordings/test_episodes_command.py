@@ -101,8 +101,8 @@ def test_the_one_deleted_last_is_restored_whatever_the_clock_says(
     by_hand = data / "trash/old drives"
     by_hand.mkdir()
     path.rename(by_hand / path.name)
-    assert say("episodes restore") == "second is back\n"
-    assert say("episodes restore") == "first is back\n"
+    assert say("episodes restore") == "second is restored\n"
+    assert say("episodes restore") == "first is restored\n"
     assert "no longer in the trash" in say("episodes restore", status=2)
 
 
@@ -117,7 +117,7 @@ def test_several_episodes_are_zipped_deleted_restored_and_imported_by_one_comman
     assert "yard" in listed and "hall" not in listed
     assert "3 episodes" in say(f"episodes zip --all --out {home} --delete")
     assert store.ids() == []
-    assert say("episodes restore").count(" is back") == 3
+    assert say("episodes restore").count(" is restored") == 3
     say("episodes protect last")
     assert "3 episodes" not in say("episodes delete --all", status=1)
     assert store.ids() == [episode_id]
@@ -169,10 +169,10 @@ def test_what_cannot_be_done_is_one_clear_line(
 def test_a_title_is_shown_as_it_is_saved(
     episode_id: str, say: Say, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert say("episodes title last " + "x" * 300) == f"its title is {'x' * 200!r}\n"
+    assert say("episodes title last " + "x" * 300) == f"the title is now {'x' * 200!r}\n"
     assert "x" * 200 in say("episodes show last")
     assert main(["episodes", "title", "last", ""]) == 0
-    assert capsys.readouterr().out == "it has no title\n"
+    assert capsys.readouterr().out == "the title is removed\n"
 
 
 def test_files_that_stay_in_the_trash_do_not_count_as_freed(

@@ -201,7 +201,9 @@ def a_busy_brick_is_one_clear_line(
     assert "busy: 127.0.0.1 has the robot; stop the other server first" in error
     assert error.count("\n") == 1
     assert main(["brick", "doctor"]) == 2
-    assert "which brick? drivelesson brick doctor ADDRESS, or --fake" in capsys.readouterr().err
+    assert (
+        "name the brick: drivelesson brick doctor ADDRESS, or use --fake" in capsys.readouterr().err
+    )
 
 
 @pytest.mark.parametrize(

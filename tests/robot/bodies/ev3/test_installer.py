@@ -186,7 +186,7 @@ def test_a_brick_that_is_not_there_is_one_clear_line(
     error = capsys.readouterr().err
     assert "robot@10.0.0.9 could not be set up: ssh: No route to host" in error
     assert main(["brick", "install"]) == 2
-    assert "which brick?" in capsys.readouterr().err
+    assert "name the brick" in capsys.readouterr().err
 
 
 def test_the_scripts_can_be_read_first(capsys: pytest.CaptureFixture[str]) -> None:
