@@ -12,7 +12,7 @@ from server.cli.parser import declare
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorrectionOptions(Options):
-    """For a robot that differs from what its driver expects; saved until changed."""
+    """Corrections of a robot that is built differently; each is saved until it is changed."""
 
     reverse: str = option("none", "the motors that turn the other way", choices=REVERSED)
     swap_sides: bool = option(False, "the left motor and the right motor are exchanged")
