@@ -12,7 +12,7 @@ from enum import StrEnum
 
 from robot.challenge.score import Score
 from robot.control.state import Tick
-from robot.policy.history import Replaced
+from robot.policy.events import Replaced
 from robot.types import Action, DrivenBy, Mode
 
 TRIES = 3

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from robot.control.state import Tick
-from robot.policy.history import Replaced, Taught, Undone
+from robot.policy.events import Replaced, Taught, Undone
 from robot.types import Action, DrivenBy, Frame, StopReason
 
 TAUGHT_S = 40.0

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from robot.control.state import Tick
-from robot.policy.history import Replaced
+from robot.policy.events import Replaced
 from robot.types import Action, DrivenBy, Mode, Pose
 
 STEP_M, STEP_RAD = 0.03, math.radians(10)

@@ -209,7 +209,7 @@ class ControlLoop:
 
         If infinite, nobody looks. A robot that may move takes all pictures in any case.
         """
-        return self.submit(lambda: self._need(seconds))
+        return self.submit(lambda: setattr(self, "_enough_every_s", seconds))
 
     @property
     def wait_s(self) -> float:
@@ -498,9 +498,6 @@ class ControlLoop:
             self._camera.rest(every_s)
 
     # Requests, run on the loop's thread, and every way to stop ---------------------------------
-
-    def _need(self, every_s: float) -> None:
-        self._enough_every_s = every_s
 
     def _note(self, command: PilotCommand) -> None:
         """Record a command; a command that comes too late still measures the link."""

@@ -17,7 +17,8 @@ from dataclasses import dataclass
 from robot.clock import Clock
 from robot.driver import Move
 from robot.learner.base import Vector
-from robot.policy.history import HistoryEvent, Replaced, TrainingHistory, Undone
+from robot.policy.events import HistoryEvent, Replaced, Undone
+from robot.policy.history import TrainingHistory
 from robot.policy.policy import Policy
 from robot.types import Action, Example, Frame, PilotCommand, Point, Prediction
 

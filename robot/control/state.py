@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from robot.control.camera_timing import CameraState
 from robot.control.link_governor import LinkState
 from robot.control.online_learning import Timing
-from robot.policy.history import HistoryEvent
+from robot.policy.events import HistoryEvent
 from robot.types import Action, Decision, Frame, PilotCommand, Prediction, Sensors, StopReason
 
 LATE_CYCLE_S = 0.1

@@ -21,7 +21,7 @@ from robot.devkit.pictures import Picture
 from robot.driver import CLASSIC, Move, point_of
 from robot.errors import RecordingError
 from robot.exchange.timeline import make_timeline
-from robot.policy.history import Taught
+from robot.policy.events import Taught
 from robot.recordings.messages import Topic, describe_command
 from robot.recordings.writer import EpisodeWriter, describe_run
 from robot.store.folder import whole_file

@@ -16,7 +16,9 @@ from typing import Any
 
 from robot.driver import Move
 from robot.learner.base import State, Vector
+from robot.policy.events import DriveBegun, Edited, HistoryEvent, LogEvent, Replaced, Taught, Undone
 from robot.policy.policy import Policy
+from robot.policy.replay import make, replay
 from robot.types import Action, Example
 
 SNAPSHOT_EVERY_S = 10.0
@@ -25,52 +27,6 @@ UNDO_HORIZON_S = 35.0
 """Teaching time that can be undone, in seconds."""
 _LONGEST_STEP_S = 0.5
 """Longest gap between two examples that counts as teaching, in seconds; a longer one is a pause."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Taught:
-    """One example, with its vector and its teaching time."""
-
-    example: Example
-    x: Vector
-    at_s: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Edited:
-    """One change that a person made. `relabel`, `delete` and `pin` change one learned image.
-    `outdate` (of all earlier examples) and `alike` (left and right are alike here) have node 0."""
-
-    verb: str
-    node_id: int
-    value: Any
-    at_s: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Undone:
-    """Examples that were undone. If there are no frame ids, the last edit was undone."""
-
-    frame_ids: tuple[int, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Replaced:
-    """The policy was replaced: by a loaded model, or by a policy of another size."""
-
-    policy_name: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DriveBegun:
-    """The policy was reset between two examples; some learners localise themselves again."""
-
-    at_s: float
-
-
-LogEvent = Taught | Edited | DriveBegun
-"""Events that change a learner: replaying them in order yields the same learner, bit for bit."""
-HistoryEvent = Taught | Edited | Undone | Replaced
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,11 +85,6 @@ class TrainingHistory:
         """The events that can be undone, oldest first."""
         return [event for snapshot in self._snapshots for event in snapshot.events]
 
-    @property
-    def n_examples(self) -> int:
-        """Number of examples that the learner has learned."""
-        return self.taught.total()
-
     def teach(self, example: Example, x: Vector, captured_s: float) -> None:
         """Teach one labelled frame, taken at `captured_s`. After an error nothing has changed."""
         self.teach_all([(example, x, captured_s)])
@@ -172,7 +123,7 @@ class TrainingHistory:
         """
         event = Edited(verb=verb, node_id=node_id, value=value, at_s=self.teaching_s)
         with self._as_before_if_refused():
-            _make(self.policy, event)
+            make(self.policy, event)
         self._record([event])
 
     def last_examples(self, seconds: float) -> list[Taught]:
@@ -248,47 +199,3 @@ class TrainingHistory:
         self._snapshots.append(_Snapshot(at_s=self.teaching_s, state=self.policy.get_state()))
         while self._snapshots[1].at_s <= self.teaching_s - UNDO_HORIZON_S:
             self._snapshots.pop(0)
-
-
-def replay(
-    policy: Policy,
-    events: Iterable[LogEvent],
-    on_refused: Callable[[LogEvent, Exception], None] | None = None,
-) -> None:
-    """Repeat these changes, in order. Undo, recovery and training from recordings use this.
-
-    Args:
-        policy: The policy that learns.
-        events: The changes. An example of unknown teaching time has a negative time.
-        on_refused: Called for a change that fails; if None, edits that fail are left out. An edit
-            fails if its image does not exist or is pinned, because other examples are missing.
-    """
-    for event in events:
-        try:
-            _make(policy, event)
-        except (LookupError, ValueError) as error:
-            if on_refused is not None:
-                on_refused(event, error)
-            elif not isinstance(event, Edited):
-                raise
-
-
-def _make(policy: Policy, event: LogEvent) -> None:
-    if isinstance(event, Taught):
-        example, at_s = event.example, event.at_s if event.at_s >= 0.0 else None
-        policy.learn(event.x, example.label, at_s, example.point)
-    elif isinstance(event, DriveBegun):
-        policy.reset()
-    elif event.verb == "relabel":
-        policy.relabel_node(event.node_id, Action(event.value))
-    elif event.verb == "delete":
-        policy.learner.delete_node(event.node_id)
-    elif event.verb == "pin":
-        policy.learner.pin_node(event.node_id, bool(event.value))
-    elif event.verb == "outdate":
-        policy.learner.outdate()
-    elif event.verb == "alike":
-        policy.set_alike(bool(event.value))
-    else:
-        known = "relabel, delete, pin, outdate, alike"
-        raise ValueError(f"unknown edit {event.verb!r}; known: {known}")

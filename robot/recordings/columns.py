@@ -14,11 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.errors import UNREADABLE, RecordingError, told_as
-from robot.policy.history import Edited, HistoryEvent, Taught, Undone
+from robot.policy.events import (
+    Edited,
+    HistoryEvent,
+    Taught,
+    Undone,
+    describe_event,
+    read_event,
+    read_point,
+)
 from robot.recordings.images import FrameEntry
 from robot.recordings.messages import Fields, Topic
 from robot.recordings.reader import Block, MessageChannel
-from robot.store.models.events import describe_event, read_event, read_point
 from robot.types import Action, Example, Point
 
 _FRAME = np.dtype(

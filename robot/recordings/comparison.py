@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from robot.policy.history import Edited, Taught
+from robot.policy.events import Edited, Taught
 from robot.policy.policy import Policy
 from robot.recordings.edits import Notes
 from robot.recordings.episode import Episode

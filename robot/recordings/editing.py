@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from robot.driver import CLASSIC
 from robot.errors import UNREADABLE, ConfigurationError
-from robot.policy.history import Edited, Taught, Undone
+from robot.policy.events import Edited, Taught, Undone, read_point
 from robot.recordings.columns import Labels
 from robot.recordings.edits import Edit, Notes, Range, trim
 from robot.recordings.episode import Episode, taught_frames
@@ -23,7 +23,6 @@ from robot.recordings.parts import scan_parts
 from robot.recordings.reader import Block, Message
 from robot.recordings.teaching import plan, surviving
 from robot.recordings.writer import FORMAT, EpisodeWriter
-from robot.store.models.events import read_point
 from robot.types import Action, Point
 
 _SOON_S = 0.5

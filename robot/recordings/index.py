@@ -17,6 +17,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from robot.errors import RecordingError
+from robot.policy.events import to_json
 from robot.recordings.columns import FrameTable, LessonTable, Span, read_fields
 from robot.recordings.messages import (
     MODEL_AFTER,
@@ -28,7 +29,6 @@ from robot.recordings.messages import (
     Topic,
 )
 from robot.recordings.reader import Attached, Block, Ends, MessageChannel, read_ends
-from robot.store.models.events import to_json
 
 INDEX = "drivelesson.index"
 SECTION_FRAMES = 8192

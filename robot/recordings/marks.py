@@ -7,7 +7,8 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from robot.policy.history import UNDO_HORIZON_S, HistoryEvent, Taught, Undone
+from robot.policy.events import HistoryEvent, Taught, Undone
+from robot.policy.history import UNDO_HORIZON_S
 from robot.types import Action
 
 _PAGE = 4096

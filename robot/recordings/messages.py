@@ -13,9 +13,8 @@ from functools import cache
 from typing import Any
 
 from robot.control.state import Tick
-from robot.policy.history import HistoryEvent, Taught
+from robot.policy.events import HistoryEvent, Taught, describe_event, describe_point, to_json
 from robot.recordings.reader import MessageChannel, Schema
-from robot.store.models.events import describe_event, describe_point, to_json
 from robot.types import Mode, PilotCommand, Point, Prediction, Sensors
 
 

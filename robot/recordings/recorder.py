@@ -23,7 +23,7 @@ from typing import Any, BinaryIO
 from robot.control.loop import ControlLoop
 from robot.control.state import Tick
 from robot.errors import MissingExtraError
-from robot.policy.history import HistoryEvent, Replaced, Taught, Undone
+from robot.policy.events import HistoryEvent, Replaced, Taught, Undone
 from robot.recordings.config import RecorderConfig
 from robot.recordings.ending import end_cut_recordings
 from robot.recordings.messages import Fields, Messages, Topic, describe_tick

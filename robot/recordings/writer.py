@@ -12,7 +12,7 @@ from typing import Any, BinaryIO
 
 from robot.driver import Move
 from robot.errors import UNREADABLE
-from robot.policy.history import HistoryEvent
+from robot.policy.events import HistoryEvent, describe_event, read_event, to_json
 from robot.recordings.images import camera_channel, encode_image
 from robot.recordings.index import INDEX, SECTION_FRAMES, Columns, encode
 from robot.recordings.marks import Tally
@@ -36,7 +36,6 @@ from robot.recordings.reader import (
     WrittenFile,
     require_mcap,
 )
-from robot.store.models.events import describe_event, read_event, to_json
 from robot.types import Action, Frame
 
 FORMAT = 1

@@ -17,7 +17,7 @@ from robot.coaching.readiness import Readiness
 from robot.coaching.trail import Trail
 from robot.control.loop import ControlLoop
 from robot.control.state import Tick
-from robot.policy.history import Replaced, Taught, Undone
+from robot.policy.events import Replaced, Taught, Undone
 from server.persistence import Persistence
 
 MARK_EVERY = 10

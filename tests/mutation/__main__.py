@@ -36,6 +36,7 @@ SUBJECTS: dict[str, tuple[str, ...]] = {
     ),
     "robot.control.link_governor": ("tests/robot/control/test_link_governor.py",),
     "robot.policy.history": ("tests/robot/policy/test_history.py",),
+    "robot.policy.replay": ("tests/robot/policy/test_history.py",),
     "robot.control.gate": (
         "tests/robot/control/test_gate.py",
         "tests/robot/control/test_loop.py",

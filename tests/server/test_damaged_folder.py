@@ -103,7 +103,7 @@ def teach(rig: Rig) -> int:
         for i in range(5):
             example = Example(frame_id=i, label=Action.LEFT, is_intervention=False)
             history.teach(example, x, i * 0.2)
-        return history.n_examples
+        return history.taught.total()
 
     while rig.camera.latest() is None:
         rig.clock.sleep(0.01)

@@ -9,7 +9,7 @@ import hashlib
 import sys
 from pathlib import Path
 
-from robot.policy.history import Taught
+from robot.policy.events import Taught
 from robot.recordings.episode import open_episode
 
 

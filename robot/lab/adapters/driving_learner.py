@@ -56,7 +56,7 @@ class DrivingLearner:
     @property
     def n_examples(self) -> int:
         """Number of examples taught, without those that were undone."""
-        return self.history.n_examples
+        return self.history.taught.total()
 
     def see(self, picture: NDArray[np.uint8], at_s: float, *, bumped: bool = False) -> Prediction:
         """Return the decision on the next picture; its action is None before the first example.

@@ -13,7 +13,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from robot.control.state import Tick
-from robot.policy.history import Edited, Taught, TrainingHistory
+from robot.policy.events import Edited, Taught
+from robot.policy.history import TrainingHistory
 from robot.store.models.journal_writer import JournalWriter, Record
 from robot.store.models.model import JournalPosition, Model, take_model
 

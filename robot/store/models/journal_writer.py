@@ -24,10 +24,9 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 from robot.clock import Clock, RealClock
-from robot.policy.history import HistoryEvent
+from robot.policy.events import HistoryEvent, describe_event, to_json
 from robot.store.disk import Announce, DiskThread, no_announcement
 from robot.store.folder import paths_in
-from robot.store.models.events import describe_event, to_json
 from robot.store.models.model import Model, encode_model
 from robot.store.presence import require_present
 from robot.store.records import RecordWriter, open_new

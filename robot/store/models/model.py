@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from robot.errors import UNREADABLE, RecordingError, told_as
 from robot.learner.base import State
+from robot.policy.events import to_plain
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
-from robot.store.models.events import to_plain
 from robot.store.npz import read_arrays, write_arrays
 from robot.types import Action
 

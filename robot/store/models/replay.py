@@ -15,8 +15,8 @@ from typing import Any
 
 from robot.driver import Move
 from robot.errors import UNREADABLE, RobotError
-from robot.policy.history import DriveBegun, Edited, HistoryEvent, LogEvent, Taught, replay
-from robot.store.models.events import read_event
+from robot.policy.events import DriveBegun, Edited, HistoryEvent, LogEvent, Taught, read_event
+from robot.policy.replay import replay
 from robot.store.models.journal_writer import HEAD, Part, list_parts
 from robot.store.models.model import (
     MAX_BYTES,

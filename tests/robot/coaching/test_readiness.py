@@ -15,7 +15,7 @@ from robot.coaching.readiness import (
     Stage,
 )
 from robot.control.state import Tick
-from robot.policy.history import Replaced, Taught
+from robot.policy.events import Replaced, Taught
 from robot.types import (
     Action,
     Decision,

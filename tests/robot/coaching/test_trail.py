@@ -11,7 +11,7 @@ import pytest
 
 from robot.coaching.trail import POINTS, STEP_M, STEP_RAD, Event, Trail, Waypoint
 from robot.control.state import Tick
-from robot.policy.history import Replaced
+from robot.policy.events import Replaced
 from robot.types import Action, Decision, DrivenBy, Mode, Pose, Prediction, Sensors
 from tests.kit.sizes import seeds
 

@@ -132,7 +132,7 @@ def test_a_lesson_may_be_passed_over_and_is_then_gone(
     online_learning.look(frame)
     online_learning.learn([hold(frame.frame_id, 50.0)], is_intervention=False, may_learn=False)
     online_learning.learn([hold(frame.frame_id, 50.1)], is_intervention=False, may_learn=True)
-    assert online_learning.history.n_examples == 0
+    assert online_learning.history.taught.total() == 0
     assert online_learning.agreement.share is None
 
 
@@ -144,7 +144,7 @@ def test_it_remembers_only_the_newest_frames(
     for scene in range(MEMORY_FRAMES):
         online_learning.look(camera.show(scene))
     online_learning.learn([hold(first.frame_id, 50.0)], is_intervention=False, may_learn=True)
-    assert online_learning.history.n_examples == 0
+    assert online_learning.history.taught.total() == 0
 
 
 def test_when_a_frame_was_taken_and_came_is_known_before_the_first_command(
@@ -179,7 +179,7 @@ def test_what_is_undone_no_longer_counts_in_the_agreement(
     assert (online_learning.agreement.share or 0.0) < 0.95
     online_learning.history.undo(3.05)
     online_learning.take_events()
-    assert online_learning.agreement.n_examples == online_learning.history.n_examples
+    assert online_learning.agreement.n_examples == online_learning.history.taught.total()
     assert online_learning.agreement.share == pytest.approx(1.0, abs=0.03), "all but the first"
     online_learning.history.replace_policy(make_policy("published-8"))
     online_learning.take_events()

@@ -109,7 +109,7 @@ def test_a_slow_body_costs_no_cycle_no_lesson_and_no_way(request_s: float) -> No
         heapq.heappush(events, (now_s + next_s, order, what))
     assert not loop.state.stops
     assert loop.state.cycles >= 0.95 * 20.0 / TICK_S
-    assert loop.history.n_examples >= 0.95 * 19.0 / TICK_S
+    assert loop.history.taught.total() >= 0.95 * 19.0 / TICK_S
     assert way >= 0.95 * 19.0
 
 

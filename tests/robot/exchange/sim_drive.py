@@ -53,7 +53,9 @@ def drive_in_simulator(folder: Path, learner: str, steps: int = 200, undo_s: flo
         driver.disconnect()
         driver.simulation.close()
     [path] = folder.glob("*.mcap")
-    return Driven(path=path, state=loop.history.policy.get_state(), lessons=loop.history.n_examples)
+    return Driven(
+        path=path, state=loop.history.policy.get_state(), lessons=loop.history.taught.total()
+    )
 
 
 def _teach(

@@ -24,9 +24,9 @@ def test_the_pilot_teaches_and_then_the_robot_drives_and_learns_nothing_unsuperv
     with make_trial(BOX) as trial:
         taught = trial.drive(Mode.TRAIN, 12.0)
         n_taught = sum(trial.loop.state.taught.values())
-        lessons = trial.loop.history.n_examples
+        lessons = trial.loop.history.taught.total()
         alone = trial.drive(Mode.AUTONOMOUS, 10.0, supervised=False)
-        assert trial.loop.history.n_examples == lessons
+        assert trial.loop.history.taught.total() == lessons
         assert trial.policy.n_nodes == 8
     assert len(taught) == 12 * FRAME_RATE_HZ
     assert {moment.driven_by for moment in taught[5:]} == {DrivenBy.PILOT}

@@ -16,11 +16,11 @@ from robot.driver import CLASSIC, move_at, point_of
 from robot.learner.base import State
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.ridge import ContextRidge
-from robot.policy.history import Taught, TrainingHistory
+from robot.policy.events import Taught, describe_event, read_event
+from robot.policy.history import TrainingHistory
 from robot.policy.policy import Policy
 from robot.policy.recognition import BAND
 from robot.policy.registry import make_policy
-from robot.store.models.events import describe_event, read_event
 from robot.store.models.model import same_nodes
 from robot.types import Action, Example, Frame, Mode, Point
 from tests.kit.frames import frame_of

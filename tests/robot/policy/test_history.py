@@ -13,19 +13,12 @@ import pytest
 
 from robot.coaching.gallery import LearnedImage, images
 from robot.driver import Move
-from robot.policy.history import (
-    Edited,
-    HistoryEvent,
-    LogEvent,
-    Replaced,
-    Taught,
-    TrainingHistory,
-    Undone,
-    replay,
-)
+from robot.policy.events import Edited, HistoryEvent, LogEvent, Replaced, Taught, Undone
+from robot.policy.history import TrainingHistory
 from robot.policy.part import PolicyPart, TaughtExample
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
+from robot.policy.replay import replay
 from robot.store.models.model import same_nodes
 from robot.types import Action, Example, Point
 from tests.kit.sizes import crossed, few
@@ -81,7 +74,7 @@ def test_undo_can_be_repeated_back_to_the_beginning() -> None:
     assert len(history.undo(5.0)) == 50
     assert len(history.undo(30.0)) == 20
     assert same_nodes(history.policy.get_state(), fresh)
-    assert history.n_examples == 0
+    assert history.taught.total() == 0
     assert history.undo(5.0) == []
 
 
@@ -99,7 +92,7 @@ def test_the_log_stays_small_however_long_one_teaches() -> None:
     for round_ in range(200):
         teach(history, xs, first=round_ * 10)
     assert len(history.last_examples(1e9)) <= 10 * (35 + 10 + 10) / STEP_S / 10
-    assert history.n_examples == 2000
+    assert history.taught.total() == 2000
 
 
 def test_an_edit_is_undone_alone_and_lessons_stay() -> None:
@@ -221,7 +214,7 @@ def test_where_a_plugin_refuses_to_learn_again_nothing_is_undone(error: Exceptio
             undo()
         assert same_nodes(policy.get_state(), before)
         assert policy.get_state().params == before.params
-        assert history.n_examples == 26
+        assert history.taught.total() == 26
     plugin.refuses = False
     assert len(history.undo(0.45)) == 5
     assert history.undo_edit()
@@ -275,7 +268,7 @@ def test_the_log_keeps_what_an_undo_of_35_seconds_reaches_and_no_snapshot_more(
         at_s > last_s - 35.0 for at_s in (12, 24, 36, 47)
     )
     assert len(history.undo(1e9)) == n_kept
-    assert history.n_examples == 5 - n_kept
+    assert history.taught.total() == 5 - n_kept
 
 
 def test_an_undo_is_as_exact_after_the_log_was_shortened() -> None:
@@ -319,16 +312,16 @@ def test_another_policy_goes_on_with_what_it_was_taught_and_none_of_that_is_undo
     teach(history, vectors(history.policy, 3))
     loaded = make_policy("published-4")
     history.replace_policy(loaded, Counter({Action.FORWARD: 5}))
-    assert (history.policy, history.n_examples) == (loaded, 5)
+    assert (history.policy, history.taught.total()) == (loaded, 5)
     assert history.undo(30.0) == []
     before = loaded.get_state()
     teach(history, vectors(loaded, 2), first=3)
-    assert history.n_examples == 7
+    assert history.taught.total() == 7
     assert len(history.undo(30.0)) == 2
     assert same_nodes(loaded.get_state(), before)
     assert history.taught == {Action.FORWARD: 5}
     history.replace_policy(make_policy("published-4"))
-    assert history.n_examples == 0
+    assert history.taught.total() == 0
 
 
 def test_each_edit_does_what_it_says() -> None:

@@ -23,7 +23,7 @@ from robot.clock import RealClock
 from robot.control.state import Tick
 from robot.devices.rig import Rig
 from robot.errors import RobotError
-from robot.policy.history import Taught
+from robot.policy.events import Taught
 from robot.policy.registry import make_policy
 from robot.recordings.config import RecorderConfig
 from robot.recordings.episode import open_episode, taught_frames
@@ -70,7 +70,7 @@ def live(folder: Path, out: int, wall_s: float) -> None:
         if is_loaded and (tick.decision.mode is not Mode.STOPPED or tick.history_events):
             taught = sum(isinstance(event, Taught) for event in tick.history_events)
             for left in range(max(taught - 1, 0), -1, -1):  # each is a separate record
-                tell("tick", rig.loop.history.n_examples - left)
+                tell("tick", rig.loop.history.taught.total() - left)
 
     def note_queued(tick: Tick) -> None:
         nonlocal n_queued
@@ -87,7 +87,7 @@ def live(folder: Path, out: int, wall_s: float) -> None:
         """Report the result of an undo before it is done, because the power may be cut before the
         next tick."""
         history = rig.loop.history
-        tell("tick", history.n_examples - len(history.last_examples(UNDONE_S)))
+        tell("tick", history.taught.total() - len(history.last_examples(UNDONE_S)))
         history.undo(UNDONE_S)
 
     clock = RealClock()
@@ -102,7 +102,7 @@ def live(folder: Path, out: int, wall_s: float) -> None:
         # Last, because the counted records are queued for the disk already.
         rig.loop.subscribe(note_queued)
         persistence.autosave.load_last()
-        tell("loaded", rig.loop.submit(lambda: rig.loop.history.n_examples).result())
+        tell("loaded", rig.loop.submit(lambda: rig.loop.history.taught.total()).result())
         is_loaded = True
         drive(rig, undo)
 

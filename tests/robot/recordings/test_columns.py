@@ -7,9 +7,8 @@ import json
 import numpy as np
 import pytest
 
-from robot.policy.history import HistoryEvent, Taught, Undone
+from robot.policy.events import HistoryEvent, Taught, Undone, describe_event, to_json
 from robot.recordings.columns import LessonTable
-from robot.store.models.events import describe_event, to_json
 from robot.types import Action, Example, Point
 
 

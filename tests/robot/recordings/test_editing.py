@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from robot.coaching.gallery import images
-from robot.policy.history import Edited
+from robot.policy.events import Edited
 from robot.policy.registry import make_policy
 from robot.recordings.editing import EpisodeFrame, moments
 from robot.recordings.edits import Edit, Notes

@@ -19,7 +19,7 @@ from mcap.reader import make_reader
 
 from robot.exchange.drive import ImportReport
 from robot.exchange.sources import find_drives
-from robot.policy.history import Taught
+from robot.policy.events import Taught, describe_event
 from robot.recordings.archive import join_recording, zip_recordings
 from robot.recordings.config import RecorderConfig
 from robot.recordings.editing import sample
@@ -40,7 +40,6 @@ from robot.recordings.teaching import learn_again
 from robot.recordings.writer import describe_run
 from robot.store.disk import no_announcement
 from robot.store.folder import Storage
-from robot.store.models.events import describe_event
 from robot.store.models.model import same_nodes
 from robot.store.prepare import ASIDE, prepare
 from robot.testing import VirtualClock

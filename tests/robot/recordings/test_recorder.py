@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 
 from robot.clock import Clock
 from robot.coaching.gallery import images
-from robot.policy.history import Taught
+from robot.policy.events import Taught
 from robot.recordings.episode import open_episode, taught_frames
 from robot.recordings.messages import Topic
 from robot.store.disk import FLUSH_EVERY_S
@@ -36,7 +36,7 @@ def test_everything_that_happened_is_in_the_recording(tmp_path: Path) -> None:
     assert episode.run["robot"] == "bench" and episode.run["learner"] == "published-8"
     assert json.loads(episode.run["options"]) == {"world": "bench"}
     assert len(episode.frames) >= 40
-    assert len(taught_frames(episode)) == robot.loop.history.n_examples == 40
+    assert len(taught_frames(episode)) == robot.loop.history.taught.total() == 40
     held = [words["held"] for _, words in episode.messages(Topic.COMMAND)]
     assert held[:5] == ["forward"] * 4 + ["left"]
     assert {words["driven_by"] for _, words in episode.messages(Topic.DECISION)} >= {"pilot"}

@@ -38,7 +38,7 @@ def test_the_drive_after_a_disk_refused_is_recorded(
     disk.is_full = False
     robot.stand(stood_s)
 
-    taught = history.n_examples
+    taught = history.taught.total()
     if teaches_at_once:  # in the same tick in which it starts
         frame = robot.camera.show(100)
         robot.loop.set_mode(Mode.TRAIN)
@@ -52,7 +52,7 @@ def test_the_drive_after_a_disk_refused_is_recorded(
     before = episode.model_before()
     assert before is not None and episode.damage is None
     assert before.summary.n_examples - taught in (0, teaches_at_once)
-    assert len(taught_frames(episode)) == history.n_examples - before.summary.n_examples >= 40
+    assert len(taught_frames(episode)) == history.taught.total() - before.summary.n_examples >= 40
     again = before.to_policy()
     learn_again(again, [(episode, Notes())])
     assert same_nodes(again.get_state(), live)

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from robot.errors import ConfigurationError, NotFoundError, RecordingError
-from robot.policy.history import Taught
+from robot.policy.events import Taught
 from robot.policy.registry import make_policy
 from robot.recordings.editing import moments, sample, write_edited
 from robot.recordings.edits import Edit, Notes, notes_path, trim, write_notes

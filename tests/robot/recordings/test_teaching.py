@@ -11,7 +11,8 @@ from robot.coaching.gallery import images
 from robot.driver import Move, names
 from robot.errors import ConfigurationError
 from robot.policy.autosize import sample_frames
-from robot.policy.history import HistoryEvent, Taught, TrainingHistory
+from robot.policy.events import HistoryEvent, Taught, describe_event
+from robot.policy.history import TrainingHistory
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.recordings.edits import Edit, Notes, trim
@@ -19,7 +20,6 @@ from robot.recordings.episode import Episode, open_episode
 from robot.recordings.messages import Topic
 from robot.recordings.teaching import learn_again, plan
 from robot.recordings.writer import EpisodeWriter, describe_run
-from robot.store.models.events import describe_event
 from robot.store.models.model import Model, same_nodes
 from robot.types import Action, Example, Mode, Point
 

@@ -65,7 +65,7 @@ class _Class:
 
     @property
     def lessons(self) -> int:
-        return self.server.ask_loop(lambda: self.server.rig.loop.history.n_examples)
+        return self.server.ask_loop(lambda: self.server.rig.loop.history.taught.total())
 
     def names(self) -> list[str]:
         return sorted(self.server.persistence.models.names())

@@ -85,11 +85,11 @@ def test_a_full_disk_refuses_another_model_and_keeps_what_was_taught(
     }[ask]
     answer = bench.client.post(path, json=body)
     assert answer.status_code == 507 and "No space left" in answer.json()["detail"]
-    assert bench.server.ask_loop(lambda: bench.rig.loop.history.n_examples) == 12
+    assert bench.server.ask_loop(lambda: bench.rig.loop.history.taught.total()) == 12
     monkeypatch.undo()
     assert bench.client.post(path, json=body).status_code in (200, 201)
     assert bench.client.post("/api/models/bench/load").status_code == 200
-    assert bench.server.ask_loop(lambda: bench.rig.loop.history.n_examples) in (5, 12)
+    assert bench.server.ask_loop(lambda: bench.rig.loop.history.taught.total()) in (5, 12)
 
 
 def test_load_goes_back_to_what_a_model_knows(bench: Bench) -> None:
@@ -97,12 +97,12 @@ def test_load_goes_back_to_what_a_model_knows(bench: Bench) -> None:
     bench.client.post("/api/models/save")
     made = bench.client.post("/api/models", json={"name": "Flur", "place": "the hall"})
     assert (made.status_code, made.json()) == (201, {"name": "Flur", "kept": True})
-    assert bench.server.ask_loop(lambda: bench.rig.loop.history.n_examples) == 0
+    assert bench.server.ask_loop(lambda: bench.rig.loop.history.taught.total()) == 0
     bench.server.teach(3)
     assert bench.client.post("/api/models/bench/load").json() == {"name": "bench", "kept": True}
-    assert bench.server.ask_loop(lambda: bench.rig.loop.history.n_examples) == 12
+    assert bench.server.ask_loop(lambda: bench.rig.loop.history.taught.total()) == 12
     assert bench.client.post("/api/models/Flur/load").status_code == 200
-    assert bench.server.ask_loop(lambda: bench.rig.loop.history.n_examples) == 3
+    assert bench.server.ask_loop(lambda: bench.rig.loop.history.taught.total()) == 3
 
 
 def test_a_driving_robot_keeps_its_model(bench: Bench) -> None:

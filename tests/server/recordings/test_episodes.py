@@ -66,7 +66,7 @@ def test_a_drive_appears_in_the_list_while_it_is_recorded(
     server.set_mode(Mode.STOPPED)
     persistence.stop()
     [episode] = client.get("/api/episodes").json()["episodes"]
-    assert episode["damage"] is None and episode["lessons"] == loop.history.n_examples
+    assert episode["damage"] is None and episode["lessons"] == loop.history.taught.total()
 
 
 def test_an_episode_is_shown_with_timeline_and_pictures(client: Client, episode_id: str) -> None:

@@ -71,7 +71,7 @@ def test_it_is_the_learner_of_the_control_loop() -> None:
             command = PilotCommand(held=None, frame_id=i + 1, seq=i, received_s=at_s)
             under_way = loop.prediction.action
         loop.learn([command], is_intervention=i >= 30, may_learn=True)
-    assert own.n_examples == loop.history.n_examples
+    assert own.n_examples == loop.history.taught.total()
 
 
 def test_what_was_taught_can_be_taken_back() -> None:

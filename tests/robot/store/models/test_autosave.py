@@ -101,7 +101,7 @@ def test_a_loaded_model_counts_as_saved_until_something_is_learned(robot: KeptRo
     robot.teach_now(2)
     robot.autosave.load(name)  # which saves first
     assert not robot.autosave.has_unsaved
-    assert robot.loop.history.n_examples == 2
+    assert robot.loop.history.taught.total() == 2
     robot.teach_now(3)
     assert robot.autosave.has_unsaved
 

@@ -158,7 +158,7 @@ def test_a_position_rests_on_no_clock(tmp_path: Path) -> None:
         life.die()
     third = Life(tmp_path, wall_s, rng)
     assert same(third.state(), life.state())
-    assert third.loop.history.n_examples == life.loop.history.n_examples
+    assert third.loop.history.taught.total() == life.loop.history.taught.total()
 
 
 def test_an_undo_stays_undone_though_no_model_was_saved_after_it(tmp_path: Path) -> None:
@@ -166,9 +166,9 @@ def test_an_undo_stays_undone_though_no_model_was_saved_after_it(tmp_path: Path)
     for _ in range(10):
         life.teach()
     life.save()
-    before = life.loop.history.n_examples
+    before = life.loop.history.taught.total()
     life.loop.submit(lambda: life.loop.history.undo(2.0)).result(0)
-    assert life.loop.history.n_examples < before
+    assert life.loop.history.taught.total() < before
     life.write()
     life.die()
     assert same(Life(tmp_path, [0.0], random.Random(2)).state(), life.state())

@@ -1,20 +1,66 @@
-"""Serializes changes of the learner, for recordings and for the journal."""
+"""The changes of a learner, and their form in the journal and in recordings."""
 
 from __future__ import annotations
 
 import base64
 import binascii
 import json
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from robot.errors import UNREADABLE, RecordingError, told_as
 from robot.learner.base import Vector
-from robot.policy.history import Edited, HistoryEvent, Replaced, Taught, Undone
 from robot.types import Action, Example, Point
 
 PlainEvent = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Taught:
+    """One example, with its vector and its teaching time."""
+
+    example: Example
+    x: Vector
+    at_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Edited:
+    """One change that a person made. `relabel`, `delete` and `pin` change one learned image.
+    `outdate` (of all earlier examples) and `alike` (left and right are alike here) have node 0."""
+
+    verb: str
+    node_id: int
+    value: Any
+    at_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Undone:
+    """Examples that were undone. If there are no frame ids, the last edit was undone."""
+
+    frame_ids: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Replaced:
+    """The policy was replaced: by a loaded model, or by a policy of another size."""
+
+    policy_name: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveBegun:
+    """The policy was reset between two examples; some learners localise themselves again."""
+
+    at_s: float
+
+
+LogEvent = Taught | Edited | DriveBegun
+"""Events that change a learner: replaying them in order yields the same learner, bit for bit."""
+HistoryEvent = Taught | Edited | Undone | Replaced
 
 
 def describe_event(event: HistoryEvent, *, with_vector: bool = True) -> PlainEvent:
@@ -32,13 +78,8 @@ def describe_event(event: HistoryEvent, *, with_vector: bool = True) -> PlainEve
             "x": _describe_vector(event.x) if with_vector and event.x.size else None,
         }
     if isinstance(event, Edited):
-        return {
-            "event": "edited",
-            "verb": event.verb,
-            "node": event.node_id,
-            "value": event.value,
-            "at_s": event.at_s,
-        }
+        edit = {"verb": event.verb, "node": event.node_id, "value": event.value}
+        return {"event": "edited", **edit, "at_s": event.at_s}
     if isinstance(event, Undone):
         return {"event": "undone", "frames": list(event.frame_ids)}
     return {"event": "replaced", "learner": event.policy_name}
@@ -59,12 +100,9 @@ def read_event(plain: PlainEvent) -> HistoryEvent:
             at_s = float(plain["at_s"])
             return Taught(example=example, x=x, at_s=at_s)
         if kind == "edited":
-            return Edited(
-                verb=str(plain["verb"]),
-                node_id=int(plain["node"]),
-                value=plain["value"],
-                at_s=float(plain["at_s"]),
-            )
+            verb, node_id = str(plain["verb"]), int(plain["node"])
+            at_s = float(plain["at_s"])
+            return Edited(verb=verb, node_id=node_id, value=plain["value"], at_s=at_s)
         if kind == "undone":
             return Undone(frame_ids=tuple(int(frame) for frame in plain["frames"]))
         if kind == "replaced":
