@@ -175,7 +175,7 @@ class CameraCorrection(Mounting):
     def upright(self, picture: Frame) -> Frame:
         """Return the picture as if the camera stood upright. An unreadable picture is unchanged.
 
-        Raw pixels are moved without changing their values. A JPEG is encoded again.
+        Raw pixels are moved without changing their values, while a turned JPEG is encoded again.
 
         Raises:
             MissingExtraError: If a JPEG must be turned and OpenCV is not installed.

@@ -2,12 +2,12 @@
 
 The path is divided into stretches of `STRETCH_M`, measured in a straight line. A stretch counts if
 the robot drove it forward and nearly straight, and drove the stretch before or after it in nearly
-the same direction. So no metres are scored by standing, by turning on the spot, or by circles
+the same direction. So a robot scores no metres by standing, by turning on the spot, or by circles
 narrower than the smallest box. Metres driven backward are subtracted. If the robot drives back over
-a stretch, the stretch's score is subtracted, and the stretch never counts again. So driving back
-and forth scores nothing. A stretch that is driven again in the same direction counts a half the
-second time and a third the third time, so a larger course is worth more than many rounds of a small
-course.
+a stretch, the stretch's score is subtracted, and the stretch never counts again. So a robot that
+drives back and forth scores nothing. A stretch that is driven again in the same direction counts a
+half the second time and a third the third time, so a larger course is worth more than many rounds
+of a small course.
 """
 
 from __future__ import annotations

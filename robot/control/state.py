@@ -75,7 +75,7 @@ class SteadyFault:
     def show(self, fault: str | None, now_s: float, *, may_move: bool) -> str | None:
         """Note the current fault, and return the sentence that the page should show.
 
-        A robot that `may_move` was started after the old faults, so they are no longer shown.
+        If the robot `may_move`, it was started after all old faults, which are no longer shown.
         """
         if fault is not None:
             self._seen_s = now_s

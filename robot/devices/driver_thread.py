@@ -2,7 +2,7 @@
 
 The control loop must never wait for a body: with 45 ms per request the loop would run at 10 Hz,
 drive at half speed and learn less than half of the examples. So the loop puts its newest action
-into a slot, and a thread sends this action when the body is ready; older actions are never sent.
+into a slot, and a thread sends it when the body is ready; older actions are never sent.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ SENSE_EVERY_S = 0.1
 STALE_S = 0.25
 """Age above which an action is no longer sent, in seconds, because the loop was held up."""
 SILENT_S = 0.5
-"""Duration above which a request counts as a fault, in seconds. By then the body's own time limit
-has ended the move."""
+"""Duration above which a request counts as a fault, in seconds. The body's own time limit has then
+ended the move."""
 
 
 @dataclass(frozen=True, slots=True)

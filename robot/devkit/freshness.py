@@ -5,13 +5,13 @@ from typing import Optional
 REOPEN_S = 0.5
 """Period of the search for a lost camera, in seconds."""
 STILL_S = 0.35
-"""A camera counts as broken after its period plus this time without a new picture, in seconds. So a
-fault is detected within 500 ms plus the period."""
+"""A camera counts as broken after its period plus this time without a new picture, in seconds. A
+fault is therefore detected within 500 ms plus the camera's period."""
 LONGEST_PERIOD_S = 1.2
 """The time limit grows with the camera's period only up to this period, in seconds."""
 _BURST_S = 0.02
-"""Gap below which two pictures count as sent together, in seconds. Such a gap is not the camera's
-period."""
+"""Gap below which two pictures count as sent together, in seconds, so that the gap is not taken for
+the camera's period."""
 
 
 class Freshness:

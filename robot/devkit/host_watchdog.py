@@ -155,8 +155,8 @@ class HostWatchdog(ConnectedDriver[_C]):
     """Base of drivers for bodies that cannot end a move: a `ConnectedDriver` whose thread stops the
     body.
 
-    This class calls the subclass's `_drive` with STOP, sometimes on the thread, and sometimes
-    before the call of a move has returned.
+    To stop the body, this class calls the subclass's `_drive` with STOP, sometimes on the
+    watchdog's thread, and sometimes before an earlier call of `_drive` has returned.
 
     Attributes:
         acknowledges: True if `_drive` returns only after the body has received the order. If False,

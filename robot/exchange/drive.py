@@ -206,8 +206,8 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
 
 
 def _hint(drive: Drive) -> str | None:
-    """Return a hint if a drive has no examples to one side although the car was steered; None if it
-    has."""
+    """Return a hint for a steered drive of which one side has examples and the other has none; None
+    for other drives."""
     labels, written = drive.report.labels, [s.steering for s in drive.shots if s.label]
     steered = [s for s in written if isinstance(s, int | float) and math.isfinite(s)]
     missing = [side for side in (Action.LEFT, Action.RIGHT) if not labels[side]]

@@ -47,10 +47,10 @@ def write_film(
 ) -> int:
     """Write pictures of one size, evenly spaced in time; return their number.
 
-    Colour is 4:2:0, which every player supports. This format needs an even width and height, so an
-    odd last row or column is left out. Key frames make seeking fast; there is one each second, or
-    one every `key_every` pictures. Raises RecordingError if there are no pictures, or if the
-    pictures differ in size or have only one row or column.
+    Colours are stored as 4:2:0, which every player supports. The format 4:2:0 needs an even width
+    and height, so an odd last row or column is left out. Key frames make seeking fast; there is one
+    each second, or one every `key_every` pictures. Raises RecordingError if there are no pictures,
+    or if the pictures differ in size or have only one row or column.
     """
     frames = map(_to_frame, pictures)
     options = {"crf": str(crf), "preset": preset}

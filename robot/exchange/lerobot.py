@@ -8,9 +8,9 @@
     videos/observation.images.front/chunk-000/file-NNN.mp4
 
 Timestamps are frame_index / fps exactly, so pictures are resampled to one rate, and a recording is
-split where pictures are missing for longer than a second. All pictures are scaled to the size of
-the first.
-Source: lerobot, datasets/utils.py, dataset_writer.py and docs/source/lerobot-dataset-v3.mdx.
+split where pictures are missing for longer than a second. All pictures of a dataset are scaled to
+the size of the first. Source: lerobot, datasets/utils.py, dataset_writer.py and
+docs/source/lerobot-dataset-v3.mdx.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ _WRITTEN = re.compile(
 )
 _SINCE_1970 = {1e17: 1e-9, 1e14: 1e-6, 1e11: 1e-3}
 """A number above one of these bounds is a time since 1970, in nanoseconds, microseconds or
-milliseconds. Each bound has the factor that converts the number to seconds."""
+milliseconds. Each bound maps to the factor that converts such a number to seconds."""
 
 
 def seconds_of(value: object, name: str = "") -> float | None:

@@ -17,7 +17,8 @@ _LONGEST_PAUSE_S = 60.0
 """Longest pause within a session, in seconds. A longer pause means that a new session began or that
 the clock was set."""
 _CUT_PAUSE_S = 2.0
-"""Length to which a longer pause is cut, in seconds. The cut pause still counts as a gap."""
+"""Length to which a pause of more than `_LONGEST_PAUSE_S` is cut, in seconds. The shortened pause
+still counts as a gap."""
 _USUAL_S = 1 / 20
 _MOST_S = 1e11
 
@@ -90,8 +91,8 @@ def make_timeline(stamps_s: Sequence[object]) -> Timeline:
 
 
 def _plain(stamps_s: NDArray[np.float64]) -> Timeline | None:
-    """Return the time line of stamps that need no repair; None if they need one. This saves the
-    time and memory of an object for each stamp."""
+    """Return the time line of stamps that need no repair, without the time and memory that an
+    object for each stamp takes; None if they need a repair."""
     steps_s = np.diff(stamps_s)
     is_plain = len(steps_s) > 0 and bool(np.all((steps_s > 0) & (steps_s <= _LONGEST_PAUSE_S)))
     if not is_plain or max(-stamps_s[0], stamps_s[-1]) >= _MOST_S:

@@ -150,9 +150,9 @@ def write_tub(episode: Episode, notes: Notes, folder: Path, *, taught_only: bool
     Pictures are written without loss, as their JPEG bytes or as PNG. Each record also contains the
     label, the frame id and whether the label corrected the robot, so that importing the tub yields
     the same examples at any threshold. If the pilot steered by degrees, the record says so, and
-    angle and throttle are the pilot's. If not, angle and throttle are those that the move declares.
-    If the robot has a move without steering and throttle, such as `push`, the tub has no columns
-    for angle and throttle, because a zero would teach a car to stand. The robot's proposal is in
+    angle and throttle are the pilot's; otherwise they are those that the move declares. If the
+    robot has a move without steering and throttle, such as `push`, the tub has no columns for angle
+    and throttle, because a zero would teach a car to stand. The robot's proposal is in
     `pilot/angle` and `pilot/throttle`. `taught_only` leaves out frames that were not taught.
     """
     folder.mkdir(parents=True)

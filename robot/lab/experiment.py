@@ -80,7 +80,7 @@ def seeded(
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
-    """One figure of the paper, or one further question.
+    """An experiment that answers one question: it repeats a figure of the paper, or goes beyond it.
 
     Attributes:
         plan: Makes the tasks to run.

@@ -205,8 +205,9 @@ def ssd_in_place(drive: DriveLog, pilot: SimulatedPilot) -> float:
     """Return the SSD of a drive against the moves that the pilot would make at each tick of this
     drive.
 
-    A pilot who drives in curves soon circles in one place, so two separate drives would differ
-    because of the place. Here robot and pilot are in the same place and differ only in their moves.
+    A pilot who drives in curves soon circles in one place, so a drive of the robot and a separate
+    drive of the pilot would differ because of the place. In the same place they differ only in
+    their moves.
     """
     pilot.change_mode(Mode.TRAIN)
     held = DriveLog()

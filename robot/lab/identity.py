@@ -2,7 +2,7 @@
 arithmetic.
 
 The workers of a cluster get this file as text and run it, even if this program is not installed
-there. So the file needs only the standard library of any Python 3.
+there. The file therefore needs only the standard library of any Python 3.
 """
 
 from __future__ import annotations

@@ -28,8 +28,8 @@ class IntegerImages(Images):
     Args:
         max_nodes: Number of rows.
         n_compared: Number of leading values of a vector that are compared; None for all. The other
-            values are only averaged. They are shown to people, who need more pixels than the
-            learner needs to recognise a view.
+            values are only averaged, for people, who need more pixels than the learner needs to
+            recognise a view.
     """
 
     fields = (Array("sums", np.int32, ("max_nodes", "d"), high=2**30),)

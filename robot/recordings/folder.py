@@ -11,7 +11,7 @@ from robot.store.folder import FolderKind, size_of
 
 NAME = "episodes"
 _INDEX = ".index.json"
-"""Index that version 0.2 wrote; it is no longer used, and is removed."""
+"""Name of the index that version 0.2 wrote. It is no longer used, so it is removed."""
 
 
 def _debris(folder: Path) -> Iterable[Path]:

@@ -142,8 +142,9 @@ def learn_again(
     """Teach the policy all steps of the recordings.
 
     Edits of learned images are repeated up to the first recording that was edited or that was
-    driven with another learner, because from there on the images differ. Later edits are counted as
-    left out. Raises ConfigurationError if a label is not one of the policy's moves.
+    driven with another learner, because from there on the images differ. All later edits of learned
+    images are left out and counted. Raises ConfigurationError if a label is not one of the policy's
+    moves.
     """
     same = takewhile(lambda one: _is_as_driven(policy, *one), episodes)
     faithful = [episode for episode, _ in same]

@@ -22,12 +22,13 @@ _USUAL_FRAMES = 10
 """Number of pictures over which their lateness, and the time that they take, are averaged."""
 _PER_TAKING, _PER_TAKING_S = 2, 0.1
 _USUALLY_LATE_S, _PER_LATENESS, _LONGEST_PERIOD_S = 0.01, 8, 0.2
-"""The shortest period has two parts. The first part is `_PER_TAKING` times the time from when a
-picture is due until it is taken, at most `_PER_TAKING_S`. The second part is `_PER_LATENESS` times
-the lateness beyond `_USUALLY_LATE_S`. The sum is at most `_LONGEST_PERIOD_S`. Timers of some
-systems are 8 ms late on average. All robots of a computer see the same lateness, so all take the
-same number of pictures. The lateness stays near 20 ms, which matters because a command passes
-several threads."""
+"""Constants of the shortest period between pictures, which grows when the computer is busy. It is
+the sum of `_PER_TAKING` times the time from when a picture is due until it is taken, at most
+`_PER_TAKING_S`, and of `_PER_LATENESS` times the lateness beyond `_USUALLY_LATE_S`; this sum is at
+most `_LONGEST_PERIOD_S`. `_USUALLY_LATE_S` allows for the timers of some systems, which are 8 ms
+late on average. All robots of a computer see the same lateness, so all take the same number of
+pictures. The lateness then stays near 20 ms, which matters because a command passes several
+threads."""
 _RESTING_STEP_S = 1.0
 """Period at which the world advances while no picture is needed, in seconds."""
 _EARLY_S = 0.01

@@ -44,8 +44,8 @@ audio-library-name null
 garbage-collect-states 0
 """
 """Settings of Panda3D. Each pose creates new transform states. Panda3D would collect unused states
-in a task of its application object, which is not used here. With this collection switched off,
-states are freed as soon as no object refers to them."""
+in a task of its application object, which is not used here. With `garbage-collect-states 0`, states
+are freed as soon as no object refers to them."""
 
 
 class _Window:
@@ -175,7 +175,7 @@ class Renderer:
     def _add_shape(self, parent: Any, quads: Iterable[_Quad]) -> Any:
         """Add quads as one shape, drawn in their order; a texture covers each quad.
 
-        One shape per quad would take a fifth longer.
+        Drawing one shape for each quad would take a fifth longer.
         """
         core = self._core
         vertices = core.GeomVertexData(

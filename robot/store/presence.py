@@ -1,8 +1,8 @@
 """Detects that the data folder is gone, for example because a USB stick was unplugged.
 
 The path then leads to the empty folder of the mount point, and files written there are hidden when
-the stick is mounted again. So nothing is written below a watched folder when the path no longer
-leads to it.
+the stick is mounted again. So this program writes nothing below a watched folder while the path
+does not lead to it.
 """
 
 from __future__ import annotations

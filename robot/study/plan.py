@@ -17,7 +17,8 @@ from robot.types import Action, Mode
 MOST_PARTICIPANTS, MOST_CONDITIONS, MOST_PHASES, MOST_QUESTIONS = 500, 8, 12, 60
 LONGEST_PHASE_S = 7200.0
 CODE = re.compile(r"[A-Z]{1,3}[0-9]{1,4}")
-"""Form of a participant's code. No other personal data is requested or stored."""
+"""Form of the code that stands for a participant. Studies request and store no other personal
+data."""
 _MOVES = 'a list of moves such as ["forward", "left"]'
 
 

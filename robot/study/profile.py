@@ -5,10 +5,10 @@ A profile is P(d < c | move) for c = 0, 0.02, ..., 4 m, where d is the sonar rea
 squared differences (SSD) of two profiles over all moves and all c is the measure of FLAIRS-30,
 2017.
 
-The paper does not define the profile of a move that was never made. Here this profile is 0 for
-every c, like a profile without readings. So a robot that never turns is far from a teacher who
-turns. A `Difference` lists such moves, and its `made` is the sum over the moves that both drivers
-made.
+The paper does not define the profile of a move that was never made. In this module such a profile
+is 0 for every c, like a profile without readings. So a robot that never turns is far from a teacher
+who turns. A `Difference` lists such moves, and its `made` is the sum over the moves that both
+drivers made.
 """
 
 from __future__ import annotations

@@ -537,8 +537,8 @@ def _check_same(now: Point, wanted: Point, what: str) -> None:
 
 
 def _moves_within(case: DriverCase, seconds: float, move: Action, step_s: float) -> bool:
-    """Send a move at each step; return whether the body moves at the end of at least one step. On a
-    busy machine single checks may come too late."""
+    """Send a move at each step; return whether the body moves at the end of at least one step. More
+    than one step is checked, because a check may come too late on a busy machine."""
     return _sets_going(case, partial(_ask, case, move, step_s), round(seconds / step_s))
 
 

@@ -69,8 +69,8 @@ class VirtualClock(Clock):
         self._wall_ahead_s = wall_s - self.now_s()
 
     def _base_s(self) -> float:
-        """Return the time without the jumps of `advance`. The event loop's own time lags while
-        threads run."""
+        """Return the time without the jumps of `advance`. While threads run, the event loop's own
+        time may be behind."""
         event_loop = self._event_loop
         return self._now_s if event_loop is None else max(self._now_s, event_loop.now_s)
 

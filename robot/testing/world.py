@@ -83,7 +83,7 @@ class VirtualRobot:
         Raises:
             AssertionError: If the condition does not hold within `within_s`.
         """
-        # not `clock`, which may be made to jump during the wait
+        # the event loop's time, because a test may make `clock` jump during the wait
         start_s = asyncio.get_running_loop().time()
         try:
             async with asyncio.timeout(within_s):

@@ -26,9 +26,9 @@ SILENCE_S = 0.4
 """Time without a report after which a brick counts as silent, in seconds. A brick sends ten reports
 a second. After this time the brick's last move has ended."""
 GONE_S = PATIENCE_S + 1.0
-"""Time of silence after which a brick is joined again, in seconds. This is longer than the brick's
-body takes to open. After a minute without a connection, TCP itself would retry only after another
-minute."""
+"""Time of silence after which a brick is joined again, in seconds. It is longer than the brick
+takes to open its body, and much shorter than TCP's own retries: after a minute without a connection
+they are a minute apart."""
 PING_S = 0.1
 REJOIN_S = 0.5
 

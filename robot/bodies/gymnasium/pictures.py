@@ -23,9 +23,10 @@ pixel."""
 _MOST_CHANNELS = 48
 """Maximum number of channels in a stack of frames. An array with more channels is not a picture."""
 _LARGEST = 65535.0
-"""Maximum value that counts as white. A bound of a space that is larger means "no bound"."""
+"""Largest number that may stand for white. If a space states a larger bound, it means "no
+bound"."""
 _MADE_OF_IT = re.compile(r"mask|depth|segment|semantic|label|map|flow|normals|heat", re.I)
-"""Names of observation parts that are derived from the picture."""
+"""Names of the parts of an observation that are computed from the picture."""
 _PICTURE = re.compile(r"rgb|image|img|pixel|screen|camera|visual|frame", re.I)
 
 

@@ -27,7 +27,8 @@ _KEPT_BYTES = 256
 
 
 class Answer(HTTPResponse):
-    """A response, possibly without a status line or a head. Lengths that it states are ignored.
+    """A camera's response, which may lack a status line or a head. Lengths that it states are
+    ignored.
 
     Chunks may violate HTTP, so bytes without a chunk's length are passed on, too.
     """
@@ -95,8 +96,8 @@ class PictureFinder:
         self._buffer = bytearray()
         self._at = 0
         self._segment_at = 0
-        """Start of the last segment. If that segment's length was wrong, the next picture begins
-        after it."""
+        """Position of the JPEG's last segment. If the segment states a wrong length, the next
+        picture is searched from here."""
         self._is_in_scan = False
         self._type = ""
         self._received = 0

@@ -65,9 +65,10 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         self._where = where
         self._report: BodyReport | None = None
         self._device = ""
-        """The robot's name for itself, if it has a name. Afterwards no other robot is driven."""
+        """The name that the robot states for itself; empty if it states none. Once it is known, no
+        other robot is driven."""
         self._is_other = False
-        """True if another robot answers at the address. That robot gets questions, but no
+        """True if another robot answers at the address. Other robots are sent questions, but no
         orders."""
         self._heard_s = 0.0
         self._disobeyed = 0

@@ -440,7 +440,7 @@ def _acknowledged(writer: DataWriter[Any], within_s: float) -> bool:
     """Return True if all written messages are acknowledged within the time limit."""
     try:
         return bool(writer.wait_for_acks(int(within_s * _NS)))
-    except AttributeError:  # cyclonedds 11.0.1 raises this instead of returning False
+    except AttributeError:  # cyclonedds 11.0.1 raises this error instead of returning False
         return False
 
 

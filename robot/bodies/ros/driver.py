@@ -76,9 +76,9 @@ class RosDriver(ConnectedDriver[Topics]):
     """Publishes a velocity for as long as a move lasts, then zero.
 
     `cmd_vel` contains no duration. So if this program, its computer or the network fails, the robot
-    stops only if the robot's base ends a velocity that is not renewed. With `watchdog`, our node on
-    the robot stops the robot: each order contains the node's newest sign of life, and ends soon
-    after the time of this sign.
+    stops only if the robot's base ends a velocity that is not renewed. With `watchdog`, this
+    project's node on the robot stops it instead: each order contains the newest sign of life that
+    the node has sent, and the node ends the order soon after the time of this sign.
     """
 
     name: ClassVar[str] = "ros"

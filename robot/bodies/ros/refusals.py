@@ -22,9 +22,10 @@ requested twice."""
 _HARMLESS = ("info", "none")
 _LONGEST_TEXT = 300
 _MOST_PARTS, _MOST_BYTES = 1000, 6 * 2**20
-"""Maximum numbers of parts and of characters of a message in fragments."""
+"""Maximum number of parts, and maximum number of characters, of a message that comes in
+fragments."""
 _DEEPEST = 4
-"""Maximum depth of wrapping. A picture in fragments has depth two."""
+"""Maximum number of messages that wrap each other. A picture in fragments is wrapped twice."""
 
 
 class Refusals:

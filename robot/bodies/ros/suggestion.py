@@ -10,7 +10,7 @@ from robot.bodies.ros.driver import ORDERS, RosOptions
 from robot.bodies.ros.topics import COMPRESSED, ODOMETRY, RANGE, RAW, STAMPED, TWIST
 
 _NOT_FOR_DRIVING = ("depth", "theora", "infra", "mask", "map")
-"""Words in the names of picture topics that are not for a pilot."""
+"""Words in a topic's name which show that its pictures are not meant for a pilot."""
 
 
 @dataclass(frozen=True, slots=True)

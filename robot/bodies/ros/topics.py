@@ -52,8 +52,8 @@ class Topics(ABC):
 
     @abstractmethod
     def publish(self, topic: str, message: Message, ends: End | None = None) -> None:
-        """Publish one message and wait until it is sent. Then publish the message of `End` when its
-        time has come.
+        """Publish one message, and wait until it is sent. If `End` is given, its message is
+        published later, when its time has come.
 
         Raises:
             OSError: If the message cannot be sent now; the message is then never sent.

@@ -45,7 +45,7 @@ class EyesFeatures(PictureFeatures):
     these features."""
     novelty_margin = 0.3
     """With the net's features, a new corner is farther from all known corners than with gradients.
-    So with the usual margin the robot would ask three times as often after a short lesson, and
+    With the usual margin, a robot that has had a short lesson would ask three times as often, and
     drive no better."""
 
     def __init__(self) -> None:

@@ -1,5 +1,5 @@
-"""Runs one learner in one third-party world. The learner is taught and drives unaided. Then both
-steps are repeated with more examples."""
+"""Runs one learner in one third-party world. The learner is taught and drives unaided. After that
+it is taught more examples and drives unaided again, several times."""
 
 from __future__ import annotations
 

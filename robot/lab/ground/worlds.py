@@ -26,7 +26,8 @@ _HALF_WIDTH_M = 0.45
 
 
 class ForeignWorld(ABC):
-    """One world: episodes of pictures and moves, a score, and a teacher who knows the true state.
+    """One third-party world: episodes of pictures and moves, a score, and a teacher who knows the
+    true state.
 
     Attributes:
         codes: The world's numbers of its moves.

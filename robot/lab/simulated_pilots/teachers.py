@@ -203,7 +203,7 @@ class Steerer(Wanderer):
 
 SHELVES = ("east wall", "west wall")
 WALLS = ("south wall", "north wall")
-"""Dark shelves stand along these two walls of the office. The other two walls are light."""
+"""The walls of the office: dark shelves stand along `SHELVES`, while `WALLS` are light."""
 
 TEACHER_PARAMS: dict[str, TeacherParams] = {
     "usual": TeacherParams(),

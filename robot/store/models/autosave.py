@@ -30,7 +30,7 @@ SAVE_EVERY_S = 10.0
 
 
 class Autosave:
-    """Manages and saves the model in use.
+    """Manages the model that the robot uses, and saves it automatically.
 
     `name` is the name of a new model until a person names it. A model with moves that are not in
     `moves` is not loaded. `announce` is called with events for the page.

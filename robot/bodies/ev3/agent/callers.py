@@ -25,7 +25,8 @@ JOIN_S = 1.0
 ACCEPT_PAUSE_S = 0.2
 """Pause after an error of `accept`, such as a lack of descriptors or memory, in seconds."""
 LARGEST_OUTBOX = 1 << 20
-"""Maximum number of unsent bytes. A controller that reads too slowly for this is dropped."""
+"""Maximum number of bytes that wait to be sent to a controller. A controller that reads so slowly
+that more would wait is dropped."""
 
 
 class Caller:

@@ -39,13 +39,13 @@ class DevicePort:
         return str(text).partition("\n")[0]
 
     def write(self, name: str, value: object) -> None:
-        """Set an attribute. Like `echo`, this appends a newline. So if the attribute is a plain
-        file, the rest of a longer old value is not read as part of the new value."""
+        """Set an attribute. A newline is appended, as by `echo`, so that the rest of a longer old
+        value in a plain file is not read as part of the new value."""
         text = "{}\n".format(value)
         self._files[name] = self._device.set_attr_raw(self._files.get(name), name, text)
 
     def close(self) -> None:
-        """Close the device's attribute files. The next use of the device opens them again."""
+        """Close the device's attribute files, which the next use of the device opens again."""
         for file in self._files.values():
             file.close()
         self._files.clear()

@@ -209,8 +209,8 @@ def _beacons(sock: socket.socket, clock: Clock) -> Iterator[tuple[float, Beacon 
 def choose_brick(heard: Iterable[tuple[float, Beacon | None]], wanted: str = "") -> Beacon | None:
     """Return the wanted brick, or else the only brick; None if it does not announce itself.
 
-    If no brick was named, all bricks have to be received first. So the search waits until the first
-    brick announces itself again, because by then every other brick has announced itself too.
+    If no brick was named, the announcements of all bricks have to be received first. When the first
+    brick announces itself again, every other brick has announced itself, too, and the search ends.
 
     Args:
         heard: Announcements with their times, in seconds. A computer with two connections to the
