@@ -75,7 +75,7 @@ class BodyCorrection(Correction):
 
     @property
     def signs(self) -> Pair:
-        """Factors for the values of the left and the right motor."""
+        """The factors, 1 or -1, for the values of the left and the right motor."""
         left, right = (-1.0 if self.reverse in (side, "both") else 1.0 for side in REVERSED[1:3])
         return left, right
 
@@ -108,7 +108,8 @@ class BodyCorrection(Correction):
         return Point(-steering if self.swap_sides else steering, throttle)
 
     def motors(self, values: Pair) -> Pair:
-        """Return the values for both motors. The method `point` has already swapped the sides."""
+        """Return the corrected values for both motors, apart from swapped sides, which `point`
+        corrects."""
         return values[0] * self.signs[0], values[1] * self.signs[1]
 
     def wheels(self, turned: Pair) -> Pair:
@@ -284,7 +285,7 @@ class Corrections:
                 rig.driver.correct(self.body)
 
     def described(self) -> dict[str, Any]:
-        """Return plain values by the names of the options."""
+        """Return the corrections as plain values, by the names of their options."""
         return {
             "reverse": self.body.reverse,
             "swap_sides": self.body.swap_sides,

@@ -20,11 +20,11 @@ from robot.types import Pose
 STRETCH_M = 0.2
 """Length of a stretch, in metres: about the length of a robot."""
 _STRAIGHT_RAD = math.radians(25)
-"""Largest change of the robot's heading within a stretch, in radians. After a larger change a new
-stretch begins."""
+"""Largest change of the robot's heading within a stretch, in radians. A larger change begins a new
+stretch."""
 _ONWARD_RAD = math.radians(20)
-"""Largest angle between two successive stretches of a straight run, in radians. On a circle the
-angle is larger if the radius is less than 0.57 m, half the width of the smallest box."""
+"""Largest angle between two successive stretches of a straight run, in radians. On a circle with a
+radius of less than 0.57 m, half the width of the smallest box, the angle is larger."""
 _NEAR_M, _ALIKE_RAD = 0.2, math.radians(50)
 """Two stretches are the same if their midpoints differ by at most `_NEAR_M` and their directions by
 at most `_ALIKE_RAD`."""
@@ -48,7 +48,7 @@ class Score:
         self._start: Pose | None = None
         self._stretches: list[_Stretch] = []
         self._run: list[_Stretch] = []
-        """The stretches of the current straight run. Its first stretch counts only if a second one
+        """The stretches of the current straight run, of which the first counts only if a second one
         follows."""
         self._backward_m = 0.0
 

@@ -72,7 +72,8 @@ class Challenge:
         return max(0.0, TRY_S - self._seconds)
 
     def arm(self) -> None:
-        """Make the next drive count as a try. After the last try this begins a new challenge."""
+        """Make the next drive count as a try. If the last try of a challenge has ended, begin a new
+        challenge."""
         if self.is_on:
             return
         if len(self.tries) >= TRIES:

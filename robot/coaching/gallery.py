@@ -13,8 +13,8 @@ from robot.policy.policy import Policy
 from robot.types import Action
 
 _COMPARED = 128
-"""Maximum number of learned images that are compared. If there are more, an evenly spaced sample is
-compared."""
+"""Maximum number of learned images with which a view is compared. Of more images, an evenly spaced
+sample is compared."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,8 +44,8 @@ class Explanation:
         image: The image.
         present: The view that the learner sees, shape (30, 40).
         alike: For each cell of the picture, from 0 to 1, shape (6, 8): how much more similar the
-            view is to this image than to the learned images on average. All 0 if there is only one
-            image.
+            view is to this image than to the learned images on average. All values are 0 if there
+            is only one image.
     """
 
     image: LearnedImage

@@ -99,7 +99,7 @@ def reader(kind: Any, declared: Any, base: type[BaseModel] = BaseModel) -> Calla
 
 
 def plain_type(hint: Any) -> type[Any]:
-    """Return X for `X | None`, because an optional value still has one type."""
+    """Return X for the annotation `X | None`, because an optional value still has one type."""
     if get_origin(hint) in (UnionType, Union):
         hint = next(part for part in get_args(hint) if part is not type(None))
     return hint if isinstance(hint, type) else str

@@ -27,8 +27,8 @@ from robot.types import Action, Mode, Point, Sensors
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChassisOptions(Options):
     """The robot's dimensions and speeds. The defaults are those of the paper's robot. To drive
-    forward, it turns both wheels at 360 degrees a second, which is 16 cm/s; to turn, it drives one
-    wheel backward at 90 degrees a second."""
+    forward, the paper's robot turns both wheels at 360 degrees a second, which is 16 cm/s; to turn,
+    it drives one wheel backward at 90 degrees a second."""
 
     left_port: str = option("outB", "port of the left motor")
     right_port: str = option("outC", "port of the right motor")
@@ -138,7 +138,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
     def drive(
         self, action: Action, point: Point | None = None, *, speed_scale: float = 1.0
     ) -> Action:
-        """See `Driver`. The estimated pose follows the uncorrected order."""
+        """See `Driver`. The pose is estimated from the order before its correction."""
         sent = super().drive(action, point, speed_scale=speed_scale)
         left_mps, right_mps = self.wheels_mps(sent, point)
         speeds_mps = speed_scale * left_mps, speed_scale * right_mps

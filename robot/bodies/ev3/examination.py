@@ -15,7 +15,7 @@ from robot.errors import DriveError
 ROUND_TRIPS = 20
 PICTURES_S = 5.0
 WHEEL_TEST = ((1, 0), (0, 1), (1, 1), (-1, -1))
-"""Directions of the left and right wheel in each part of the test. A part takes 2.5 s."""
+"""Directions of the left and right wheel in each part of the wheel test. A part takes 2.5 s."""
 WHEEL_PART_S = 2.5
 ROLL_OUT_S = 0.3
 WHEEL_DPS = 180.0

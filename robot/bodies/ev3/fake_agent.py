@@ -35,7 +35,8 @@ class FakeCameraReader:
         self._n = 0
 
     def fileno(self) -> int:
-        """Return a descriptor that never becomes readable; the agent also polls."""
+        """Return a descriptor that never becomes readable. The agent gets the pictures by
+        polling."""
         return self._pipe[0]
 
     def poll(self, now_s: float) -> VideoFrame | None:

@@ -2,7 +2,7 @@
 
 A plain file still contains old bytes after a shorter value was written, so only the first line of
 each file counts. A file cannot refuse a write with EINVAL as the kernel does. So the thread records
-such a command in `refused`, and nothing moves.
+a command that the kernel would refuse in `refused`, and nothing moves.
 """
 
 from __future__ import annotations
@@ -80,7 +80,8 @@ class FakeMotor:
 
 
 class FakeBrick(StartStop):
-    """The files and the kernel thread; a context manager. Motors at outB and outC.
+    """The brick: its files, and the thread that plays the kernel. A context manager. Its motors are
+    at outB and outC.
 
     Both motors begin with the settings of another program. With a virtual `clock`, only code that
     waits by the same clock can use the brick; an agent in a separate process needs the real clock.

@@ -25,7 +25,7 @@ from robot.bodies.remote.orders import split_address
 from robot.errors import DriveError, told_as
 
 PATIENCE_S = 3.0
-"""Timeout of joining and of opening the body, in seconds."""
+"""Time limit for joining an agent, and for opening its body, in seconds."""
 
 
 class BrickConnection:

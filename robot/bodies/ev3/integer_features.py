@@ -160,8 +160,8 @@ def _small_at_half_contrast(frame: Frame) -> NDArray[np.int16]:
     """Return 40x30 grey values from 0 to 127, shape (30, 40).
 
     In a picture of 160x120, the middle four pixels of each 4x4 block are averaged. Averaging all
-    sixteen would take four times as long, with no better results (docs/explanation/learner.md). In
-    other sizes, whole areas are averaged.
+    sixteen pixels would take four times as long, with no better results
+    (docs/explanation/learner.md). In other sizes, whole areas are averaged.
     """
     grey = image.to_grey(frame)
     if grey.shape != (4 * THUMBNAIL_HEIGHT, 4 * THUMBNAIL_WIDTH):

@@ -24,11 +24,11 @@ from robot.types import Encoding
 
 SILENCE_S = 0.4
 """Time without a report after which a brick counts as silent, in seconds. A brick sends ten reports
-a second. After this time the brick's last move has ended."""
+a second, and ends its last move within this time."""
 GONE_S = PATIENCE_S + 1.0
-"""Time of silence after which a brick is joined again, in seconds. It is longer than the brick
-takes to open its body, and much shorter than TCP's own retries: after a minute without a connection
-they are a minute apart."""
+"""Time of silence after which a brick is joined again, in seconds. A brick takes less time than
+this to open its body. Without a new connection, TCP would retry only once a minute after a minute
+of silence."""
 PING_S = 0.1
 REJOIN_S = 0.5
 

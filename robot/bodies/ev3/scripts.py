@@ -30,7 +30,8 @@ done
 cat agent.log >&2
 exit 1
 """
-"""Receives a tar of agent.pyz, keep-agent, autostart and secret; starts the agent."""
+"""Script that receives a tar of agent.pyz, keep-agent, autostart and secret, and starts the
+agent."""
 
 KEEP_SCRIPT = """\
 #!/bin/sh
@@ -178,4 +179,5 @@ systemctl enable drivelesson
 systemctl restart drivelesson
 echo 'installed; the page is there when the brick no longer says "starting"'
 """
-"""Receives a tar of program, start, unit and, if it has changed, the userland; installs them."""
+"""Script that receives a tar of the program, `start`, the systemd unit and, if it has changed, the
+userland, and installs them."""

@@ -90,8 +90,9 @@ def outlive(work: Callable[[], None]) -> None:
     """Run the work in a child process; replace each child that is killed, until a child ends by
     itself.
 
-    SIGUSR1 kills a child that hangs. The next child has the pins within milliseconds, and stops the
-    motors. Starting the whole program again would take seconds, and the motors would keep running.
+    SIGUSR1 kills a child that hangs. The next child claims the pins within milliseconds, and stops
+    the motors. A new start of the whole program would take seconds, in which the motors would keep
+    running.
     """
     while child := os.fork():
         signal.signal(signal.SIGUSR1, partial(_kill, child))

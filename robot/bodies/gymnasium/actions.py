@@ -177,7 +177,7 @@ def is_car_racing(name: str) -> bool:
 
 
 def _kind_of(space: Any) -> str:
-    """Return the kind of a space, by the name of its class, which the older library also uses."""
+    """Return the kind of a space: the name of its class, which is the same in the older library."""
     names = [base.__name__ for base in type(space).__mro__]
     kinds = ("Discrete", "MultiDiscrete", "MultiBinary", "Box", "Tuple", "Dict")
     return next((name for name in names if name in kinds), type(space).__name__)
@@ -285,8 +285,8 @@ def _named(env: Any, form: ActionForm) -> Iterator[tuple[str, list[float]]]:
 
 
 def _distinct(chosen: _Chosen) -> Iterator[tuple[Move, list[float]]]:
-    """Yield a move for each entry. If several moves have one name, they are numbered from the
-    second on."""
+    """Yield a move for each pair of a name and an action. If several moves have the same name, the
+    second and later ones get a number."""
     taken: set[str] = set()
     for word, values in chosen:
         name, n = _as_action(word), 1

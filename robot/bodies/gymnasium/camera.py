@@ -30,9 +30,9 @@ class GymnasiumCamera(WorldCamera[GymnasiumDriver]):
     """Takes pictures of the environment.
 
     The environment waits for the loop: the next step comes only after the loop has acted on the
-    previous picture. So on a slow computer the environment is slower, but no picture is skipped.
-    The environment's clock runs between a picture and the next step, for one period at most, and
-    stops during the step.
+    previous picture. So the environment runs slower on a slow computer, but the loop misses no
+    picture. The environment's clock runs between a picture and the next step, for one period at
+    most, and stops during the step.
     """
 
     name: ClassVar[str] = "gymnasium"

@@ -25,8 +25,8 @@ from robot.types import Game
 
 PICTURES = ("auto", "observed", "rendered")
 _LEAST_OBSERVED = (120, 160)
-"""Minimum height and width of an observation that is shown, in pixels. If the observation is
-smaller, the rendering is shown instead."""
+"""Minimum height and width of an observation that is shown, in pixels. Of an environment with
+smaller observations, the rendering is shown instead."""
 _RENDER_MODES = ("rgb_array", "rgb_array_list", None)
 """The render modes to try in turn; None for environments without this argument."""
 _LARGEST_REWARD = 1e12
@@ -215,7 +215,7 @@ class Environment:
         return ", and ".join(told)
 
     def _told(self, what: str) -> contextlib.AbstractContextManager[None]:
-        """Convert errors of foreign code to a sentence about this environment."""
+        """Convert errors of the environment's own code to a sentence about the environment."""
         return told_as(CameraError, f"the environment {self.name!r} {what}", Exception)
 
 

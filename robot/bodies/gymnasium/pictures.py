@@ -39,7 +39,7 @@ class _Found(NamedTuple):
 
     @property
     def rank(self) -> tuple[bool, bool, bool, int]:
-        """The key for sorting; it is larger for pictures that a person prefers to see."""
+        """Key for sorting pictures; it is larger for those that a person prefers to see."""
         is_made_of_it = _MADE_OF_IT.search(self.name) is not None
         is_called_so = _PICTURE.search(self.name) is not None
         return self.has_colours, not is_made_of_it, is_called_so, self.pixels.size

@@ -1,7 +1,7 @@
 """Reads a camera's HTTP response: the head, then pictures.
 
 Cameras differ in the bytes between their pictures: boundaries, line ends, blank lines, wrong
-lengths. JPEG and PNG contain markers of their start and end, so only these markers are trusted.
+lengths. JPEG and PNG contain markers of their start and end, and only these markers are trusted.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ class Answer(HTTPResponse):
     _left = 0
 
     def begin(self) -> None:
-        """Read the head, which ends at a blank line, at the first picture, or at a timeout."""
+        """Read the head of the response, which ends at a blank line, at the first picture, or at a
+        timeout."""
         head = line = b""
         try:
             while (line.strip() or not head.strip()) and len(head) < _MOST_HEAD_BYTES:
@@ -130,7 +131,8 @@ class PictureFinder:
         return found
 
     def explain(self) -> str | None:
-        """Return why there are no pictures, as the end of a sentence; None if there are some."""
+        """Return the end of a sentence that explains why no pictures come; None if pictures
+        come."""
         if self.n_whole:
             return None
         if self._n_cut:

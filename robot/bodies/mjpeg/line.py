@@ -116,7 +116,7 @@ class CameraLine:
         return Answer(sock, *args, **options)
 
     def _check(self, asked: http.Request, answer: Answer) -> None:
-        """Raise CameraError unless this may be a stream."""
+        """Raise CameraError if the camera's response cannot be a stream."""
         url, kind = urlsplit(asked.full_url), answer.headers.get("content-type", "")
         kind = kind.partition(";")[0].strip().lower()
         if answer.status // 100 != 2:

@@ -14,7 +14,8 @@ from robot.errors import CameraError, told_as
 from robot.types import Encoding
 
 _OLDEST_S = 2.0
-"""Maximum age of a picture by its time stamp, in seconds. An older time stamp is ignored."""
+"""Maximum age of a picture by its time stamp, in seconds. A time stamp of a higher age is
+ignored."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

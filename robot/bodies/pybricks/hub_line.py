@@ -73,8 +73,8 @@ async def find_hub(bluetooth: Any, same: SameDevice, clock: Clock) -> tuple[Foun
 class HubLine(ReconnectingLink):
     """Lines to and from the program on a hub: the only hub in range, or the hub with a given name.
 
-    `bluetooth` is the module `bleak`, or an object with `BleakScanner` and `BleakClient`. A lost
-    hub is waited for; no other hub replaces it.
+    `bluetooth` is the module `bleak`, or an object with `BleakScanner` and `BleakClient`. If the
+    hub is lost, it is searched for again; no other hub replaces it.
     """
 
     def __init__(

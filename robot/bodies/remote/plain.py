@@ -18,8 +18,8 @@ from robot.types import Action, Point, Sensors
 
 HELLO = b"?"
 LATE_MS = 500
-"""A move ends at most this time after its `SEEN_MS`, in milliseconds. An order that arrives later
-only stops the body."""
+"""Maximum time from an order's `SEEN_MS` to the end of its move, in milliseconds. An order that
+arrives later only stops the body."""
 LONGEST_MS = 500
 
 

@@ -1,8 +1,8 @@
 """The device of a driver: chosen at the first connection, and never replaced. Pure.
 
-Schools own dozens of hubs with the same name. A search finds any of these hubs, so after a lost
-connection a neighbour's robot might be driven. If two hubs match at the start, it is unknown which
-one the pilot means.
+Schools own dozens of hubs with the same name. A search by this name finds any of them, so after a
+lost connection the program might drive a neighbour's robot. If two hubs match at the start, the
+program cannot know which one the pilot means.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Found:
 
 
 class SameDevice:
-    """The one device of a driver.
+    """Remembers and recognises the one device of a driver.
 
     Args:
         kind: The noun for the device in a sentence, for example `hub`.

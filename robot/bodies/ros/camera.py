@@ -41,7 +41,8 @@ class RosCameraOptions(TransportOptions):
 
 
 class RosCamera(WatchedCamera):
-    """Uses the newest picture of a topic; a thread checks that pictures keep coming.
+    """A camera that delivers the newest picture of a topic, while a thread checks that pictures
+    keep coming.
 
     The time of a picture is the time of its arrival, because the robot has another clock.
     """

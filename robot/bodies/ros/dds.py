@@ -53,8 +53,8 @@ _LOOK_EVERY_S, _ANSWER_EVERY_S = 0.05, 0.05
 """Longest pauses of the threads that read messages and that wait for acknowledgements, in
 seconds."""
 _HEARTBEAT = '<HeartbeatInterval min="1 ms" minsched="5 ms" max="20 ms">10 ms</HeartbeatInterval>'
-"""Interval at which acknowledgements are requested. With the default, a writer that writes
-continuously may not request any for seconds."""
+"""Interval at which acknowledgements are requested. By default, a writer that writes continuously
+may request no acknowledgement for seconds."""
 _LAST_ANSWER_S = 0.2
 """How long `close` waits for the acknowledgement of the last order, in seconds."""
 _SETTLED_S = 1.0
@@ -64,7 +64,8 @@ _BLOCKED_S = 0.1
 _TAKEN = 16
 _MOST_WARNINGS = 100
 _NEEDED = (*VELOCITIES, COMPRESSED, RAW)
-"""Types of topics; at least one topic of these types must be found."""
+"""Types of topics by which a robot is recognised: at least one topic of these types must be
+found."""
 _NS = 1_000_000_000
 _ANY = ViewState.Any | SampleState.Any | InstanceState.Any
 # Orders are sent reliably, because ROS's subscribers request it; only the newest order is resent.
@@ -332,7 +333,7 @@ class DdsTopics(Topics):
             self.publish(topic, message)
 
     def _write(self, topic: str, message: Message, ends: End | None) -> None:
-        """Write one message; the caller holds the lock."""
+        """Write one message; the caller must hold the lock."""
         self._ends.pop(topic, None)
         if self._shared is None:
             raise ConnectionError("not connected")
@@ -407,8 +408,9 @@ class DdsTopics(Topics):
             self._warn_once(f"a message of {topic} cannot be read: {error!r}")
 
     def _note_sign(self) -> None:
-        """Also count a message as a sign of life. After a subscriber has died, its acknowledgements
-        are missing until DDS drops it, even if another subscriber has taken its place."""
+        """Count each message as a sign of life, too, because acknowledgements are not enough: those
+        of a subscriber that has died are missing until DDS drops it, even if another subscriber has
+        taken its place."""
         with self._lock:
             if self._unanswered_s is not None:
                 self._unanswered_s = self._clock.now_s()
@@ -463,8 +465,8 @@ def neighbours_of(
 def _look_around(
     participant: DomainParticipant, clock: Clock, seconds: float
 ) -> tuple[Endpoint, ...]:
-    """Search for some seconds. The readers end with this call, because they must end before the
-    participant."""
+    """Search for some seconds. The readers end with this call, because DDS requires that they end
+    before their participant."""
     neighbours = Neighbours(participant, clock)
     clock.sleep(seconds)
     neighbours.look()

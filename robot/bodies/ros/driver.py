@@ -36,7 +36,8 @@ from robot.types import Action, Point, Pose, Prediction, Sensors
 ORDERS, ALIVE = "/drivelesson/cmd_vel", "/drivelesson/alive"
 """Topics of docs/examples/ros/watchdog.py: its velocities, and its signs of life."""
 _DISPUTED = "disputed"
-"""The word in the watchdog's signs of life if another node or a second server also drives."""
+"""The word by which the watchdog's signs of life report that another node or a second server
+drives, too."""
 _FIRST_SIGN_S = 3.0
 _FRESH_S = 1.0
 """Age from which a sensor's value is ignored, in seconds."""
@@ -75,8 +76,8 @@ class RosOptions(TransportOptions):
 class RosDriver(ConnectedDriver[Topics]):
     """Publishes a velocity for as long as a move lasts, then zero.
 
-    `cmd_vel` contains no duration. So if this program, its computer or the network fails, the robot
-    stops only if the robot's base ends a velocity that is not renewed. With `watchdog`, this
+    `cmd_vel` contains no duration. If this program, its computer or the network fails, the robot
+    therefore stops only if its base ends a velocity that is not renewed. With `watchdog`, this
     project's node on the robot stops it instead: each order contains the newest sign of life that
     the node has sent, and the node ends the order soon after the time of this sign.
     """

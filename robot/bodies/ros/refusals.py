@@ -17,8 +17,8 @@ from robot.errors import MissingExtraError, need, told_as
 
 log = logging.getLogger(__name__)
 REFUSED_S = 1.0
-"""How long a refusal counts after it was last received, in seconds. In this time a refused topic is
-requested twice."""
+"""Time for which a refusal counts after it was last received, in seconds. A topic that was refused
+is requested twice in this time."""
 _HARMLESS = ("info", "none")
 _LONGEST_TEXT = 300
 _MOST_PARTS, _MOST_BYTES = 1000, 6 * 2**20
@@ -67,7 +67,8 @@ class Unwrapping:
         self._parts: dict[str, dict[int, str]] = {}
 
     def messages(self, text: str | bytes) -> Iterator[Mapping[str, Any]]:
-        """Yield the message that this data completes, if any. An unreadable message is left out."""
+        """Yield the message that the received data completes, if any. An unreadable message is left
+        out."""
         for _ in range(_DEEPEST):
             try:
                 message = json.loads(text)

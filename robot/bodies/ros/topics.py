@@ -44,7 +44,7 @@ class Topics(ABC):
     @property
     @abstractmethod
     def refusal(self) -> str:
-        """The message that the other end refuses, and the reason; empty if there is none."""
+        """The message that the other end refuses, with its reason; empty if it refuses none."""
 
     def refused(self, refusal: str) -> str:
         """Return the sentence for a refusal."""
@@ -61,8 +61,8 @@ class Topics(ABC):
 
     @abstractmethod
     def publish_soon(self, topic: str, message: Message) -> None:
-        """Publish without waiting. The message is dropped if the previous message is still being
-        sent."""
+        """Publish without waiting. If the previous message is still being sent, this one is
+        dropped."""
 
     @abstractmethod
     def close(self) -> None:

@@ -13,7 +13,8 @@ from robot.errors import ConfigurationError, need
 
 ROSBRIDGE, DDS = "rosbridge", "dds"
 MOST_DOMAINS = 232
-"""Largest domain whose ports are valid; they begin at 7400 + 250 times the domain's number."""
+"""Largest number of a domain whose ports are valid; a domain's ports begin at 7400 plus 250 times
+its number."""
 _FEATURE = (
     "--transport dds (cyclonedds is available for Windows, macOS and Linux on x86_64, up to Python "
     "3.13; elsewhere use --transport rosbridge)"

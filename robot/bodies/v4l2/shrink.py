@@ -8,11 +8,13 @@ from typing import NamedTuple
 Shrinking = NamedTuple(
     "Shrinking", [("step", int), ("left", int), ("top", int), ("width", int), ("height", int)]
 )
-"""Every `step`-th pixel from (`left`, `top`) on; the result has size `width` x `height`."""
+"""A way to reduce a picture: take every `step`-th pixel from (`left`, `top`) on, `width` x `height`
+pixels in all."""
 
 
 def plan_shrinking(width: int, height: int, wanted_width: int, wanted_height: int) -> Shrinking:
-    """Return the reduction nearest to the wanted size; a smaller picture is not changed.
+    """Return the plan that reduces a picture to nearly the wanted size; a smaller picture is not
+    changed.
 
     Proportions are preserved: an excess in one direction is cropped equally on both sides.
     """

@@ -1,4 +1,5 @@
-"""Any camera, film or network stream that OpenCV can read, for laptops and a Raspberry Pi."""
+"""Reads any camera, film or network stream that OpenCV can read, on laptops and on a Raspberry
+Pi."""
 
 from __future__ import annotations
 

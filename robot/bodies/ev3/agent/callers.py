@@ -117,8 +117,8 @@ class CallerLimiter:
         return now_s >= self._closed_until_s
 
     def accept(self, now_s: float) -> None:
-        """Accept one connection. If this leaves too many, or the system has no room, drop an
-        unjoined one."""
+        """Accept one connection. If too many connections have not joined then, or if the system has
+        no room for a new one, drop one that has not joined."""
         try:
             line, address = self.listener.accept()
         except BlockingIOError:

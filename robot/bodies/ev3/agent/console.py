@@ -20,8 +20,8 @@ EVIOCGRAB = 0x40044590
 VT_GETSTATE, VT_ACTIVATE = 0x5603, 0x5606
 SCREEN = 6
 MENU_S = 3.0
-"""Time for which Back must be held, in seconds. The brick's menu then gets buttons and screen back,
-so that the brick can be switched off."""
+"""Time for which the button Back must be held, in seconds, until the brick's menu gets buttons and
+screen back. The menu can switch the brick off."""
 
 
 class Console:

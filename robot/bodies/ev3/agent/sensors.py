@@ -52,9 +52,9 @@ class SensorGroup:
         self._expected = max(self._expected, len(self._ports))
 
     def read(self, looks_for_more: bool) -> List[float]:
-        """Return each sensor's value in the unit of its mode. With `looks_for_more`, search for
-        sensors that have appeared since. Raises DriveError if a known sensor does not answer; the
-        next call searches for it."""
+        """Return each sensor's value in the unit of its mode. With `looks_for_more`, also search
+        for sensors that have been plugged in since the last search. Raises DriveError if a known
+        sensor does not answer; the next call searches for it."""
         try:
             wanted = min(1, self._expected)
             if looks_for_more and self._wanted == "auto":

@@ -16,11 +16,11 @@ from robot.bodies.v4l2.reader import CameraReader
 WATCHDOG_S = 0.5
 """Time without a command after which the motors are always stopped, in seconds."""
 SILENCE_S = 1.5
-"""Time of silence after which a controller counts as gone, in seconds. Another controller may then
-join."""
+"""Time of silence after which a controller counts as gone, so that another controller may join, in
+seconds."""
 STALE_S = 0.4
-"""Age in seconds, by the brick's clock. Each move names the newest report that the controller had
-received. If this report is older than `STALE_S` when the move arrives, the agent drops the move.
+"""Age, in seconds by the brick's clock, above which the report that a move names is too old, so
+that the agent drops the move. Each move names the newest report that the controller had received.
 The agent sends a report every 0.1 s, so a dropped move was delayed by at least 0.3 s."""
 REPORT_S = 0.1
 
@@ -61,7 +61,7 @@ class Agent:
         self._picture_age_s = None  # type: Optional[float]
 
     def serve_forever(self) -> None:
-        """Serve until the program is interrupted. However this ends, the motors are stopped."""
+        """Serve until the program is interrupted, and stop the motors at the end in any case."""
         try:
             while True:
                 self.tick()

@@ -3,9 +3,9 @@ Pure.
 
 A message consists of one byte for its kind, four bytes for its length, and JSON or a picture. Agent
 and controller prove that they know the shared secret, by an HMAC-SHA256 over the nonces of both.
-After these proofs each message ends in a MAC. The MAC's key is only for this connection and
-direction. The MAC covers the message and a counter that both sides keep. So nobody else can send,
-replay, drop or reorder messages, on this connection or a later one.
+After both proofs each message ends in a message authentication code (MAC), with a key only for this
+connection and direction. The MAC covers the message and a counter that both sides keep. So nobody
+else can send, replay, drop or reorder messages, on this connection or a later one.
 """
 
 import hmac
@@ -30,7 +30,7 @@ _COUNT = struct.Struct(">Q")
 
 
 def digest_of(secret: str, purpose: str, agent_nonce: str, controller_nonce: str) -> bytes:
-    """Return a digest of 32 bytes for one purpose. The digest cannot be computed without the
+    """Return a digest of 32 bytes, different for each purpose, that nobody can compute without the
     secret."""
     text = "\n".join(("drivelesson", purpose, agent_nonce, controller_nonce))
     return hmac.new(secret.encode(), text.encode(), "sha256").digest()

@@ -65,12 +65,12 @@ def timed_speed(ports: int, percent: int, milliseconds: int) -> bytes:
 
 
 def stop(ports: int) -> bytes:
-    """Stop the motors, and brake."""
+    """Stop the motors by braking."""
     return b"\xa3" + b"".join(map(number, (0, ports, 1)))
 
 
 def reset(ports: int) -> bytes:
-    """Reset counts and a reversed direction, which another program may have left."""
+    """Reset the motors' counts, and a reversed direction, which another program may have left."""
     return b"\xa2" + number(0) + number(ports) + b"\xa7" + b"".join(map(number, (0, ports, 1)))
 
 

@@ -151,8 +151,7 @@ def _open_wifi(wanted: str, beacon_port: int, clock: Clock) -> BrickLine:
 
 @contextlib.contextmanager
 def _begun(sock: socket.socket) -> Iterator[socket.socket]:
-    """If opening a connection fails, close it, because otherwise it would block the next
-    connection."""
+    """Close a connection that fails to open, because otherwise it would block the next one."""
     try:
         yield sock
     except BaseException:
@@ -207,7 +206,8 @@ def _beacons(sock: socket.socket, clock: Clock) -> Iterator[tuple[float, Beacon 
 
 
 def choose_brick(heard: Iterable[tuple[float, Beacon | None]], wanted: str = "") -> Beacon | None:
-    """Return the wanted brick, or else the only brick; None if it does not announce itself.
+    """Return the wanted brick, or the only brick if none was named; None if no such brick announces
+    itself.
 
     If no brick was named, the announcements of all bricks have to be received first. When the first
     brick announces itself again, every other brick has announced itself, too, and the search ends.
@@ -277,8 +277,7 @@ def _open_usb(path: Path) -> BrickLine:
 
 
 def find_usb(wanted: str = "", root: Path | None = None) -> Path:
-    """Return the device of the only brick at a USB cable, or of the wanted brick if there are
-    several.
+    """Return the USB device of the wanted brick, or of the only brick if none was named.
 
     Raises:
         DriveError: If the brick is missing or several bricks match; the error lists the bricks
