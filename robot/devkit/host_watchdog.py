@@ -33,10 +33,11 @@ REPEATS = 5
 """Number of stops that are sent quickly to a body without acknowledgement; further stops are sent
 slowly. If one order in ten is lost, one stop in 100,000 is late."""
 REST_S = 0.2
-"""Period of further stops to a body without acknowledgement while nobody drives, in seconds. They
-stop a body that still moves because a short loss of the link swallowed the first stops."""
+"""Period of further stops to a body without acknowledgement while nobody drives, in seconds. These
+stops are needed if a short loss of the link swallowed the first stops, so that the body still
+moves."""
 PATIENCE_S = 0.02
-"""Time for which a stop waits until an unfinished call that sends a move returns, in seconds."""
+"""Time for which a stop waits for a call that is still sending a move, in seconds."""
 LONGEST_LEAD_S = 0.15
 """Longest time by which a stop is sent early to allow for its latency, in seconds."""
 CLOSES_WITHIN_S = 0.5
@@ -91,7 +92,8 @@ class MoveEnder:
                 self._wake.set()
 
     def stop(self) -> None:
-        """Send a stop now, and raise its error. The thread repeats the stop until it succeeds."""
+        """Send a stop now; raises an error if it fails. The thread repeats the stop until it
+        succeeds."""
         self._stop(must=True)
 
     def end(self) -> bool:

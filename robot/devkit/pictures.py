@@ -21,7 +21,8 @@ _SHARES = (2, 4, 8)
 """Factors by which a decoder can reduce a JPEG, which takes a fraction of the time of decoding it
 in full size."""
 _READABLE_SOF = (0xC0, 0xC1, 0xC2)
-"""JPEG kinds that decoders read: baseline, extended, progressive. Not 0xC3, which is lossless."""
+"""Kinds of JPEG that decoders read: baseline, extended and progressive, but not the lossless kind
+0xC3."""
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG, _SCAN = b"\xff\xd8\xff", b"\xff\xda"
 _HEAD_BYTES = 4096

@@ -32,7 +32,7 @@ class ThreadedCamera(Camera):
 
     @classmethod
     def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
-        """Build the camera, which can be used with all drivers."""
+        """Build the camera, which works with every driver."""
         return cls(options, clock)
 
     def start(self) -> None:
@@ -63,7 +63,7 @@ class ThreadedCamera(Camera):
         self._threads = [self.clock.start_thread(work, f"{self.name}-camera") for work in works]
 
     def _on_clock(self, taken_s: float) -> float:
-        """Return the time of `self.clock` when `time.monotonic()` was `taken_s`.
+        """Convert `taken_s`, a time of `time.monotonic()`, to the time of `self.clock`.
 
         `self.clock` is read first: if the thread is held up between the two readings, the picture
         seems older than it is, never younger.

@@ -25,7 +25,7 @@ class SeveralCamerasError(Exception):
 
 
 class SameCamera:
-    """The one camera of a robot.
+    """Finds the one camera of a robot, and recognises it later.
 
     Args:
         wanted: The device that a person named, or `auto` for the only camera that is plugged in.

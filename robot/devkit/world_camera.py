@@ -19,7 +19,7 @@ class WorldCamera(ThreadedCamera, Generic[_D]):
     """Base of the cameras of simulated worlds; the camera's thread also advances the world."""
 
     body_type: ClassVar[type[Any]]
-    """The robot that lives in this world."""
+    """The driver of the robot that lives in this world."""
 
     longest_join_s: ClassVar[float] = 5.0
     patience_s: ClassVar[float] = 20.0

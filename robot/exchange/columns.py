@@ -60,8 +60,8 @@ NAMES: dict[str, tuple[str, ...]] = {
 }
 """The possible names of the columns, by the meaning of the column."""
 _MEANT = "label", "steering", "left_wheel", "linear"
-"""Meanings from which a label follows. If a table has several of these meanings, the first
-counts."""
+"""Meanings of columns from which a label can be computed. If a table has several of these, the
+first in this list counts."""
 _PAIRS = ("left_wheel", "right_wheel"), ("linear", "angular")
 _SIDES = re.compile(r"(?:^|[\W_])(left|right)(?:$|[\W_])", re.IGNORECASE)
 _PEEK_ROWS = 50
@@ -267,8 +267,9 @@ def _of_pictures(sample: list[Cells], width: int) -> list[int]:
 
 
 def _picture_columns(named: list[int], of_pictures: list[int], names: list[str]) -> list[int]:
-    """Choose the column of the main camera's pictures. The columns with such a name are tried
-    first, then the columns that contain pictures; columns of side cameras are left out."""
+    """Choose the column of the main camera's pictures. Columns that are named like pictures are
+    tried first, then all columns that contain names of pictures; columns of side cameras are left
+    out."""
     chosen = [i for i in named if i in of_pictures] or named or of_pictures
     ahead = [i for i in chosen if not _SIDES.search(names[i])]
     return ahead or chosen

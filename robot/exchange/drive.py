@@ -235,9 +235,8 @@ def _write_label(writer: EpisodeWriter, shot: FrameEvent, frame_id: int, t_s: fl
 
 
 def _moves_with(labels: Iterable[Action | None]) -> tuple[Action, ...]:
-    """Return the usual three moves and all other moves among the labels.
-
-    If no label is one of these three, return only the moves among the labels.
+    """Return the moves among the labels, and the usual three moves unless the drive has labels of
+    which none is one of these three.
     """
     found = dict.fromkeys(label for label in labels if label is not None)
     if not found or not found.keys().isdisjoint(DEFAULT_MOVES):
@@ -261,7 +260,7 @@ def _declared(shots: Iterable[FrameEvent]) -> tuple[Move, ...]:
 
 
 def _counted(places: list[str]) -> str:
-    """Return the locations, or their number and the first few."""
+    """Return the locations as text: all of them, or their number and the first few."""
     if len(places) <= _MOST_PLACES:
         return ", ".join(places)
     return f"{len(places)}, the first in {', '.join(places[:_MOST_PLACES])}"

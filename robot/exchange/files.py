@@ -110,8 +110,8 @@ def _read_resolved(folder: Path, name: str) -> bytes:
 
 
 class Pictures:
-    """A folder's pictures. The pictures are found by paths of another computer, whose last parts
-    must match."""
+    """A folder's pictures. Finds the pictures by paths that another computer wrote, of which only
+    the last parts must match."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder

@@ -32,7 +32,7 @@ SUFFIXES = (".mp4", ".mov", ".mkv")
 H264, AV1 = "libx264", "libsvtav1"
 """FFmpeg's names of the encoders for H.264 and AV1."""
 AV = ("av", "writing films", "export")
-"""The library, its purpose, and the extra that installs it."""
+"""PyAV, its purpose here, and the extra that installs it: arguments of `need`."""
 
 
 def write_film(
@@ -77,7 +77,7 @@ def _encode(
     key_every: int,
     codec: str = H264,
 ) -> int:
-    """Write video frames of one even size; return their number."""
+    """Write video frames that all have the same even width and height; return their number."""
     av = need(*AV)
     count, stream = 0, None
     # without this setting the AV1 encoder logs to the terminal
@@ -213,8 +213,8 @@ def write_look(episode: Episode, notes: Notes, path: Path, *, fps: int | None = 
 def _captioned(picture: Pixels, moment: EpisodeFrame) -> Any:
     """Return a video frame: the picture, enlarged to at least 480 rows, above a bar of text.
 
-    FFmpeg enlarges the picture while it converts the colours. The text is grey, so it is drawn in
-    the brightness only. For films of small pictures, these two measures save most of the time.
+    FFmpeg enlarges the picture while it converts the colours, and the grey text is drawn in the
+    brightness only, which saves most of the time in films of small pictures.
     """
     import cv2
 

@@ -44,8 +44,8 @@ class Source(NamedTuple):
     """A drive that was found: its name for people, and the function that reads the drive.
 
     The function raises RecordingError if no picture can be used, or MissingExtraError. The pictures
-    themselves are read only when the drive is written. `copy` is set for recordings of this
-    program. `copy` is then used instead of the function, and writes the drive to a path.
+    themselves are read only when the drive is written. For recordings of this program `copy` is
+    set: it is used instead of the function, and writes the drive to a path.
     """
 
     name: str

@@ -9,8 +9,9 @@
 
 Timestamps are frame_index / fps exactly, so pictures are resampled to one rate, and a recording is
 split where pictures are missing for longer than a second. All pictures of a dataset are scaled to
-the size of the first. Source: lerobot, datasets/utils.py, dataset_writer.py and
-docs/source/lerobot-dataset-v3.mdx.
+the size of the first.
+
+Source: lerobot, datasets/utils.py, dataset_writer.py and docs/source/lerobot-dataset-v3.mdx.
 """
 
 from __future__ import annotations
@@ -240,8 +241,8 @@ def _pictures(
 class _Table:
     """The values of all frames, and the description of each column.
 
-    The action is steering and throttle. If one of the robot's moves has no steering and throttle,
-    the action has instead one number for each move. If all numbers are zero, the robot stands
+    The action of a frame is steering and throttle, or one number for each move if one of the
+    robot's moves has no steering and throttle. If all these numbers are zero, the robot stands
     still.
     """
 

@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 from robot.errors import RecordingError, need, told_as
 
 Columns = dict[str, NDArray[Any]]
-"""One value per frame, by feature."""
+"""Columns of the table of frames: for each feature one value per frame."""
 PILOT = "pilot"
 """Name of the column with the index of the taught move among the feature's moves; -1 if no move was
 taught."""
 DEGREES = "degrees"
 """Name of the column that is true if the pilot steered by degrees instead of by a move."""
 ROBOT = "drivelesson"
-"""The robot type in datasets. The package for LeRobot (docs/examples/lerobot) uses the same
-type."""
+"""The type of robot that datasets state. The package for LeRobot (docs/examples/lerobot) states the
+same type."""
 PYARROW = ("pyarrow", "reading and writing LeRobot datasets", "export")
-"""The library, its purpose, and the extra that installs it."""
+"""The library pyarrow, its purpose here, and the extra that installs it: arguments of `need`."""
 _PARQUET = ("pyarrow.parquet", *PYARROW[1:])
 _MOST_TABLE_BYTES = 2**30
 _ROWS = 10_000

@@ -5,7 +5,9 @@
     sensor_data/ctrlLog.txt                                  timestamp[ns],leftCtrl,rightCtrl
     sensor_data/matched_frame_ctrl_cmd_processed.txt         by its notebook: path, left, right, cmd
 
-Commands to the wheels range from -255 to 255; positive is ahead. Each is valid until the next one.
+Commands to the wheels range from -255 to 255; positive is ahead. A command is valid until the next
+one.
+
 Source: ob-f/OpenBot, policy/openbot and the app's logger.
 """
 

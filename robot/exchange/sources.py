@@ -23,8 +23,8 @@ __all__ = ["Source", "find_drives", "unpacked"]
 def find_drives(path: Path) -> list[Source]:
     """Return the drives at a path, or in its subfolders.
 
-    Raises RecordingError if a dataset has no readable description, or if there is no drive. In the
-    second case the error names the kinds of files found, and why they cannot be imported.
+    Raises RecordingError if a dataset has no readable description, or if there is no drive. If
+    there is no drive, the error names the kinds of files found, and why they cannot be imported.
     """
     if not path.exists():
         raise RecordingError(f"{path} does not exist")

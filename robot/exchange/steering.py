@@ -16,11 +16,12 @@ THROTTLES = ("throttle", "user/throttle")
 """Other programs' names of the throttle."""
 FULL_MPS, FULL_TURN_RAD_S = 0.4, math.radians(45.0)
 """Speed ahead at full throttle, and speed of turning at full lock: the defaults of this project's
-ROS robot. Higher values count as full."""
+ROS robot. Higher speeds count as full."""
 FULL_TURN_DEG_S = math.degrees(FULL_TURN_RAD_S)
 _TURNING = (*DEFAULT_MOVES, Action.SPIN_LEFT, Action.SPIN_RIGHT)
 _STANDING = 0.02
-"""Mean speed of two wheels, as a share of full speed, below which a turning robot spins."""
+"""Mean speed of two wheels, as a share of full speed, below which a turning robot counts as
+spinning."""
 _STEERED = "the angle", "the throttle"
 Meant = tuple[Action | None, Point | None]
 """The label of a picture, and the label's point if known."""
@@ -39,9 +40,9 @@ def read_meant(
 
     A car has only FORWARD, LEFT and RIGHT, so standing or backing up is not an example.
 
-    `written` are the angle (full lock to the left: -1) and the throttle that a program wrote under
-    these names. If there is only the angle, the move has no point. An angle beyond the threshold is
-    a turn. Raises ValueError if a value is not a number in its range.
+    `written` are the values that a program wrote under `names`: the angle (full lock to the left is
+    -1) and the throttle. If there is only the angle, the move has no point. An angle beyond the
+    threshold is a turn. Raises ValueError if a value is not a number in its range.
     """
     reading = reading or Reading()
     is_whole = len(written) == 2

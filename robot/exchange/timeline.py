@@ -42,8 +42,8 @@ class Timeline:
         return min(max(round(1 / self.usual_s), 1), 60)
 
     def evenly(self, fps: int) -> list[NDArray[np.intp]]:
-        """Return the stretches without a gap. Each has the indices of the pictures that are nearest
-        to the times at this rate, in order."""
+        """Return the stretches without a gap. A stretch is the indices, in order, of the pictures
+        that are nearest to evenly spaced times at this rate."""
         times_s = np.array(self.times_s)
         begins = [0, *(np.flatnonzero(np.diff(times_s) > self.gap_s) + 1)]
         stretches = [times_s[a:b] for a, b in pairwise([*begins, len(times_s)])]

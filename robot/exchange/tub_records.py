@@ -24,7 +24,7 @@ _MOST_LINE_CHARS = 2**20
 _DECODER = json.JSONDecoder()
 Record = dict[str, Any]
 Placed = tuple[str, Record]
-"""The location of a record, and the record."""
+"""A record of a tub: its location, which the import's report states, and its fields."""
 
 
 def is_tub(folder: Path) -> bool:

@@ -40,8 +40,8 @@ _SILENT_S = 20.0
 _FROZEN_S = 60.0
 """Time after which the task of a silent worker is reassigned, in seconds; Dask waits for 300 s."""
 _FETCH_S = 3.0
-"""Longest time to fetch an answer, in seconds. If the worker was killed during this time, no answer
-comes.
+"""Longest time to fetch an answer, in seconds. Without a limit, the answer of a worker that was
+killed meanwhile would never come.
 """
 _MOST_LOSSES = 3
 """A task is given up after this number of workers were lost while they ran it."""

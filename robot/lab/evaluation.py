@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from robot.exchange.drive import Drive
 
 Vectors = dict[tuple[type[Features], str, str, float], list[Vector]]
-"""The vectors of each drive in each light, by features. They are extracted once for all learners
-with the same features."""
+"""The vectors of each drive in each light, by features, so that they are extracted once for all
+learners with the same features."""
 Seen = Sequence[tuple[Vector, Action, Point | None]]
 """A drive in the form in which a learner gets it: for each frame the vector, the label, and the
 label by degrees."""

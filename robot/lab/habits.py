@@ -37,7 +37,7 @@ QUICK = [
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
-    """Plan a task for every habit in every place at every rate. Each task has another seed."""
+    """Plan a task for every habit in every place at every rate, each with a seed of its own."""
     times_s = (*((rate_hz, LONG_S) for rate_hz in RATES_HZ), (30.0, SHORT_S))
     chosen = [
         {"habit": habit, "world": world, "rate_hz": rate_hz, "teach_s": teach_s}
@@ -136,18 +136,18 @@ def _gate(runs: Runs) -> Table:
 
 _MEANS = ("driven_m", "covered_m2", "steering_per_s")
 DRIFT_SHARE = 0.15
-"""Drift of the wheels while a simulated pilot teaches. It changes the heading of a robot that
-drives straight by 17 degrees a second (standard deviation)."""
+"""Drift of the wheels while a simulated pilot teaches. This drift changes the heading of a robot
+that drives straight by 17 degrees a second (standard deviation)."""
 
 
 def run_habit(params: Params) -> Result:
     """Run one robot of this experiment: teach it, let it drive unaided, correct it, let it drive
     unaided again. The pilot also drives, from where the robot began.
 
-    In a minute neither robot nor pilot sees the whole place. So if robot and pilot started in
-    different corners, the corners would make a difference. The pilot's minutes also have the frame
-    rate of the lesson, because with ten pictures a second a hand moves later than with thirty, and
-    a pilot who follows a wall then drives differently.
+    In a minute neither robot nor pilot sees the whole place, so their drives would differ if they
+    started in different corners. The pilot's minutes also have the frame rate of the lesson,
+    because with ten pictures a second a hand moves later than with thirty, and a pilot who follows
+    a wall then drives differently.
 
     Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `teach_s`, `correct_s`, `alone_s`,
     `reference_s`.

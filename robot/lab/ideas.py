@@ -38,9 +38,9 @@ def make_learner(name: str, moves: tuple[Action, ...]) -> Policy:
     """Return a policy.
 
     Args:
-        name: `default-32`, the name of an entry point, or `path.py:Name`. The last names a class or
-            function that, called without arguments, returns a `Policy` or a `Learner`. A `Learner`
-            gets the features and the action filter of the default learner.
+        name: `default-32`, the name of an entry point, or `path.py:Name`. `path.py:Name` names a
+            class or function that, called without arguments, returns a `Policy` or a `Learner`. A
+            `Learner` gets the features and the action filter of the default learner.
         moves: The moves that the policy may propose.
 
     Raises:

@@ -16,7 +16,8 @@ from pathlib import Path
 
 MISSING = "missing"
 LIBRARIES = ("numpy", "panda3d", "opencv-python-headless", "scikit-learn", "river")
-"""Libraries that affect figures. Packages with entry points of this program are added."""
+"""Libraries that affect figures. Installed packages that extend this program by entry points are
+added to these."""
 
 
 def identify() -> dict[str, str]:

@@ -21,8 +21,8 @@ from robot.study.profile import Profile, behavior_profile, compare
 from robot.types import Action, DrivenBy, Point, Pose
 
 STAY_M, STUCK_S = 0.15, 20.0
-"""A robot that stays within `STAY_M` metres for `STUCK_S` seconds is stuck. This is longer than a
-full turn about one wheel, which takes 19.5 s."""
+"""A robot that stays within `STAY_M` metres for `STUCK_S` seconds is stuck. `STUCK_S` is longer
+than a full turn about one wheel, which takes 19.5 s."""
 CELL_M = 0.1
 """Side of the squares in which covered floor is counted, in metres."""
 
@@ -192,8 +192,8 @@ def steering_per_s(steering: ArrayLike, at_s: ArrayLike) -> float:
 
 
 RARE_SHARE = 0.05
-"""Share of ticks below which a move is rare. Without this, one slip of a hand could add 200 to the
-SSD."""
+"""Share of ticks below which a move is rare. If rare moves counted, one slip of a hand could add
+200 to the SSD."""
 
 
 def move_shares(moves: Sequence[Action]) -> dict[Action, float]:

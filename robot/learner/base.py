@@ -151,7 +151,7 @@ class Learner(Protocol):
     def learn_in(
         self, x: Vector, y: Label, contexts: Collection[int], angle: float | None = None
     ) -> None:
-        """Add a labelled vector that counts only in these contexts. An `angle` is given after
+        """Add a labelled vector that counts only in these contexts. Pass an `angle` only after
         `begin_angles`."""
         self.learn_one(x, y)
 

@@ -22,8 +22,8 @@ class IntegerImages(Images):
 
     Vectors are integers from 0 to 255. A row stores the exact sum of its frames, so precision does
     not depend on the number of frames. Frames are compared with the mean in steps of 1/16 to 1/256.
-    The step is as fine as it can be if products of two vectors must fit into 32 bits. With 64 bits,
-    such a processor takes twice as long.
+    The step is as fine as 32 bits allow for products of two vectors, because with 64 bits such a
+    processor takes twice as long.
 
     Args:
         max_nodes: Number of rows.

@@ -115,7 +115,7 @@ def learner_kinds() -> list[str]:
 
 
 def is_learner_kind(kind: str) -> bool:
-    """True if there is such a kind of learner, or such a variant."""
+    """True if a kind of learner, or a variant, has this name."""
     return kind in _points()
 
 

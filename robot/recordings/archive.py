@@ -71,7 +71,7 @@ def join_recording(tell: Callable[[bytes], None], path: Path) -> None:
 
 
 def copy_edited(tell: Callable[[bytes], None], path: Path, notes: Notes, is_part: bool) -> None:
-    """Pass what `write_edited` writes to `tell`, block by block."""
+    """Pass the file that `write_edited` writes to `tell`, block by block."""
     file = BlockWriter(tell)
     write_edited(open_episode(path), notes, cast(BinaryIO, file), is_part=is_part)
     file.end()

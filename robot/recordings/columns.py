@@ -79,8 +79,8 @@ class FrameTable(Mapping[int, FrameEntry]):
         return bytes(self._rows), self._channels
 
     def load(self, data: bytes, channels: Sequence[MessageChannel], base: int = 0) -> None:
-        """Add the rows that a `dump` returned. Their file begins at the offset `base`. Raises one
-        of `UNREADABLE` if the rows are invalid."""
+        """Add the rows that a `dump` returned. The file of these rows begins at the offset `base`.
+        Raises one of `UNREADABLE` if the rows are invalid."""
         table = np.frombuffer(data, _FRAME).copy()
         self._channels += [channel for channel in channels if channel not in self._channels]
         numbers = np.array([self._channels.index(channel) for channel in channels], "<u2")
@@ -206,8 +206,8 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
             self._add(now_s, json.loads(text))
 
     def _add_plain(self, times_s: Sequence[float], plain: Sequence[Fields]) -> bool:
-        """Add the examples if they have the common form, in which either all or none have points.
-        Otherwise add none and return False."""
+        """Add the examples if they have the common form, in which either all or none have points;
+        if they do not, add none and return False."""
         try:
             frames = [fields["frame"] for fields in plain]
             labels = [fields["label"] for fields in plain]

@@ -2,9 +2,9 @@
 
 A recording with an index is opened without reading its chunks. Each section (`SECTION_FRAMES`
 pictures) has its own attachment, so the recorder holds the columns of only one section in memory. A
-section contains its own position in the file and the position of the previous section. A program
-that moves chunks also moves these attachments; then the positions are wrong and the index is not
-used.
+section contains its own position in the file and the position of the previous section. If another
+program has moved the chunks, it has moved the attachments, too; their positions are then wrong, so
+the index is not used.
 """
 
 from __future__ import annotations

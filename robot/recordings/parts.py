@@ -45,7 +45,7 @@ def part_path(path: Path, number: int) -> Path:
 
 
 def part_paths(path: Path) -> dict[int, Path]:
-    """Return a recording's existing files by number, in order; always contains the first."""
+    """Return the existing files of a recording by their numbers, in order, and always the first."""
     found: dict[int, Path] = {}
     with contextlib.suppress(OSError):
         for file in parts_folder(path).iterdir():

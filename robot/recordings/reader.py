@@ -1,9 +1,10 @@
 """Reads MCAP files that may be truncated, damaged or malicious.
 
 Impossible lengths are rejected before memory is allocated for them, chunks are unpacked within
-bounds, and reading stops at the first invalid record. All records before it are valid, so a
-truncated recording is readable up to the cut. Layout: mcap.dev/spec. The library `mcap` parses only
-the content of single records, because it trusts lengths and does not detect truncated files.
+bounds, and reading stops at the first invalid record. All records before the first invalid one are
+valid, so a truncated recording is readable up to the cut. Layout: mcap.dev/spec. The library `mcap`
+parses only the content of single records, because it trusts lengths and does not detect truncated
+files.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Brings the files of one recording together again.
 
-A recording is deleted and restored file by file. A kill or a power cut in between separates the
-files. A recording that is made compact is deleted before the new file gets its name; a kill between
-these steps leaves the recording only in the trash.
+A recording is deleted and restored file by file. If the program is killed or loses power meanwhile,
+the files are separated. A recording that is made compact is deleted before the new file gets its
+name; a kill between these steps leaves the recording only in the trash.
 """
 
 from __future__ import annotations
@@ -44,7 +44,8 @@ def compacting_mark(path: Path) -> Path:
 
 
 def rejoin(storage: Storage) -> None:
-    """Move strays to the rest of their recording in the trash, as a deletion would have done.
+    """Move stray notes and parts to the rest of their recording in the trash, as a deletion would
+    have done.
 
     Parts that were set aside at a start are moved back to their recording. A recording whose
     compacting was interrupted is restored. Never raises.

@@ -98,7 +98,8 @@ def _labelled_late(episode: Episode, notes: Notes) -> Iterator[Taught]:
 
 def surviving(episodes: Sequence[EditedEpisode]) -> list[NDArray[np.intp]]:
     """Return for each recording the indices of its events that were undone neither while driving
-    nor by a later recording of the same run. Undo events for recordings before `episodes` stay."""
+    nor by a later recording of the same run. Undo events that concern recordings before `episodes`
+    are kept."""
     counts = [np.ones(len(episode.events), bool) for episode, _ in episodes]
     frames = [episode.events.frames for episode, _ in episodes]
     for place, (episode, _) in enumerate(episodes):

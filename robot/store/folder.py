@@ -69,7 +69,7 @@ class FolderKind:
     """An extension's folder in the data folder.
 
     Attributes:
-        about: Lines about the folder's content for README.txt. If empty, it is created when needed.
+        about: Lines about the content for README.txt. If empty, the folder is created when needed.
         reads: Matches the paths that the program reads in the folder; a folder's path ends with a
             slash.
         files: The extension's files next to the folder.

@@ -58,7 +58,7 @@ def named(events: Sequence[StudyEvent], event: str) -> list[StudyEvent]:
 
 
 def frames(events: Sequence[StudyEvent], by: DrivenBy) -> list[StudyEvent]:
-    """Return the frames on which this driver drove."""
+    """Return those frames on which this driver, the pilot or the robot, drove."""
     return [e for e in named(events, "frame") if e.driven_by == by.value]
 
 

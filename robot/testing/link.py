@@ -16,7 +16,8 @@ from typing import Any
 
 @dataclass(slots=True, kw_only=True)
 class LinkConditions:
-    """The conditions of a link. A change of them applies to all later messages."""
+    """The conditions of a link. If a test changes them, the change applies to all later
+    messages."""
 
     delay_s: float = 0.0
     jitter_s: float = 0.0

@@ -1,5 +1,5 @@
-"""Runs one learner in one third-party world. The learner is taught and drives unaided. After that
-it is taught more examples and drives unaided again, several times."""
+"""Runs one learner in one third-party world. The learner is taught some examples and drives
+unaided, is taught more and drives unaided again, and so on."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from robot.lab.task import Params, Result
 from robot.types import Action, Prediction
 
 FIRST_EXAMPLES = 50
-"""Number of examples that the teacher demonstrates. After them the robot drives, and is corrected
-or asks."""
+"""Number of examples that the teacher demonstrates, before the robot drives and is corrected or
+asks."""
 WRONG_FOR = 2
 """Number of wrong decisions in a row after which the teacher takes the wheel."""
 HOLDS_FOR = 5
-"""Least number of decisions for which the teacher keeps the wheel after taking it. Then the teacher
-returns it as soon as the robot would make the same move."""
+"""Least number of decisions for which the teacher keeps the wheel. After them the teacher returns
+the wheel as soon as the robot would make the same move."""
 UNSURE = 0.6
-"""Confidence below which a robot that may ask does so. It also asks whenever Drivelesson's own loop
-would."""
+"""Confidence below which a robot that may ask does so. A robot that may ask also does so whenever
+Drivelesson's own loop would."""
 _PATIENCE = 20
-"""Maximum number of decisions in which a robot must get one more example. Without a limit, a robot
-that makes no mistakes would never get it."""
+"""Maximum number of decisions in which a robot must get one more example. A limit is needed,
+because a robot that makes no mistakes gets no corrections."""
 _ALONE_SEED = 1_000_000
 TEACHER = "teacher"
 """The learner's name for drives of the scripted teacher itself."""

@@ -231,7 +231,7 @@ CAR_MOVES = {
 
 
 class CarRacingByDegrees(CarRacing):
-    """The continuous form of the same world, with the moves of the discrete form.
+    """CarRacing in its continuous form, with the moves of the discrete form.
 
     The teacher steers in proportion to the bearing, and accelerates at the same time.
     """
@@ -260,7 +260,8 @@ class CarRacingByDegrees(CarRacing):
 
 
 class VizDoom(ForeignWorld):
-    """Gathering health on a floor of acid. The score is the number of tics survived, at most 2,100.
+    """ViZDoom's scenario of gathering health on a floor of acid. The score is the number of tics
+    survived, at most 2,100.
 
     The teacher drives to the medikit that looks largest, and turns left if there is none in sight.
     """

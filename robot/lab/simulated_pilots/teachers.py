@@ -17,13 +17,14 @@ from robot.types import Action, Point, Pose
 
 
 class Teacher(Protocol):
-    """Protocol of a teacher; a teacher can be loaded from your own file.
+    """Protocol of a teacher, which may come from a user's own file.
 
     A teacher who steers by degrees has a `point`: the steering and throttle of its last move.
     """
 
     def choose(self, situation: Situation) -> Action:
-        """Return the move that this teacher makes. Called at each look, in order.
+        """Return the move that this teacher makes. The pilot calls this at each look, in the order
+        of time.
 
         Two looks may see the same picture, and some pictures are never looked at.
         """
@@ -91,8 +92,8 @@ class Wanderer:
     """After turning in a narrow place for this time (150 degrees), the teacher drives on as soon as
     the way is free at all, in seconds."""
     STUCK_S, STUCK_M = 13.0, 0.15
-    """For this teacher, a robot that stays within `STUCK_M` metres for `STUCK_S` seconds is stuck.
-    Turning round takes less time."""
+    """For this teacher, a robot that stays within `STUCK_M` metres for `STUCK_S` seconds is stuck,
+    because turning round takes less time."""
 
     def __init__(
         self,
@@ -182,7 +183,7 @@ class Steerer(Wanderer):
         self._steering, self._at_s = 0.0, -math.inf
 
     def choose(self, situation: Situation) -> Action:
-        """Return the move nearest to its steering."""
+        """Return the move that is nearest to the steering that this teacher wants."""
         share = (self.FAR_M - situation.free_ahead_m) / (self.FAR_M - self.NEAR_M)
         if share <= 0.0:
             self._turning = None

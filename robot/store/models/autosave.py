@@ -57,7 +57,7 @@ class Autosave:
         self.name: str | None = None
         """Name of the model in use; None until the learner is taught."""
         self.lock = self._clock.lock()
-        """Held while the model in use is saved or replaced."""
+        """A lock that is held while the model in use is saved or replaced."""
         self._unsubscribe: Callable[[], None] | None = None
         self._seen = (Mode.STOPPED, 0)  # the mode and the number of edits at the last check
         self._saved_changes = loop.history.changes
