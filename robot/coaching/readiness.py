@@ -5,57 +5,18 @@ predictor of a minute alone is a short trial: the robot drives, and the pilot st
 correct. The time of a trial counts while nothing goes wrong: no correction, no collision, no call
 for help, and few unknown views. Before the first trial the pilot must have begun each move in use a
 few times.
-
-Each mistake becomes a `Gap`: the move to show the robot, with a picture of the place.
 """
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict, deque
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 
-from robot.control.state import Tick
-from robot.policy.events import Replaced, Taught, Undone
-from robot.types import Action, DrivenBy, Frame, StopReason
+from robot.coaching.gaps import Gap, GapKind
+from robot.coaching.lesson import CLEAN_S, FORGOTTEN_S, TAUGHT_S, Lesson
 
-TAUGHT_S = 40.0
-"""Teaching time after which the first trial may begin in any case, in seconds."""
-EARLY_S, EARLY_STARTS, EARLY_KNOWN = 20.0, 4, 0.9
-"""Conditions of an early first trial. The trial may begin after 20 s of teaching if the pilot has
-begun each move in use four times, and the robot knew 90 % of the views of the last ten seconds.
-Robots foresee few of their pilot's changes of move at that time, and still drive a minute by
-themselves.
-"""
-STARTS = 3
-"""Each move in use must be begun this number of times before the first trial, to exclude chance."""
-RARE_SHARE = 0.02
-"""A move with a smaller share of the examples is rare, and must be begun `2 * STARTS` times. If a
-pilot drives straight for minutes, the few examples of the turn at a wall have little weight."""
-_SLIP_S, _MEANT_S = 0.35, 0.9
-"""A press shorter than `_SLIP_S` seconds counts as a slip of the finger. A rare move counts as in
-use once its longer presses add up to `_MEANT_S` seconds. Without these limits the page would ask
-for a move that the pilot never meant."""
-_FEWEST = 5
-"""Least number of examples of a move in use, whatever their share."""
-CLEAN_S = 45.0
-"""Time without mistakes after which the robot is ready, in seconds."""
 NOVEL_SHARE = 0.015
 """Largest share of hardly known views in a clean trial."""
-HARDLY_KNOWN = 0.8
-"""Novelty from which a view counts as hardly known. Above 1 the robot asks for help, and a robot
-that comes near to 1 in a trial will probably ask later."""
-PUSHED_S = 0.3
-BEFORE_S, AFTER_S = 0.5, 0.15
-"""A change of move was foreseen if the robot proposed the move at most `BEFORE_S` seconds before
-the pilot or `AFTER_S` seconds after."""
-_LONGEST_STEP_S, _PAUSE_S = 0.25, 0.5
-_COVERED_S = 10.0
-_GAPS, _CHANGES = 6, 40
-_FORGOTTEN_S = 2 * CLEAN_S
-"""Length of a trial above which its figures are halved, in seconds, because old driving says
-little."""
 
 
 class Stage(StrEnum):
@@ -66,188 +27,8 @@ class Stage(StrEnum):
     READY = "ready"
 
 
-class GapKind(StrEnum):
-    """The kind of a gap: missing teaching, or a mistake."""
-
-    TOO_SHORT = "too_short"  # more teaching is needed
-    RARE_MOVE = "rare_move"  # this move was begun too few times
-    UNFORESEEN = "unforeseen"  # the robot would not have changed to this move as the pilot did
-    CORRECTED = "corrected"  # the pilot took the wheel here
-    PUSHED = "pushed"  # the robot drove against an obstacle here
-    HELPLESS = "helpless"  # the robot tried without success here
-    UNKNOWN_VIEW = "unknown_view"  # the robot hardly knows this view
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Gap:
-    """One situation to show the robot, and its location.
-
-    `move` is the pilot's move there (None if unknown). `instead` is the move that the robot
-    proposed.
-    """
-
-    kind: GapKind
-    move: Action | None = None
-    instead: Action | None = None
-    have: float = 0.0
-    need: float = 0.0
-    distance_m: float | None = None
-    at_s: float = 0.0
-    frame: Frame | None = None
-
-
-class Readiness:
-    """Follows one robot tick by tick; call `note` on the loop's thread.
-
-    `clean_s` is the time that the robot has driven by itself since the last mistake.
-    """
-
-    def __init__(self) -> None:
-        self._begin()
-
-    def _begin(self) -> None:
-        self._taught_s = 0.0
-        self._is_taught = False  # true once enough was taught
-        self._rare: list[Action] = []  # moves in use that the pilot started too rarely
-        self._examples: Counter[Action] = Counter()
-        self._starts: Counter[Action] = Counter()
-        self._shown: set[Action] = set()  # moves taught by the pilot, not only by corrections
-        self._meant_s: dict[Action, float] = defaultdict(float)
-        self._try_s = 0.0
-        self._last: tuple[float, Action] | None = None
-        self._proposed: deque[tuple[float, Action | None]] = deque(maxlen=64)
-        self._foreseen: deque[bool] = deque(maxlen=_CHANGES)
-        # whether each view of the last seconds of teaching was known
-        self._known: deque[tuple[float, bool]] = deque()
-        self._gaps: deque[Gap] = deque(maxlen=_GAPS)
-        self._was: DrivenBy = DrivenBy.NOBODY
-        self._is_taken = False
-        self._instead: Action | None = None
-        self._last_s: float | None = None
-        self._frame: Frame | None = None
-        self._begin_trial()
-
-    def note_carried(self) -> None:
-        """Begin a new trial, because the robot was moved to another place. The robot has not driven
-        there yet, and the gaps lie elsewhere. Call this on the loop's thread."""
-        self._gaps.clear()
-        self._begin_trial()
-
-    def _begin_trial(self) -> None:
-        self.clean_s = self._novel_s = self._stalled_s = 0.0
-
-    def note(self, tick: Tick) -> None:
-        """Process one tick."""
-        step_s = 0.0 if self._last_s is None else min(tick.now_s - self._last_s, _LONGEST_STEP_S)
-        self._last_s = tick.now_s
-        self._frame = tick.frame or self._frame
-        if tick.frame is not None and tick.prediction is not None:
-            self._proposed.append((tick.now_s, tick.prediction.action))
-        for event in tick.history_events:
-            if isinstance(event, Replaced):
-                self._begin()
-            elif isinstance(event, Undone):
-                self._begin_trial()
-            elif isinstance(event, Taught):
-                self._note_taught(event, tick)
-                if not self._is_taught:
-                    needed_s = EARLY_S if self._is_covered else TAUGHT_S
-                    self._is_taught = self._taught_s >= needed_s
-                if not event.example.is_intervention:
-                    self._shown.add(event.example.label)
-                    in_use = [move for move in self.moves_in_use if move in self._shown]
-                    self._rare = [move for move in in_use if self._starts[move] < self._needs(move)]
-        if tick.decision.driven_by is DrivenBy.ROBOT:
-            self._instead = tick.decision.action
-            self._note_alone(tick, max(step_s, 0.0))
-        elif tick.decision.driven_by is DrivenBy.PILOT:
-            self._note_takeover(tick)
-        else:
-            self._is_taken = False
-        self._was = tick.decision.driven_by
-
-    def _note_takeover(self, tick: Tick) -> None:
-        """Record a correction by the pilot, who may begin with the robot's current move."""
-        if self._was is DrivenBy.ROBOT:
-            self._begin_trial()
-            self._is_taken = True
-        move = tick.decision.action
-        if self._is_taken and move is not self._instead:
-            self._add(GapKind.CORRECTED, tick, move, self._instead)
-            self._is_taken = False
-
-    def _note_taught(self, event: Taught, tick: Tick) -> None:
-        label, before = event.example.label, self._last
-        if tick.prediction is not None:
-            self._known.append((event.at_s, tick.prediction.novelty < HARDLY_KNOWN))
-            while self._known[0][0] < event.at_s - _COVERED_S:
-                self._known.popleft()
-        self._last = (event.at_s, label)
-        self._examples[label] += 1
-        step_s = event.at_s - before[0] if before is not None else 0.0
-        is_going_on = before is not None and 0.0 <= step_s < _PAUSE_S
-        self._taught_s += step_s if is_going_on else 0.0
-        if before is not None and is_going_on and label == before[1]:
-            was_slip = self._try_s < _SLIP_S
-            self._try_s += step_s
-            if self._try_s >= _SLIP_S:
-                self._meant_s[label] += self._try_s if was_slip else step_s
-            return
-        self._try_s = 0.0
-        self._starts[label] += 1
-        if not is_going_on or event.example.is_intervention:
-            return
-        near = [move for at_s, move in self._proposed if tick.now_s - at_s <= BEFORE_S + AFTER_S]
-        self._foreseen.append(label in near)
-        if label not in near and near:
-            self._add(GapKind.UNFORESEEN, tick, label, near[-1])
-
-    def _note_alone(self, tick: Tick, step_s: float) -> None:
-        prediction = tick.prediction
-        if tick.decision.stop_reason is StopReason.NEEDS_HELP:
-            self._fail(GapKind.HELPLESS, tick)
-            return
-        if prediction is None or tick.sent is Action.STOP:
-            return
-        self._stalled_s = self._stalled_s + step_s if prediction.is_stalled else 0.0
-        if self._stalled_s >= PUSHED_S:
-            self._fail(GapKind.PUSHED, tick)
-            return
-        self.clean_s += step_s
-        if prediction.novelty >= HARDLY_KNOWN:
-            self._novel_s += step_s
-            if not self._gaps or self._gaps[-1].kind is not GapKind.UNKNOWN_VIEW:
-                self._add(GapKind.UNKNOWN_VIEW, tick, None, prediction.action)
-        # Old trials say little about the robot's present abilities.
-        if self.clean_s > _FORGOTTEN_S:
-            self.clean_s, self._novel_s = self.clean_s / 2, self._novel_s / 2
-
-    def _fail(self, kind: GapKind, tick: Tick) -> None:
-        if self.clean_s > 0.0 or kind is not GapKind.HELPLESS:
-            self._add(kind, tick, None, self._proposed[-1][1] if self._proposed else None)
-        self._begin_trial()
-
-    def _add(self, kind: GapKind, tick: Tick, move: Action | None, instead: Action | None) -> None:
-        self._gaps.append(
-            Gap(
-                kind=kind,
-                move=move,
-                instead=instead,
-                distance_m=tick.sensors.distance_m,
-                at_s=tick.now_s,
-                frame=self._frame,
-            )
-        )
-
-    @property
-    def moves_in_use(self) -> list[Action]:
-        """The moves that this pilot uses, without slips of the finger."""
-        often = max(_FEWEST, RARE_SHARE * self._examples.total())
-        return [
-            move
-            for move, count in self._examples.items()
-            if count >= often or self._meant_s.get(move, 0.0) >= _MEANT_S
-        ]
+class Readiness(Lesson):
+    """Judges from a lesson whether the robot is ready; on the loop's thread."""
 
     @property
     def stage(self) -> Stage:
@@ -265,7 +46,7 @@ class Readiness:
     def needed_s(self) -> float:
         """The required `clean_s`. More time is required if too many of the views were hardly
         known."""
-        return min(self._wanted_s, _FORGOTTEN_S)
+        return min(self._wanted_s, FORGOTTEN_S)
 
     @property
     def _wanted_s(self) -> float:
@@ -283,17 +64,6 @@ class Readiness:
             return []
         return [*self._missing_to_try(), *reversed(self._gaps)]
 
-    @property
-    def _is_covered(self) -> bool:
-        """True if the pilot has begun each move often enough, and the robot knows most views."""
-        known = [is_known for _, is_known in self._known]
-        starts = [self._starts[move] for move in self.moves_in_use]
-        return (
-            len(starts) > 1
-            and min(starts) >= EARLY_STARTS
-            and sum(known) >= EARLY_KNOWN * len(known) > 0
-        )
-
     def _missing_to_try(self) -> list[Gap]:
         gaps = []
         if not self._is_taught:
@@ -303,8 +73,3 @@ class Readiness:
             if have < need:
                 gaps.append(Gap(kind=GapKind.RARE_MOVE, move=move, have=have, need=need))
         return gaps
-
-    def _needs(self, move: Action) -> int:
-        """Return the number of times that the pilot must have begun a move in use."""
-        is_rare = self._examples[move] < RARE_SHARE * self._examples.total()
-        return 2 * STARTS if is_rare else STARTS

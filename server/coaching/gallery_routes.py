@@ -78,7 +78,7 @@ async def list_images(request: Request) -> ImageList:
     """List the learned images, in the learner's own order."""
     progress = progress_of(request)
     state = services_of(request).robot.loop.state
-    images = await progress.gallery()
+    images = await progress.gallery.images()
     return ImageList(
         moves=[move.value for move in state.moves],
         # A learner of a plug-in may store more images than the number in its name.
@@ -90,7 +90,7 @@ async def list_images(request: Request) -> ImageList:
 @router.get("/gallery/{node}.png", **PNG)
 async def show_image(request: Request, node: int) -> Response:
     """Return one learned image as a small PNG."""
-    image = await progress_of(request).image(node)
+    image = await progress_of(request).gallery.image(node)
     if image is None:
         raise HTTPException(404, "Unknown image.")
     return png(image.thumbnail, keep_s=600)
@@ -104,7 +104,7 @@ async def undo_edit(request: Request) -> dict[str, bool]:
     """
     services = services_of(request)
     undone, is_kept = await services.change_learner(lambda history: history.undo_edit())
-    await progress_of(request).gallery(fresh=True)
+    await progress_of(request).gallery.images(fresh=True)
     return {"undone": bool(undone), "kept": is_kept}
 
 
@@ -122,7 +122,7 @@ async def edit_image(request: Request, node: int, body: ImageEdit) -> dict[str, 
         ) from error
     except ValueError as error:
         raise HTTPException(409, str(error)) from error
-    await progress_of(request).gallery(fresh=True)
+    await progress_of(request).gallery.images(fresh=True)
     return {"node": node, "kept": is_kept}
 
 

@@ -1,32 +1,25 @@
-"""The training progress that the page shows: the curve of agreement, and the gallery.
+"""The training progress that the page shows: the curve of agreement over the examples.
 
-The control loop's thread only records; images are fetched from the learner when a client asks,
-and cached until something is taught or changed.
+The control loop's thread records each tick; the routes read.
 """
 
 from __future__ import annotations
 
-import asyncio
-import math
 from array import array
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
 
-from robot.coaching.gallery import LearnedImage, images
 from robot.coaching.readiness import Readiness
 from robot.coaching.trail import Trail
 from robot.control.loop import ControlLoop
 from robot.control.state import Tick
 from robot.policy.events import Replaced, Taught, Undone
+from server.coaching.gallery import Gallery
 from server.persistence import Persistence
 
 MARK_EVERY = 10
 """Examples between two points of the curve."""
 _MARKS, _POINTS = 2000, 200
-_REMEMBERED = 512
-"""Maximum number of cached images that the learner has merged after they were cached."""
-_REFRESH_S = 0.4
-"""Minimum time between two fetches of the gallery while the robot learns, in seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,25 +79,20 @@ class Progress:
         self.trail = Trail()
         self.listeners = self.readiness.note, self.trail.note, self.note
         self._marks = _Curve()
-        self._gallery: list[LearnedImage] = []
-        self._seen: dict[int, LearnedImage] = {}
-        self._newest = -1  # the id of the newest image in any answer so far
-        self._is_stale = True
-        self._fetched_s = -math.inf
+        self.gallery = Gallery(loop)
 
     def note(self, tick: Tick) -> None:
         """Record one tick. Call it on the loop's thread."""
         if tick.prediction is not None and tick.prediction.node is not None:
-            self._newest = max(self._newest, tick.prediction.node)
+            self.gallery.newest = max(self.gallery.newest, tick.prediction.node)
         if not tick.history_events:
             return
-        self._is_stale = True
+        self.gallery.is_stale = True
         n_examples = self._loop.history.policy.n_seen
         for event in tick.history_events:
             if isinstance(event, Replaced):
                 self._marks = _Curve()
-                # A new learner numbers its images from the start again.
-                self._seen, self._newest = {}, -1
+                self.gallery.forget()
             elif isinstance(event, Undone):
                 self._marks = self._marks.until(n_examples)
             elif isinstance(event, Taught):
@@ -134,30 +122,3 @@ class Progress:
             return None
         is_covered = at > 0 or marks[0].n_examples - example < MARK_EVERY
         return marks[at] if is_covered else None
-
-    async def gallery(self, *, fresh: bool = False) -> list[LearnedImage]:
-        """Return the learned images; `fresh` skips the cache."""
-        now_s = self._loop.clock.now_s()
-        if fresh or (self._is_stale and now_s - self._fetched_s > _REFRESH_S):
-            self._is_stale, self._fetched_s = False, now_s
-            history = self._loop.history
-            request = self._loop.submit(lambda: images(history.policy))
-            self._gallery = await asyncio.wrap_future(request)
-            shown = {image.node_id: image for image in self._gallery}
-            before = [one for one in self._seen.items() if one[0] not in shown]
-            self._seen = dict(before[-max(_REMEMBERED, len(shown)) :]) | shown
-        return self._gallery
-
-    async def image(self, node: int) -> LearnedImage | None:
-        """Return a learned image; if it has been merged since, return its last version.
-
-        A client requests images that were listed a moment ago, and each example may merge some of
-        these images. In this case the last version is the best answer. If an image was merged
-        before it was listed, the image used now is returned. None if there never was such an image.
-        """
-        await self.gallery()
-        if node not in self._seen:
-            await self.gallery(fresh=True)
-        if node not in self._seen and 0 <= node <= self._newest:
-            return max(self._gallery, key=lambda image: image.last_used, default=None)
-        return self._seen.get(node)

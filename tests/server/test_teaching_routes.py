@@ -11,7 +11,7 @@ from typing import Any
 import httpx
 import pytest
 
-from robot.coaching.readiness import CLEAN_S
+from robot.coaching.lesson import CLEAN_S
 from robot.store.models.autosave import Autosave
 from robot.types import Action, DrivenBy, Mode
 from server.coaching.extension import CoachingExtension
@@ -112,7 +112,7 @@ def test_the_setting_of_symmetry_is_set_shown_and_withdrawn(taught: VirtualServe
 def test_a_learner_that_cannot_change_its_mind_says_so(taught: VirtualServer) -> None:
     taught.use_policy("published-8")
     answer = ask(taught, "POST", "/api/teaching/outdate")
-    assert (answer.status_code, "empty model" in answer.json()["detail"]) == (409, True)
+    assert (answer.status_code, "new model" in answer.json()["detail"]) == (409, True)
 
 
 @pytest.mark.parametrize(

@@ -4,16 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from robot.coaching.readiness import (
-    CLEAN_S,
-    EARLY_STARTS,
-    HARDLY_KNOWN,
-    STARTS,
-    TAUGHT_S,
-    GapKind,
-    Readiness,
-    Stage,
-)
+from robot.coaching.gaps import GapKind
+from robot.coaching.lesson import CLEAN_S, EARLY_STARTS, HARDLY_KNOWN, STARTS, TAUGHT_S
+from robot.coaching.readiness import Readiness, Stage
 from robot.control.state import Tick
 from robot.policy.events import Replaced, Taught
 from robot.types import (

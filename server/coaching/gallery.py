@@ -1,0 +1,66 @@
+"""Caches the learned images for the page's gallery.
+
+The images are fetched from the learner when a client asks, and cached until something is taught or
+changed.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+
+from robot.coaching.gallery import LearnedImage, images
+from robot.control.loop import ControlLoop
+
+_REMEMBERED = 512
+"""Maximum number of cached images that the learner has merged after they were cached."""
+_REFRESH_S = 0.4
+"""Minimum time between two fetches of the gallery while the robot learns, in seconds."""
+
+
+class Gallery:
+    """The learned images of one robot, for the routes.
+
+    Attributes:
+        newest: The highest id of an image that any prediction named; -1 before the first.
+        is_stale: True if the learner has changed since the images were fetched.
+    """
+
+    def __init__(self, loop: ControlLoop) -> None:
+        self.newest = -1
+        self.is_stale = True
+        self._loop = loop
+        self._images: list[LearnedImage] = []
+        self._seen: dict[int, LearnedImage] = {}
+        self._fetched_s = -math.inf
+
+    def forget(self) -> None:
+        """Forget all images, because a new learner numbers its images from the start again."""
+        self._seen, self.newest = {}, -1
+
+    async def images(self, *, fresh: bool = False) -> list[LearnedImage]:
+        """Return the learned images; `fresh` skips the cache."""
+        now_s = self._loop.clock.now_s()
+        if fresh or (self.is_stale and now_s - self._fetched_s > _REFRESH_S):
+            self.is_stale, self._fetched_s = False, now_s
+            history = self._loop.history
+            request = self._loop.submit(lambda: images(history.policy))
+            self._images = await asyncio.wrap_future(request)
+            shown = {image.node_id: image for image in self._images}
+            before = [one for one in self._seen.items() if one[0] not in shown]
+            self._seen = dict(before[-max(_REMEMBERED, len(shown)) :]) | shown
+        return self._images
+
+    async def image(self, node: int) -> LearnedImage | None:
+        """Return a learned image; if it has been merged since, return its last version.
+
+        A client requests images that were listed a moment ago, and each example may merge some of
+        these images. In this case the last version is the best answer. If an image was merged
+        before it was listed, the image used now is returned. None if there never was such an image.
+        """
+        await self.images()
+        if node not in self._seen:
+            await self.images(fresh=True)
+        if node not in self._seen and 0 <= node <= self.newest:
+            return max(self._images, key=lambda image: image.last_used, default=None)
+        return self._seen.get(node)
