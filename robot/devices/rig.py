@@ -55,7 +55,7 @@ class Rig(StartStop):
             with self._eye.named("start"):
                 self.camera.start()
         except BaseException:
-            with contextlib.suppress(RobotError):  # report only the first error
+            with contextlib.suppress(RobotError):  # the error of connect or start is reported
                 self.stop()
             raise
         if self._thread is None:

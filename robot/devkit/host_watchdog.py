@@ -213,12 +213,12 @@ class HostWatchdog(ConnectedDriver[_C]):
 
     def __order(self, action: Action, send: Callable[[], Action]) -> Action:
         if self.__ender is None:
-            return send()  # this call raises NotConnectedError
+            return send()  # without a connection this raises NotConnectedError
         if action is not Action.STOP:
             return self.__ender.move(send)
         self.__ender.stop()
         return action
 
 
-# a renewed move does not end before its renewal
+# a stop must not be sent early before a move that is renewed in time is renewed
 assert ACTION_TIMEOUT_S - LONGEST_LEAD_S > ACTION_TIMEOUT_S / 2

@@ -170,7 +170,7 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
     error no file is left.
     """
     is_past = 0 < drive.started_at_s <= RealClock().wall_s()
-    # If the drive's time is unknown, write 0: the list then begins with this drive.
+    # If the drive's time is unknown, write 0, so that the list begins with this drive.
     started_at_s = drive.started_at_s if is_past else 0.0
     run = describe_run(
         episode_id=path.stem,

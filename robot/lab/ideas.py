@@ -94,7 +94,7 @@ def _make_idea(name: str, group: str) -> Any:
             return point.load()()
         if colon and file.endswith(".py"):
             return getattr(_load_file(Path(file)), attribute)()
-    except Exception as error:  # third-party code may raise any error; name its place
+    except Exception as error:  # a user's own file may raise any error
         raise ConfigurationError(
             f"the idea {name} cannot be used: {type(error).__name__}: {error}"
         ) from error

@@ -172,7 +172,7 @@ def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
             if not file.closed:
                 file.flush()
                 os.fsync(file.fileno())
-        if path.is_dir() and not path.is_symlink():  # replace a folder of this name
+        if path.is_dir() and not path.is_symlink():  # `path` may be a folder: set it aside
             set_aside(path)
         move(temporary, path)
     except BaseException:
@@ -398,7 +398,7 @@ class Storage:
         for old in (path.name.removesuffix(ending) for path in found):
             names[old] = free_name(old, taken)
             taken.add(names[old])
-        for path in sorted(paths_in(place), key=found.__contains__):  # move notes and parts first
+        for path in sorted(paths_in(place), key=found.__contains__):  # recordings after their parts
             owners = [old for old in names if path.name == old or path.name.startswith(f"{old}.")]
             old = max(owners, key=len, default="")
             move(path, folder / (names.get(old, "") + path.name[len(old) :]))
@@ -427,7 +427,7 @@ class Storage:
         for place in places:
             with contextlib.suppress(ConfigurationError):
                 if place.name.startswith("."):
-                    FolderLock(place).start()  # this fails while an import unpacks files there
+                    FolderLock(place).start()  # an import that unpacks there holds the lock
                 shutil.rmtree(place, ignore_errors=True)
         return size - size_below(self.trash)
 

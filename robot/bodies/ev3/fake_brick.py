@@ -59,7 +59,7 @@ class FakeMotor:
 
     def __init__(self, folder: Path, port: str) -> None:
         self.folder, self.port = folder, port
-        self.command = folder / "command"  # this file is read continuously
+        self.command = folder / "command"  # read again and again by the kernel thread
         self.until_s = 0.0
         self.speed = 0
         self.position = 123456.0

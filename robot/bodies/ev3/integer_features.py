@@ -81,8 +81,8 @@ class IntegerGradientFeatures:
     def _histograms(self, half: NDArray[np.int16]) -> NDArray[np.uint8]:
         tables = _tables()
         across, down = np.zeros_like(half), np.zeros_like(half)
-        # Treat the picture as one line, so that each operation is one loop.
-        # The gradient at the left and right edge then mixes two rows, so it is discarded.
+        # The rows are treated as one long line, so that each operation is one loop. At the left and
+        # right edge the gradients mix two rows, so they are discarded.
         np.subtract(half[2:], half[:-2], out=across[1:-1])
         across[::THUMBNAIL_WIDTH] = across[THUMBNAIL_WIDTH - 1 :: THUMBNAIL_WIDTH] = 0
         np.subtract(half[_TWO_LINES:], half[:-_TWO_LINES], out=down[_LINE:-_LINE])

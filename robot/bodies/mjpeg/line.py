@@ -150,7 +150,7 @@ class CameraLine:
                 f"the camera at {asked.host} uses an unsupported kind of password; choose Basic, "
                 "or Digest with MD5 or SHA-256, in its settings"
             )
-        # a header holds the UTF-8 bytes as Latin-1 text
+        # http.client encodes headers as Latin-1, but the bytes must be UTF-8
         return f"Digest {words}".encode().decode("latin-1")
 
 

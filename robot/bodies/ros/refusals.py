@@ -97,7 +97,7 @@ class Unwrapping:
         parts[number] = str(part["data"])
         if len(parts) == total:
             return "".join(parts[at] for at in range(total))
-        self._parts[key] = parts  # the dict's last key is the newest picture
+        self._parts[key] = parts  # added last, so the first keys are the oldest
         while sum(len(data) for some in self._parts.values() for data in some.values()) > (
             _MOST_BYTES
         ):

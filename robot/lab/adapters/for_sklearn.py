@@ -117,7 +117,7 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         places = {label: place for place, label in enumerate(self._came)}
         for x, label in zip(xs, ys.tolist(), strict=True):
             place = places.setdefault(label, len(places))
-            self.learner_.learn_one(x, str(place))  # raises if values are too large
+            self.learner_.learn_one(x, str(place))  # raises ValueError if values are too large
             if place == len(self._came):
                 self._came.append(label)
         return self

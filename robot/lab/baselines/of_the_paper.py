@@ -111,7 +111,7 @@ class RotatingSet:
             self._network.partial_fit(kept, told, classes=self.classes_)
 
     def predict_proba(self, xs: Images) -> Images:
-        # of a single class, the network would return two shares
+        # for one class, the network would return two probabilities
         if len(self.classes_) == 1:
             return np.ones((len(xs), 1))
         shares: Images = self._network.predict_proba(xs / 255.0)

@@ -132,7 +132,9 @@ class Autosave:
         """Use the recovered model, and save it immediately if possible."""
         with self.lock:
             if self._lacks(recovered.model):
-                log.warning("the recovered model has moves that this robot does not have")
+                log.warning(
+                    "the recovered model is not used: this robot does not have all its moves"
+                )
                 name = recovered.name or self.store.free_name(self._wanted_name)
                 self.store.save(name, recovered.model)
                 return

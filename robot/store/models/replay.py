@@ -182,7 +182,7 @@ def _learn_on(model: Model, run: _Run, numbers: list[int]) -> Model:
     taught.update(event.example.label for event in events if isinstance(event, Taught))
 
     def refuse(event: LogEvent, error: Exception) -> None:
-        log.warning("a change could not be made again: %s", error)
+        log.warning("the journal's change could not be made again: %s", error)
         if isinstance(event, Taught):
             taught.subtract([event.example.label])
 

@@ -93,7 +93,7 @@ class ModelStore:
             write_whole(marker, f"{name}\n{_checksum(name)}\n".encode())
 
     def save(self, name: str, model: Model) -> Path:
-        if name not in self.names():  # a name in use needs no check
+        if name not in self.names():  # the names of existing models are valid
             name = check_name(name)
         versions = self.versions(name)
         number = int(versions[-1].stem) + 1 if versions else 1

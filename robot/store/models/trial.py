@@ -34,7 +34,7 @@ _pictures = cache(sample_frames)
 def try_model(model: Model) -> None:
     """Raise RecordingError for any model that cannot be used."""
     try:
-        with np.errstate(all="ignore"):  # the results are checked
+        with np.errstate(all="ignore"):  # warnings are useless: the results are checked
             _check_summary(model)
             policy = model.to_policy()
             policy.check()
@@ -68,7 +68,7 @@ def _drive(policy: Policy) -> None:
         policy.learn(x, policy.moves[i % len(policy.moves)], at_s)
         if _MACHINE.now_s() > until_s:
             break
-    for node in policy.learner.nodes():  # the page shows all nodes
+    for node in policy.learner.nodes():  # all, because the page shows all nodes
         policy.features.thumbnail(node.image)
         _demand(set(node.votes) <= set(policy.moves), "an image has votes for unknown moves")
     policy.reset()
