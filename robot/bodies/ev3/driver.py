@@ -41,17 +41,21 @@ class ChassisOptions(Options):
         "that are plugged in, ordered by port; none ignores them",
     )
     wheel_diameter_m: float = option(
-        0.0509, "wheel diameter in metres; calibrate measures it", range=(0.005, 1.0)
+        0.0509,
+        "wheel diameter in metres, which `drivelesson calibrate` measures",
+        range=(0.005, 1.0),
     )
     track_m: float = option(0.124, "distance between the wheels in metres", range=(0.01, 2.0))
-    forward_speed_mps: float = option(0.16, "straight speed in metres a second", range=(0.005, 5.0))
+    forward_speed_mps: float = option(
+        0.16, "speed straight ahead in metres a second", range=(0.005, 5.0)
+    )
     turn_rate_deg_s: float = option(18.5, "turning rate in degrees a second", range=(0.5, 720.0))
     turn_by: str = option(
         "backward",
         "how to turn: one wheel backward (as in the paper), one wheel forward, or both",
         choices=("backward", "forward", "both"),
     )
-    reversed_motors: bool = option(False, "both motors are mounted in reverse")
+    reversed_motors: bool = option(False, "true if both motors are mounted in reverse")
 
     def check(self) -> None:
         if self.left_port == self.right_port:
@@ -243,7 +247,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
 class Ev3Options(ChassisOptions):
     """The robot's dimensions, and the ports of its devices."""
 
-    brick_root: str = option("/", "folder that holds the brick's sys and dev")
+    brick_root: str = option("/", "folder that contains the brick's folders sys and dev")
 
 
 class Ev3Driver(ChassisDriver):

@@ -161,7 +161,9 @@ class Ev3StockOptions(ChassisOptions):
         "",
         "ID of the brick, such as 00:16:53:3f:0c:1e; needed for Bluetooth or if there are several",
     )
-    beacon_port: int = option(BEACON_PORT, "UDP port of bricks on Wi-Fi", range=(1, 65535))
+    beacon_port: int = option(
+        BEACON_PORT, "UDP port at which bricks on Wi-Fi announce themselves", range=(1, 65535)
+    )
 
 
 class Ev3StockDriver(ChassisDriver):

@@ -27,13 +27,14 @@ class GpioOptions(Options):
     motor_board: str = option(
         "two-pwm",
         "two-pwm: a pin for each direction (L298N, TB6612, DRV8833); phase-enable: the "
-        "first pin is the direction, the second the speed; servo-esc: a car",
+        "first pin is the direction, the second the speed; servo-esc: a car with servo and ESC",
         choices=("two-pwm", "phase-enable", "servo-esc"),
     )
     esc_pin: str = option("13", "a car's motor: the pin of its electronic speed control (ESC)")
     servo_pin: str = option("12", "a car's steering: the pin of its servo")
     servo_ends: str = option(
-        "-1,1", "the servo's values at full left and full right; 1,-1 if it turns the other way"
+        "-1,1",
+        "the servo's values at full left and full right; 1,-1 for a servo that turns the other way",
     )
     bumper_pin: str = option("", "pin of a bumper's switch to ground; empty for no bumper")
     straight_speed: float = option(

@@ -23,7 +23,7 @@ _REMEMBERED_FRAMES = 128
 class GymnasiumCameraOptions(Options):
     """The options of the camera."""
 
-    env_rate_hz: float = option(10.0, "pictures a second, at most", range=(1.0, 60.0))
+    env_rate_hz: float = option(10.0, "maximum number of pictures a second", range=(1.0, 60.0))
 
 
 class GymnasiumCamera(WorldCamera[GymnasiumDriver]):

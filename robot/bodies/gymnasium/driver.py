@@ -33,10 +33,14 @@ class GymnasiumOptions(Options):
         "", "options for making the environment, such as obs_width=160,obs_height=120"
     )
     env_picture: str = option(
-        "auto", "the picture: the observation, or the rendered image", choices=PICTURES
+        "auto",
+        "what the robot sees: observed, rendered, or auto, which prefers a large observation",
+        choices=PICTURES,
     )
     env_steps: int = option(
-        0, "steps for each picture; 0 means 5 for CarRacing, and 1 otherwise", range=(0, 50)
+        0,
+        "steps of the environment for each picture; 0 means 5 for CarRacing, and 1 otherwise",
+        range=(0, 50),
     )
     env_seed: int = option(1, "seed of the first game", range=(0, 2**31))
 

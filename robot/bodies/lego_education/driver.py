@@ -49,7 +49,7 @@ class LegoEducationOptions(Options):
     hub: str = option(
         "", "part of the double motor's name, or its address; needed if several are in range"
     )
-    straight_percent: int = option(50, "speed straight on, in percent", range=(1, 100))
+    straight_percent: int = option(50, "speed straight ahead, in percent", range=(1, 100))
     turn_percent: int = option(25, "speed of turns, in percent", range=(1, 100))
 
 

@@ -30,7 +30,7 @@ class RosCameraOptions(TransportOptions):
     image_topic: str = option("/camera/image_raw/compressed", "topic of the pictures")
     image_type: str = option(
         "compressed",
-        "its message type: compressed is sensor_msgs/CompressedImage (JPEG), raw is "
+        "message type of the pictures: compressed is sensor_msgs/CompressedImage (JPEG), raw is "
         "sensor_msgs/Image",
         choices=tuple(_KINDS),
     )

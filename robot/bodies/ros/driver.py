@@ -50,13 +50,13 @@ class RosOptions(TransportOptions):
     """The robot's address, topics and speeds."""
 
     cmd_vel_topic: str = option("/cmd_vel", "topic of the velocities")
-    stamped: bool = option(False, "the robot expects TwistStamped instead of Twist")
+    stamped: bool = option(False, "true if the robot expects TwistStamped instead of Twist")
     watchdog: bool = option(
-        False, "the robot runs our watchdog.py, which receives the velocities and stops the robot"
+        False, "true if the robot runs this project's watchdog.py, which stops it"
     )
     linear_mps: float = option(
         0.4,
-        "metres a second at full throttle; the move forward uses half of it",
+        "speed in metres a second at full throttle; the move forward uses half of it",
         range=(0.001, 5.0),
     )
     turn_rate_deg_s: float = option(45.0, "degrees a second at full steering", range=(0.1, 720.0))
