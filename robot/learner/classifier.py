@@ -22,6 +22,7 @@ from robot.learner.base import (
 )
 from robot.learner.bsoc import BSOC
 from robot.learner.clusters import MOST_FRAMES, Clusters
+from robot.learner.integer_images import IntegerImages
 from robot.learner.linear import EVERY, LinearPart
 from robot.learner.part import Array, Stateful, Value
 from robot.learner.published import PublishedBSOC
@@ -92,7 +93,8 @@ class BSOCClassifier(Stateful, Learner):
             raise ValueError(f"n_voters must be at least 1, not {n_voters}")
         self.max_nodes, self.n_voters = max_nodes, n_voters
         if cluster is None:  # compare with None, because an empty clustering is false
-            cluster = BSOC(max_nodes, group_cost=group_cost, integer=integer)
+            images = IntegerImages(max_nodes) if integer else None
+            cluster = BSOC(max_nodes, group_cost=group_cost, images=images)
         self.cluster = cluster
         self.labels_: list[Label] = []
         self.n_seen_ = 0

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.base import Vector, checked_vector
-from robot.learner.images import Floats, Images
+from robot.learner.bsoc import Floats, Images
 from robot.learner.part import Array
 
 _INT32 = 2**31
@@ -32,6 +32,7 @@ class IntegerImages(Images):
             recognise a view.
     """
 
+    kind = "bsoc-integer"
     fields = (Array("sums", np.int32, ("max_nodes", "d"), high=2**30),)
 
     def __init__(self, max_nodes: int, n_compared: int | None = None) -> None:

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.base import Vector, checked_vector
-from robot.learner.bsoc import Edges
+from robot.learner.bsoc import MOST_NORM, Edges
 from robot.learner.clusters import SHARED, Clusters
-from robot.learner.images import MOST_NORM
 from robot.learner.integer_images import checked_bytes
 from robot.learner.part import MOST_VALUES, Array, Value
 

@@ -6,6 +6,7 @@ from robot.bodies.ev3.integer_features import IntegerGradientFeatures
 from robot.bodies.ev3.integer_ridge import IntegerRidge
 from robot.learner.bsoc import BSOC
 from robot.learner.classifier import GROUP_COST, BSOCClassifier
+from robot.learner.integer_images import IntegerImages
 from robot.policy.policy import Policy
 from robot.types import Action
 
@@ -14,6 +15,7 @@ def make_integer(number: int, name: str, moves: tuple[Action, ...], integer: boo
     """Return the default learner in whole numbers, identical bit for bit on every machine."""
     features = IntegerGradientFeatures()
     ridge = IntegerRidge(features.n_gradients)
-    nodes = BSOC(number, group_cost=GROUP_COST, integer=True, n_compared=features.n_compared)
+    images = IntegerImages(number, features.n_compared)
+    nodes = BSOC(number, group_cost=GROUP_COST, images=images)
     learner = BSOCClassifier(number, linear=ridge, cluster=nodes)
     return Policy(name, number, learner, features, moves=moves)

@@ -7,6 +7,7 @@ import pytest
 
 from robot.learner import bsoc
 from robot.learner.bsoc import BSOC
+from robot.learner.integer_images import IntegerImages
 from robot.learner.published import PublishedBSOC
 from tests.robot.learner import paper
 
@@ -37,9 +38,10 @@ def test_breaks_exact_ties_as_the_pseudocode(cluster):
             assert ours.nodes_.tolist() == [node.image for node in theirs.nodes]
 
 
-@pytest.mark.parametrize("cluster", [BSOC, PublishedBSOC])
-def test_whole_numbers_of_large_pictures_are_compared_exactly(cluster):
-    learner = cluster(2, integer=True)
+@pytest.mark.parametrize("is_published", [False, True])
+def test_whole_numbers_of_large_pictures_are_compared_exactly(is_published):
+    ours = BSOC(2, images=IntegerImages(2))
+    learner = PublishedBSOC(2, integer=True) if is_published else ours
     for level in (0, 100):
         learner.train(np.full(160 * 120 * 3, level, np.uint8))
     white = np.full(160 * 120 * 3, 255, np.uint8)
@@ -58,7 +60,7 @@ def test_groups_are_merged_only_at_the_last_resort():
 def test_whole_numbers_give_the_same_nodes_within_rounding(max_nodes):
     rng = np.random.default_rng(4)
     scenes = rng.integers(0, 256, (6, 50))
-    exact, whole = BSOC(max_nodes), BSOC(max_nodes, integer=True)
+    exact, whole = BSOC(max_nodes), BSOC(max_nodes, images=IntegerImages(max_nodes))
     for i in range(200):
         x = np.clip(scenes[i % 6] + rng.integers(-9, 10, 50), 0, 255).astype(np.uint8)
         assert exact.train(x) == whole.train(x)
@@ -83,7 +85,7 @@ def test_a_row_cache_finds_the_same_pairs(monkeypatch):
 
 @pytest.mark.parametrize("refused", [[300.0, 1.0], [0.5, 1.0], [-1.0, 1.0]])
 def test_a_refused_first_frame_fixes_no_length(refused):
-    whole = BSOC(4, integer=True)
+    whole = BSOC(4, images=IntegerImages(4))
     with pytest.raises(ValueError, match="from 0 to 255"):
         whole.train(np.array(refused))
     assert whole.train(np.zeros(5, np.uint8)) == 0

@@ -198,7 +198,7 @@ def test_it_turns_right_at_the_same_walls_after_a_few_turns(
 def test_a_pilot_who_says_so_shows_it_at_one_wall_for_all(max_nodes: int, is_linear: bool) -> None:
     told, untold = (taught(lesson("left", 16, 1), max_nodes, is_linear) for _ in range(2))
     told.outdate()
-    with pytest.raises(ValueError, match="empty model"):
+    with pytest.raises(ValueError, match="new model"):
         BSOCClassifier.published(8).outdate()
     for learner in (told, untold):
         for x, y in lesson("right", 1, 2):

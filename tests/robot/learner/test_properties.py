@@ -12,6 +12,7 @@ from hypothesis.extra.numpy import arrays
 from robot.bodies.ev3.integer_ridge import IntegerRidge
 from robot.learner.bsoc import BSOC
 from robot.learner.classifier import GROUP_COST, BSOCClassifier
+from robot.learner.integer_images import IntegerImages
 from robot.learner.published import PublishedBSOC
 from robot.learner.ridge import ContextRidge, RecursiveRidge
 from tests.kit.sizes import examples
@@ -36,7 +37,8 @@ def make(kind, max_nodes):
     if kind.startswith("published"):
         return BSOCClassifier.published(max_nodes, integer=kind.endswith("integer"))
     if kind == "integer-linear":  # like on a brick, two of six values are not compared
-        cluster = BSOC(max_nodes, group_cost=GROUP_COST, integer=True, n_compared=4)
+        images = IntegerImages(max_nodes, 4)
+        cluster = BSOC(max_nodes, group_cost=GROUP_COST, images=images)
         return BSOCClassifier(max_nodes, linear=IntegerRidge(3), cluster=cluster)
     if kind == "context":
         return BSOCClassifier(max_nodes, linear=ContextRidge(4))
@@ -123,7 +125,11 @@ def test_bad_lessons_are_refused_and_change_nothing(kind, bad):
 @settings(max_examples=examples(60), deadline=None)
 @given(max_nodes=sizes, xs=st.lists(arrays(np.uint8, 6), min_size=1, max_size=40))
 def test_float_and_whole_numbers_see_the_same_distances(max_nodes, xs):
-    exact, whole, paper = BSOC(max_nodes), BSOC(max_nodes, integer=True), PublishedBSOC(max_nodes)
+    exact, whole, paper = (
+        BSOC(max_nodes),
+        BSOC(max_nodes, images=IntegerImages(max_nodes)),
+        PublishedBSOC(max_nodes),
+    )
     for x in xs[:max_nodes]:  # before any merge, at which ties could lead to different results
         assert exact.train(x) == whole.train(x) == paper.train(x)
     for x in xs:
