@@ -11,7 +11,7 @@ ARGS ?=
 .PHONY: help run install test test-brick test-browsers test-newest test-oldest test-stalls test-windows check conformance extensions mutate docs site dist format screenshots clean \
   lint types suite
 
-help: ## Say what there is
+help: ## List all commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 16
 
 run: $(VENV)/.demo ## Start the simulated robot and its page (ARGS="--lan" for a phone)
@@ -28,23 +28,23 @@ test test-brick test-newest test-oldest test-stalls test-windows: export OMP_NUM
 # Tests start many processes: each would compile the program again.
 test test-brick test-newest test-oldest test-stalls check: export PYTHONDONTWRITEBYTECODE :=
 
-test: lint $(NPM) ## Check and test everything (JOBS=1 for one after the other)
+test: lint $(NPM) ## Run all checks and tests (JOBS=1 to run one test at a time)
 	@$(MAKE) --no-print-directory --jobs 2 types suite
 
 suite: $(VENV)/.dev
 	$(BIN)/python -m pytest -p tests.progress --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
-test-brick: $(VENV)/.dev ## Teach and drive a server on an emulated EV3 (needs root; says what it lacks)
+test-brick: $(VENV)/.dev ## Teach and drive a server on an emulated EV3 (needs root; says what is missing)
 	DRIVELESSON_BRICK=1 $(BIN)/python -m pytest tests/robot/bodies/ev3/test_server_on_brick.py $(ARGS)
 
-test-browsers: $(VENV)/.dev ## Drive the whole loop in Firefox and WebKit (says what it lacks)
+test-browsers: $(VENV)/.dev ## Teach and drive a robot in Firefox and WebKit (says what is missing)
 	DRIVELESSON_OTHER_BROWSERS=1 $(BIN)/python -m pytest tests/e2e/test_other_browsers.py $(ARGS)
 
-test-stalls: $(VENV)/.dev ## Test what waits for real on a computer that stands still now and then
+test-stalls: $(VENV)/.dev ## Run the real-time tests while all processes pause at random
 	$(BIN)/python -m tests.stalls -m realtime --numprocesses $(JOBS) --dist loadfile \
 	  --deselect tests/robot/bodies/ev3/test_server_on_brick.py $(ARGS)
 
-test-windows: $(VENV)/.dev ## Test it on Windows' Python under Wine, and teach a robot there (installs what it needs)
+test-windows: $(VENV)/.dev ## Run tests on Windows' Python under Wine, and teach a robot there (installs what it needs)
 	$(BIN)/python -m tests.windows $(ARGS)
 
 # What may differ there: routes and models of requests, sockets, the start, arrays and pictures. What
@@ -59,13 +59,13 @@ OLD_TESTS := $(addprefix tests/server/,access board cli coaching exchange hostin
   tests/robot/bodies/ev3/test_stock.py \
   tests/robot/learner/test_bsoc.py
 
-test-oldest: $(OLDEST)/.made ## Test the server on the versions of Debian 12
+test-oldest: $(OLDEST)/.made ## Run the server's tests with the library versions of Debian 12
 	$(OLDEST)/bin/python -m pytest -p tests.oldest.newer_client -p no:anyio \
 	  -p no:cacheprovider $(OLD_TESTS) --ignore tests/server/access/test_unpaired_flood.py \
 	  --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder -m "not slow" \
 	  -k "not browser and not films_and_datasets and not foreign_client" $(ARGS)
 
-test-newest: $(NEWEST)/.made ## Check types and run the quick tests on the newest Python that is here
+test-newest: $(NEWEST)/.made ## Check types and run the quick tests on the newest Python of this machine
 	@if [ -x $(NEWEST)/bin/python ]; then set -e; \
 	  $(NEWEST)/bin/mypy --cache-dir $(NEWEST)/mypy; \
 	  $(NEWEST)/bin/python -m pytest -p no:cacheprovider $(NEW_TESTS) \
@@ -73,7 +73,7 @@ test-newest: $(NEWEST)/.made ## Check types and run the quick tests on the newes
 	    -m "not slow and not realtime and not browser" $(ARGS); \
 	else echo "there is no Python after 3.11 here: nothing was tested on it"; fi
 
-check: lint types ## Format, lint, types, import contracts, layout and docs, without the other tests
+check: lint types ## Check format, lint, types, import contracts, layout and docs, without the other tests
 	$(BIN)/python -m pytest -q -m 'not slow' tests/architecture tests/docs
 
 lint: $(VENV)/.dev
@@ -84,22 +84,22 @@ lint: $(VENV)/.dev
 types: $(VENV)/.dev
 	$(BIN)/mypy
 
-conformance: $(VENV)/.dev ## Try the newest of each program that shares files with this one (says what it cannot get)
+conformance: $(VENV)/.dev ## Test our files and metrics with the newest versions of other programs
 	$(BIN)/python -m tests.conformance $(ARGS)
 
-extensions: $(VENV)/.dev ## Count lines by extension and room
+extensions: $(VENV)/.dev ## Count the lines of the core and of each extension
 	@$(BIN)/python -m tests.architecture.extensions
 
-mutate: $(VENV)/.dev ## Put faults into the modules on which safety rests, and see if tests notice
+mutate: $(VENV)/.dev ## Inject faults into safety-critical modules, and list those that no test notices
 	$(BIN)/python -m tests.mutation $(ARGS)
 
-docs: $(VENV)/.dev ## Write the program's numbers, command line and faults into the docs
+docs: $(VENV)/.dev ## Regenerate the parts of the documents that come from the code
 	$(BIN)/python -m tests.docs
 
 site: $(VENV)/.site ## Build the documents as a site in site/; every warning is an error
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-dist: $(VENV)/.dist ## Build wheel and sdist in dist/, and check what an index will show of them
+dist: $(VENV)/.dist ## Build wheel and sdist in dist/, and check their description for a package index
 	rm -rf dist
 	$(BIN)/python -m build --outdir dist
 	$(BIN)/twine check --strict dist/*
@@ -115,7 +115,7 @@ tests/web/node_modules/.made: tests/web/package-lock.json
 	cd tests/web && npm ci --no-audit --no-fund
 	@touch $@
 
-clean: ## Remove what was set up
+clean: ## Remove .venv, with everything that make has installed there
 	rm -rf $(VENV)
 
 $(BIN)/python:
