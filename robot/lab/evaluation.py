@@ -46,7 +46,7 @@ class Pair(NamedTuple):
         return self.train.name.rpartition("_")[0] or self.train.name
 
 
-class Lesson(NamedTuple):
+class FramesToLearn(NamedTuple):
     """How much of a drive is learned.
 
     Attributes:
@@ -72,7 +72,7 @@ class Lesson(NamedTuple):
         )
 
 
-WHOLE_DRIVE = Lesson()
+WHOLE_DRIVE = FramesToLearn()
 
 
 def load_pairs(folder: Path | str) -> list[Pair]:
@@ -106,7 +106,7 @@ def evaluate(
     learners: Sequence[str],
     *,
     light: float = 1.0,
-    lessons: Sequence[Lesson] = (WHOLE_DRIVE,),
+    lessons: Sequence[FramesToLearn] = (WHOLE_DRIVE,),
 ) -> Iterator[Result]:
     """Yield the figures of `judge` for each learner, lesson and pair, with their names.
 
@@ -152,7 +152,7 @@ def darkened(frame: Frame, light: float) -> Frame:
     return replace(frame, encoding=Encoding.RGB, data=pixels.tobytes())
 
 
-def judge(policy: Policy, train: Seen, test: Seen, lesson: Lesson = WHOLE_DRIVE) -> Result:
+def judge(policy: Policy, train: Seen, test: Seen, lesson: FramesToLearn = WHOLE_DRIVE) -> Result:
     """Teach a new policy one drive and test it on the other.
 
     Returns:
@@ -189,7 +189,7 @@ def judge(policy: Policy, train: Seen, test: Seen, lesson: Lesson = WHOLE_DRIVE)
     }
 
 
-def teach(policy: Policy, drive: Seen, lesson: Lesson = WHOLE_DRIVE) -> int:
+def teach(policy: Policy, drive: Seen, lesson: FramesToLearn = WHOLE_DRIVE) -> int:
     """Teach a policy another drive, perhaps in a place that is new to it.
 
     Returns the number of learned frames.

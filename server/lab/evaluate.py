@@ -61,8 +61,10 @@ def run(args: argparse.Namespace) -> int:
         with told_as(ConfigurationError, f"cannot write {args.json}"):
             args.json.open("a").close()
     results = []
-    lessons = [evaluation.Lesson(n, in_a_row=True) for n in args.first or ()]
-    lessons = [*lessons, *map(evaluation.Lesson, args.examples or ())] or [evaluation.WHOLE_DRIVE]
+    lessons = [evaluation.FramesToLearn(n, in_a_row=True) for n in args.first or ()]
+    lessons = [*lessons, *map(evaluation.FramesToLearn, args.examples or ())] or [
+        evaluation.WHOLE_DRIVE
+    ]
     n_runs = len(pairs) * len(learners) * len(lessons)
     with progress(n_runs, "run", "evaluate", "evaluate") as bar:
         for result in evaluation.evaluate(pairs, learners, light=args.light, lessons=lessons):

@@ -174,7 +174,7 @@ def test_few_examples_are_spread_over_the_drive_or_its_first(halls, examples, in
     drive = evaluation.seen_by(policy, pair.train, {})
     learned: list[np.ndarray] = []
     with mock.patch.object(policy, "learn", lambda x, label, *how: learned.append(x)):
-        n_taught = evaluation.teach(policy, drive, evaluation.Lesson(examples, in_a_row))
+        n_taught = evaluation.teach(policy, drive, evaluation.FramesToLearn(examples, in_a_row))
     every = [policy.extract(shot.frame(0, 0.0)) for shot in pair.train.shots]
     places = [next(i for i, x in enumerate(every) if np.array_equal(x, y)) for y in learned]
     assert n_taught == len(learned) == min(examples, len(every))
