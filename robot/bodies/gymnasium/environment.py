@@ -128,6 +128,7 @@ class Environment:
         self._takes_seeds = True
         self._seen: Any = None
         self._shown: Pixels | None = None
+        self._before_the_end: Pixels | None = None
         self._render_failure = ""
         self.game = Game(number=0, score=0.0, reward=0.0, is_over=False)
 
@@ -158,7 +159,11 @@ class Environment:
 
     def picture(self) -> Pixels:
         """Return the current picture, RGB, shape (height, width, 3); raises CameraError if the
-        environment returns no picture."""
+        environment returns no picture.
+
+        If the picture at the end of a game is entirely black, as in ViZDoom, return the previous
+        one: the pilot would otherwise teach a move for a picture that nobody drives in.
+        """
         observed = rendered = None
         if self._picture != "rendered":
             observed = picture_in(self._seen, getattr(self.env, "observation_space", None))
@@ -170,6 +175,10 @@ class Environment:
             raise CameraError(
                 f"the environment {self.name!r} gives no picture: {self._what_came()}"
             )
+        if not self.game.is_over:
+            self._before_the_end = found.copy()  # the environment may reuse its array
+        elif self._before_the_end is not None and not found.any():
+            return self._before_the_end
         return found
 
     def close(self) -> None:

@@ -219,6 +219,34 @@ def test_it_stands_unless_a_move_is_under_way_and_a_game_ends_and_begins_anew() 
         body.close()
 
 
+def test_a_game_that_ends_in_black_shows_the_picture_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """ViZDoom's last observation of a game is all zeros. The array is the same at each step."""
+    array = np.zeros((40, 84, 3), np.uint8)
+
+    def see(line: Line) -> Any:
+        array[:] = line.render()[:40] if 0 < line.place < line.width - 1 else 0
+        return array
+
+    monkeypatch.setattr(Line, "_see", see)
+    with driver(env_picture="observed") as body:
+        before = body.picture().copy()
+        for _ in range(99):
+            body.send_action(Action("right"))
+            body.advance(0.1)
+            if body.sense().game.is_over:  # type: ignore[union-attr]
+                break
+            before = body.picture().copy()
+        assert not array.any() and before.any()
+        assert (body.picture() == before).all()
+        body.advance(OVER_S)
+        game = body.sense().game
+        assert game is not None and (game.number, game.is_over) == (2, False)
+        assert (body.picture() == array).all() and array.any()
+        body.close()
+
+
 @pytest.mark.parametrize("slow_s", [0.01, 0.45])
 def test_a_slow_computer_stops_nobody_and_misses_no_step(slow_s: float) -> None:
     """Each tick of the loop takes this long."""
