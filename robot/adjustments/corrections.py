@@ -295,7 +295,8 @@ class Corrections:
         }
 
     def changed(self, **values: Any) -> Corrections:
-        """Return these corrections with some values changed; a value of None keeps the old value.
+        """Return a copy of the corrections with some values changed; a value of None keeps the old
+        value.
 
         Raises:
             ConfigurationError: If a value is out of range.

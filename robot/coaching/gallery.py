@@ -13,8 +13,8 @@ from robot.policy.policy import Policy
 from robot.types import Action
 
 _COMPARED = 128
-"""Maximum number of learned images with which a view is compared. Of more images, an evenly spaced
-sample is compared."""
+"""Maximum number of learned images with which a view is compared. If there are more images, the
+view is compared with an evenly spaced sample of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,7 +15,7 @@ Pair = tuple[float, float]
 
 
 class DeadReckoning:
-    """Follows a body with two wheels.
+    """Estimates the pose of a body with two wheels.
 
     Args:
         track_m: Distance between the wheels, in metres.

@@ -38,7 +38,7 @@ _LEAST_TRIM = 0.01
 
 class ImportReport:
     """Collects the items that the import skips while it reads a drive. A strict report raises an
-    error at the first of them."""
+    error at the first skipped item."""
 
     def __init__(self, *, is_strict: bool = False) -> None:
         self.is_strict = is_strict
@@ -206,8 +206,8 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
 
 
 def _hint(drive: Drive) -> str | None:
-    """Return a hint for a steered drive of which one side has examples and the other has none; None
-    for other drives."""
+    """Return a hint for a drive in which the car was steered, but which has examples to only one
+    side; None for all other drives."""
     labels, written = drive.report.labels, [s.steering for s in drive.shots if s.label]
     steered = [s for s in written if isinstance(s, int | float) and math.isfinite(s)]
     missing = [side for side in (Action.LEFT, Action.RIGHT) if not labels[side]]
@@ -235,8 +235,8 @@ def _write_label(writer: EpisodeWriter, shot: FrameEvent, frame_id: int, t_s: fl
 
 
 def _moves_with(labels: Iterable[Action | None]) -> tuple[Action, ...]:
-    """Return the moves among the labels, and the usual three moves unless the drive has labels of
-    which none is one of these three.
+    """Return the moves among the labels. The usual three moves are included, unless all labels are
+    other moves.
     """
     found = dict.fromkeys(label for label in labels if label is not None)
     if not found or not found.keys().isdisjoint(DEFAULT_MOVES):

@@ -67,8 +67,8 @@ class Form:
         time: Where the time comes from.
         find: Returns the drives at a path, or None if the path does not have this format. The
             function must be quick; damage is reported when a drive is read.
-        is_whole: True if the format describes a folder as a whole. Formats for which it is False
-            are tried only if none of these recognises the folder or a file in it.
+        is_whole: True if the format describes a folder as a whole. The other formats are tried only
+            if no such format recognises the folder or a file in it.
     """
 
     name: str

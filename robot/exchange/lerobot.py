@@ -66,8 +66,8 @@ RESULTS = "meta/drivelesson_results.json"
 """File with the results of extensions, by recording. The file is written only if there are
 results."""
 FPS = 20
-"""Default number of pictures per second of a dataset. Datasets can be merged only if these numbers
-are equal."""
+"""Default number of pictures per second of a dataset. Datasets can be merged only if this number is
+the same for all."""
 SENSORS = "sensors"
 _SENSORS = ("distance_m", "bumped", "battery")
 _QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
@@ -315,7 +315,8 @@ def _moves(parts: Sequence[_Part]) -> list[str]:
 
 def _sensed(parts: Sequence[_Part]) -> Iterator[NDArray[np.float32]]:
     """Yield for each part the sensors' last values at its pictures, shape (pictures, sensors).
-    Pictures before a sensor's first value get the first value; without any value they get 0."""
+    Pictures before a sensor's first value get the first value, and all pictures get 0 if the sensor
+    has no value."""
     for _, same in groupby(parts, key=lambda part: part.source):
         of = list(same)
         readings = _readings(of[0].episode)

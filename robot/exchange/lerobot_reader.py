@@ -192,7 +192,9 @@ class LerobotDataset:
             numbers |= {n: row.get(f"{key}/{n}") for n in ("chunk_index", "file_index")}
             begin = row.get(f"{key}/from_timestamp")
         if isinstance(begin, bool) or not isinstance(begin, int | float):
-            raise RecordingError(f"the table of episodes does not say where episode {episode} is")
+            raise RecordingError(
+                f"the table of episodes does not locate the film of episode {episode}"
+            )
 
         def put(found: re.Match[str]) -> str:
             value = numbers.get(found[1], "")

@@ -214,7 +214,9 @@ def _picture(message: Any, kind: str) -> Picture:
     row = width * channels
     data = np.frombuffer(bytes(message.data), np.uint8)
     if not 0 < height <= MAX_SIDE_PX or not 0 < width <= MAX_SIDE_PX:
-        raise RecordingError(f"the picture claims to be {width}x{height} pixels")
+        raise RecordingError(
+            f"the picture claims to be {width}x{height} pixels, which is impossible"
+        )
     if message.step < row or data.size < message.step * height:
         raise RecordingError("the picture is damaged: it has fewer bytes than its size needs")
     rows = data[: message.step * height].reshape(height, message.step)[:, :row]

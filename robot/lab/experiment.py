@@ -39,7 +39,7 @@ class ExperimentSettings:
 
     @property
     def learner(self) -> str:
-        """Return the only learner of an experiment that compares no learners."""
+        """Return the learner of an experiment that takes only one."""
         if len(self.learners) > 1:
             raise ConfigurationError(
                 "habits, ready and degrees take only one --learner, not " + ", ".join(self.learners)

@@ -175,7 +175,7 @@ def beside_pilot(
 ) -> dict[str, Any]:
     """Return the figures of a robot's minute, and of its pilot's minute from the same start.
 
-    Pushes by the pilot during the lesson also count, because the robot learned to push from them.
+    The pilot's pushes during the lesson also count, because the robot learned from them to push.
     """
     minutes = [
         drive_by_hand(
@@ -206,8 +206,8 @@ def ssd_in_place(drive: DriveLog, pilot: SimulatedPilot) -> float:
     drive.
 
     A pilot who drives in curves soon circles in one place, so a drive of the robot and a separate
-    drive of the pilot would differ because of the place. In the same place they differ only in
-    their moves.
+    drive of the pilot would differ because of the place. In the same place, robot and pilot differ
+    only in their moves.
     """
     pilot.change_mode(Mode.TRAIN)
     held = DriveLog()

@@ -47,7 +47,7 @@ def contents_of(task: Task) -> Contents:
 def run_task(task: Task, contents: Contents | None = None) -> Outcome:
     """Run a task; never raises an Exception.
 
-    `contents` are the files for a machine that does not have them.
+    `contents` are the files that the task names, for a machine that does not have these files.
     """
     try:
         return Outcome(result=task.run(_placed(task.params, contents or {})))

@@ -191,7 +191,7 @@ class Stateful:
         return ()
 
     def prepare(self, arrays: Arrays) -> None:
-        """Create the parts that these arrays belong to, before the arrays are loaded."""
+        """Create the parts to which a model's arrays belong, before the arrays are loaded."""
 
     def restored(self) -> None:
         """Compute the derived values after loading."""
@@ -240,7 +240,7 @@ class Stateful:
             raise ValueError(f"unknown field {str(other)[:60]!r}")
 
     def _take(self, params: Params, arrays: Arrays, names: Names, sizes: dict[str, int]) -> None:
-        """Load this part's values and arrays, and remove them from the arguments; see `load`."""
+        """Load the part's values and arrays, and remove these from the arguments; see `load`."""
         self.prepare(arrays)
         for own, part in self.parts():
             if not own:

@@ -39,7 +39,7 @@ BALANCE = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Design:
-    """The parts and constants of a learner; the defaults are those that measured best."""
+    """The parts and constants of a learner; the defaults are the values that drove best."""
 
     features: Callable[[], Features] = GradientFeatures
     action_filter: Callable[[MoveKinds], ActionFilter] = ActionFilter

@@ -120,7 +120,7 @@ class FrameTable(Mapping[int, FrameEntry]):
         return self.captured_s_of(slice(None))
 
     def captured_s_of(self, ranks: NDArray[np.int64] | slice) -> NDArray[np.float64]:
-        """Return the times at which these pictures were taken."""
+        """Return the times at which the pictures with these ranks were taken."""
         times_s: NDArray[np.float64] = (self.table["log_ns"][ranks] - self.origin_ns) / 1e9
         return times_s
 
@@ -303,7 +303,7 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
             or (np.abs(steering) > 1).any()
             or (np.abs(throttle) > 1).any()
         ):
-            raise RecordingError("the columns do not fit together")
+            raise RecordingError("the columns contradict each other")
         parts[2] = np.array(numbers, np.uint8)[labels].tobytes()
         columns = self._columns
         if np.isnan(steering).all() and np.isnan(throttle).all():
@@ -420,7 +420,7 @@ class Labels(Mapping[int, Example]):
         return iter(self._ids.tolist())
 
     def examples(self, ids: NDArray[np.integer]) -> list[Example | None]:
-        """Return the example of each of these pictures."""
+        """Return the example of each of the pictures with these ids; None if a picture has none."""
         if not len(self._ids):
             return [None] * len(ids)
         at = np.minimum(np.searchsorted(self._ids, ids), len(self._ids) - 1)

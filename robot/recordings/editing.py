@@ -101,7 +101,7 @@ def sample(
     between: Range | None = None,
 ) -> list[EpisodeFrame]:
     """Return at most `count` moments, evenly spaced in the recording or in a range of its frames.
-    Only the chunks that contain these moments are read."""
+    Only the chunks that contain the returned moments are read."""
     table, labels = episode.frames, taught_frames(episode)
     ranks = range(len(table))
     if between is not None:
@@ -235,7 +235,7 @@ def _tell(
     ranks: NDArray[np.int64],
     said: tuple[_Said, _Said, _Said],
 ) -> Iterator[EpisodeFrame]:
-    """Yield these pictures with the messages about them."""
+    """Yield the pictures of a group, each with the messages about it."""
     decisions, sensed, proposed = said
     ids, captured_s, start_s = (
         episode.frames.ids[ranks],
@@ -298,8 +298,8 @@ def write_edited(episode: Episode, notes: Notes, file: BinaryIO, *, is_part: boo
 
     Undone examples and deleted frames are left out; relabelled frames have their new label. Frame
     ids and predictions are unchanged. Edits of learned images are copied, since a later recording
-    may undo them. If `is_part`, they are not copied, because the recording from which this part was
-    split contains them.
+    may undo them, but not if `is_part`, because the recording from which this part was split
+    contains them.
     """
     run = {**episode.run, "format": str(FORMAT), **({EDITED: "1"} if notes.edits else {})}
     writer = EpisodeWriter(file, run, episode.attachments.get(MODEL_BEFORE))

@@ -123,7 +123,8 @@ def read_notes(episode: Path) -> Notes:
 
 
 def compacted(notes: Notes) -> Notes:
-    """Return the notes for the copy of a recording to which these edits were applied."""
+    """Return the notes for a copy of the recording in which the edits of these notes are
+    applied."""
     return replace(notes, edits=(), undone=())
 
 

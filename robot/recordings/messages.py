@@ -157,8 +157,8 @@ def describe_tick(
 
     Args:
         events: The changes of the learner to record.
-        lost: Ids of taught frames whose pictures are not recorded. The vectors of these frames are
-            recorded instead.
+        lost: Ids of taught frames whose pictures are not recorded. The vectors of the lost frames
+            are recorded instead.
         is_shown: True if the recording contains the tick's picture.
         is_begun: True if the mode has changed.
     """

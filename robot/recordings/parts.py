@@ -55,7 +55,7 @@ def part_paths(path: Path) -> dict[int, Path]:
 
 
 def is_part(path: Path) -> bool:
-    """True for a file of a recording after the first file, if the first file exists."""
+    """True for every file of a recording except its first file, if that first file exists."""
     folder = path.parent
     return bool(
         _FILE.fullmatch(path.name)

@@ -39,7 +39,7 @@ def strays(folder: Path) -> Iterator[tuple[Path, str]]:
 def compacting_mark(path: Path) -> Path:
     """Return the path of the file that marks a recording while it is made compact. The file lies
     next to the recording, and later next to its original in the trash. A mark that is left over is
-    removed like any unfinished file, because it has such a name."""
+    removed, because it is named like an unfinished file."""
     return path.with_name(f".{path.name}.0.part")
 
 

@@ -214,7 +214,9 @@ class EpisodeStore:
             kept = episode.frames.ids[~notes.deleted(episode.frames.ids)]
             before, after = kept[kept < frame_id].tolist(), kept[kept >= frame_id].tolist()
             if not before or not after:
-                raise ConfigurationError("there must be pictures on both sides of the cut")
+                raise ConfigurationError(
+                    "a recording cannot be split there: no picture would be on one side of the cut"
+                )
             second = notes.with_edit(trim(episode.frames, after[0], after[-1]))
             with self.new_file(f"{episode_id[:60]}-2") as new:
                 with whole_file(new) as file:
@@ -237,8 +239,8 @@ class EpisodeStore:
     def new_path(self, name: str) -> Path:
         """Reserve a free path by an empty file, because another program may also look for a path.
 
-        A name with notes of a deleted recording is not free: these notes would edit the new
-        recording.
+        The name of a deleted recording whose notes still exist is not free, because the notes would
+        edit the new recording.
         """
         require_present(self._storage.folder(NAME))
         names = (path.name for path in paths_in(self._storage.folder(NAME)))

@@ -91,8 +91,8 @@ def _read_head(path: Path) -> dict[str, Any]:
 
 
 def _read_ends(path: Path) -> dict[str, Any]:
-    """Read the counts from the metadata at the end of the last file. If they are damaged, count the
-    content."""
+    """Read the counts from the metadata at the end of the last file, or count the content if the
+    metadata are damaged."""
     files = part_paths(path)
     last = max(files)
     with contextlib.suppress(*UNREADABLE, OSError):

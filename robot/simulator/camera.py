@@ -118,8 +118,8 @@ class SimCamera(WorldCamera[SimDriver]):
 
     def _live(self) -> None:
         """Take pictures until the camera stops. If the computer simulates too many robots, each
-        robot takes fewer pictures, so that commands and a STOP are not late. At rest (`rest`)
-        pictures come less often, and the world also advances between them.
+        robot takes fewer pictures, so that commands and a STOP are not late. At rest (`rest`) the
+        camera takes fewer pictures, and the world also advances between two pictures.
         """
         taken_s = last_s = self.clock.now_s()
         due_s, least_s = last_s + self._period_s, 0.0

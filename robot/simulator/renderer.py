@@ -1,6 +1,6 @@
 """Renders the simulated camera's view by Panda3D's software renderer, without display or GPU.
 
-All renderers of a process share one engine. A lock lets only one of them draw at a time, so any
+All renderers of a process share one engine. A lock lets only one renderer draw at a time, so any
 thread may use any renderer.
 """
 

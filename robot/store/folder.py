@@ -205,7 +205,7 @@ def set_aside(path: Path, ending: str = ".set-aside") -> str:
 
 
 def move_aside(path: Path, targets: Iterable[Path]) -> Path:
-    """Move a file or folder to the first of these targets that is free; return its path.
+    """Move a file or folder to the first target that is free, and return the target's path.
 
     A file that cannot be renamed stays in place. Never raises OSError.
     """

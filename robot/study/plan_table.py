@@ -99,7 +99,7 @@ def _check(name: str, value: Any) -> None:
     texts = value if name == "options" else [value] if name in _BY_LANGUAGE else []
     for code, said in (pair for each in texts for pair in each.items()):
         if not _LANGUAGE.fullmatch(code) or len(said) > _LONGEST_WORDS:
-            raise ValueError(f"{name!r} has {code[:40]!r}; write {_TEXT}")
+            raise ValueError(f"{name!r} has {code[:40]!r}, which is not a language; write {_TEXT}")
     if name == "moves" and (not value or Action.STOP in map(Action, value)):
         raise ValueError("'moves' must have at least one move, and never 'stop'")
     if name == "learner" and not is_learner_kind(kind := split_name(value)[0]):

@@ -58,7 +58,7 @@ def named(events: Sequence[StudyEvent], event: str) -> list[StudyEvent]:
 
 
 def frames(events: Sequence[StudyEvent], by: DrivenBy) -> list[StudyEvent]:
-    """Return those frames on which this driver, the pilot or the robot, drove."""
+    """Return the frames on which the given driver, pilot or robot, drove."""
     return [e for e in named(events, "frame") if e.driven_by == by.value]
 
 
@@ -158,7 +158,8 @@ def outcome(log: ConditionLog) -> dict[str, Any]:
     m.
 
     The participant's profile comes from teaching; the robot's profile comes from its own driving.
-    `ssd` is None if either profile is missing, because there was no move or there is no sonar.
+    `ssd` is None if a profile is missing, because one of them made no move or because there is no
+    sonar.
     """
     moves = log.condition.moves
     pilot = log.profile(DrivenBy.PILOT, "teach")

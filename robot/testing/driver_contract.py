@@ -22,8 +22,8 @@ from robot.testing.cases import DriverCase
 from robot.types import Action, Mode, Point, Sensors
 
 LOCAL_BUDGET_S = 0.01
-"""Upper bound for the quickest of some requests, in seconds. The control loop waits for requests,
-so they must be short."""
+"""Upper bound for the quickest of some requests, in seconds. Requests must be short, because the
+control loop waits for each."""
 REMOTE_BUDGET_S = 0.2
 """Upper bound for the quickest request of a driver that declares `is_remote`, in seconds. It is
 shorter than 0.4 s, because a move that is not renewed by then ends."""
@@ -233,8 +233,8 @@ class DriverContract:
     def test_a_point_that_changes_quickly_is_driven_within_the_ramp(
         self, driver_case: DriverCase
     ) -> None:
-        """After `ramp_s` the body drives the last point. Until then its steering and throttle stay
-        between those that it reaches at the `CORNERS`."""
+        """After `ramp_s` the body drives the last point. Before that, its steering and throttle
+        stay between the values that it reaches at the `CORNERS`."""
         driver, drives = driver_case.driver, driver_case.drives
         with driver:
             if not driver.takes_points:

@@ -41,8 +41,8 @@ class IntegerGradientFeatures:
     machine.
 
     A gradient byte is a multiple of 4, because `IntegerRidge` uses only the upper six bits. In the
-    grey picture every second pixel of every second line comes first, because these are enough to
-    compare pictures.
+    grey picture every second pixel of every second line comes first, because these pixels are
+    enough to compare pictures.
     """
 
     name = "integer-gradient"

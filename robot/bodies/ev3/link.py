@@ -113,8 +113,8 @@ class BrickLink:
         self.send(do, **rest)
 
     def release(self, *keys: str) -> None:
-        """Forget these held commands, and close the connection when no command is held any more.
-        Idempotent."""
+        """Forget the named held commands, and close the connection when no command is held any
+        more. Idempotent."""
         for key in keys:
             self._held.pop(key, None)
         if self._held or self._thread is None:
@@ -133,7 +133,7 @@ class BrickLink:
         try:
             self._send(do, **rest)
         except OSError as error:
-            self._hang_up()  # after a part of a message nothing else can be sent
+            self._hang_up()  # a message that was sent in part spoils the connection
             raise DriveError(self._say_lost(error)) from error
 
     def answer(self, name: str) -> Any:

@@ -34,7 +34,7 @@ class RemoteBody:
         self._link.send("run", left=left_dps, right=right_dps, ms=time_ms, after=after_s)
 
     def stop(self) -> None:
-        """Stop the motors; if the connection is lost, the brick stops them itself."""
+        """Stop the motors; if the connection is lost, the brick stops the motors itself."""
         with contextlib.suppress(DriveError):
             self._link.send("stop")
 

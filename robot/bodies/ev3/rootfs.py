@@ -111,9 +111,9 @@ def _choose_alternatives(folder: Path) -> None:
 def precompile(root: Path, folders: tuple[str, ...], release: str = DEFAULT_RELEASE) -> bool:
     """Compile Python files of a userland in advance, without docstrings, for the brick's `-OO`.
 
-    Compiling at each start would take minutes on a brick, and 6 MB that the process never frees.
-    `folders` are glob patterns below the userland. Returns False if this machine has no Python of
-    the brick's version; then the brick must compile the files.
+    Compiling at each start would take minutes on a brick, and 6 MB of memory that the process would
+    never free. `folders` are glob patterns below the userland. Returns False if this machine has no
+    Python of the brick's version; then the brick must compile the files.
     """
     python = _python_of(PYTHON_VERSIONS[release])
     if python is None:

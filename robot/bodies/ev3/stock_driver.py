@@ -73,7 +73,7 @@ class StockBody:
         for port in ports:
             if kinds[port] != kind:
                 name = "ultrasonic" if kind == codec.ULTRASONIC else "touch"
-                raise DriveError(f"no {name} sensor answers at port in{port + 1}")
+                raise DriveError(f"no {name} sensor answers at port in{port + 1}; check its cable")
         return ports
 
     def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:

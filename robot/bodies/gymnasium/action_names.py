@@ -30,7 +30,8 @@ _NOTHING_PRESSED = "noop"
 def names_of(env: Any, first: int, n: int) -> dict[int, str]:
     """Return the names of the actions `first` to `first + n - 1`, if there are any.
 
-    The names come from the outermost wrapper that has names for exactly these actions.
+    The names come from the outermost wrapper that has a name for each of them and for no other
+    action.
     """
     for layer in _layers(env):
         for path in _KEPT_IN:

@@ -34,8 +34,8 @@ _CAR_RACING = (
 )
 """Tables for the continuous and the discrete form of CarRacing, whose moves have no names."""
 _SIDES = {"left": -1.0, "right": 1.0}
-"""Steering of moves whose names contain one of these words. The page shows a move on the side to
-which it steers."""
+"""Words that the name of a move may contain, with the steering that they mean. The page shows a
+move on the side to which it steers."""
 _STANDING = ("noop", "no_op", "idle", "rest", "coast", "nothing", "do_nothing", "stop", "wait")
 _BACK = ("back", "down", "brake", "slower", "reverse")
 

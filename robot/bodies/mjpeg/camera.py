@@ -70,7 +70,7 @@ class MjpegCamera(WatchedCamera):
                     self._line.open()
                 self._read_out()
             except (CameraError, OSError, ValueError, AttributeError) as error:
-                self._reason = str(error)  # the watching thread reports why
+                self._reason = str(error)  # the thread that watches the stream reports this
             is_open = False
             self._line.close()
             self.clock.wait(self._ending, REOPEN_S)

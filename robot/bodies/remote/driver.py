@@ -189,8 +189,8 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
 def the_only_one(host: str) -> str:
     """Return the address of a name in the local network, or the host as it is.
 
-    Any machine can take such a name, and many small robots keep the name that their example program
-    contains.
+    Any machine can take a name in the local network, and many small robots keep the name that their
+    example program contains.
 
     Raises:
         DriveError: If several machines answer to the name; the error lists them.

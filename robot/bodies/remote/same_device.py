@@ -1,6 +1,6 @@
 """The device of a driver: chosen at the first connection, and never replaced. Pure.
 
-Schools own dozens of hubs with the same name. A search by this name finds any of them, so after a
+Schools own dozens of hubs with the same name. A search by name finds any of these hubs, so after a
 lost connection the program might drive a neighbour's robot. If two hubs match at the start, the
 program cannot know which one the pilot means.
 """
@@ -69,7 +69,8 @@ class SameDevice:
         return next(iter(fitting.values()), None)
 
     def name_absent(self, found: Iterable[Found]) -> str:
-        """Return the end of the sentence about a device that was not found among these."""
+        """Return the end of a sentence which says that the driver's device is not among the found
+        devices."""
         others = {str(one) for one in found}
         if self.chosen is None:
             listed = f"; in range: {', '.join(sorted(others))}" if others else ""

@@ -112,7 +112,9 @@ def read_pixels(message: Message, data: bytes) -> Picture:
     encoding = str(message["encoding"])
     channels = _CHANNELS[encoding]
     if not 0 < min(width, height) <= max(width, height) <= MAX_SIDE_PX or step < width * channels:
-        raise ValueError(f"bad size: {width}x{height} pixels with {step} bytes a row")
+        raise ValueError(
+            f"impossible size of a picture: {width}x{height} pixels with {step} bytes a row"
+        )
     rows = np.frombuffer(data, np.uint8, height * step).reshape(height, step)
     pixels = rows[:, : width * channels].reshape(height, width, channels)
     if channels == 1:

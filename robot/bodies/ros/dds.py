@@ -1,8 +1,9 @@
 """DDS, the network protocol of ROS 2, without ROS: topics by Eclipse Cyclone DDS.
 
 All parts of this program share one participant per domain. Named peers are discovered by unicast.
-DDS notices only after ten seconds or more that the other side is gone. This module detects the loss
-earlier, by missing acknowledgements, by the watchdog's signs of life and by the age of pictures.
+DDS itself notices only after ten seconds or more that another program is gone. This module detects
+the loss earlier, by missing acknowledgements, by the watchdog's signs of life and by the age of
+pictures.
 """
 
 from __future__ import annotations

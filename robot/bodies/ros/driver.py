@@ -156,7 +156,7 @@ class RosDriver(ConnectedDriver[Topics]):
             self._check_heard(connection)
 
     def _sense(self) -> Sensors:
-        """Check that the other end answers and refuses nothing; return the values of the sensors'
+        """Check that the robot answers and refuses no message; return the values of the sensors'
         topics."""
         self._check_heard(self._connected())
         now_s = self._clock.now_s()

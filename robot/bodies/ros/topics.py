@@ -39,7 +39,8 @@ class Topics(ABC):
     @property
     @abstractmethod
     def silent_s(self) -> float:
-        """Seconds for which a sign of life of the other end has been overdue."""
+        """Number of seconds for which the other end has given no sign of life although one was
+        due."""
 
     @property
     @abstractmethod

@@ -57,7 +57,9 @@ class TransportOptions(Options):
             return
         for flag, value in (("--interface", self.interface), ("--peers", self.peers)):
             if value:
-                raise ConfigurationError(f"{flag} needs --transport dds; add this, or omit {flag}")
+                raise ConfigurationError(
+                    f"{flag} works only with --transport dds; add that, or omit {flag}"
+                )
 
 
 def open_topics(

@@ -55,7 +55,7 @@ class DrivingLearner:
 
     @property
     def n_examples(self) -> int:
-        """Number of examples taught, without those that were undone."""
+        """Number of taught examples, without the examples that were undone."""
         return self.history.taught.total()
 
     def see(self, picture: NDArray[np.uint8], at_s: float, *, bumped: bool = False) -> Prediction:

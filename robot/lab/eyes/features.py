@@ -42,7 +42,7 @@ class EyesFeatures(PictureFeatures):
     """
     balance = 0.25
     """Extra weight of rare labels. The weight is low because few examples of a turn are enough with
-    these features."""
+    the features of a vision net."""
     novelty_margin = 0.3
     """With the net's features, a new corner is farther from all known corners than with gradients.
     With the usual margin, a robot that has had a short lesson would ask three times as often, and

@@ -17,8 +17,8 @@ asks."""
 WRONG_FOR = 2
 """Number of wrong decisions in a row after which the teacher takes the wheel."""
 HOLDS_FOR = 5
-"""Least number of decisions for which the teacher keeps the wheel. After them the teacher returns
-the wheel as soon as the robot would make the same move."""
+"""Least number of decisions for which the teacher keeps the wheel. After these decisions the
+teacher returns the wheel as soon as the robot would make the same move."""
 UNSURE = 0.6
 """Confidence below which a robot that may ask does so. A robot that may ask also does so whenever
 Drivelesson's own loop would."""

@@ -97,8 +97,8 @@ class HumanDelayModel:
         return self._slip if slips else self._held
 
     def _begin_by_chance(self, now_s: float, dt_s: float) -> None:
-        """Begin a tremor or a lapse at random. Every call draws equally many random numbers,
-        whatever begins."""
+        """Begin a tremor or a lapse at random. Every call draws the same number of random
+        numbers."""
         config = self.config
         tremor, lapse = self._chance.random(), self._chance.random()
         other = self._chance.choice(self._buttons)

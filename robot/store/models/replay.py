@@ -168,7 +168,7 @@ def newest_boot(store: ModelStore) -> int:
 
 
 def _learn_on(model: Model, run: _Run, numbers: list[int]) -> Model:
-    """Make these changes of the model again, in order; return the resulting model."""
+    """Make the changes with these numbers again on the model; return the resulting model."""
     policy, taught = model.to_policy(), Counter(model.summary.taught)
     policy.kinds.describe(run.declared)
     policy.restore(model.state)  # `set_state` would forget the state of the drive

@@ -1,7 +1,7 @@
 """Tries an untrusted model before it is accepted: it must match its summary, drive, and learn.
 
 The contents of the model's parts must match their declarations (`robot/learner/part.py`). Lengths
-that the model declares are not trusted when memory is allocated. After these checks a copy of the
+that the model declares are not trusted when memory is allocated. After all checks, a copy of the
 model drives and learns on a few pictures.
 """
 
