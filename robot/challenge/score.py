@@ -77,14 +77,14 @@ class Score:
             return
         aside_rad = max(_angle(one.heading_rad, way_rad) for one in (start, pose))
         if length_m >= STRETCH_M and aside_rad <= _STRAIGHT_RAD:
-            self._go_on(_Stretch(start.x_m + x_m / 2, start.y_m + y_m / 2, way_rad, length_m))
+            self._add_stretch(_Stretch(start.x_m + x_m / 2, start.y_m + y_m / 2, way_rad, length_m))
             return
         self._run = []
         # a body that turns drives shorter stretches, so half a stretch counts here
         if aside_rad > math.pi / 2 and length_m >= STRETCH_M / 2:
             self._backward_m += length_m
 
-    def _go_on(self, stretch: _Stretch) -> None:
+    def _add_stretch(self, stretch: _Stretch) -> None:
         """If a stretch continues a straight run, count it, and also count the run's first
         stretch."""
         if self._run and _angle(self._run[-1].way_rad, stretch.way_rad) > _ONWARD_RAD:

@@ -190,7 +190,7 @@ def _meanings(
     header: Cells | None, rows: list[Cells], width: int, said: Mapping[str, str]
 ) -> tuple[list[str], dict[str, int]]:
     names = [plain(name) for name in header or [""] * width]
-    columns = {role: _said_column(role, which, names) for role, which in said.items()}
+    columns = {role: _chosen_column(role, which, names) for role, which in said.items()}
     sample = rows[:_PEEK_ROWS]
     of_pictures = _of_pictures(sample, width)
     free = set(range(width)) - set(columns.values())
@@ -246,7 +246,7 @@ def _with_labels(header: Cells, rows: list[Row], reading: Reading) -> tuple[Cell
     return [*header, "label"], labelled
 
 
-def _said_column(role: str, which: str, names: list[str]) -> int:
+def _chosen_column(role: str, which: str, names: list[str]) -> int:
     if which.isdecimal() and 1 <= int(which) <= len(names):
         return int(which) - 1
     if plain(which) in names:

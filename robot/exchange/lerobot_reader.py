@@ -28,9 +28,9 @@ from robot.exchange.steering import (
     FULL_MPS,
     FULL_TURN_DEG_S,
     THROTTLES,
-    Said,
+    LabelAndPoints,
     at_velocity,
-    point_said,
+    point_or_none,
     read_meant,
     read_number,
     read_point,
@@ -130,7 +130,7 @@ class LerobotDataset:
         picture_of = (
             self._film(camera, episode) if is_film else partial(_stored, self.folder, camera)
         )
-        meant = self._meant(reading, report)
+        meant = self._label_reader(reading, report)
         angle = self._place_of(*ANGLES) if PILOT not in self._info.features else None
         said_by = next((n for n in (PILOT, *_INTERVENTIONS) if n in self._info.features), None)
         if said_by in _INTERVENTIONS:
@@ -228,7 +228,9 @@ class LerobotDataset:
         there = _names(self._info.features.get("action", {}).get("names"))
         return next((i for i, name in enumerate(there) if _bare(name) in names), None)
 
-    def _meant(self, reading: Reading, report: ImportReport) -> Callable[[Record], Said]:
+    def _label_reader(
+        self, reading: Reading, report: ImportReport
+    ) -> Callable[[Record], LabelAndPoints]:
         """Return a function that computes a frame's label, by the names of the action's
         elements."""
         features = self._info.features
@@ -242,11 +244,11 @@ class LerobotDataset:
         own = _info_of(features.get(PILOT, {})).get("moves")
         if isinstance(own, list) and all(isinstance(move, str) for move in own):
 
-            def own_meant(record: Record) -> Said:
+            def own_meant(record: Record) -> LabelAndPoints:
                 label = Action(own[_one(record.get(PILOT), range(len(own)))])
                 if _flat(record.get(DEGREES))[:1] == [True]:
                     return label, read_point(steered(record)), None
-                return label, None, point_said(steered(record))
+                return label, None, point_or_none(steered(record))
 
             return own_meant
         if angle is not None:
@@ -256,7 +258,7 @@ class LerobotDataset:
             if set(pair) <= set(names):
                 at = [names.index(name) for name in pair]
 
-                def moved(record: Record, at: list[int] = at, full: Pair = full) -> Said:
+                def moved(record: Record, at: list[int] = at, full: Pair = full) -> LabelAndPoints:
                     values = _action(record, len(names))
                     shares = [
                         read_number(values[i], names[i]) / of

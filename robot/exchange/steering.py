@@ -23,9 +23,9 @@ _STANDING = 0.02
 """Mean speed of two wheels, as a share of full speed, below which a turning robot counts as
 spinning."""
 _STEERED = "the angle", "the throttle"
-Meant = tuple[Action | None, Point | None]
+LabelAndPoint = tuple[Action | None, Point | None]
 """The label of a picture, and the label's point if known."""
-Said = tuple[Action | None, Point | None, Point | None]
+LabelAndPoints = tuple[Action | None, Point | None, Point | None]
 """The label of a picture, its point if the pilot steered by degrees, and its steering and throttle
 if known."""
 
@@ -35,7 +35,7 @@ def read_meant(
     reading: Reading | None = None,
     names: Sequence[str] = _STEERED,
     moves: Iterable[Action] = DEFAULT_MOVES,
-) -> Meant:
+) -> LabelAndPoint:
     """Return the driver's move, one of `moves`; None if no move drives in this direction.
 
     A car has only FORWARD, LEFT and RIGHT, so standing or backing up is not an example.
@@ -70,14 +70,14 @@ def read_point(written: Sequence[object], names: Sequence[str] = _STEERED) -> Po
     return Point(*map(read_share, written, names))
 
 
-def point_said(written: Sequence[object], names: Sequence[str] = _STEERED) -> Point | None:
+def point_or_none(written: Sequence[object], names: Sequence[str] = _STEERED) -> Point | None:
     """Return the point like `read_point`, but None if the values are missing or invalid."""
     with contextlib.suppress(ValueError):
         return read_point(written, names)
     return None
 
 
-def at_velocity(linear: float, turn: float, reading: Reading) -> Meant:
+def at_velocity(linear: float, turn: float, reading: Reading) -> LabelAndPoint:
     """Return the label of a velocity, given as shares of full speed ahead and of a full left turn.
 
     Shares beyond -1 and 1 count as full. A turn without speed is a spin.
@@ -85,7 +85,7 @@ def at_velocity(linear: float, turn: float, reading: Reading) -> Meant:
     return _turning(Point(_clipped(-turn), _clipped(linear)), reading)
 
 
-def at_wheels(left: float, right: float, reading: Reading) -> Meant:
+def at_wheels(left: float, right: float, reading: Reading) -> LabelAndPoint:
     """Return the label of two wheel speeds, given as shares of full speed.
 
     The slower wheel is on the inner side: steering is the difference of the speeds divided by their
@@ -96,7 +96,7 @@ def at_wheels(left: float, right: float, reading: Reading) -> Meant:
     return _turning(Point(_clipped(steering), _clipped((left + right) / 2)), reading)
 
 
-def _turning(point: Point, reading: Reading) -> Meant:
+def _turning(point: Point, reading: Reading) -> LabelAndPoint:
     throttle = point.throttle if abs(point.throttle) >= _STANDING else 0.0
     point = Point(reading.steering(reading.full_lock * point.steering), throttle)
     move = move_at(point, describe(_TURNING), reading.threshold)

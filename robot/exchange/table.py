@@ -18,7 +18,7 @@ from robot.exchange.stamps import seconds_in_name, seconds_of
 from robot.exchange.steering import (
     FULL_MPS,
     FULL_TURN_RAD_S,
-    Meant,
+    LabelAndPoint,
     at_velocity,
     at_wheels,
     read_meant,
@@ -74,7 +74,7 @@ def read_table(path: Path, reading: Reading, report: ImportReport) -> Drive:
             is_others=is_others,
         )
 
-    _tell_of_others(table, pictures, report)
+    _report_other_pictures(table, pictures, report)
     return drive_of(
         table.rows,
         read,
@@ -114,7 +114,7 @@ def _written(table: ColumnTable, cells: Cells, reading: Reading) -> float | None
 
 def _meaning(
     table: ColumnTable, reading: Reading, known: Mapping[str, Action], report: ImportReport
-) -> Callable[[Cells], Meant]:
+) -> Callable[[Cells], LabelAndPoint]:
     """Return a function that computes a row's label from the columns that are present."""
     there = table.columns
     if "label" in there:
@@ -153,7 +153,7 @@ def _check_unit(table: ColumnTable, reading: Reading) -> None:
 
 def _labelled(
     table: ColumnTable, reading: Reading, known: Mapping[str, Action], cells: Cells
-) -> Meant:
+) -> LabelAndPoint:
     """Return the label of a row; raises ValueError if it is missing or invalid."""
     text = table.cell(cells, "label") or ""
     if not text:
@@ -173,7 +173,7 @@ def _labelled(
     return label, read_point([table.number(cells, role) for role in ("steering", "throttle")])
 
 
-def _steered(table: ColumnTable, reading: Reading, cells: Cells) -> Meant:
+def _steered(table: ColumnTable, reading: Reading, cells: Cells) -> LabelAndPoint:
     """Return the label of a row from its steering.
 
     A car that rolls without throttle counts as driving, and stands still only if speed and throttle
@@ -205,7 +205,7 @@ def _most(table: ColumnTable, role: str) -> float:
     return most
 
 
-def _tell_of_others(table: ColumnTable, pictures: Pictures, report: ImportReport) -> None:
+def _report_other_pictures(table: ColumnTable, pictures: Pictures, report: ImportReport) -> None:
     """Report how many pictures the table does not list, or lists only for other cameras."""
     others = [i for i in table.pictures if i != table.columns["picture"]]
     if others:

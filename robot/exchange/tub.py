@@ -23,7 +23,7 @@ from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
 from robot.exchange.files import PICTURES, files_ending, read_picture_file, write_picture
 from robot.exchange.reading import Reading
 from robot.exchange.stamps import seconds_of
-from robot.exchange.steering import Said, point_said, read_meant, read_point
+from robot.exchange.steering import LabelAndPoints, point_or_none, read_meant, read_point
 from robot.exchange.tub_records import (
     IMAGE,
     MOVES,
@@ -70,7 +70,7 @@ def read_tub(folder: Path, reading: Reading, report: ImportReport) -> Drive:
     pictures = folder if is_first else folder / "images"
 
     def read(place: str, record: Record) -> FrameEvent:
-        label, point, does = _said(record, reading, moves)
+        label, point, does = _label_of(record, reading, moves)
         return FrameEvent(
             place=place,
             t_s=_time(record),
@@ -103,7 +103,7 @@ def _is_by_pilot(record: Record) -> bool:
     return str(record.get(_MODE, "user")).strip().lower() == "user"
 
 
-def _said(record: Record, reading: Reading, moves: Sequence[str] | None) -> Said:
+def _label_of(record: Record, reading: Reading, moves: Sequence[str] | None) -> LabelAndPoints:
     """Return the label of a record; raises ValueError if it is missing or invalid."""
     if _LABEL in record:  # this program wrote the tub
         text = record[_LABEL]
@@ -111,7 +111,7 @@ def _said(record: Record, reading: Reading, moves: Sequence[str] | None) -> Said
             raise ValueError(f"{_LABEL} is {str(text)[:40]!r}, not one of the moves")
         written = [record.get(name) for name in _STEERED]
         if not text or record.get(_DEGREES) is not True:
-            return Action(text) if text else None, None, point_said(written)
+            return Action(text) if text else None, None, point_or_none(written)
         return Action(text), read_point(written, _STEERED), None
     written = [record.get(name) for name in _STEERED if name in record or name == _ANGLE]
     meant = read_meant(written, reading, _STEERED)

@@ -67,7 +67,7 @@ def run_on_cluster(
         try:
             # Try to connect first: a Client that fails would wait another 20 s and print a
             # traceback.
-            asyncio.run(_knock(scheduler))
+            asyncio.run(_try_to_connect(scheduler))
             client = distributed.Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
         except Exception as error:  # the type of the error depends on the address and the network
             raise ConfigurationError(
@@ -163,7 +163,7 @@ class _Run:
             ) from error
         now_s = time.monotonic()
         for address in [address for address in self._workers if address not in found]:
-            self._let_go(address)
+            self._drop(address)
         for address, facts in found.items():
             if address not in self._workers:
                 self._workers[address] = _Worker(f"{facts['host']} ({address})", now_s)
@@ -180,12 +180,12 @@ class _Run:
         silent_s = now_s - since_s
         if silent_s > _FROZEN_S and worker.is_used:
             # A worker that answers again is identified again.
-            self._let_go(address, "does not answer; its task goes to another worker", losses=0)
+            self._drop(address, "does not answer; its task goes to another worker", losses=0)
         elif silent_s > worker.said_s + _SILENT_S:
             worker.said_s += _SILENT_S
-            self._say(f"the worker at {worker.name} has been silent for {worker.said_s:.0f} s")
+            self._report(f"the worker at {worker.name} has been silent for {worker.said_s:.0f} s")
 
-    def _let_go(self, address: str, why: str = "is gone", losses: int = 1) -> None:
+    def _drop(self, address: str, why: str = "is gone", losses: int = 1) -> None:
         """Reassign the task of a lost worker."""
         worker = self._workers.pop(address)
         self._refused.pop(address, None)
@@ -199,7 +199,7 @@ class _Run:
                     "time its worker was lost; do the workers have enough memory?"
                 )
             self._todo.append(worker.key)
-        self._say(f"the worker at {worker.name} {why}")
+        self._report(f"the worker at {worker.name} {why}")
 
     def _end_if_alone(self, now_s: float) -> None:
         if any(worker.is_used or worker.future for worker in self._workers.values()):
@@ -213,7 +213,7 @@ class _Run:
         if now_s - self._said_s > _SILENT_S:
             self._said_s = now_s
             alone_s = now_s - self._alone_since_s
-            self._say(f"no worker for {alone_s:.0f} s; waiting for a worker")
+            self._report(f"no worker for {alone_s:.0f} s; waiting for a worker")
         patience_s = _NO_WORKER_S if self._had_workers else _FIRST_WORKER_S
         if now_s - self._alone_since_s > patience_s:
             raise ConfigurationError(
@@ -222,7 +222,7 @@ class _Run:
                 f"own output. Start workers with: dask worker {self._scheduler} --nthreads 1"
             )
 
-    def _say(self, change: str) -> None:
+    def _report(self, change: str) -> None:
         self._on_workers(sum(worker.is_used for worker in self._workers.values()), change)
 
     # Tasks ---------------------------------------------------------------------------------------
@@ -268,7 +268,7 @@ class _Run:
         is_lost = error is None or type(error).__name__ == "KilledWorker"
         if is_lost or not key:
             worker.key = key
-            self._let_go(address)  # a worker that still exists is identified again
+            self._drop(address)  # a worker that still exists is identified again
             return
         raise ConfigurationError(
             f"the worker at {worker.name} cannot run {self._tasks[key]}: "
@@ -284,12 +284,12 @@ class _Run:
                 f"{'; '.join(differs)}; install the same versions there"
             )
             self._refused[address] = sentence
-            self._say(sentence)
+            self._report(sentence)
         else:
-            self._say(f"the worker at {worker.name} is ready")
+            self._report(f"the worker at {worker.name} is ready")
 
 
-async def _knock(scheduler: str) -> None:
+async def _try_to_connect(scheduler: str) -> None:
     """Try to connect to the scheduler once; the error says why this failed."""
     comm = await need("distributed.comm", "the backend dask", "dask").connect(
         scheduler, timeout=_CONNECT_S

@@ -54,12 +54,12 @@ def run_task(task: Task, contents: Contents | None = None) -> Outcome:
     except RobotError as error:
         cause = error.__cause__
         is_ours = cause is None or isinstance(cause, RobotError | OSError)
-        return Outcome(error=str(error), traceback="" if is_ours else _told(cause))
+        return Outcome(error=str(error), traceback="" if is_ours else _in_words(cause))
     except Exception as error:  # a plugin may raise anything
-        return Outcome(error=f"{type(error).__name__}: {error}", traceback=_told(error))
+        return Outcome(error=f"{type(error).__name__}: {error}", traceback=_in_words(error))
 
 
-def _told(error: BaseException | None) -> str:
+def _in_words(error: BaseException | None) -> str:
     return "".join(traceback.format_exception(error)) if error is not None else ""
 
 

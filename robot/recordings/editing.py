@@ -80,7 +80,7 @@ def moments(
     ranks = range(len(table))
     if not about:
         return _labelled(episode, notes, labels)
-    in_file = _told(episode, notes, labels, episode.blocks(), ranks, about)
+    in_file = _with_messages(episode, notes, labels, episode.blocks(), ranks, about)
     if table.is_ordered:
         return in_file
     return iter(sorted(in_file, key=lambda moment: moment.frame_id))
@@ -88,10 +88,10 @@ def moments(
 
 def _labelled(episode: Episode, notes: Notes, labels: Labels) -> Iterator[EpisodeFrame]:
     """Yield the pictures in order, without messages."""
-    said = _Said(), _Said(), _Said()
+    said = _TopicMessages(), _TopicMessages(), _TopicMessages()
     for begin in range(0, len(episode.frames), _BATCH):
         ranks = np.arange(begin, min(begin + _BATCH, len(episode.frames)))
-        yield from _tell(episode, notes, labels, ranks, said)
+        yield from _describe(episode, notes, labels, ranks, said)
 
 
 def sample(
@@ -112,10 +112,10 @@ def sample(
     for offset, same in groupby(chosen, key=lambda rank: table.table["chunk"][rank]):
         own, blocks = list(same), episode.blocks_after(int(offset))
         read = list(islice(blocks, 1))
-        here = list(_told(episode, notes, labels, read, own))
+        here = list(_with_messages(episode, notes, labels, read, own))
         if any(None in (one.predicted, one.driven_by, one.distance_m) for one in here):
             read += islice(blocks, 1)  # the next chunk may contain the missing messages
-            here = list(_told(episode, notes, labels, read, own))
+            here = list(_with_messages(episode, notes, labels, read, own))
         found += here
     return found
 
@@ -137,7 +137,7 @@ def labels(episode: Episode, notes: Notes) -> Iterator[Action]:
             yield example.label
 
 
-class _Said:
+class _TopicMessages:
     """Messages of one topic about the pictures being read, parsed when needed."""
 
     def __init__(self) -> None:
@@ -188,7 +188,7 @@ def _fields_in(message: bytes) -> Fields:
     return fields if isinstance(fields, dict) else {}
 
 
-def _told(
+def _with_messages(
     episode: Episode,
     notes: Notes,
     labels: Labels,
@@ -198,7 +198,7 @@ def _told(
 ) -> Iterator[EpisodeFrame]:
     """Yield the pictures with these ranks as soon as their chunks were read."""
     table, origin_ns = episode.frames.table, episode.origin_ns
-    said = _Said(), _Said(), _Said()
+    said = _TopicMessages(), _TopicMessages(), _TopicMessages()
     chosen = np.asarray(ranks, np.int64)
     places = np.lexsort((table["start"][chosen], table["chunk"][chosen]))
     by_place = chosen[places]
@@ -218,22 +218,22 @@ def _told(
         count = max(count, len(waiting_ns) - _MOST_WAITING)
         if count < min(_BATCH, len(by_place) - told):
             continue
-        yield from _tell(episode, notes, labels, by_place[told : told + count], said)
+        yield from _describe(episode, notes, labels, by_place[told : told + count], said)
         told += count
         if told == len(by_place):
             return
         needed_ns = int(stamps_ns[told]) if told < came else known_ns
         for messages in said:
             messages.forget((needed_ns - origin_ns) / 1e9)
-    yield from _tell(episode, notes, labels, by_place[told:came], said)
+    yield from _describe(episode, notes, labels, by_place[told:came], said)
 
 
-def _tell(
+def _describe(
     episode: Episode,
     notes: Notes,
     labels: Labels,
     ranks: NDArray[np.int64],
-    said: tuple[_Said, _Said, _Said],
+    said: tuple[_TopicMessages, _TopicMessages, _TopicMessages],
 ) -> Iterator[EpisodeFrame]:
     """Yield the pictures of a group, each with the messages about it."""
     decisions, sensed, proposed = said

@@ -19,13 +19,13 @@ def move_things(world: World, robot: Pose, dt_s: float) -> World:
     if not any(thing.is_movable or thing.path for thing in world.obstacles):
         return world
     moved = tuple(
-        _go_on(thing, robot, dt_s) if thing.path else _yield_to(thing, world, robot)
+        _move_along(thing, robot, dt_s) if thing.path else _yield_to(thing, world, robot)
         for thing in world.obstacles
     )
     return replace(world, obstacles=moved)
 
 
-def _go_on(thing: Obstacle, robot: Pose, dt_s: float) -> Obstacle:
+def _move_along(thing: Obstacle, robot: Pose, dt_s: float) -> Obstacle:
     """Move the thing along its closed path, unless the robot is in the way."""
     gone_m = thing.gone_m + thing.speed_mps * dt_s
     x_m, y_m = _along(thing.path, gone_m)

@@ -34,7 +34,7 @@ def measure(link: BrickLink, may_turn_wheels: Callable[[], bool]) -> BrickFacts:
         inspected = link.answer("inspected")
         ahead_s = float(inspected["clock_s"]) - link.clock.wall_s()
         round_trips_s = [_round_trip_s(link, index) for index in range(ROUND_TRIPS)]
-        pictures, camera_fault = _look(link) if inspected["cameras"] else ([], None)
+        pictures, camera_fault = _take_pictures(link) if inspected["cameras"] else ([], None)
         body_fault, wheels = _try_wheels(link, may_turn_wheels)
     finally:
         link.release("doctor")
@@ -60,7 +60,7 @@ def _round_trip_s(link: BrickLink, index: int) -> float:
     return link.clock.now_s() - sent_s
 
 
-def _look(link: BrickLink) -> tuple[list[RemotePicture], str | None]:
+def _take_pictures(link: BrickLink) -> tuple[list[RemotePicture], str | None]:
     """Take pictures for a while; return them, and the camera fault that the agent reports."""
     pictures: list[RemotePicture] = []
     link.on_picture = pictures.append

@@ -91,7 +91,7 @@ class BrickLink:
             )
         return self._lost
 
-    def _say_lost(self, why: object) -> str:
+    def _lost_sentence(self, why: object) -> str:
         return f"the connection to the brick at {self.address} was lost ({why}); trying again"
 
     def hold(self, key: str, do: str, **rest: Any) -> None:
@@ -134,7 +134,7 @@ class BrickLink:
             self._send(do, **rest)
         except OSError as error:
             self._hang_up()  # a message that was sent in part spoils the connection
-            raise DriveError(self._say_lost(error)) from error
+            raise DriveError(self._lost_sentence(error)) from error
 
     def answer(self, name: str) -> Any:
         """Wait for the answer to the last question; raises DriveError if the agent reports a
@@ -171,7 +171,7 @@ class BrickLink:
                 else:
                     self._receive(connection)
             except (OSError, ValueError, KeyError, ConfigurationError) as error:
-                self._lost = self._say_lost(error)
+                self._lost = self._lost_sentence(error)
                 self._hang_up()
                 self.clock.wait(self._ending, REJOIN_S)
 

@@ -134,7 +134,7 @@ class Environment:
 
     def reset(self) -> None:
         before = self.game.number
-        with self._told("cannot begin a game"):
+        with self._as_camera_error("cannot begin a game"):
             begun = self._begin(self._seed + before)
         has_facts = isinstance(begun, tuple) and len(begun) == 2 and isinstance(begun[1], Mapping)
         self._seen = begun[0] if has_facts else begun
@@ -144,7 +144,7 @@ class Environment:
         """Make one step of the game; does nothing after its end."""
         if self.game.is_over:
             return
-        with self._told("failed in a step"):
+        with self._as_camera_error("failed in a step"):
             outcome = self.env.step(action)
         if not isinstance(outcome, tuple) or len(outcome) not in (4, 5):
             raise CameraError(
@@ -223,7 +223,7 @@ class Environment:
             told.append(self._render_failure)
         return ", and ".join(told)
 
-    def _told(self, what: str) -> contextlib.AbstractContextManager[None]:
+    def _as_camera_error(self, what: str) -> contextlib.AbstractContextManager[None]:
         """Convert errors of the environment's own code to a sentence about the environment."""
         return told_as(CameraError, f"the environment {self.name!r} {what}", Exception)
 

@@ -57,7 +57,7 @@ class ReconnectingConnection(ABC):
             try:
                 await self._connect_once(connected)
             except Exception as error:
-                self.trouble = _said(error)
+                self.trouble = _reason_of(error)
                 if not first.done():
                     first.set_exception(ConnectionError(self.trouble))
                     return
@@ -124,8 +124,8 @@ async def _or_connection_error(work: Coroutine[Any, Any, None]) -> None:
     try:
         await work
     except Exception as error:  # libraries report a lost connection by many types of errors
-        raise ConnectionError(_said(error)) from error
+        raise ConnectionError(_reason_of(error)) from error
 
 
-def _said(error: Exception) -> str:
+def _reason_of(error: Exception) -> str:
     return str(error) or type(error).__name__

@@ -125,11 +125,11 @@ class RosBridge(ReconnectingConnection, Topics):
     async def _ask(self, socket: Any) -> None:
         """Advertise and subscribe. A status message about a topic will contain the topic's `id`."""
         for topic, kind in self._advertised.items():
-            await _tell(socket, op="advertise", id=f"advertise:{topic}", topic=topic, type=kind)
+            await _send(socket, op="advertise", id=f"advertise:{topic}", topic=topic, type=kind)
         for topic, kind in self._subscribed.items():
             name = f"subscribe:{topic}"
             # At most one message is queued, because only the newest message counts.
-            await _tell(socket, op="subscribe", id=name, topic=topic, type=kind, queue_length=1)
+            await _send(socket, op="subscribe", id=name, topic=topic, type=kind, queue_length=1)
 
     def _take(self, socket: Any, told: Message) -> None:
         if told.get("op") == "status":
@@ -158,7 +158,7 @@ class RosBridge(ReconnectingConnection, Topics):
             end, for_s = ends
             loop = asyncio.get_running_loop()
             self._ends[topic] = loop.call_later(for_s, self._end, topic, end)
-        await _tell(socket, op="publish", id=f"publish:{topic}", topic=topic, msg=message)
+        await _send(socket, op="publish", id=f"publish:{topic}", topic=topic, msg=message)
 
     def _end(self, topic: str, end: Message) -> None:
         self._ends.pop(topic, None)
@@ -173,5 +173,5 @@ def _let_fail(task: asyncio.Future[None]) -> None:
         task.exception()
 
 
-async def _tell(socket: Any, **fields: Any) -> None:
+async def _send(socket: Any, **fields: Any) -> None:
     await socket.send(json.dumps(fields, separators=(",", ":")))

@@ -264,7 +264,7 @@ class DdsTopics(Topics):
             self._waiting.attach(condition)
         self._threads = [
             threading.Thread(target=work, name="dds", daemon=True)
-            for work in (self._run, self._hear_answers)
+            for work in (self._run, self._await_acknowledgements)
         ]
         for thread in self._threads:
             thread.start()
@@ -372,7 +372,7 @@ class DdsTopics(Topics):
 
     # On the threads ----------------------------------------------------------------------------
 
-    def _hear_answers(self) -> None:
+    def _await_acknowledgements(self) -> None:
         """Repeatedly wait until all messages written so far are acknowledged."""
         while not self._ending.is_set():
             self._written.wait()
@@ -458,14 +458,12 @@ def neighbours_of(
     """
     shared = Participant.join(domain, configuration(hosts, interface))
     try:
-        return _look_around(shared.entity, clock, seconds)
+        return _search(shared.entity, clock, seconds)
     finally:
         shared.leave()
 
 
-def _look_around(
-    participant: DomainParticipant, clock: Clock, seconds: float
-) -> tuple[Endpoint, ...]:
+def _search(participant: DomainParticipant, clock: Clock, seconds: float) -> tuple[Endpoint, ...]:
     """Search for some seconds. The readers end with this call, because DDS requires that they end
     before their participant."""
     neighbours = Neighbours(participant, clock)

@@ -239,7 +239,7 @@ def test_the_task_of_a_worker_that_is_lost_before_its_answer_was_fetched_goes_to
     run._workers["lost"] = worker = _Worker("lost", 0.0, future=NeverFetched(), key="key")
     assert list(run._take("lost", worker)) == []
     assert run._events.get_nowait() == ("lost", worker.future), "it is asked again"
-    run._let_go("lost")
+    run._drop("lost")
     assert run._todo == ["key"]
 
 

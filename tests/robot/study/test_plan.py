@@ -67,7 +67,11 @@ FAULTS = [
     ('name = "again"', 'name = "tlx_mental"', r"two of the questions are called 'tlx_mental'"),
     ("title =", 'learner = "defalt-32"\ntitle =', r"'learner' is 'defalt-32', which is unknown"),
     ("title =", 'questionnaires = ["tlx"]\ntitle =', r"'questionnaires' has 'tlx'.*choose from: "),
-    ('= "You may stop at any time."', '= { english = "x" }', r"has 'english'; .*per language"),
+    (
+        '= "You may stop at any time."',
+        '= { english = "x" }',
+        r"has 'english', which is not a language; .*per language",
+    ),
     ('title = "Two times"', "", r"the plan: 'title' must be a text of at most 100"),
     ('text = "Anything else?"', "", r"number 1: 'text' must be a text, or one per language"),
     ('kind = "text"', "least = 5\nmost = 5", r"number 1: 'most' must be at least 'least' plus"),

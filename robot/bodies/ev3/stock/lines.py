@@ -133,7 +133,7 @@ def open_line(
 
 
 def _open_wifi(wanted: str, beacon_port: int, clock: Clock) -> BrickLine:
-    host, _, serial, port = _hear_beacon(wanted, beacon_port, clock)
+    host, _, serial, port = _receive_beacon(wanted, beacon_port, clock)
     wrong = f"the brick at {host} cannot be reached"
     with (
         told_as(DriveError, wrong),
@@ -168,7 +168,7 @@ class Beacon(NamedTuple):
     port: int
 
 
-def _hear_beacon(wanted: str, beacon_port: int, clock: Clock) -> Beacon:
+def _receive_beacon(wanted: str, beacon_port: int, clock: Clock) -> Beacon:
     """Wait for the brick's announcement and answer it, because the brick accepts connections only
     after the answer."""
     wrong = "cannot listen for bricks on Wi-Fi"

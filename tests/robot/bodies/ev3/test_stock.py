@@ -195,7 +195,7 @@ def test_a_line_that_fails_while_it_is_opened_is_closed_at_once(
 
         connect = sendall = answer_not
 
-    monkeypatch.setattr(lines, "_hear_beacon", lambda *_: ("127.0.0.1", 3015, SERIAL, 1))
+    monkeypatch.setattr(lines, "_receive_beacon", lambda *_: ("127.0.0.1", 3015, SERIAL, 1))
     monkeypatch.setattr(socket, "create_connection", Mute)
     monkeypatch.setattr(socket, "socket", Mute)
     for name in ("AF_BLUETOOTH", "BTPROTO_RFCOMM"):
