@@ -17,7 +17,7 @@ from robot.types import DEFAULT_MOVES, Action, Mode, Point, Prediction, Sensors
 
 ACTION_TIMEOUT_S = 0.4
 """Duration of one `send_action`, in seconds. The body stops by itself unless the next call comes
-before its end, so motors stop even if Python dies. It is just above the gate's timeout of 0.3 s."""
+before its end, so motors stop even if Python dies. The gate's timeout, 0.3 s, is just below."""
 _LONGEST_LABEL, _LONGEST_ICON, _LONGEST_MEANING = 24, 16, 200
 TURNS_BEYOND = 0.2
 """A move or a point counts as driving straight up to this steering, as a share of full lock."""
@@ -30,7 +30,8 @@ class Move:
     Args:
         name: A lower-case word such as `fast` or `left_2`; recordings and models store this name.
         label: The button's text: one text, or texts by language (`en`, `es`, `zh`). If a language
-            is missing, the English text is used; if it is empty, the text is made from the name.
+            is missing, the page shows the English text; if `label` is empty, the page makes a text
+            from the name.
         icon: The name of a classic move, whose arrow is used, or one or two characters such as
             "⏩". If empty, the arrow of this move's name is used, if there is one.
         does: The body's motion in this move, as a sentence.
@@ -70,8 +71,8 @@ class Move:
 
     @property
     def labels(self) -> dict[str, str]:
-        """The label by language. English is included, unless the page has its own labels and this
-        is empty."""
+        """The label by language. English is included, unless `label` is empty because the page has
+        its own labels."""
         if isinstance(self.label, str):
             return {"en": self.label} if self.label else {}
         return dict(self.label)
@@ -99,7 +100,7 @@ CLASSIC: dict[Action, Move] = {
         Move(Action.SPIN_RIGHT, does="spins right on the spot", steering=1.0, throttle=0.0),
     )
 }
-"""The moves of a body with two wheels. The page has labels and arrows for them in its languages."""
+"""The moves of a body with two wheels. The page has labels and arrows for these moves."""
 
 
 def names(moves: Iterable[Move]) -> tuple[Action, ...]:
@@ -108,7 +109,8 @@ def names(moves: Iterable[Move]) -> tuple[Action, ...]:
 
 
 def describe(wanted: Iterable[Action], declared: Iterable[Move] = ()) -> tuple[Move, ...]:
-    """Return the wanted moves. An undeclared move is the classic one, or is made from its name."""
+    """Return the wanted moves. A move that is not declared is the classic move of this name, or a
+    move that has only the name."""
     known = {**CLASSIC, **{move.name: move for move in declared}}
     return tuple(known.get(name) or Move(name) for name in wanted)
 
@@ -131,7 +133,7 @@ def move_at(point: Point, moves: Iterable[Move], threshold: float = TURNS_BEYOND
     drives in the point's direction (ahead, back, or on the spot).
 
     Return the nearest move that drives in the same direction and turns to the same side. If no move
-    turns to that side, it is the nearest move in the same direction: a curve backward counts as
+    turns to that side, return the nearest move in the same direction: a curve backward counts as
     backward.
 
     Raises:
@@ -298,8 +300,8 @@ class Driver(ABC):
     ) -> Action:
         """Drive the point, if one is given and this body accepts points, or else the move.
 
-        The loop calls this method. The order is corrected here, but the returned move is not.
-        Raises the errors of `send_action`.
+        The loop calls this method. The method corrects the order, but not the returned move. Raises
+        the errors of `send_action`.
         """
         return self.correction.drive(self, action, point, speed_scale=speed_scale)
 

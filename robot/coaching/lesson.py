@@ -21,10 +21,12 @@ Robots foresee few of their pilot's changes of move at that time, and still driv
 themselves.
 """
 STARTS = 3
-"""Each move in use must be begun this number of times before the first trial, to exclude chance."""
+"""Number of times that the pilot must begin each move in use before the first trial, to exclude
+chance."""
 RARE_SHARE = 0.02
-"""A move with a smaller share of the examples is rare, and must be begun `2 * STARTS` times. If a
-pilot drives straight for minutes, the few examples of the turn at a wall have little weight."""
+"""A move with a smaller share of the examples is rare, and the pilot must begin it `2 * STARTS`
+times. If a pilot drives straight for minutes, the few examples of the turn at a wall have little
+weight."""
 _SLIP_S, _MEANT_S = 0.35, 0.9
 """A press shorter than `_SLIP_S` seconds counts as a slip of the finger. A rare move counts as in
 use once its longer presses add up to `_MEANT_S` seconds. Without these limits the page would ask
@@ -44,8 +46,8 @@ _LONGEST_STEP_S, _PAUSE_S = 0.25, 0.5
 _COVERED_S = 10.0
 _GAPS, _CHANGES = 6, 40
 FORGOTTEN_S = 2 * CLEAN_S
-"""Length of a trial above which its figures are halved, in seconds, because old driving says
-little."""
+"""Length of a trial above which its figures are halved, in seconds, because old driving says little
+about the robot's present abilities."""
 
 
 class Lesson:
@@ -81,7 +83,7 @@ class Lesson:
 
     def note_carried(self) -> None:
         """Begin a new trial, because the robot was moved to another place. The robot has not driven
-        there yet, and the gaps lie elsewhere. Call this on the loop's thread."""
+        at the new place yet, and the old gaps lie elsewhere. Call this on the loop's thread."""
         self._gaps.clear()
         self._begin_trial()
 

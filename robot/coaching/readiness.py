@@ -28,7 +28,7 @@ class Stage(StrEnum):
 
 
 class Readiness(Lesson):
-    """Judges from a lesson whether the robot is ready; on the loop's thread."""
+    """Judges from a lesson whether the robot is ready. Call all methods on the loop's thread."""
 
     @property
     def stage(self) -> Stage:

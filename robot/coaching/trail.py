@@ -41,7 +41,7 @@ class Waypoint:
 
 
 class Trail:
-    """Follows one robot. `note` is for the loop's thread, `since` for one other thread."""
+    """Follows one robot. Call `note` on the loop's thread, and `since` on one other thread."""
 
     def __init__(self) -> None:
         self._points: deque[Waypoint] = deque(maxlen=POINTS)

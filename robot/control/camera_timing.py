@@ -3,8 +3,9 @@
 A webcam on a fast bus delivers thirty pictures a second, 5 ms old. The guide's webcam delivers ten
 pictures a second on a slow computer, 95 to 145 ms old. A fixed limit is too strict for one webcam
 or too lax for the other, so the limits follow the measurements. The limits are quantiles over the
-last pictures, so a lost picture changes nothing. The limits grow slowly while the robot moves,
-shrink quickly, and are bounded by the distance that the robot travels on one picture.
+last pictures, so a lost picture changes nothing. The limits grow slowly while the robot moves, and
+shrink quickly. Their upper bounds follow from the distance that the robot may travel on one
+picture.
 """
 
 from __future__ import annotations
@@ -108,7 +109,7 @@ class CameraTiming:
         )
 
     def pause(self) -> None:
-        """Do not count the time until the next picture as a period."""
+        """Do not count the time until the next picture as a period of the camera."""
         self._captured_s = math.inf
 
     def _judge(self, period_s: float, delivery_age_s: float) -> CameraState:

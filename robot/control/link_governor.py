@@ -40,7 +40,7 @@ class LinkGovernorConfig:
     stop_learning_s: float = 0.3
     stop_s: float = 0.5
     busy_s: float = 0.1
-    """Lateness of the computer above which the robot drives slower. A stop comes only later."""
+    """Lateness of the computer above which the robot drives slower; it does not stop yet."""
     capped_speed_scale: float = 0.5
     """Share of full speed that is allowed above `cap_speed_s` or `busy_s`."""
     recovery_share: float = 0.85
@@ -55,7 +55,7 @@ class LinkState:
 
     level: LinkLevel = LinkLevel.GOOD
     age_s: float | None = None
-    """Age of the picture that the pilot acts upon; None if it is unknown."""
+    """Age of the picture that the pilot acts upon; None if the age is unknown."""
     is_busy: bool = False
     """True if the computer is late, so that the link is not the cause."""
     must_stop: bool = False

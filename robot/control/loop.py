@@ -45,17 +45,17 @@ log = logging.getLogger(__name__)
 _T = TypeVar("_T")
 _Commands = list[PilotCommand]
 _STANDS_S = 0.04
-"""Upper bound of tick time plus actuator latency, in seconds. Stops come this much earlier, so that
-the wheels have stopped when the pilot's picture expires."""
+"""Upper bound of tick time plus actuator latency, in seconds. The loop stops the robot this much
+earlier, so that the wheels have stopped when the pilot's picture expires."""
 _SHORTEST_WAIT_S = 0.001
 _RESTS_AFTER_S = 1.0
-"""Time for which a robot stands still unwatched before it rests, in seconds. This is long enough to
-reload the page and to measure the camera's rate."""
+"""Time for which a robot stands still unwatched before it rests, in seconds. In this time a person
+can reload the page, and the loop can measure the camera's rate."""
 _RESTING_SHARE = 0.9
 """The next picture is taken after this share of the requested period, because cameras jitter."""
 _RESTING_WAIT_S = 0.25
-"""Longest time between two ticks at rest, in seconds. This is below `ACTION_TIMEOUT_S`, so that a
-body's watchdog does not expire."""
+"""Longest time between two ticks at rest, in seconds. The time is below `ACTION_TIMEOUT_S`, so that
+a body's watchdog does not expire."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,8 +95,8 @@ class Mailbox:
         return future
 
     def note(self, request: Callable[[], None], *, is_news: bool) -> None:
-        """Queue a request without an answer, which must not raise. With `is_news` False it does not
-        wake the loop but runs in the next tick, at most 50 ms later."""
+        """Queue a request without an answer, which must not raise. If `is_news` is False, the
+        request does not wake the loop, and runs in the next tick, at most 50 ms later."""
         self._requests.append((None, request))
         if is_news:
             self.wake.set()
@@ -104,7 +104,7 @@ class Mailbox:
     def serve(self) -> None:
         """Run all requests in order, including requests that are queued while others run.
 
-        The results are held back until `answer` is called.
+        The callers get the results when `answer` is called.
         """
         while self._requests:
             future, request = self._requests.popleft()
@@ -185,7 +185,7 @@ class ControlLoop:
         self, listener: Callable[[Tick], None], *, modes_only: bool = False
     ) -> Callable[[], None]:
         """Call `listener`, which must be quick, after each tick, or with `modes_only` after each
-        change of mode. Return a function that ends this."""
+        change of mode. Return a function that ends the calls."""
         key = object()
         self._listeners[key] = listener, modes_only
 
@@ -205,9 +205,11 @@ class ControlLoop:
         return self._rest_every_s > 0.0
 
     def need_picture_every(self, seconds: float) -> Future[None]:
-        """Set how often a picture is needed while the robot stands. If 0, all are needed.
+        """Set how often a picture is needed while the robot stands. If `seconds` is 0, all pictures
+        are needed.
 
-        If infinite, nobody looks. A robot that may move takes all pictures in any case.
+        If `seconds` is infinite, nobody looks. A robot that may move takes all pictures in any
+        case.
         """
         return self.submit(lambda: setattr(self, "_enough_every_s", seconds))
 
@@ -222,7 +224,7 @@ class ControlLoop:
         return min(longest_s, max(_SHORTEST_WAIT_S, self._link.blind_in_s(stands_s, slack_s)))
 
     def note_lateness(self, late_s: float) -> None:
-        """Record the lateness of this computer, which does not matter in a world that waits."""
+        """Record the lateness of this computer, unless the camera's world waits for the loop."""
         if not self._camera.world_waits:
             is_to_blame = self.state.decision.stop_reason is StopReason.LINK_SLOW
             self._link.note_lateness(late_s, is_to_blame=is_to_blame)
@@ -230,8 +232,8 @@ class ControlLoop:
     def command(self, command: PilotCommand) -> None:
         """Queue a pilot command, and wake the loop if the command changes the held move.
 
-        While the robot may move and the camera is slow, every command wakes the loop. With fewer
-        ticks, the pilot's next command could only name an older state.
+        While the robot may move and the camera is slow, every command wakes the loop. Each tick can
+        send the pilot a new state, and the next command proves its age by the newest state.
         """
         held = command.held, command.point
         is_slow = self._timing.state.period_s > self.config.longest_wait_s
@@ -386,7 +388,8 @@ class ControlLoop:
         return frame
 
     def _is_due(self, frame: Frame | None) -> bool:
-        """False for a frame that comes before the needed period is over."""
+        """Return False for a frame that comes before the next picture is needed
+        (`need_picture_every`)."""
         last, least_s = self.learning.frame, _RESTING_SHARE * self._rest_every_s
         return not least_s or not frame or not last or frame.captured_s - last.captured_s >= least_s
 
@@ -425,8 +428,8 @@ class ControlLoop:
     ) -> tuple[Decision, Action]:
         """Send the decision to the motors; return the decision that was carried out and the action.
 
-        The process may also be held up within a tick. So a decision is not sent if it is outdated
-        or if the pilot has just become silent.
+        The process may have been held up within this tick. So a decision is not sent if it is too
+        old, or if the pilot has just become silent.
         """
         try:
             if not self._is_held_up(self.clock.now_s() - started_s):

@@ -2,8 +2,8 @@
 
 A command contains the held move and the frame that the pilot was looking at. This frame gets the
 move as its label. The frames between this frame and the previous command's frame get the move that
-was held before, because a change is always sent immediately. The labelled frame is not quite the
-newest one, so the feature vectors of the last frames are kept.
+was held before, because the page sends each change of the held move immediately. A labelled frame
+is a little older than the newest frame, so the feature vectors of the last frames are kept.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Agreement:
             self._n_right -= self._examples.popleft()[1]
 
     def drop_after(self, at_s: float) -> None:
-        """Drop the examples after this teaching time, because they were undone."""
+        """Drop the examples after the teaching time `at_s`, because they were undone."""
         while self._examples and self._examples[-1][0] > at_s:
             self._n_right -= self._examples.pop()[1]
 
@@ -114,8 +114,9 @@ class _Seen:
     point: Point | None
 
     def differs(self, label: Action, point: Point | None) -> bool:
-        """Return whether this label corrects the robot. If the pilot does not steer by degrees,
-        each label is a correction, even if the robot chose the same move."""
+        """Return whether a label corrects the move that the robot proposed for this frame. If the
+        pilot does not steer by degrees, each label is a correction, even if the robot proposed the
+        same move."""
         if point is None or self.point is None or label is not self.predicted:
             return True
         return abs(point.steering - self.point.steering) > CORRECTS_BEYOND
@@ -268,7 +269,8 @@ class OnlineLearning:
         return events
 
     def note_pause(self, *, is_over: bool) -> None:
-        """Measure the frame rate anew; until two frames have come the old rate is returned."""
+        """Measure the frame rate anew; until two frames have come, `frame_rate_hz` is the old
+        rate."""
         if not is_over:
             self._rate_before_hz = self.frame_rate_hz
         self._frame_times_s.clear()

@@ -43,13 +43,13 @@ class ConnectedDriver(Driver, Generic[_C]):
     without a connection, makes `connect` and `disconnect` idempotent, and stops the body after each
     `_begin`.
 
-    For a body that answers orders this is sufficient. If a body does not acknowledge orders but
-    sends reports, set `gone_after_s`, and call `heard` whenever data came from the body.
+    A body that answers orders needs no more. If a body does not acknowledge orders but sends
+    reports, set `gone_after_s`, and call `heard` whenever data came from the body.
 
     Attributes:
         gone_after_s: Time without a call of `heard` after which the body counts as gone, in
-            seconds. This time must be longer than the gaps between reports, and at most 0.4, so
-            that the error comes within half a second. None if the body answers each request.
+            seconds. The time must be longer than the gaps between reports, and at most 0.4, so that
+            the error comes within half a second. None if the body answers each request.
     """
 
     gone_after_s: ClassVar[float | None] = None
@@ -106,8 +106,8 @@ class ConnectedDriver(Driver, Generic[_C]):
     def _sense(self) -> Sensors:
         """Read the sensors and all other data from the body; by default there are no sensors.
 
-        If the body sends reports by itself, this must not wait for them. This method is also called
-        before a move if `heard` was not called for `gone_after_s`.
+        If the body sends reports by itself, the method must not wait for them. The base class also
+        calls this method before a move if `heard` was not called for `gone_after_s`.
         """
         return Sensors()
 

@@ -388,7 +388,7 @@ class BSOC(Clusters):
         """Return the error of the stored distances, and the exact distances between the images.
 
         Stored distances are computed from one another, so after many frames they have a small
-        error, which is always less than 1.
+        error; the returned error is then still below 1.
         """
         size = self.n_nodes_
         rows = self._images.compared(size)

@@ -30,7 +30,7 @@ from robot.learner.ridge import MIRRORED, RecursiveRidge
 from robot.learner.values import count
 
 GROUP_COST = 1000.0
-"""Factor by which merging nodes of two labels costs more, so that it is the last resort."""
+"""Factor by which a merge of nodes of two labels costs more, so that it is the last resort."""
 N_VOTERS = 3
 LINEAR_SHARE = 0.7
 CONTEXT_SHARE = 0.85
@@ -50,12 +50,12 @@ class BSOCClassifier(Stateful, Learner):
         group_cost: Factor by which a merge of two labels costs more; 1 as published.
         n_voters: Number of nearest nodes that vote.
         linear: An online linear part, whose scores are mixed with the votes; None for no linear
-            part. With a `ContextRidge` predictions can depend on the current move.
+            part. With a `ContextRidge`, predictions can depend on the current move.
         linear_share: Weight of the linear part in the mixture.
         integer: Compute on the nodes' pixels in integers only; vectors are then bytes.
         cluster: The clustering; if None, a label-aware `BSOC`.
         balance: Extra weight of rare labels, from 0 to 1 (`votes.rarity`).
-        novelty_margin: How far beyond the usual distances a view is novel (`Novelty`).
+        novelty_margin: Distance beyond the usual distances at which a view is novel (`Novelty`).
         forgets: True to follow a pilot who relabels the same views (`votes.ChangeOfMind`). The
             argument has no effect with a clustering that measures no novelty.
 

@@ -4,8 +4,8 @@ Source: recursive least squares, Haykin, "Adaptive Filter Theory", with a forget
 After any number of frames the weights are those of batch ridge regression on all of them.
 
 The inverse is large, and most of the time of a frame is spent on reading and writing it. So the
-inverse is stored in single precision (`_ROUNDED` bounds the error), and its latest updates are kept
-as vectors that are written together. Results include these pending updates.
+ridge stores the inverse in single precision (`_ROUNDED` bounds the error), and keeps the latest
+updates as vectors that it writes together. All results include the pending updates.
 
 A driver begins a turn late and ends it late. So the same view can mean FORWARD while driving
 straight and LEFT while turning, and a single linear map would predict the mean. So there is one
@@ -40,7 +40,7 @@ _MOST_INVERSE = 1e3
 """Upper bound of an inverse's values, which begin at 1 / penalty and shrink with every frame."""
 MIRRORED = 0.3
 """Weight of a frame's mirror image, if left and right are alike. A weight of 1 would help no more
-after few frames, and harm more after many frames."""
+than this weight after few frames, and harm more after many frames."""
 
 
 @functools.cache

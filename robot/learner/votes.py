@@ -24,7 +24,7 @@ Distances = NDArray[np.float32] | NDArray[np.float64]
 def nearest_nodes(distances: Distances, histograms: NDArray[np.int64], n_voters: int) -> Floats:
     """Return the labels' shares among the `n_voters` nearest nodes, weighted by nearness.
 
-    With one voter this is the paper's vote.
+    With one voter the result is the paper's vote.
 
     Args:
         distances: Squared distances to the nodes, shape (n,).
@@ -87,8 +87,8 @@ def chance(votes: Sequence[float], best: int, sharpness: float) -> float:
     """Return the probability that the label `best` is right: its share after sharpening.
 
     Votes of neighbours and of a penalised linear part are underconfident: at a share of 75 % they
-    are right in 87 % of frames. Raising shares to a power (a temperature below 1) corrects this at
-    every level.
+    are right in 87 % of frames. Raising shares to a power (a temperature below 1) corrects the
+    probability at every level.
     """
     powers = [vote**sharpness for vote in votes]  # for few numbers a list is faster than numpy
     total = sum(powers)
@@ -96,7 +96,7 @@ def chance(votes: Sequence[float], best: int, sharpness: float) -> float:
 
 
 def doubted(votes: Sequence[float], best: int, sharpness: float, novelty: float) -> float:
-    """Return `chance`, reduced on an unknown view to nearly that of a guess."""
+    """Return `chance`; on an unknown view, reduce it to nearly the probability of a guess."""
     certain = chance(votes, best, sharpness)
     if novelty <= 1.0:
         return certain
@@ -129,7 +129,7 @@ HELD_OUT = 20
 """Number of the latest examples whose nodes are left out when the next example's novelty is
 measured, because successive frames are almost the same. At ten examples a second this is 2 s."""
 _FEWEST, _MEMORY = 30, 600
-"""A view is compared with the latest examples: at least the first number, at most the second."""
+"""Least and largest number of the latest examples with which a view is compared."""
 _SCALE = 3
 _RENEWED_EVERY = 20
 _BORDER = 98
@@ -226,22 +226,22 @@ STILL_VALID = 0.3
 class ChangeOfMind(Stateful):
     """Detects that the pilot has changed his mind and relabels the same views again and again.
 
-    A label that is no longer used is no evidence: a pilot who turns round and drives back has not
-    changed his mind about the way there. A single contradiction is no evidence either: at the
-    beginning of a turn the same view can have the labels of the turn and of driving straight. So an
-    example contradicts another label only if it is clearly nearer to that label's images than to
-    the images of driving straight, and its own label's images are no nearer. After a change of mind
-    most examples contradict the old label; in a lesson in the opposite direction few do.
+    A label that the pilot no longer uses is no evidence: a pilot who turns round and drives back
+    has not changed his mind about the way there. A single contradiction is no evidence either: at
+    the beginning of a turn the same view can have the labels of the turn and of driving straight.
+    So an example contradicts another label only if it is clearly nearer to that label's images than
+    to the images of driving straight, and its own label's images are no nearer. After a change of
+    mind most examples contradict the old label; in a lesson in the opposite direction few do.
 
     If a label was contradicted often enough, it loses most of its votes at a view in two cases.
     Either the label's nearest image was last taught before the contradictions began, or another
-    label's image is at least as near and was taught much later. Both rules apply only when votes
-    are counted and change no histogram. So the rules' effect ends if the old label is taught again
-    at such views.
+    label's image is at least as near and was taught much later. Both rules apply only when the
+    classifier counts votes; they change no histogram. So both rules lose their effect if the pilot
+    teaches the old label again at such views.
 
-    The pilot can also declare a change of mind (`outdate`), which is better evidence. A label whose
-    nearest image was taught before the declaration passes its votes to the nearest image taught
-    since.
+    The pilot can also declare a change of mind (`outdate`), which is better evidence than
+    contradictions. A label whose nearest image was taught before the declaration passes its votes
+    to the nearest image taught since.
 
     The label that is started most often, such as FORWARD, is left out: it follows every other
     label, and the tenth of a second in which it begins varies.

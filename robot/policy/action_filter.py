@@ -2,7 +2,8 @@
 
 Every constant is a time or a share of votes, never a number of frames.
 
-1. Votes are averaged over time. The time is shorter if the pilot changes his moves quickly.
+1. Votes are averaged over time. The average covers a shorter time if the pilot changes his moves
+   quickly.
 2. If the learner has no contexts, the current move goes on until another move has clearly more
    votes. If the pilot drives by degrees, a turn goes on until a turn to the other side has clearly
    more votes.
@@ -10,7 +11,7 @@ Every constant is a time or a share of votes, never a number of frames.
 4. Turning for longer than the pilot's longest turns loses votes (`Headway`).
 5. If the robot alternates between left and right faster than its pilot did, it turns only to one
    side for a while.
-6. If none of this helps, the robot stops and asks for help.
+6. If no way out helps, the robot stops and asks for help.
 """
 
 from __future__ import annotations
@@ -103,9 +104,9 @@ class StallDetector:
     standing car does. So a robot counts as stuck only if the last image also almost equals the
     first image of the standstill.
 
-    Turns are not watched here but by `Headway`, because near a plain wall a turn changes the
-    picture little. A move of unknown effect is not watched either if the pilot has stood still with
-    it, for example to wait or to grip.
+    `Headway` watches turns instead, because near a plain wall a turn changes the picture little.
+    The detector also ignores a move of unknown effect with which the pilot has stood still, for
+    example to wait or to grip.
 
     Attributes:
         is_stalled: True while the current move has no effect.
@@ -168,9 +169,9 @@ TURN_INERTIA, STRAIGHT_INERTIA = 0.3, 0.1
 exceed the votes for the current move.
 
 People begin a turn late and end it late. So at the same view people still drive straight before a
-turn, and keep turning in a turn. Votes do not show this, and a robot without inertia ends its turns
-too early. Beginning a turn too late is worse than ending a turn too late, so turns have more
-inertia (docs/explanation/learner.md).
+turn, and keep turning in a turn. Votes on single frames do not show this delay, and a robot without
+inertia ends its turns too early. Beginning a turn too late is worse than ending a turn too late, so
+turns have more inertia (docs/explanation/learner.md).
 """
 ALLOWANCE = 1.3
 """Multiple of the pilot's longest debt above which the robot's turns lose votes."""

@@ -39,21 +39,22 @@ class Edited:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Undone:
-    """Examples that were undone. If there are no frame ids, the last edit was undone."""
+    """Examples that were undone. Without frame ids, the pilot undid the last edit."""
 
     frame_ids: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replaced:
-    """The policy was replaced: by a loaded model, or by a policy of another size."""
+    """A loaded model, or a policy of another size, replaced the policy."""
 
     policy_name: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveBegun:
-    """The policy was reset between two examples; some learners localise themselves again."""
+    """A drive began between two examples, so the policy was reset; some learners localise
+    themselves again."""
 
     at_s: float
 
@@ -86,7 +87,7 @@ def describe_event(event: HistoryEvent, *, with_vector: bool = True) -> PlainEve
 
 
 def read_event(plain: PlainEvent) -> HistoryEvent:
-    """Read a description of `describe_event`; a vector that was omitted is empty."""
+    """Read a description that `describe_event` returned; a vector that it omitted is empty."""
     with told_as(RecordingError, "an example is damaged", *UNREADABLE):
         kind = plain["event"]
         if kind == "taught":

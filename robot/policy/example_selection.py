@@ -1,23 +1,23 @@
 """Decides which examples are learned, and in which contexts: driving straight, or turning.
 
-Frames less than a tenth of a second apart show almost the same picture. So only one example is
-learned per tenth of a second, and it may come a little early. Then a camera with an unsteady frame
-rate teaches as much as a steady camera, and eleven frames a second teach as much as thirty.
+Frames less than a tenth of a second apart show almost the same picture. So the policy learns only
+one example per tenth of a second, which may come a little early. Then a camera with an unsteady
+frame rate teaches as much as a steady camera, and eleven frames a second teach as much as thirty.
 
 An example counts in the context of its own move. The first half second of a move also counts in the
 context of the previous move, so that the robot learns when to end that move. After a pause the
 previous move is unknown, so the first examples count in both contexts.
 
-The contexts depend only on the labels and their teaching times. So the contexts are the same when
-examples are learned again after an undo.
+The contexts depend only on the labels and their teaching times. So the contexts are the same when a
+policy learns the examples again after an undo.
 
 A lap that is taught sixteen times does not count sixteen times. If such a lap counted sixteen
 times, the linear part's penalty would lose its effect, and the part would learn the noise of this
 lap by heart. Images averaged over sixteen times as many frames would adapt too slowly to new views.
-So a view that comes again with its last label is counted, but not learned again. A new view is
-learned in full, and so is a view whose label is not the same as the last time. A view is recognised
-by a sketch: 128 fixed pairs of feature values are compared, and the results are hashed to 64 bits
-(binary features as in BRIEF, Calonder et al. 2010).
+So the policy counts a view that comes again with its last label, but does not learn it again. The
+policy learns each new view, and each view whose label differs from the last time. A view is
+recognised by a sketch: 128 fixed pairs of feature values are compared, and the results are hashed
+to 64 bits (binary features as in BRIEF, Calonder et al. 2010).
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ from robot.policy.pilot_pace import PAUSE_S
 from robot.types import Action
 
 ROOM_S = 0.1
-"""Time per learned example of one label, in seconds; others within this time are only counted."""
+"""Time per learned example of one label, in seconds; the policy only counts other examples within
+this time."""
 EARLY_S = 0.03
 """Time by which an example may come early, in seconds. At thirty frames a second this time is
 shorter than a frame, so that every third frame is learned."""
@@ -46,7 +47,7 @@ shorter than a frame, so that every third frame is learned."""
 class ExampleRate(PolicyPart):
     """Limits the rate of learned examples with the same label.
 
-    The first example after a change of label is always learned, and so is an example without a
+    The policy always learns the first example after a change of label, and each example without a
     time.
     """
 

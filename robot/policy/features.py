@@ -86,13 +86,13 @@ class GreyFeatures(PictureFeatures):
 class GradientFeatures(PictureFeatures):
     """Histograms of gradient orientations, and a grey picture at half contrast: 1584 bytes.
 
-    Dalal and Triggs (2005), simplified: 8x6 cells over the frame, signed directions in 8 bins,
-    each cell divided by the energy of its 3x3 neighbourhood, then the square root. A gradient is
-    split exactly between its two neighbouring directions: if max and min are the magnitudes of its
-    components, the axis gets max - min and the diagonal gets min. So a pixel takes a few integer
-    operations, without arctangent and square root. The eight directions are computed from the sums
-    of eight simpler parts. The grey part distinguishes plain surfaces without gradients, and is the
-    node's thumbnail.
+    Dalal and Triggs (2005), simplified: 8x6 cells over the frame, signed directions in 8 bins, each
+    cell divided by the energy of its 3x3 neighbourhood, then the square root. A gradient is split
+    exactly between its two neighbouring directions: if max and min are the magnitudes of its
+    components, the axis gets max - min and the diagonal gets min. So each pixel needs only a few
+    integer operations, without arctangent and square root. The code computes the eight directions
+    from the sums of eight simpler parts. The grey part distinguishes plain surfaces without
+    gradients, and is the node's thumbnail.
     """
 
     name = "gradient"
@@ -131,8 +131,8 @@ class GradientFeatures(PictureFeatures):
 
         The right move hardly depends on whether an edge lies in one cell or in the next. So the
         weights of one direction are similar in nearby cells. With this prior an example also
-        teaches slightly shifted views. Training on shifted copies would do the same in twice the
-        time.
+        teaches slightly shifted views. Training on shifted copies of each view would have the same
+        effect in twice the time.
         """
         near = [
             np.exp(-0.5 * ((np.arange(n)[:, None] - np.arange(n)) / reach) ** 2)

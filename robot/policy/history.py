@@ -1,9 +1,9 @@
 """Event-sourced training history with snapshots, so that recent training can be undone exactly.
 
-Merging loses detail, so an example cannot be removed from a learner. Instead the events of the last
-minute are stored, and snapshots of the learner. Undo restores a snapshot and learns all later
-examples again except the undone examples. Afterwards the learner is the same, bit for bit, as if
-the undone examples had never been taught.
+Merging loses detail, so an example cannot be removed from a learner. Instead the history stores the
+events of the last minute, and snapshots of the learner. Undo restores a snapshot and learns all
+later examples again except the undone examples. Afterwards the learner is the same, bit for bit, as
+if the undone examples had never been taught.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ SNAPSHOT_EVERY_S = 10.0
 UNDO_HORIZON_S = 35.0
 """Teaching time that can be undone, in seconds."""
 _LONGEST_STEP_S = 0.5
-"""Longest gap between two examples that counts as teaching, in seconds; a longer one is a pause."""
+"""Longest gap between two examples that counts as teaching, in seconds; a longer gap is a pause."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,8 +56,8 @@ class TrainingHistory:
         self.declared = declared
         self._on_events = on_events or (lambda events: None)
         self.changes = 0
-        """Number of changes of the learner; it never decreases. Any thread may read it, because a
-        change is counted before the request that makes it is answered."""
+        """Number of changes of the learner; it never decreases. Any thread may read this number,
+        because the history counts a change before the request that makes the change is answered."""
         self.edits = 0
         """Number of changes that are not examples; it never decreases."""
         self.drives = 0
@@ -155,15 +155,15 @@ class TrainingHistory:
         return bool(edits)
 
     def replace_policy(self, policy: Policy, taught: Counter[Action] | None = None) -> None:
-        """Continue with another policy; earlier examples can then no longer be undone."""
+        """Continue with another policy; nobody can then undo earlier examples."""
         self._begin(policy, Counter(taught or {}))
         self._tell(Replaced(policy_name=policy.name))
 
     @contextlib.contextmanager
     def _as_before_if_refused(self) -> Iterator[None]:
         """If a plugin changes the state and then raises an error, restore the state. Built-in
-        learners raise errors before any change, so they are not copied; a copy takes as long as an
-        example.
+        learners raise errors before any change. So the history does not copy their state, which
+        takes as long as an example.
         """
         before = None if self._is_ours else self.policy.get_state()
         try:

@@ -41,7 +41,7 @@ def to_grey(frame: Frame) -> Pixels:
 def to_small_grey(frame: Frame, width: int, height: int) -> Pixels:
     """Return the brightness of `height` x `width` areas of the frame; raises as `to_rgb`.
 
-    Colours are averaged before they are converted to grey.
+    The function averages colours before it converts them to grey.
     """
     if frame.encoding is Encoding.YUYV:
         return shrink(to_grey(frame), width, height)
@@ -62,7 +62,7 @@ def rgb_to_grey(rgb: Pixels) -> Pixels:
 def shrink(pixels: Pixels, width: int, height: int) -> Pixels:
     """Return the mean of each of `height` x `width` areas, rounded to nearest.
 
-    A picture with fewer pixels is enlarged first.
+    The function first enlarges a picture that has fewer pixels.
     """
     pixels = enlarge(pixels, width, height)
     rows, columns = pixels.shape[:2]

@@ -1,7 +1,7 @@
 """Measures how long the pilot turns, pushes and holds a move, to set the same limits for the robot.
 
-The values depend only on the labelled frames and their teaching times. So the values are the same
-when examples are learned again after an undo.
+The limits depend only on the labelled frames and their teaching times. So the limits are the same
+when a policy learns the examples again after an undo.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class ChangeMeter:
     """Measures the change of the picture within a tenth of a second, and its usual value while
     driving straight.
 
-    Turns are not measured: compared with the change in a quick turn, driving straight would look
-    like standing still.
+    The meter does not measure turns: compared with the change in a quick turn, driving straight
+    would look like standing still.
 
     Attributes:
         changes: The latest changes while driving straight; their median is the usual change.
@@ -93,7 +93,8 @@ def difference(picture: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
 PAYS_BACK = 4.0
 """Debt that one second of driving straight pays back, in seconds."""
 EFFECT_S = 0.2
-"""Time after which a straight move pays back, in seconds; its effect is only visible then."""
+"""Time after which a straight move pays debt back, in seconds; only then the picture shows the
+move's effect."""
 STRAIGHT_S = 0.3
 """Time for which a robot must drive straight before turns are paid back, in seconds."""
 _LONGEST_STEP_S = 0.25
@@ -105,8 +106,8 @@ class Headway:
     Turning to either side, and pushing without effect, increase the debt by their duration. Driving
     straight with effect reduces the debt by four times the duration, but not below 0. A curve by
     degrees counts partly as turning and partly as driving straight. The part that counts as driving
-    straight grows with the distance from full lock. Changes from one side to the other are
-    remembered until the debt is paid.
+    straight grows with the distance from full lock. A `Headway` remembers changes from one side to
+    the other until the debt is paid.
 
     Attributes:
         debt_s: The debt, in seconds.
@@ -188,14 +189,15 @@ mistake."""
 _PATIENCE, _LONGEST_PATIENCE_S = 1.5, 5.0
 _RUNS, _FEWEST_RUNS = 64, 8
 TO_AND_FRO_S, OF_A_RUN = 2.0, 0.75
-"""Two changes of side within this time count as alternating. The first limit is in seconds. The
-second, for quick pilots, is a share of the time for which the pilot usually holds a move."""
+"""Two changes of side within this time count as alternating. The limit `TO_AND_FRO_S` is in
+seconds. The limit `OF_A_RUN`, for quick pilots, is a share of the time for which the pilot usually
+holds a move."""
 AWAY_S, OF_A_TURN = 1.5, 0.6
 """Time for which a move without effect stays barred: the lower of `AWAY_S` seconds and `OF_A_TURN`
 times the pilot's longest turn. A body that turns round in half a second would after 1.5 s have
 turned back to where it came from."""
 PAUSE_S = 0.45
-"""A longer gap of teaching time between two examples ends a manoeuvre."""
+"""Gap of teaching time between two examples that ends a manoeuvre, in seconds."""
 
 
 class PilotPace(PolicyPart):

@@ -36,16 +36,17 @@ class Policy(Stateful):
         action_filter: Makes the filter that turns votes on single frames into steady driving.
         thins: True if at most ten examples of the same label are learned per second
             (`example_selection.py`).
-        brighten: Returns a view with its grey values multiplied by a factor. If given, views are
-            scaled to the brightness of the lesson (`LightAdaptation`).
-        knows_repeats: True if a view that comes again with its last label is not learned again.
+        brighten: Returns a view with its grey values multiplied by a factor. If it is given, the
+            policy scales views to the brightness of the lesson (`LightAdaptation`).
+        knows_repeats: True if the policy does not learn a view again that comes with the same label
+            as the last time.
 
     Attributes:
         kinds: The kinds of the moves (turns and straight moves); `describe` sets the kinds of a
             body's declared moves.
         n_seen: Number of learned examples.
-        alike: True if the pilot says that left and right are alike here. Each example is then also
-            right when mirrored; only the linear part learns mirrored examples, the images do not.
+        alike: True if the pilot says that left and right are alike here. The linear part then also
+            learns each example mirrored; the images do not.
         recognition: The part that records when each learned image was matched last.
     """
 
@@ -187,8 +188,8 @@ class Policy(Stateful):
     ) -> None:
         """Learn examples in order; the result does not depend on the number of calls.
 
-        If times are given, at most ten examples per second are learned while the label stays the
-        same; the others are only counted (`example_selection.py`).
+        If the examples have times, the policy learns at most ten per second while the label stays
+        the same, and only counts the others (`example_selection.py`).
 
         Args:
             examples: For each example the frame's vector; the move; the frame's teaching time in
@@ -256,7 +257,7 @@ class Policy(Stateful):
         self.learner.reset()
 
     def restore(self, state: State) -> None:
-        """Restore `state` in the middle of a drive; predictions and learning go on as before.
+        """Restore `state` in the middle of a drive; the policy predicts and learns on as before.
 
         Raises:
             ValueError: If `state` comes from another kind of policy.
@@ -287,8 +288,8 @@ class Policy(Stateful):
     def begin_like(self, earlier: Sequence[State]) -> int:
         """Expect this place to resemble the places of earlier policies; return how many were used.
 
-        From the first example on, the learner also uses their weights, but its own examples count
-        more. Call this method before the first example.
+        From the first example on, the learner also uses the weights of the earlier policies, but
+        its own examples count more. Call this method before the first example.
 
         Args:
             earlier: States of policies (`get_state`). States of other kinds of learners are
@@ -303,12 +304,12 @@ class Policy(Stateful):
 
     @property
     def can_be_alike(self) -> bool:
-        """True if `set_alike` is supported. Learner and features must be able to mirror, and one
-        turn must have a counterpart."""
+        """True if this policy supports `set_alike`. Learner and features must be able to mirror,
+        and one turn must have a counterpart."""
         return self._mirror() is not None
 
     def set_alike(self, alike: bool) -> None:
-        """Learn all past and future examples mirrored too, or no longer do so.
+        """Learn all past and future examples mirrored too; if `alike` is False, end this.
 
         Raises:
             ValueError: If the learner, features or moves cannot be mirrored.

@@ -4,13 +4,14 @@ Directions of gradients hardly change with the light, but grey values do. So eac
 the brightness of the lesson. The light is measured as the mean brightness of some seconds of
 driving, because a dark corner hardly changes this mean.
 
-A learned angle is a mean. If an obstacle can be passed on either side, the mean leads into the
-obstacle. So the move determines the side, and the angle only the amount of steering. The angle must
-also lie within `BAND` standard deviations of the mean that was taught with the chosen move, because
-a pilot who steers all or nothing never steers at the mean of all moves. For a pilot who steers all
-or nothing this band has no width; for a pilot who steers by degrees the band is wide.
+A learned angle is a mean over examples. If an obstacle can be passed on either side, the mean leads
+into the obstacle. So the move determines the side, and the angle only the amount of steering. The
+angle must also lie within `BAND` standard deviations of the mean that was taught with the chosen
+move, because a pilot who steers all or nothing never steers at the mean of all moves. For a pilot
+who steers all or nothing this band has no width; for a pilot who steers by degrees the band is
+wide.
 
-Before the first point is taught no steering is stored and no point is proposed.
+Before the pilot teaches a first point, the policy stores no steering and proposes no point.
 """
 
 from __future__ import annotations
@@ -127,8 +128,8 @@ class Degrees(PolicyPart):
 
 
 ANOTHER_LIGHT = 1.5
-"""Factor of brightness, up or down, from which the light counts as changed. Smaller differences are
-due to the view."""
+"""Factor of brightness, up or down, from which the light counts as changed. Smaller differences in
+brightness come from the view, not from the light."""
 SECONDS = 3.0
 """Driving time over which the brightness is averaged, in seconds."""
 EXAMPLES = 600.0

@@ -14,7 +14,8 @@ def replay(
     events: Iterable[LogEvent],
     on_refused: Callable[[LogEvent, Exception], None] | None = None,
 ) -> None:
-    """Repeat these changes, in order. Undo, recovery and training from recordings use this.
+    """Repeat these changes, in order. Undo, recovery and training from recordings call this
+    function.
 
     Args:
         policy: The policy that learns.

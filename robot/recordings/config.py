@@ -10,7 +10,7 @@ class RecorderConfig:
     """Bounds of the queue, time limits, and which recordings to keep."""
 
     keeps_drives: bool = True
-    """True: keep recordings in which the robot moved but was not taught."""
+    """Whether to keep recordings in which the robot moved but learned nothing."""
     queue_bytes: int = 32 * 2**20
     """Most bytes of queued pictures; further pictures are dropped and counted."""
     queue_items: int = 4096
@@ -26,8 +26,8 @@ class RecorderConfig:
     part_bytes: int = 64 * 2**20
     """Size at which a recording continues in another file, in bytes."""
     part_s: float = 600.0
-    """Time after which a recording continues in another file, in seconds. This limits the memory
-    that the recorder needs, and a reader if a file has no index."""
+    """Time after which a recording continues in another file, in seconds. The limit bounds the
+    memory of the recorder, and of a reader if a file has no index."""
     spare_bytes: int = 64 * 2**20
-    """Recording stops if fewer bytes are free on the disk. These bytes are left for models and the
-    system."""
+    """Recording stops if fewer bytes are free on the disk. The recorder leaves these bytes for
+    models and the system."""

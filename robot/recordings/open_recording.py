@@ -96,8 +96,8 @@ class OpenRecording:
                 self._check_room()
 
     def end(self, model: Model | None = None, is_kept: bool = True) -> None:
-        """Complete the recording with the learner's state at its end, None if unknown; or discard
-        it."""
+        """Complete the recording, or discard it. `model` is the learner's state at its end; None if
+        the state is unknown."""
         writer, self._writer = self._writer, None
         if writer is None:
             return

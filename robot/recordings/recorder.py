@@ -75,7 +75,7 @@ class RecordingQueue:
         self.write_messages(tick.now_s, partial(describe_tick, bare, events, lost, **shown))
 
     def write_frame(self, frame: Frame) -> None:
-        """Queue a picture once, or drop it if there is no room."""
+        """Queue a picture that is not queued yet, or drop the picture if there is no room."""
         if frame.frame_id in self._kept_ids:
             return
         if self._put(len(frame.data), self._recording.write, EpisodeWriter.write_frame, frame):
@@ -84,8 +84,8 @@ class RecordingQueue:
             self.lost["frames"] += 1
 
     def write_messages(self, now_s: float, describe: Callable[[], Messages]) -> None:
-        """Queue messages of one time, or drop them all if there is no room. The disk's thread calls
-        `describe`."""
+        """Queue the messages of one time, or drop all of them if there is no room. The disk's
+        thread calls `describe`."""
         if not self._put(0, self._recording.write, _write_messages, now_s, describe):
             self.lost["messages"] += len(describe())
 
@@ -191,7 +191,7 @@ class Recorder:
     # On the loop's thread ----------------------------------------------------------------------
 
     def _end(self) -> None:
-        """Finish between two ticks, so that the current tick is also recorded."""
+        """Finish the recording between two ticks, so that it contains the current tick."""
         self._unsubscribe()
         self.finish()
 
@@ -230,7 +230,7 @@ class Recorder:
             self.queue.write_messages(now_s, lambda: result)
 
     def keep(self) -> None:
-        """Keep the current recording in any case."""
+        """Keep the current recording even if the robot neither moved nor learned."""
         self._is_kept = True
 
     def finish(self) -> None:

@@ -26,9 +26,9 @@ DRIFT_S = 1.0
 
 _SLIP_SHARE, _SONAR_NOISE_M, _PIXEL_NOISE = 0.04, 0.005, 3.0
 """Standard deviations of the noise of each wheel's speed (as a share of the speed), of the sonar
-(in metres) and of each pixel (of 255). The wheels' noise is for steps of a fiftieth of a second.
-The noise is larger in shorter steps, so that the robot's path is equally uncertain at any frame
-rate."""
+(in metres) and of each pixel (of 255). The wheels' noise applies to steps of a fiftieth of a
+second. The noise is larger in shorter steps, so that the robot's path is equally uncertain at any
+frame rate."""
 
 
 class Simulation:
@@ -44,9 +44,9 @@ class Simulation:
             of their speed: one wheel turns faster, the other slower. 0 means no drift.
         action: The current move.
         point: The current point; None if the move is not driven by degrees.
-        first_world: The initial state of the world. Any thread may set another world here. The
-            world changes at the next step, because `world` and the renderer change only on the
-            thread that steps and renders.
+        first_world: The initial state of the world. Any thread may set `first_world` to another
+            world. The world changes at the next step, because `world` and the renderer change only
+            on the thread that steps and renders.
     """
 
     def __init__(self, world: World, seed: int = 0, *, is_noisy: bool = True) -> None:
@@ -142,8 +142,8 @@ class Simulation:
     def render_large(self) -> NDArray[np.uint8]:
         """Return the view of the last `render` at twice the resolution and without noise.
 
-        For people: shape (240, 320, 3), RGB. The call affects neither the random state nor the
-        results of `render`.
+        The view is for people; its shape is (240, 320, 3), RGB. The call changes neither the random
+        state nor the results of `render`.
         """
         if self._renderer is None:
             raise RuntimeError("render_large enlarges the last render: call render first")

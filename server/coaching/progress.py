@@ -1,6 +1,6 @@
 """The training progress that the page shows: the curve of agreement over the examples.
 
-The control loop's thread records each tick; the routes read.
+The control loop's thread records each tick, and the routes read the curve.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class _Curve:
 
 
 class Progress:
-    """Tracks one robot's training. `listeners` are subscribed to the loop's ticks."""
+    """Tracks one robot's training. The extension subscribes `listeners` to the loop's ticks."""
 
     def __init__(self, loop: ControlLoop, persistence: Persistence | None = None) -> None:
         self._loop = loop

@@ -1,7 +1,7 @@
 """The journal: every change of the learner, numbered, and written as soon as it is made.
 
-Written entries survive a kill. A power cut loses at most the entries since the last `fsync`. The
-disk's thread calls `fsync` five times a second, so a slow disk delays no write.
+Written entries survive a kill of the program. A power cut loses at most the entries since the last
+`fsync`. The disk's thread calls `fsync` five times a second, so a slow disk delays no write.
 
 The journal is the source of truth (a write-ahead log); a model's file is a cache of it. An entry's
 number has two parts: the number of the program's start, which is in the file's name, and the count

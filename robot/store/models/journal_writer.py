@@ -3,9 +3,9 @@
     journal/000007-02.a     second part of the seventh start, and its twin 000007-02.b
 
 A part begins with a checkpoint, which contains the complete learner. A new part begins after every
-undo, whenever another model is loaded, and when the previous part has become long. So replay only
-learns the examples of the last part; the part before it is also kept. The format of the records is
-in `robot/store/records.py`.
+undo, whenever another model is loaded, and when the previous part has become long. So recovery only
+learns the examples of the last part again. The part before it is also kept. The format of the
+records is in `robot/store/records.py`.
 """
 
 from __future__ import annotations
@@ -114,7 +114,8 @@ class JournalWriter:
         self._close()
 
     async def written(self, change: int) -> bool:
-        """Wait until this change is written, so that no kill can lose it once it is acknowledged.
+        """Wait until the change number `change` is written, so that a kill cannot lose it after the
+        server has acknowledged it.
 
         Waits at most two seconds. If the change is not written by then, or cannot be written at
         all, returns False.
