@@ -90,7 +90,7 @@ def test_a_stop_pressed_while_the_robot_is_out_of_reach_is_obeyed(
     choose(page, world, Mode.TRAIN)
     context.set_offline(True)
     proxy.fault = "silent"
-    page.locator(".notice", has_text="No answer").wait_for(timeout=40_000)
+    page.locator(".notice", has_text="does not answer").wait_for(timeout=40_000)
     with page.expect_event("requestfailed", lambda request: request.url.endswith("/api/stop")):
         page.locator("drive-pad .stop").tap()
     context.set_offline(False)

@@ -63,7 +63,7 @@ def test_names_codes_locks_models_and_stop(chromium: Any, tmp_path: Path) -> Non
         assert source is not None and target is not None
         open_panel(1)
         page.locator("#panel .choice", has_text="Zora").locator("input").check()
-        page.get_by_role("button", name="Give it").click()
+        page.get_by_role("button", name="Copy and use it there").click()
         page.locator(".said", has_text="Done").wait_for()
         assert target.autosave.name in target.models.names()
         assert target.autosave.name == source.autosave.name

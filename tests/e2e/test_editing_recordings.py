@@ -186,7 +186,7 @@ def test_forty_recordings_are_home_in_one_zip_and_gone_in_four_touches(
     assert phone.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
     settle(phone)
     press(phone, "Delete 13")
-    phone.get_by_role("button", name="Restore the last deleted").wait_for()
+    phone.get_by_role("button", name="Restore what was deleted last").wait_for()
     phone.get_by_label("Find recordings").fill("")
     phone.get_by_text("27 in total").wait_for()
     settle(phone)

@@ -43,7 +43,7 @@ def test_the_first_visit_is_enough_to_come_back(chromium: Any, tmp_path: Path) -
         page.wait_for_function("() => navigator.serviceWorker.controller !== null")
         address, port = world.address, int(world.address.rsplit(":", 1)[1])
     page.goto(address)
-    page.locator(".notice", has_text="No answer").wait_for(timeout=40_000)
+    page.locator(".notice", has_text="does not answer").wait_for(timeout=40_000)
     for screen in ("gallery", "study", "teaching", "undo", "home", "settings"):
         page.evaluate(f"location.hash = '{screen}'")
         page.wait_for_selector(f"{screen}-screen", state="attached")

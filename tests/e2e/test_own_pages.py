@@ -46,7 +46,7 @@ def test_a_second_tab_watches_asks_and_takes_over_politely(
     assert world.action is not Action.FORWARD, "who watches cannot drive"
     others.lift()
     second.locator(".notice button").tap()
-    phone.locator(".notice button", has_text="Hand it over").wait_for()
+    phone.locator(".notice button", has_text="Hand over the wheel").wait_for()
     reason = world.rig.loop.state.decision.stop_reason
     is_slow = reason in (StopReason.LINK_SLOW, StopReason.FRAME_STALE)
     assert world.action is Action.LEFT or is_slow, "asking stops nobody"

@@ -73,7 +73,7 @@ def choosing(page: Any, world: World) -> bool:
     wait_for(page, world, "Old Wheel")
     axis(page, 0, 0, 0.0)
     with contextlib.suppress(Exception):  # the offer is gone again
-        page.locator(".notice button", has_text="Show them").click(timeout=5000)
+        page.locator(".notice button", has_text="Show its directions").click(timeout=5000)
     return bool(page.evaluate("noticed.some((one) => /et go/.test(one))"))
 
 

@@ -64,7 +64,7 @@ def test_mending_is_read_out_with_times_and_states(rovers_desktop: Any, shelf: W
             - button "Keep only this"
             - button "Leave this out"
             - button "Split here"
-            - group /The robot should go here/:
+            - group /Here, the robot should go/:
               - /children: equal
               - text: /.+/
               - button "Forward"

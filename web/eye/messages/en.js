@@ -2,7 +2,7 @@
 export default {
   'eye.title': 'The robot’s eye',
   'eye.begin': 'Use this camera',
-  'eye.insecure': 'A phone gives a page its camera only over https: start the robot with --tls.',
+  'eye.insecure': 'A phone lets a page use its camera only over https: start the robot with --tls.',
   'eye.none': 'No camera was found on this device. Open this page on a device that has a camera.',
   'eye.in_use': 'Another program uses the camera. Close it, then try again.',
   'eye.refused': 'The browser refused the camera, or another program uses it. Allow it, then try again.',

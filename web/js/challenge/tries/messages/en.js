@@ -3,7 +3,7 @@ export default {
   'challenge.offer': 'I’m ready for a challenge: how far can I drive in a minute?',
   'challenge.open': 'Take the challenge',
   'challenge.lead': 'How many metres can I drive by myself? You have three tries of one minute. The best one counts.',
-  'challenge.rules': 'Rules: only straight stretches forwards count. The try ends if you touch me, I bump, I ask, or you press STOP; the metres until then count. Standing still, circling and driving back and forth score nothing. Metres backwards are subtracted. A stretch counts less each time I drive it again.',
+  'challenge.rules': 'Rules: only metres straight ahead count. The try ends if you touch me, I bump into something, I ask for help, or you press STOP; the metres until then count. Standing still, circling, and driving back and forth score nothing. Metres driven backwards are subtracted. The same stretch counts less each time I drive it again.',
   'challenge.start': 'Start a try',
   'challenge.shown': 'Show our best try on the board of our class',
   'challenge.armed': 'Tap “Drive itself”, then keep your hands off for one minute.',

@@ -3,7 +3,7 @@ export default {
   'challenge.offer': 'Estoy listo para un reto: ¿cuánto puedo recorrer en un minuto?',
   'challenge.open': 'Aceptar el reto',
   'challenge.lead': '¿Cuántos metros puedo recorrer yo solo? Tienes tres intentos de un minuto. Cuenta el mejor.',
-  'challenge.rules': 'Reglas: solo cuentan los tramos rectos hacia delante. El intento termina si me tocas, choco, pregunto o pulsas ALTO; cuenta lo recorrido hasta entonces. Estar parado, dar vueltas en círculo y avanzar y retroceder no cuentan. Los metros marcha atrás se restan. Un tramo cuenta menos cada vez que lo repito.',
+  'challenge.rules': 'Reglas: solo cuentan los metros en línea recta hacia delante. El intento termina si me tocas, choco, pido ayuda o pulsas ALTO; cuenta lo recorrido hasta entonces. Estar parado, dar vueltas en círculo y avanzar y retroceder no cuentan. Los metros marcha atrás se restan. Un mismo tramo cuenta menos cada vez que lo repito.',
   'challenge.start': 'Empezar un intento',
   'challenge.shown': 'Mostrar nuestro mejor intento en el tablero de la clase',
   'challenge.armed': 'Toca «Autónomo» y no toques nada más durante un minuto.',

@@ -1,7 +1,7 @@
 // The places of a simulated robot.
 export default {
   'settings.world': 'Place',
-  'settings.world_hint': 'The simulated robot goes to the start there and keeps everything it knows.',
+  'settings.world_hint': 'The simulated robot is put at the start of this place and keeps everything it has learned.',
   'world.box': 'An empty box',
   'world.clutter': 'A cluttered room',
   'world.corridor': 'A corridor around shelves',

@@ -1,7 +1,7 @@
 // The places of a simulated robot.
 export default {
   'settings.world': 'Lugar',
-  'settings.world_hint': 'El robot simulado va a la salida de ese lugar y conserva todo lo que sabe.',
+  'settings.world_hint': 'El robot simulado se coloca en la salida de ese lugar y conserva todo lo aprendido.',
   'world.box': 'Una caja vacía',
   'world.clutter': 'Una sala con muchos objetos',
   'world.corridor': 'Un pasillo alrededor de estantes',

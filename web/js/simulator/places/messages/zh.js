@@ -1,7 +1,7 @@
 // The places of a simulated robot.
 export default {
   'settings.world': '地点',
-  'settings.world_hint': '模拟机器人会到那里的起点，学到的都保留。',
+  'settings.world_hint': '模拟机器人会被放到该地点的起点，学到的都保留。',
   'world.box': '空的围栏',
   'world.clutter': '杂物很多的房间',
   'world.corridor': '绕着书架的走廊',
