@@ -9,7 +9,7 @@ const SHELL = `shell${HOME.slice(0, -1)}`;
 const PATIENCE_MS = 2500;
 const HASHED = /^(css|js)\/[0-9a-f]{10}-/;
 
-/** The path of a file relative to the page, as in shell.json; null for an address elsewhere. @param {string} url */
+/** Return the path of a file relative to the page, as in shell.json; null for an address of another site. @param {string} url */
 const below = (url) => (url.startsWith(location.origin + HOME) ? new URL(url).pathname.slice(HOME.length) || './' : null);
 
 self.addEventListener('install', (event) => {
@@ -35,7 +35,7 @@ async function keepAll() {
   for (const old of kept) if (!files.includes(old)) await cache.delete(old);
 }
 
-/** The cached answer; undefined if there is none, or if the device's storage fails. */
+/** Return the cached answer; undefined if there is none, or if the device's storage fails. */
 async function recall(request) {
   try {
     return await (await caches.open(SHELL)).match(request, { ignoreSearch: true });
@@ -69,7 +69,7 @@ async function fromRobot(event) {
     else await keep(request, answer.clone());
     return answer;
   });
-  event.waitUntil(fresh.catch(() => {})); // an answer that is too late for this visit is stored for the next
+  event.waitUntil(fresh.catch(() => {})); // an answer that comes too late for this visit is stored for the next one
   if (!kept) return fresh;
   const late = new Promise((done) => setTimeout(() => done(kept), PATIENCE_MS));
   return Promise.race([fresh.catch(() => kept), late]);

@@ -6,11 +6,11 @@ import { language, percent, t } from '../js/i18n.js';
 
 /** @typedef {import('./class-link.js').Robot} Robot */
 
-/** Time in which a robot's program that was just started should answer. Ten programs on a slow computer take longer. */
+/** Time after its start within which a robot's program should answer. Ten programs on a slow computer take longer. */
 const STARTING_MS = 30000;
 
 /**
- * The driver, as a key of the messages.
+ * The key of the message that says who drives a robot.
  * @param {Robot} robot
  * @param {number} silentMs  time since the robot was last reached
  */
@@ -37,7 +37,7 @@ export class Card {
     this.why = h('p', { class: 'why' });
     this.stop = h('button', { class: 'halt', type: 'button' }, t('board.stop'));
     this.more = h('button', { type: 'button', onclick: () => acts.open(number) }, icon('more'));
-    // The press counts, not the release. A key press arrives as a click without a pointer.
+    // STOP acts when it is pressed, not when it is released. A key press arrives as a click without a pointer.
     this.stop.addEventListener('pointerdown', () => acts.stop(number));
     this.stop.addEventListener('click', (event) => event.detail === 0 && acts.stop(number));
     this.release = h('button', { class: 'release', type: 'button', hidden: true, onclick: () => acts.release(number) }, t('board.release'));
@@ -64,7 +64,7 @@ export class Card {
     this.element.setAttribute('aria-label', robot.name);
     this.stop.setAttribute('aria-label', t('board.stop_one', { name: robot.name }));
     this.release.setAttribute('aria-label', t('board.release_one', { name: robot.name }));
-    this.release.hidden = robot.status !== 'there' || !robot.stop_held_by; // so that STOP does not move
+    this.release.hidden = robot.status !== 'there' || !robot.stop_held_by; // hidden but not removed, so that STOP does not move
     this.more.setAttribute('aria-label', t('board.more', { name: robot.name }));
     if (this.shown !== by) {
       this.shown = by;

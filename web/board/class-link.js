@@ -1,9 +1,9 @@
-// The page's connection to the board: it receives news and pictures, sends STOP, and reconnects by itself.
+// The page's connection to the board's server: it receives news and pictures, sends STOP, and reconnects by itself.
 
 import { parsePictures } from './pictures.js';
 
 const RETRY_MS = 1000;
-/** Time after which a stop counts as unheard: a running board confirms a stop, or reports its failure, much sooner. */
+/** Time without an answer after which a stop counts as not received. A board that runs confirms a stop, or reports that it failed, much sooner. */
 const NEWS_MS = 3000;
 const ALL = 'all';
 
@@ -15,7 +15,7 @@ const ALL = 'all';
  * @property {'connecting' | 'there' | 'away' | 'not_ours' | 'no_class'} status
  * @property {string} detail  why, in English
  * @property {'asked' | 'stopped' | 'not_reached' | null} stop
- * @property {string} stop_id  names the newest STOP; a release names it
+ * @property {string} stop_id  names the newest STOP; a release must name it
  * @property {boolean} release_refused  the last release was for an older STOP than the newest
  * @property {number | null} delay_ms
  * @property {number} invitations  grows with each new QR code
@@ -76,7 +76,7 @@ export class ClassLink extends EventTarget {
     this.socket = socket;
   }
 
-  /** The connection has ended, or the board's program hangs. The last messages may be lost. */
+  /** Called when the connection has ended, or when the board's program hangs. The last messages may be lost. */
   lose() {
     if (this.socket) this.socket.onopen = this.socket.onmessage = this.socket.onclose = null;
     this.socket?.close();
@@ -112,7 +112,7 @@ export class ClassLink extends EventTarget {
     this.settle(robots);
     const [name, detail] = type === 'strangers' ? [type, words] : ['news', robots];
     this.dispatchEvent(new CustomEvent(name, { detail }));
-    if (type === 'strangers') this.forget(); // sent after all robots were reported
+    if (type === 'strangers') this.forget(); // the board sends this message after it has reported all robots
   }
 
   /** Forget robots that the board does not know, because it cannot stop them. */
@@ -138,7 +138,7 @@ export class ClassLink extends EventTarget {
     this.say({ type: 'watch', robots: numbers });
   }
 
-  /** Stop one robot or all robots. Without a connection, send a request; if that fails, wait for the next connection. @param {number} [robot] */
+  /** Stop one robot or all robots. Without a connection, send an HTTP request; if that fails, the next connection sends the stop. @param {number} [robot] */
   stop(robot) {
     const words = robot === undefined ? {} : { robot };
     const meant = this.meant(robot);

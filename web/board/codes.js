@@ -18,10 +18,10 @@ say(find('title'), t('board.codes'));
 say(find('how'), t('board.codes_how'));
 say(find('wifi-name'), t('board.wifi'));
 const wifi = /** @type {HTMLInputElement} */ (find('wifi'));
-try { wifi.value ||= localStorage.getItem(WIFI) ?? ''; } catch { /* without storage it must be typed again */ }
+try { wifi.value ||= localStorage.getItem(WIFI) ?? ''; } catch { /* without storage, the name must be typed again */ }
 say(find('print'), t('board.print'));
 wifi.addEventListener('change', () => {
-  try { localStorage.setItem(WIFI, wifi.value); } catch { /* the cards show it anyway */ }
+  try { localStorage.setItem(WIFI, wifi.value); } catch { /* the cards show the name even if it cannot be stored */ }
 });
 find('print').addEventListener('click', () => window.print());
 
@@ -38,7 +38,7 @@ function draw({ number, name, address, status, detail, colour }, token) {
     h('p', {}, t('board.card_nothing')), h('p', {}, address), h('p', {}, t('board.card_token', { token: token.match(/.{1,4}/g)?.join('-') ?? '' })));
 }
 
-/** Robots start one after the other, so the page draws changes until it is closed. */
+/** Robots start one after the other, so the page draws new cards as long as it is open. */
 let shown = '';
 for (;;) {
   /** @type {{robots: Robot[], code: string}} */

@@ -1,4 +1,4 @@
-// A lesson of docs/lessons to project. The text for the teacher, its answers and its button are folded away.
+// Shows a lesson of docs/lessons, for a projector. What is only for the teacher (text, answers, button) is folded away.
 
 import { ask } from '../js/api.js';
 import { fill, h } from '../js/dom.js';
@@ -34,7 +34,7 @@ const spoken = (words) => words.map(({ kind, text: said }) => (kind === 'text' ?
 function draw(piece) {
   if (piece.kind === 'ul') return h('ul', {}, ...piece.items.map((item) => h('li', {}, ...spoken(item))));
   if (piece.kind !== 'table') return h(piece.kind === 'h2' ? 'h1' : 'p', {}, ...spoken(piece.words));
-  /** Empty cells are left out, and the last cell of the row spans their columns. @param {Word[][]} cells */
+  /** Empty cells at the end of a row are left out, and the last other cell spans their columns. @param {Word[][]} cells */
   const row = (cells) => {
     const said = cells.filter((cell, i) => i === 0 || cell.length);
     return h('tr', {}, ...said.map((cell, i) => h('td', { colspan: i === said.length - 1 ? cells.length - i : 1 }, ...spoken(cell))));
@@ -69,7 +69,7 @@ async function giveAll() {
   give.disabled = false;
 }
 
-/** Pupils see the page too, so this is closed until the teacher opens it. @param {Piece | undefined} piece @param {Word[]} answer */
+/** The teacher's part is closed until the teacher opens it, because pupils see the page too. @param {Piece | undefined} piece @param {Word[]} answer */
 function drawForTeacher(piece, [, ...answer]) {
   const [title, ...words] = piece?.kind === 'quote' ? piece.words : [];
   find('teacher').hidden = !title;

@@ -41,7 +41,7 @@ append(find('bar'), [
   releaseAll, place, stop,
 ]);
 say(find('empty'), t('board.searching'));
-// A robot's panel ends below the bar, whatever the bar's height, so that nothing covers STOP.
+// A robot's panel never reaches above the lower edge of the bar, so that it does not cover STOP.
 new ResizeObserver(() => document.body.style.setProperty('--bar', `${find('bar').getBoundingClientRect().bottom + 8}px`)).observe(find('bar'));
 
 /** @param {string} view */
@@ -53,7 +53,7 @@ function choose(view) {
   watch();
 }
 
-/** Pictures are wanted only for visible cards: not on a hidden page, and not behind the codes. */
+/** Request pictures only for cards on which they are visible: not on a hidden page, and not while codes are shown. */
 function watch() {
   const numbers = document.hidden || showsCodes ? [] : [...inView].sort((a, b) => a - b);
   if (numbers.join() !== link.watched.join()) link.watch(numbers);

@@ -7,6 +7,6 @@ import { t } from '../js/i18n.js';
 /** @param {Outcome} one */
 export function tellOutcome(one) {
   const did = t(`board.end.did.${one.did}`, { ...one });
-  const isSaved = one.model && one.did !== 'keep'; // a model without examples is not saved
+  const isSaved = one.model && one.did !== 'keep'; // `model` is empty if the old model had no examples and was not saved
   return isSaved ? t('board.end.saved', { did, model: one.model }) : did;
 }

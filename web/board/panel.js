@@ -22,7 +22,7 @@ export class Panel {
     this.subject = null;
     /** @type {Element | null} */
     this.opener = null;
-    /** Shows changes made elsewhere in the open panel. */
+    /** Function that shows in the open panel what was changed elsewhere. */
     this.follow = () => {};
     this.said = h('p', { class: 'said', role: 'status' });
     element.addEventListener('keydown', (event) => event.key === 'Escape' && (event.preventDefault(), this.close()));
@@ -45,7 +45,7 @@ export class Panel {
     /** @type {HTMLElement | null} */ (this.element.querySelector('button'))?.focus();
   }
 
-  /** Draw changes, but not while somebody uses the panel. @param {Robot} robot */
+  /** Draw a robot's changes in the panel, but not while somebody is using it. @param {Robot} robot */
   note(robot) {
     if (!this.element.hidden) this.follow();
     const code = /** @type {HTMLImageElement | null} */ (this.element.querySelector('.code'));
@@ -90,7 +90,7 @@ export class Panel {
     ];
   }
 
-  /** Keep, reset or hand over all robots in one press; the results are listed and can be undone. */
+  /** Buttons that keep, reset or hand over all robots; each robot's result is listed, and the order can be undone. */
   lessonEnd() {
     const list = h('ul', { class: 'outcomes' });
     const undo = h('button', { type: 'button', disabled: true, onclick: () => give('api/models/undo') }, t('board.end.undo'));
@@ -114,7 +114,7 @@ export class Panel {
     return h('fieldset', {}, h('legend', {}, t('board.end')), ...rows, undo, h('div', { role: 'status' }, list));
   }
 
-  /** The locks of these robots; a change of one lock leaves each robot's other locks unchanged. @param {() => Robot[]} those */
+  /** Checkboxes for the locks of these robots. Changing one lock leaves the other locks of each robot unchanged. @param {() => Robot[]} those */
   locks(those) {
     /** @type {Map<string, boolean>} choices made here, until the robots report them */
     const chosen = new Map();
@@ -133,11 +133,11 @@ export class Panel {
       chosen.set(value, checked);
       const told = those().map(async ({ number, locks }) => {
         const now = await ask('PUT', `api/robots/${number}`, { locks: LOCKS.filter((name) => chosen.get(name) ?? locks.includes(name)) });
-        for (const robot of those()) if (robot.number === number) robot.locks = now.locks; // because its news may arrive later
+        for (const robot of those()) if (robot.number === number) robot.locks = now.locks; // now, because the news of the new locks may arrive later
       });
       const faults = (await Promise.allSettled(told)).flatMap((one) => (one.status === 'rejected' ? one.reason : []));
       if (!faults.length) return;
-      chosen.delete(value); // otherwise the next checkbox would send it again
+      chosen.delete(value); // so that the next checkbox does not send this choice again
       this.follow();
       throw faults.find((fault) => fault instanceof TypeError) ?? new Error(faults.map(({ message }) => message).join('\n'));
     });

@@ -1,4 +1,4 @@
-// Many robots' pictures in one message; mirrored from server/board/app.py. Pure.
+// Reads a message with the pictures of many robots; the counterpart of server/board/app.py. Pure.
 
 import { parsePicture } from '../js/protocol.js';
 

@@ -5,7 +5,7 @@
 const HEADER_BYTES = 16;
 const EYE_FRAME = 3;
 const COVERED = 1;
-const WINDOW = 2; // pictures in flight; with more, pictures would only be older when they arrive
+const WINDOW = 2; // number of pictures in flight; with more, pictures would only be older when they arrive
 const SILENCE_MS = 1500;
 const RETRY_MS = 500;
 
@@ -78,7 +78,7 @@ export class EyeLink extends EventTarget {
     this.dispatchEvent(new CustomEvent(words.type, { detail: words }));
   }
 
-  /** Send a picture; without credit, drop it and return false. @param {Uint8Array} jpeg @param {number} takenMs @param {boolean} covered */
+  /** Send a picture. If too many are in flight, drop it and return false. @param {Uint8Array} jpeg @param {number} takenMs @param {boolean} covered */
   show(jpeg, takenMs, covered) {
     if (!this.hasCredit || this.socket?.readyState !== 1) return false;
     this.seq += 1;
@@ -86,7 +86,7 @@ export class EyeLink extends EventTarget {
     return true;
   }
 
-  /** Stop the robot. If this connection is dead, the next connection sends the stop. */
+  /** Send STOP. If this connection is dead, the next connection sends it again. */
   stop() {
     this.owesStop = true;
     this.say({ type: 'stop' });

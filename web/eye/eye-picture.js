@@ -1,8 +1,8 @@
 // Converts a camera picture to a JPEG of the robot's size, in a worker if the browser supports it.
 
 const QUALITY = 0.85;
-const DARK = 20; // on a scale of 0 to 255; if every pixel is darker, the lens is covered
-const LOOK_EVERY = 5; // pictures between two checks for a covered lens
+const DARK = 20; // brightness from 0 to 255; if every pixel is darker, the lens is covered
+const LOOK_EVERY = 5; // number of pictures between two checks for a covered lens
 
 export class Packer {
   /** @param {(width: number, height: number) => any} makeCanvas  an OffscreenCanvas or an element */
@@ -15,7 +15,7 @@ export class Packer {
   }
 
   /**
-   * Pack the middle of the picture in the robot's proportions.
+   * Crop the picture to the proportions that the robot wants, and encode it as JPEG.
    * @param {any} picture @param {number} fromWidth @param {number} fromHeight @param {{width: number, height: number}} to
    * @returns {Promise<{jpeg: ArrayBuffer, covered: boolean}>}
    */

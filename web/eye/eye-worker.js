@@ -1,4 +1,4 @@
-// Packs pictures in a worker, so that a slow phone's page stays responsive.
+// Encodes pictures in a worker, so that the page stays responsive on a slow phone.
 
 import { Packer } from './eye-picture.js';
 

@@ -7,8 +7,8 @@ import { Packer } from './eye-picture.js';
 import { listenForStop } from '../js/inputs/stop-keys.js';
 import { has, loadLanguage, t } from '../js/i18n.js';
 
-const LATE_MS = 1000; // an older time stamp is ignored
-const HAS_PICTURE = 2; // a value of a video's `readyState`
+const LATE_MS = 1000; // a camera's time stamp that is older is not believed
+const HAS_PICTURE = 2; // the value of a video's `readyState` from which it has a picture
 
 /** @template {Element} T @param {string} id @returns {T} */
 const find = (id) => /** @type {T} */ (/** @type {unknown} */ (document.getElementById(id)));
@@ -34,7 +34,7 @@ let waiting = 0;
 let isPacking = false;
 let sent = 0;
 worker?.addEventListener('error', () => {
-  packer ??= makePacker(); // without a worker the page packs pictures itself
+  packer ??= makePacker(); // without a worker, the page encodes pictures itself
   isPacking = false;
 }, { once: true });
 
@@ -60,10 +60,10 @@ async function open() {
   next();
 }
 
-/** Browsers' error names for a missing camera. @type {Record<string, string>} */
+/** The message for each error name by which browsers report a camera that cannot be used. @type {Record<string, string>} */
 const WHY = { NotFoundError: 'none', DevicesNotFoundError: 'none', OverconstrainedError: 'none', NotReadableError: 'in_use', TrackStartError: 'in_use', AbortError: 'in_use' };
 
-/** The camera is missing, its permission was revoked, or another program uses it: discard the last picture. @param {string} [name]  of the browser's error */
+/** Called if the camera is missing, not allowed, or used by another program: discard the last picture and say so. @param {string} [name]  of the browser's error */
 function lose(name = '') {
   for (const track of /** @type {MediaStream | null} */ (seen.srcObject)?.getTracks() ?? []) track.stop();
   seen.srcObject = null;
@@ -71,7 +71,7 @@ function lose(name = '') {
   tell(t(`eye.${WHY[name] ?? 'refused'}`), true);
 }
 
-/** Wait for a picture; only one wait at a time, even if the camera was started several times. */
+/** Wait for the camera's next picture. There is only one wait at a time, even if the camera is started several times. */
 function next() {
   const video = /** @type {any} */ (seen);
   if (video.requestVideoFrameCallback) {
@@ -88,7 +88,7 @@ async function look(nowMs, about) {
   next();
   if (isPacking || !link.hasCredit || nowMs < dueMs || seen.readyState < HAS_PICTURE) return;
   const everyMs = 1000 / wanted.rate_hz;
-  dueMs = Math.max(dueMs, nowMs - everyMs) + everyMs; // a late picture does not delay the next
+  dueMs = Math.max(dueMs, nowMs - everyMs) + everyMs; // if a picture is late, the next one is not delayed
   const taken = about.captureTime ?? nowMs;
   isPacking = true;
   try {
@@ -136,7 +136,7 @@ setInterval(() => {
   sent = 0;
 }, 1000);
 
-/** Stop also by requests, until the robot confirms one: the connection may be dead without an error, or replaced by another phone's. */
+/** Also send STOP by HTTP requests until the robot confirms one, because the websocket may be dead without an error, or another phone may have replaced it. */
 async function stopRobot() {
   link.stop();
   if ((await askToStop(() => link.owesStop)) !== null) link.owesStop = false;

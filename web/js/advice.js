@@ -12,7 +12,7 @@
 /** @typedef {{key: string, values?: Record<string, string | number>, step?: string, level: 'info' | 'ask' | 'stop'}} Advice */
 
 const FEW_EXAMPLES = 60;
-const USED_SHARE = 0.03; // a move with a smaller share counts as a slip of the thumb
+const USED_SHARE = 0.03; // a move with a smaller share of the examples counts as a slip of the thumb
 
 /**
  * The moves that this pilot uses: all that were taught, without slips of the thumb.
@@ -25,7 +25,7 @@ export function usedMoves(taught) {
 }
 
 /**
- * The driver, as a key of the texts; a robot that stands and asks does not drive.
+ * The key of the text that says who drives; a robot that stands and asks for help does not.
  * @param {import('./protocol.js').RobotState | null} robot
  */
 export function whoDrives(robot) {
@@ -48,14 +48,14 @@ export function urgentAdvice(page) {
   }
   if (robot.stop_held_by) return { key: `stopped_by.${robot.stop_held_by}`, level: 'stop' };
   const elsewhere = robot.you_are_pilot ? null : wheelElsewhere(page);
-  // Only the pilot with the wheel can release; the robot refuses a release by others.
+  // Only the pilot with the wheel can release the emergency stop; the robot refuses a release by others.
   if (robot.emergency) return { key: 'emergency', step: elsewhere ? elsewhere.step : 'release', level: 'stop' };
   if (elsewhere) return elsewhere;
   if (page.wheelAsked) return { key: 'wheel_asked', step: 'yield', level: 'ask' };
   if (robot.fault) return { key: 'fault', values: { fault: robot.fault }, level: 'stop' };
-  // The lead is over, so it does not matter why the robot stands still.
+  // If an extension's lead is over, it does not matter why the robot stands still.
   if (page.lead?.isOver) return page.lead.ask(robot);
-  // The lead's text already says what to choose.
+  // The text of the extension that leads the pilot already says which mode to choose.
   if (page.localStop === 'wheel' && robot.mode === 'stopped' && !page.lead) return { key: 'local.wheel', level: 'ask' };
   if (page.localStop && page.localStop !== 'wheel') return { key: `local.${page.localStop}`, level: 'stop' };
   if (page.notice === 'start_stale') return { key: page.notice, level: 'stop' };
@@ -111,12 +111,12 @@ export function ageParts({ robot, drawnAgeMs, drawingMs }) {
 /** True if delays are due to the computer, not to the link. @param {PageState} page */
 const isComputer = ({ robot, isLocal }) => isLocal || Boolean(robot?.busy);
 
-/** The link's grade, but at least `capped` if the computer is busy, because such a robot drives slower already. @param {import('./protocol.js').RobotState} robot */
+/** The grade of the link, but at least `capped` if the robot's computer is busy, because the robot then already drives slower. @param {import('./protocol.js').RobotState} robot */
 const lateness = ({ link, busy }) => busy && (link === 'good' || link === 'slow') ? 'capped' : link ?? 'good';
 
 const OLD_MS = 200;
 
-/** Rounded, because each change is read out. @param {number} ms */
+/** Round a time, because screen readers read out each change. @param {number} ms */
 const inHundreds = (ms) => ({ ms: Math.max(100, Math.round(ms / 100) * 100) });
 
 /** Advice about late pictures if their cause is not the link; null if there is no such cause. @param {PageState} page @returns {Advice | null} */
@@ -154,7 +154,7 @@ export function whatToSay({ robot, lead, readiness, setback, told }) {
   return teachingAdvice(robot, readiness);
 }
 
-/** @type {Record<string, import('./protocol.js').Mode>} the mode that a piece of advice asks for */
+/** @type {Record<string, import('./protocol.js').Mode>} for each advice, the mode that it asks the pilot to choose */
 const ASKED_FOR = {
   'advice.start': 'train', 'advice.more': 'train', 'advice.try': 'autonomous', 'advice.ready': 'autonomous',
   'hint.teach': 'train', choose_first: 'train',
@@ -181,7 +181,7 @@ export function teachingAdvice(robot, readiness) {
   if (mode !== 'autonomous' && lessons >= FEW_EXAMPLES && used.length < 2) return { key: used[0] === 'forward' ? 'advice.turn' : 'advice.go_on' };
   if (!readiness) return { key: mode === 'autonomous' ? 'advice.watch' : 'advice.go_on' };
   const { stage, missing, alone_s: alone, alone_needed_s: needed } = readiness;
-  const left = Math.max(1, Math.ceil((needed - alone) / 5)) * 5; // in steps of five, because it is read out too
+  const left = Math.max(1, Math.ceil((needed - alone) / 5)) * 5; // in steps of five, because screen readers read out each change
   if (mode === 'autonomous') {
     if (stage === 'ready') return { key: 'advice.can', left: needed };
     return { key: stage === 'try' && alone >= 1 ? 'advice.trial' : 'advice.watch', left };

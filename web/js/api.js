@@ -1,4 +1,4 @@
-// HTTP requests to the robot. A refusal contains a sentence for the person.
+// HTTP requests to the robot. The robot's refusal of a request contains a sentence for the person.
 //
 // Every address is relative to the document: a proxy may serve the robot under a path.
 
@@ -19,12 +19,12 @@ export class Refused extends Error {
 const ANSWER_MS = 15_000;
 /** Timeout of slow requests, which carry a file, read or rewrite a recording, or let a small computer measure itself. */
 export const LONG_MS = 180_000;
-/** Timeout of a stop by request. A late request could stop the robot again after a release. */
+/** Timeout of a STOP by an HTTP request. A request that arrived later could stop the robot again after a release. */
 export const STOPPING_MS = 3000;
-/** Time for a websocket to confirm a stop, and pause between a failed request and the next. */
+/** Time that a websocket has to confirm a STOP before HTTP requests are sent, and the pause after a failed request. */
 export const STOP_MS = 300;
 
-/** Event on the window: the robot obeyed a request, but could not save the result. */
+/** Event of the window that reports that the robot has obeyed a request but could not save the result. */
 export const NOT_KEPT = 'not-kept';
 
 /**
@@ -43,7 +43,7 @@ export async function ask(method, path, body, patienceMs = method === 'GET' ? AN
     const answer = await fetch(path, {
       method,
       signal: patience.signal,
-      redirect: 'manual', // the robot never redirects: it is the sign-in page of a network
+      redirect: 'manual', // the robot never redirects, so a redirection comes from the sign-in page of a network
       headers: body === undefined || isFile ? {} : { 'content-type': 'application/json' },
       body: body === undefined || isFile ? /** @type {Blob | undefined} */ (body) : JSON.stringify(body),
     });
@@ -51,7 +51,7 @@ export async function ask(method, path, body, patienceMs = method === 'GET' ? AN
     if (isPage) throw new Refused(answer.status, `${answer.status} text/html`, null);
     if (answer.ok) {
       const told = await answer.json();
-      // This message follows the screen's own message, because the person must read both.
+      // Report this after the screen has shown its own message, so that the person reads both.
       if (told?.kept === false) setTimeout(() => dispatchEvent(new Event(NOT_KEPT)));
       return told;
     }
@@ -86,17 +86,17 @@ export async function askToStop(isOwed) {
   return null;
 }
 
-/** Timeout of questions about a lost link, so that no STOP by request waits behind them. */
+/** Timeout of requests that ask why the link is lost. It is short, so that no STOP by request waits behind them. */
 export const WHY_MS = 2000;
 
-/** A refused websocket gives no reason, so this asks by a request: a browser that is no longer admitted is redirected. @param {string} path  a path that an admitted browser may request */
+/** Ask by an HTTP request why a websocket was refused, because the websocket itself gives no reason. A browser that is no longer admitted is redirected. @param {string} path  a path that an admitted browser may request */
 export const askWhy = (path) => ask('GET', path, undefined, WHY_MS).catch(({ status, robot }) => status === 401 && robot && location.reload());
 
 /** Send a request with a long timeout. @param {string} path */
 export const askLong = (path) => ask('GET', path, undefined, LONG_MS);
 
 /**
- * For repeated requests: returns the answer, or null if there was none, or if a newer request was answered
+ * Wrap repeated requests: return the answer, or null if there was none, or if a newer request was answered
  * before.
  */
 export function inOrder() {

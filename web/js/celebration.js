@@ -1,5 +1,5 @@
 // Celebrates the moment at which the robot can drive by itself: the panel jumps, and three notes sound.
-// There is no movement if the person prefers less motion (drive.css), and no notes if sound is off.
+// The panel does not jump if the person prefers less motion (drive.css), and no notes sound if sound is off.
 
 const NOTES_HZ = [523, 659, 784];
 const NOTE_S = 0.14;

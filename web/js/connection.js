@@ -1,4 +1,4 @@
-// The two websockets, reconnected when they close. No earlier command is ever replayed.
+// The page's two websockets, which connect again when they close. No earlier command is sent again.
 
 import {
   encodeAcknowledgement,
@@ -8,13 +8,13 @@ import {
   parseWords,
 } from './protocol.js';
 
-const SILENCE_MS = 1500; // states arrive ten times a second, so this much silence means a dead link
-const PICTURE_MS = 5000; // if states name newer pictures for this long and no picture arrives, the video socket is dead
+const SILENCE_MS = 1500; // time without a message after which the link is dead; states arrive ten times a second
+const PICTURE_MS = 5000; // time after which the video socket is dead if states name newer pictures but no picture arrives
 const FIRST_RETRY_MS = 250;
 const LAST_RETRY_MS = 2000;
 const PING_EVERY_MS = 1000;
 const CLOCK_SAMPLES = 8;
-const IDLE_SILENCE_MS = 4000; // an idle page mainly receives a pong each second
+const IDLE_SILENCE_MS = 4000; // the same for an idle page, which receives little more than a pong each second
 
 /**
  * Events: `open` and `lost`; and `words` and `picture`, whose `detail` is the message.
@@ -70,7 +70,7 @@ export class Connection extends EventTarget {
     return this.samples[this.samples.length - 1]?.rttMs ?? null;
   }
 
-  /** The age of a time on the server's clock; null before the first pong. @param {number} serverMs */
+  /** Return the age of a time on the server's clock; null before the first pong. @param {number} serverMs */
   ageMs(serverMs) {
     if (!this.samples.length) return null;
     // The shortest round trip gives the best estimate of the clock offset.
@@ -78,7 +78,7 @@ export class Connection extends EventTarget {
     return Math.max(0, this.env.nowMs() + best.offsetMs - serverMs);
   }
 
-  /** Connect at once; request pictures once it is decided who draws them. @param {Promise<unknown>} ready */
+  /** Connect now; request pictures as soon as it is decided whether a worker or the page draws them. @param {Promise<unknown>} ready */
   async begin(ready) {
     this.isDrawn = false;
     this.connect();
@@ -135,7 +135,7 @@ export class Connection extends EventTarget {
     return this.seq;
   }
 
-  /** Have a worker receive the pictures. @param {Worker} worker */
+  /** Let a worker receive the pictures. @param {Worker} worker */
   useWorker(worker) {
     this.worker = worker;
     worker.onmessage = ({ data }) => {
@@ -144,14 +144,14 @@ export class Connection extends EventTarget {
     };
   }
 
-  /** Note a nonce, unless a newer nonce is known, because an older nonce proves less. @param {number | undefined} nonce  0 or undefined means no nonce @param {number} [cameMs] */
+  /** Remember a nonce, unless a newer one is known. The newer the nonce, the fresher is the command that returns it. @param {number | undefined} nonce  0 or undefined means no nonce @param {number} [cameMs] */
   learn(nonce, cameMs = this.env.nowMs()) {
     if (!nonce || cameMs < this.nonceMs) return;
     this.nonce = nonce;
-    this.nonceMs = Math.min(cameMs, this.env.nowMs()); // a worker's clock may be ahead
+    this.nonceMs = Math.min(cameMs, this.env.nowMs()); // the clock of a worker may be ahead of ours
   }
 
-  /** A picture is on the screen. @param {import('./painter.js').Shown} shown */
+  /** Called when a picture is on the screen. @param {import('./painter.js').Shown} shown */
   noteShown(shown) {
     this.learn(shown.nonce, shown.arrivedMs);
     this.frame = shown.frame;
@@ -171,7 +171,7 @@ export class Connection extends EventTarget {
     this.dispatchEvent(new Event('open'));
   }
 
-  /** Request pictures only while they are shown. @param {boolean} wanted */
+  /** Begin or end to request pictures; they are wanted only while they are shown. @param {boolean} wanted */
   showPictures(wanted) {
     if (wanted === this.showsPictures) return;
     this.showsPictures = wanted;
@@ -243,7 +243,7 @@ export class Connection extends EventTarget {
     this.cancel('ping');
     this.cancel('silence');
     this.dispatchEvent(new Event('lost'));
-    // Hidden tabs do not reconnect, because a robot has few slots per person and the tabs would evict each other.
+    // A hidden tab does not connect again. A robot has few slots per person, so many tabs would evict each other.
     this.after('retry', this.retryMs, () => this.env.isHidden?.() || this.connect());
     this.retryMs = Math.min(this.retryMs * 2, LAST_RETRY_MS);
   }
@@ -253,7 +253,7 @@ export class Connection extends EventTarget {
     const { drive } = this;
     this.drive = null;
     if (!drive) return;
-    // A socket on a silent network takes long to close, so drop it now.
+    // Stop using the socket now, because on a silent network it takes long to close.
     drive.onopen = drive.onmessage = drive.onclose = drive.onerror = null;
     drive.close();
   }

@@ -1,8 +1,8 @@
-// Browser features that driving needs: keep the screen on, store preferences.
+// What the page needs of its device: a screen that stays on, and storage for preferences.
 
 const KEY = 'drivelesson.preferences';
 
-/** Keep the screen on while `wanted` is true; unavailable over plain HTTP. */
+/** Keeps the screen on while `wanted` is true. Browsers allow this only over https. */
 export class WakeLock {
   constructor() {
     /** @type {any} */
@@ -10,7 +10,7 @@ export class WakeLock {
     this.isAsking = false;
   }
 
-  /** Called with each state, so changes between a request and its answer are caught up. @param {boolean} wanted */
+  /** Set whether the screen stays on. The page calls this with each state, so a change that comes while a request is under way is not lost. @param {boolean} wanted */
   async want(wanted) {
     const api = /** @type {any} */ (navigator).wakeLock;
     if (!api || this.isAsking) return;
@@ -25,7 +25,7 @@ export class WakeLock {
   }
 }
 
-/** This device's storage; if the browser forbids storage, it lasts as long as the page is open. @type {Pick<Storage, 'getItem' | 'setItem'>} */
+/** The browser's storage. If the browser forbids it, values are kept as long as the page is open. @type {Pick<Storage, 'getItem' | 'setItem'>} */
 export const memory = findMemory();
 
 function findMemory() {
@@ -71,7 +71,7 @@ export class Preferences {
     this.set('sticks', isWanted ? [...others, robot] : others);
   }
 
-  /** The directions of a game pad, as shown by a person. @param {string} id @returns {import('./inputs/pad-rest.js').Choice | null} */
+  /** The directions of a game pad, as a person has shown them. @param {string} id @returns {import('./inputs/pad-rest.js').Choice | null} */
   padOf(id) {
     return this.values.pads[id] ?? null;
   }
@@ -81,18 +81,18 @@ export class Preferences {
     this.set('pads', { ...this.values.pads, [id]: choice });
   }
 
-  /** @returns {string[]} hints of the first visit that were shown */
+  /** @returns {string[]} the names of the hints of the first visit that were already shown */
   get hintsShown() {
     return this.values.hintsShown;
   }
 
   /** @param {string} name @param {unknown} value */
   set(name, value) {
-    const kept = read(this.storage); // including changes by other tabs since this page was opened
+    const kept = read(this.storage); // read again, because other tabs may have changed the preferences
     this.values[name] = value;
     try {
       this.storage.setItem(KEY, JSON.stringify({ ...this.values, ...kept, [name]: value }));
-    } catch {} // storage is full: the value lasts as long as the page is open
+    } catch {} // if storage is full, the value is kept as long as the page is open
   }
 }
 

@@ -69,7 +69,7 @@ export function say(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
 
-/** A mouse button that is released while another one is down causes only a move event. @param {PointerEvent} event */
+/** True if an event means that the pointer was lifted. If another mouse button is still down, browsers send only a move event. @param {PointerEvent} event */
 export const hasLetGo = ({ pointerType, buttons }) => pointerType === 'mouse' && !(buttons & 1);
 
 const SETTLE_MS = 300;
@@ -118,7 +118,7 @@ const PATHS = {
   tilt: 'M8 3h8v18H8zM3 8l-1 4 1 4M21 8l1 4-1 4',
 };
 
-/** A robot's icons: the name of an outline, or a character. @type {Map<string, string>} */
+/** The icons that a robot's driver declares, by move: the name of an outline, or a character. @type {Map<string, string>} */
 export const signs = new Map();
 
 /** @param {string} name */

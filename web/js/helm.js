@@ -1,4 +1,4 @@
-// The held move from any input device, sent on every change and every 100 ms.
+// Sends the move that is held on any input device: on every change, and every 100 ms as a heartbeat.
 //
 // The heartbeat runs on the page's main thread on purpose: a page that hangs falls silent, and the robot stops.
 
@@ -8,9 +8,9 @@ import { Start } from './start.js';
 
 export const HEARTBEAT_MS = 100;
 const EARLY_MS = 15;
-/** Minimum time between two commands of a moving stick; a release is sent at once. */
+/** Minimum time between two commands while a stick moves; its release is sent immediately. */
 const STEERED_MS = 50;
-const IDLE_BEATS = 5; // an idle page sends every fifth heartbeat: enough to renew its lease
+const IDLE_BEATS = 5; // an idle page sends only every fifth heartbeat, which is enough to renew its lease
 
 /** @typedef {import('./protocol.js').Mode} Mode */
 /** @typedef {import('./points.js').Point} Point */
@@ -31,14 +31,14 @@ export class Helm extends EventTarget {
     this.holds = new Map();
     /** @type {readonly string[]} */
     this.moves = [];
-    /** True if the robot accepts degrees and its pilot wants a thumb stick and ramping keys. */
+    /** True if the robot accepts steering by degrees, and its pilot has chosen it. */
     this.takesPoints = false;
     this.hasStick = false;
     this.isSteered = false;
     this.hasWheel = false;
     /** @type {Mode} */
     this.mode = 'stopped';
-    /** True while no picture is shown. No move can be held then, and heartbeats only renew the lease. */
+    /** True while no picture is shown. No move can then be held, and heartbeats only renew the lease. */
     this.isIdle = false;
     this.beats = 0;
     this.beatMs = -HEARTBEAT_MS;
@@ -46,7 +46,7 @@ export class Helm extends EventTarget {
     this.lateMs = 0;
   }
 
-  /** The hold that counts: the newest with a move. @returns {Hold} */
+  /** The hold that counts: of the input devices that hold a move, the newest. @returns {Hold} */
   get newest() {
     return [...this.holds.values()].filter(({ move }) => move).pop() ?? { move: null, point: null };
   }
@@ -63,7 +63,7 @@ export class Helm extends EventTarget {
     return this.hasWheel && this.mode !== 'stopped';
   }
 
-  /** True if the robot may be moving, also right after a start request or a lost link. */
+  /** True if the robot may be moving; also right after a request to start, and after the link was lost. */
   get mayBeMoving() {
     return this.mode !== 'stopped' || this.start.tap !== null;
   }
@@ -82,13 +82,13 @@ export class Helm extends EventTarget {
     });
   }
 
-  /** Take hold of a stick, at rest. @param {string} source */
+  /** Called when a stick is grasped, before it is pushed. @param {string} source */
   grasp(source) {
     if (this.mayMove) this.holds.set(source, { move: null, point: null });
     else this.dispatchEvent(new Event('refused'));
   }
 
-  /** Turn a stick; a stick that was released meanwhile must be grasped again. @param {string} source @param {Point | null} point */
+  /** Set the point to which a stick is pushed. If everything was released since, the stick must be grasped again. @param {string} source @param {Point | null} point */
   steer(source, point) {
     const move = point && moveOf(point, this.moves);
     this.change(() => this.holds.has(source) && this.holds.set(source, { move, point: move ? point : null }), true);
@@ -116,7 +116,7 @@ export class Helm extends EventTarget {
     this.dispatchEvent(new Event('held'));
   }
 
-  /** Send a heartbeat if one is due. It is called by a timer and by other work, because a slow phone's timers are late. @param {number} nowMs */
+  /** Send a heartbeat if one is due. Not only a timer calls this, because timers of a slow phone are late. @param {number} nowMs */
   beatIfDue(nowMs) {
     const sinceMs = nowMs - this.beatMs;
     if (sinceMs < (this.isSteered ? STEERED_MS : HEARTBEAT_MS) - EARLY_MS) return;
@@ -134,7 +134,7 @@ export class Helm extends EventTarget {
     this.connection.send(encodeDrive({ held, ...point, seq: this.connection.nextSeq(), ...this.lookingAt() }));
   }
 
-  /** Choose a mode; earlier holds do not count in the new mode. @param {Mode} mode */
+  /** Choose a mode. What is held now does not count in the new mode until it is pressed again. @param {Mode} mode */
   choose(mode) {
     this.releaseAll();
     this.start.ask(mode);
@@ -149,7 +149,7 @@ export class Helm extends EventTarget {
     this.start.follow(robot);
   }
 
-  /** The link is lost, and with it the wheel. */
+  /** Called when the link is lost, and with it the wheel. */
   lose() {
     this.hasWheel = false;
     this.start.forget();

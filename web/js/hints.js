@@ -2,7 +2,7 @@
 
 /** @typedef {{mode: string, lessons: number}} Moment */
 
-const BARS_AFTER = 60; // examples: two or three seconds of driving, so that the bars mean something
+const BARS_AFTER = 60; // number of examples after which the hint about the bars is shown: two or three seconds of driving
 
 /** @type {Record<string, (robot: Moment) => boolean>} */
 const MOMENTS = {

@@ -39,7 +39,7 @@ export function learn(words) {
   messages = { ...messages, ...words };
 }
 
-/** A driver's move without a text is shown by its name. @param {string} key */
+/** Return the text of a move; without a text, the move is shown by its name. @param {string} key */
 function nameOf(key) {
   const name = key.match(/^moves?\.(\w+)$/)?.[1].replace(/_/g, ' ') ?? key;
   return name === key ? key : name[0].toUpperCase() + name.slice(1);

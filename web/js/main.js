@@ -1,4 +1,4 @@
-// Wires the modules together.
+// Starts the page: makes its parts and connects them to each other.
 
 import { NOT_KEPT, WHY_MS, ask, askWhy, socketBase } from './api.js';
 import './components/index.js';
@@ -16,10 +16,10 @@ import { WayFinder } from './way.js';
 
 const MAP_MS = 1000;
 const AGAIN_MS = 1000;
-/** The document's initial content until the page has started: web/index.html. */
+/** What web/index.html shows until the page has started. */
 const { first } = /** @type {any} */ (globalThis);
 
-/** Retry until it works, with a message. @param {() => Promise<unknown>} act */
+/** Load a part again and again until that works, and say so meanwhile. @param {() => Promise<unknown>} act */
 async function persist(act) {
   for (;;) {
     try {
@@ -62,7 +62,7 @@ async function start() {
   for (const part of parts) part.start?.(page);
   first?.up();
   connection.begin(/** @type {any} */ (document.querySelector('video-view')).ready);
-  // A robot that does not know its pose has no map; its first state with a picture shows whether it knows.
+  // Load the map only for a robot that knows its pose, which its first state with a picture shows.
   store.watch(['robot'], ({ robot }) => {
     if (robot) document.body.classList.toggle('mapless', robot.frame !== null && !robot.pose);
   });
@@ -79,7 +79,7 @@ async function listen(page) {
   const { listenToKeyboard } = await import('./inputs/keyboard.js');
   const { listenToGamepads } = await import('./inputs/gamepad.js');
   const { padDesk } = await import('./inputs/pad-desk.js');
-  await fetchScreenWords(); // these contain the sentences about pads
+  await fetchScreenWords(); // the sentences about game pads are among these
   const reach = { stop: () => page.stop(), isDriving: () => page.isDriving() };
   listenToKeyboard(page.helm, reach);
   listenToGamepads(page.helm, { ...reach, desk: padDesk(page) });
@@ -92,7 +92,7 @@ async function addTheRest(page) {
   /** @type {any} */ (document.querySelector('drive-map')).start(page);
   for (const part of parts) part.startLater?.(page);
   try {
-    // Without a service worker everything works, but the page cannot open while the robot is away.
+    // If the service worker cannot be installed, the page cannot open while the robot is away; all else works.
     if (isSecureContext) await navigator.serviceWorker?.register('sw.js');
   } catch {}
 }

@@ -1,4 +1,4 @@
-// The mood on the robot's face: it listens, is sure, is unsure, or is proud. Pure.
+// Chooses the mood that the robot's face shows: it listens, is sure, is unsure, or is proud. Pure.
 
 import { whoDrives } from './advice.js';
 

@@ -13,7 +13,7 @@ const LAST = 3;
 /** @type {Map<string, Move>} */
 const known = new Map();
 
-/** Apply a driver's declaration; the page's texts are used for missing labels. @param {Move[]} moves */
+/** Remember the moves that a driver declares; a move without a label gets the page's text. @param {Move[]} moves */
 export function declare(moves) {
   for (const move of moves) {
     known.set(move.name, move);
@@ -54,7 +54,7 @@ export function inColumns(moves) {
   return { rows, areas };
 }
 
-/** From left to right. @param {string} move */
+/** Sort key of a move, from left to right. @param {string} move */
 function place(move) {
   return isOwn(move) ? known.get(move)?.steering ?? LAST : PLACES[CLASSIC.indexOf(move)];
 }

@@ -1,4 +1,4 @@
-// A scale of steering with needles for the taught, the proposed and the driven steering.
+// Draws a scale with needles for the taught, the proposed and the driven steering.
 
 import { h } from './dom.js';
 import { t } from './i18n.js';

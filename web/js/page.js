@@ -1,4 +1,4 @@
-// Actions of the user, and messages of the robot.
+// What the page does at actions of the user and at messages of the robot.
 
 import { STOP_MS, ask, askToStop, inOrder } from './api.js';
 import { Helm } from './helm.js';
@@ -7,16 +7,16 @@ import { t } from './i18n.js';
 import { declare } from './moves.js';
 import { encodeRelease } from './protocol.js';
 
-const AGREEMENT_EVERY = 5; // lessons between two points of the curve
+const AGREEMENT_EVERY = 5; // number of examples between two points of the curve of agreement
 const CURVE_POINTS = 160;
 const NOTICE_MS = 3500;
 const TOAST_MS = 8000;
 const HINT_MS = 20_000;
-const SLOW_PHONE_MS = 15; // an average delay of heartbeats that means a slow phone
+const SLOW_PHONE_MS = 15; // average delay of heartbeats above which a phone counts as slow
 const SLOW_STATE_MS = 300;
 /** @type {Record<string, string>} events that are shown as a sentence */
 const TOLD = { model_not_saved: 'not_saved', set_aside: 'set_aside', put_back: 'put_back', nothing_kept: 'nothing_kept', kept_again: 'kept_again', recording_off: 'recording_off', check_battery: 'check_battery' };
-const SHOWING = ['drive', 'gallery', 'why']; // screens with the robot's picture
+const SHOWING = ['drive', 'gallery', 'why']; // the screens that show the robot's picture
 
 /** @typedef {import('./protocol.js').Mode} Mode */
 /** @typedef {import('./protocol.js').RobotState} RobotState */
@@ -36,7 +36,7 @@ export class Page {
     this.helm = new Helm(connection, () => this.lookingAt());
     this.curveLessons = 0;
     this.curveInOrder = inOrder();
-    /** A new number for each model, undo and visit, because images of different eras have equal numbers. */
+    /** Number that changes with each model, undo and visit: the same image number then means another image. */
     this.era = Math.round(performance.timeOrigin);
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.noticeTimer = undefined;
@@ -50,7 +50,7 @@ export class Page {
     /** @type {ReturnType<typeof setTimeout> | undefined} sends an unconfirmed stop another way */
     this.stopTimer = undefined;
     this.shownGist = '';
-    /** The devices of body and camera, if a search found them, by the stop reason of their fault.
+    /** The devices of body and camera that a search has found, by the stop reason if they fail.
      * @type {Record<string, string | undefined>} */
     this.devices = {};
     this.drawingMs = 0;
@@ -91,7 +91,7 @@ export class Page {
     return this.looking ? this.connection.ageMs(this.looking.capturedMs) : null;
   }
 
-  /** A picture is on the screen. @param {import('./painter.js').Shown} shown */
+  /** Called when a picture is on the screen. @param {import('./painter.js').Shown} shown */
   look(shown) {
     this.looking = shown;
     this.helm.start.go();
@@ -113,10 +113,10 @@ export class Page {
 
   /** @param {{role: 'pilot' | 'viewer', robot: string, moves: string[], declared_moves?: import('./moves.js').Move[], takes_points?: boolean, device?: string, camera_device?: string}} hello */
   greet(hello) {
-    if (this.isStopping) this.connection.say('stop'); // a request may wait behind data of the dead link
+    if (this.isStopping) this.connection.say('stop'); // also on the new link, because the request may wait behind data of the dead one
     declare(hello.declared_moves ?? []);
     const [before, device] = [this.devices.drive_fault, hello.device];
-    // After a restart the robot's device may be another one of the same name.
+    // Say which device the robot uses, because after a restart it may be another one of the same kind.
     if (device && device !== before) this.toast(t(before ? 'device_other' : 'device_now', { device, before: before ?? '' }));
     this.devices = { drive_fault: device ?? before, camera_fault: hello.camera_device };
     this.beginEra();
@@ -124,7 +124,7 @@ export class Page {
     this.followPreferences();
   }
 
-  /** Apply this pilot's choice of a thumb stick for this robot. */
+  /** Use steering by degrees if the robot accepts it and the person has chosen it on this device. */
   followPreferences() {
     const { takesPoints, robotName } = this.store.state;
     const hasStick = takesPoints && this.preferences.stickFor(robotName);
@@ -146,7 +146,7 @@ export class Page {
     if (device) this.toast(t('device_back', { device }));
     const hasGotIt = before && !before.you_are_pilot && before.pilot !== null && robot.you_are_pilot;
     store.set({
-      link: 'open', // only now, because the state of an earlier link may be outdated
+      link: 'open', // only now, because the state known from an earlier link may be outdated
       robot,
       pictureAgeMs: this.lastAgeMs,
       drawnAgeMs: this.drawnAgeMs,
@@ -159,14 +159,14 @@ export class Page {
       wheelAsked: robot.you_are_pilot && robot.wheel_asked === true,
       ...(robot.you_are_pilot ? { wheelWaiting: false } : {}),
     });
-    // This comes after the state is shown, because its proposal may still be the previous model's.
+    // Do this after the state is shown, because its prediction may still be that of the previous model.
     if (before && (robot.lessons < before.lessons || (robot.mode === 'stopped' && robot.lessons !== before.lessons))) this.beginEra();
     this.followHint(robot);
     this.drawCurve(robot);
     this.wakeLock.want(robot.mode !== 'stopped');
   }
 
-  /** Begin a new era: the learned images have changed, but not by teaching. */
+  /** Note that the learned images have changed, but not by teaching. */
   beginEra() {
     this.era += 1;
     this.refreshCurve();
@@ -177,7 +177,7 @@ export class Page {
     return `api/gallery/${node}.png?v=${this.era}.${stamp}`;
   }
 
-  /** A slow phone shows fewer states, to leave time for heartbeats and touches. @param {RobotState} robot */
+  /** Show a state. A slow phone shows fewer states, to leave time for heartbeats and touches. @param {RobotState} robot */
   isWorthShowing(robot) {
     const nowMs = performance.now();
     const { mode, driven_by, action, stop_reason, emergency, you_are_pilot, fault, link } = robot;
@@ -189,7 +189,7 @@ export class Page {
     return true;
   }
 
-  /** Begin the curve with the examples taught before this page was opened. */
+  /** Begin the curve of agreement with the examples that were taught before this page was opened. */
   async refreshCurve() {
     const teaching = await this.curveInOrder(ask('GET', 'api/teaching'));
     if (!teaching) return;
@@ -264,14 +264,14 @@ export class Page {
     if (this.preferences.vibrate) navigator.vibrate?.([60, 40, 60]);
   }
 
-  /** A state confirms the stop: end the requests, so that none of them stops the robot after a release. */
+  /** Called when a state confirms the stop: end the requests, so that none of them stops the robot after a release. */
   endStop() {
     this.isStopping = false;
     clearTimeout(this.stopTimer);
     this.stopTimer = undefined;
   }
 
-  /** The websocket is lost or slow: stop by separate requests, until one reaches the robot. */
+  /** Send STOP by HTTP requests until one reaches the robot, because the websocket is lost or slow. */
   stopElsewhere() {
     clearTimeout(this.stopTimer);
     this.stopTimer = undefined;
@@ -281,18 +281,18 @@ export class Page {
     });
   }
 
-  /** Release the emergency stop that is shown, once no request of ours can latch it again, unless STOP was pressed meanwhile. */
+  /** Release the emergency stop that is shown, unless STOP was pressed since. Wait until none of our own requests can latch it again. */
   async release() {
     const shown = this.store.state.robot?.stop_number ?? 0;
     this.endStop();
     this.isReleasing = true;
     const own = await this.stopping;
-    // Our own request, which repeats the STOP that is shown, may have counted as the next STOP.
+    // The robot may have counted our own request, which repeats the STOP that is shown, as the next STOP.
     if (this.isReleasing) this.connection.send(encodeRelease(own === shown + 1 ? own : shown));
     this.isReleasing = false;
   }
 
-  /** The robot refused a message. @param {{code: string, seq?: number}} error */
+  /** Called when the robot has refused a message. @param {{code: string, seq?: number}} error */
   hearRefusal(error) {
     this.helm.start.refuse(error);
     if (error.code === 'newer_stop') this.toast(t('newer_stop'));
@@ -308,7 +308,7 @@ export class Page {
       this.store.set({ isWatching: true });
       return;
     }
-    if (step.startsWith('#')) { // a screen
+    if (step.startsWith('#')) { // the step opens a screen
       location.hash = step;
       return;
     }
@@ -337,7 +337,7 @@ export class Page {
     this.store.set({ hint: null });
   }
 
-  /** The video is loaded only on screens that show it, and only these screens may drive. */
+  /** Request the video only on screens that show it, and drive only on these screens. */
   followScreen() {
     const shows = SHOWING.includes(this.store.state.screen) && !document.hidden;
     if (!shows && !document.hidden) this.hide('elsewhere');
@@ -346,7 +346,7 @@ export class Page {
     if (!shows) this.looking = null;
   }
 
-  /** The picture is no longer visible, so nobody supervises the robot. @param {'hidden' | 'elsewhere'} why */
+  /** Stop the robot, because the picture is no longer visible, so nobody supervises it. @param {'hidden' | 'elsewhere'} why */
   hide(why) {
     const { robot } = this.store.state;
     this.helm.releaseAll();

@@ -1,4 +1,4 @@
-// Draws the newest picture.
+// Draws the newest picture on a canvas.
 // A picture that arrives during drawing replaces the waiting one, so a slow phone skips pictures and no queue grows.
 //
 // Used in a worker with a transferred canvas, or on the page if there is no worker.
@@ -28,7 +28,7 @@ export class Painter {
 
   /** Take a picture that has just arrived. @param {Picture} picture */
   take(picture) {
-    // An acknowledgement covers all earlier frames, so a dropped frame needs none.
+    // A picture that is dropped is not acknowledged, because the acknowledgement of a later one covers it.
     this.owesAnswer ||= !picture.quiet;
     if (this.waiting) this.dropped += 1;
     this.waiting = { picture, arrivedMs: this.around.nowMs() };
@@ -44,7 +44,7 @@ export class Painter {
       this.owesAnswer = false;
       const bitmap = await this.around.decode(picture).catch(() => null);
       if (bitmap) this.draw(bitmap);
-      // A broken picture is acknowledged too. Without that, the next picture would never come.
+      // Acknowledge a broken picture, too, because otherwise the next picture would never come.
       if (owesAnswer) this.around.acknowledge(picture.frameId);
       if (bitmap) this.around.shown({ frame: picture.frameId, capturedMs: picture.capturedMs, arrivedMs, nonce: picture.nonce ?? 0 });
     }
@@ -56,7 +56,7 @@ export class Painter {
     const { canvas } = this;
     if (canvas.width !== bitmap.width) canvas.width = bitmap.width;
     if (canvas.height !== bitmap.height) canvas.height = bitmap.height;
-    // Requested once, because Firefox returns the context of a transferred canvas only once.
+    // Request the context only once, because Firefox returns that of a transferred canvas only once.
     this.context ??= canvas.getContext('2d');
     this.context?.drawImage(bitmap, 0, 0);
     if ('close' in bitmap) bitmap.close();

@@ -1,4 +1,4 @@
-// The extensions' parts of the page.
+// Keeps the extensions' parts of the page.
 // Each extension registers its part in `extension.js` in its folder; web/js/extensions.js lists these modules.
 
 /**
@@ -26,7 +26,7 @@ export const register = (part) => parts.push(part);
 /** @returns {Record<string, PartScreen>} */
 export const partScreens = () => Object.assign({}, ...parts.map(({ screens }) => screens));
 
-/** The address of an extension's screen; null without the extension. @param {string} name */
+/** Return the address of an extension's screen; null if the extension is not installed. @param {string} name */
 export const addressOf = (name) => (name in partScreens() ? `#${name}` : null);
 
 /** Load the extensions' sections of a screen. @param {string} screen */

@@ -5,10 +5,10 @@ import { pointOf } from './moves.js';
 /** @typedef {{steering: number, throttle: number}} Point */
 /** @typedef {{ahead: number, back: number}} Reach  the maximum throttle; back is 0 without a reverse */
 
-/** Share of a stick's travel below which the thumb rests. */
+/** Share of a stick's travel up to which the stick counts as at rest. */
 export const REST = 0.15;
-const ASIDE = 0.06; // share of the travel within which the stick points straight on
-const BACK_DEG = 115; // well below the middle, so that a thumb at one side never starts the reverse
+const ASIDE = 0.06; // share of the travel to the side up to which the stick points straight on
+const BACK_DEG = 115; // angle from straight ahead beyond which the robot reverses; large, so that a stick pushed to the side never reverses
 const TURNS_BEYOND = 0.2;
 
 /**
@@ -24,7 +24,7 @@ export function fromStick(x, y, { ahead, back }) {
   return { steering: beyond((x / far) * push, ASIDE), throttle: isBack ? -back * push : ahead * push };
 }
 
-/** The share of the travel beyond the dead zone. @param {number} way @param {number} dead */
+/** Return how far a stick is pushed beyond its dead zone, as a share of the rest of its travel. @param {number} way @param {number} dead */
 export function beyond(way, dead) {
   return (Math.sign(way) * Math.max(0, Math.abs(way) - dead)) / (1 - dead);
 }

@@ -95,7 +95,7 @@ export class ProtocolError extends Error {
 }
 
 /**
- * Read a frame's message of `/ws/video`.
+ * Parse one message of `/ws/video`, which is a frame.
  * @param {ArrayBuffer} message
  * @returns {Picture}
  */
@@ -121,7 +121,7 @@ export function parsePicture(message) {
 }
 
 /**
- * Write a frame's message; the page itself only reads them.
+ * Encode a frame as a message. The page only receives frames; tests and tools need this.
  * @param {Picture} picture
  */
 export function encodePicture(picture) {
@@ -139,7 +139,7 @@ export function encodePicture(picture) {
   return message;
 }
 
-/** Write the acknowledgement of a drawn frame. @param {number} frameId */
+/** Encode the acknowledgement of a drawn frame. @param {number} frameId */
 export function encodeAcknowledgement(frameId) {
   const message = new ArrayBuffer(ACKNOWLEDGEMENT_BYTES);
   const view = new DataView(message);
@@ -148,7 +148,7 @@ export function encodeAcknowledgement(frameId) {
   return message;
 }
 
-/** Return the id of an acknowledged frame. @param {ArrayBuffer} message */
+/** Return the number of an acknowledged frame. @param {ArrayBuffer} message */
 export function parseAcknowledgement(message) {
   if (message.byteLength !== ACKNOWLEDGEMENT_BYTES) {
     const code = message.byteLength > ACKNOWLEDGEMENT_BYTES ? 'too_large' : 'malformed';
@@ -162,7 +162,7 @@ export function parseAcknowledgement(message) {
 }
 
 /**
- * The held move and the frame on the screen: command and heartbeat in one.
+ * Encode the move that the pilot holds, with the frame on the screen; also serves as a heartbeat.
  * @param {{held: string | null, seq: number, steering?: number, throttle?: number} & Sight} command
  */
 export function encodeDrive({ held, steering, throttle, frame, seq, nonce, frameAgeMs, phoneMs }) {
@@ -172,12 +172,12 @@ export function encodeDrive({ held, steering, throttle, frame, seq, nonce, frame
   });
 }
 
-/** A request to stop, or an explicit start (also after a stop). @param {Mode} mode @param {number} seq @param {Sight} [sight] */
+/** Encode a request to change the mode. @param {Mode} mode @param {number} seq @param {Sight} [sight] */
 export function encodeMode(mode, seq, { frame, nonce } = { frame: null }) {
   return JSON.stringify({ type: 'mode', mode, seq, frame: frame ?? undefined, nonce: nonce ?? undefined });
 }
 
-/** The release of the emergency stop with this number, which is in the state. @param {number} stopNumber */
+/** Encode the release of the emergency stop with this number, which the state contains. @param {number} stopNumber */
 export function encodeRelease(stopNumber) {
   return JSON.stringify({ type: 'release', stop_number: stopNumber });
 }

@@ -5,7 +5,7 @@ import { h } from './dom.js';
 import { fetchWords, t } from './i18n.js';
 import { loadSections, partScreens } from './parts.js';
 
-/** The core's screens besides the drive screen; the extensions register theirs. */
+/** The screens of the core, besides the drive screen; extensions register theirs. */
 const SCREENS = ['settings'];
 
 const AGAIN_MS = 3000;
@@ -33,7 +33,7 @@ export class Router {
     const added = partScreens()[wanted];
     const screen = added || SCREENS.includes(wanted) ? wanted : 'drive';
     const { page, drive, other } = this;
-    const turn = (this.turn += 1); // so that a screen is shown only once if it is opened again while loading
+    const turn = (this.turn += 1); // so that only the screen that was opened last is shown
     page.helm.releaseAll();
     page.store.set({ screen, notice: null });
     document.body.dataset.screen = screen;
@@ -50,7 +50,7 @@ export class Router {
     if (turn !== this.turn) return;
     if (!isThere) {
       other.append(alert);
-      // A robot that answers but lacks the page's file was updated, so it has a newer page.
+      // Load the whole page again if the robot answers but lacks a file, because it was updated and has a newer page.
       const renew = () => alert.isConnected && page.store.state.robot?.mode === 'stopped' && location.reload();
       if (failures) ask('GET', 'healthz').then(renew, () => {});
       setTimeout(() => turn === this.turn && this.show(failures + 1), AGAIN_MS);

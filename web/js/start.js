@@ -1,9 +1,9 @@
-// A tap's request for a mode, until the robot is in this mode.
+// Keeps the request for a mode that a tap has made, until the robot is in that mode.
 //
-// A start proves that it is fresh (docs/reference/protocol.md, "Freshness").
+// A request to start must prove that it is fresh (docs/reference/protocol.md, "Freshness").
 // Right after connecting, and after a pause, the page may have no proof, or only one that is too old.
 // The page then waits for the next picture and sends the request with its nonce, while the tap is young.
-// So nobody has to tap twice, and nothing starts that the person no longer expects.
+// Nobody has to tap twice, and no robot starts when the person no longer expects it.
 
 import { encodeMode } from './protocol.js';
 
@@ -13,7 +13,7 @@ const NOT_PROVEN = ['stale', 'no_picture', 'unknown_frame'];
 
 /** @typedef {import('./protocol.js').Mode} Mode */
 
-/** The event `failed` reports that a request had no proof while its tap was young. */
+/** The event `failed` reports that there was no proof of freshness in time. */
 export class Start extends EventTarget {
   /**
    * @param {{send: (text: string) => boolean, nextSeq: () => number}} connection
@@ -34,7 +34,7 @@ export class Start extends EventTarget {
   /** @param {Mode} mode */
   ask(mode) {
     this.tap = null;
-    if (mode === 'stopped') { // needs no proof, so it is sent at once
+    if (mode === 'stopped') { // a request to stop needs no proof, so send it now
       this.connection.send(encodeMode(mode, this.connection.nextSeq(), this.lookingAt()));
       return;
     }
@@ -42,7 +42,7 @@ export class Start extends EventTarget {
     this.go();
   }
 
-  /** Drop the tap after a stop, a change of pilot, or a lost link. */
+  /** Forget the tap after a stop, a change of pilot, or a lost link. */
   forget() {
     this.tap = null;
   }
@@ -52,7 +52,7 @@ export class Start extends EventTarget {
     const { tap } = this;
     if (!tap) return;
     const isYoung = this.nowMs() - tap.tappedMs <= YOUNG_MS;
-    if (tap.seq !== null) { // under way; the state shows its result
+    if (tap.seq !== null) { // the request is under way, and the state will show its result
       if (!isYoung) this.tap = null;
       return;
     }
@@ -68,7 +68,7 @@ export class Start extends EventTarget {
     this.connection.send(encodeMode(tap.mode, tap.seq, sight));
   }
 
-  /** The robot refused a message. @param {{code: string, seq?: number}} error */
+  /** Called when the robot has refused a message. @param {{code: string, seq?: number}} error */
   refuse({ code, seq }) {
     if (!this.tap || seq === undefined || seq !== this.tap.seq) return;
     if (!NOT_PROVEN.includes(code)) this.tap = null;
@@ -78,7 +78,7 @@ export class Start extends EventTarget {
     }
   }
 
-  /** Apply a state message; a STOP since the last state, even one that was released, ends the tap. @param {{mode: Mode, you_are_pilot: boolean, emergency: boolean, stop_number?: number}} robot */
+  /** Apply a state message. A STOP since the last state, even if it is already released, makes the tap invalid. @param {{mode: Mode, you_are_pilot: boolean, emergency: boolean, stop_number?: number}} robot */
   follow(robot) {
     const isNewStop = this.stopNumber !== undefined && this.stopNumber !== robot.stop_number;
     this.stopNumber = robot.stop_number;

@@ -2,7 +2,7 @@
 // The button reacts to any finger on it, whether pressed there or slid there, captured by another element or not.
 //
 // Each button has a placeholder in the page's layout and is positioned exactly over it.
-// A press is decided by geometry, before any element gets the event, so no element can intercept it.
+// A press is recognised by its position on the screen, before any element gets the event, so no element can intercept it.
 
 import { h } from './dom.js';
 
@@ -53,7 +53,7 @@ export function layStops() {
 
 /** @param {HTMLElement} button @param {boolean} isShown */
 function raise(button, isShown) {
-  if (!button.showPopover || !button.isConnected) return; // without a top layer, z-index must suffice
+  if (!button.showPopover || !button.isConnected) return; // a browser without a top layer uses the z-index
   if (isShown !== button.matches(':popover-open')) isShown ? button.showPopover() : button.hidePopover();
 }
 
@@ -68,13 +68,13 @@ function listen() {
   const early = { capture: true, passive: true };
   addEventListener('pointerdown', feel, early);
   addEventListener('pointermove', (event) => event.buttons & 1 && feel(event), early);
-  // A finger that the browser uses for scrolling sends no more pointer events, but touch events.
+  // Follow touch events, too, because a finger that scrolls sends no more pointer events.
   for (const type of /** @type {const} */ (['touchstart', 'touchmove'])) {
     addEventListener(type, ({ changedTouches }) => [...changedTouches].forEach((touch) => isUpon(touch) && pressed()), early);
   }
 }
 
-/** Move to the top again after another element entered the top layer. @param {Event} event */
+/** Move the buttons to the top again after another element has entered the top layer. @param {Event} event */
 function comeBack(event) {
   if (stops.some(({ button }) => button === event.target)) return;
   for (const { button, box } of stops) {

@@ -2,7 +2,7 @@
 
 /** @typedef {import('./protocol.js').RobotState} RobotState */
 /**
- * An extension leads the pilot: its texts have priority over the robot's, and the agreement is not shown.
+ * What an extension sets to lead the pilot: its texts then replace the robot's, and the agreement is hidden.
  * @typedef {object} Lead
  * @property {boolean} isOver  nothing is left to be driven
  * @property {(robot: RobotState) => import('./advice.js').Advice | null} ask  the next thing to do

@@ -1,5 +1,5 @@
-// Receives, decodes, draws and acknowledges pictures in a worker.
-// So the page's main thread has time for touches and for the heartbeat.
+// Receives, decodes, draws and acknowledges the pictures in a worker.
+// The page's main thread therefore has time for touches and for the heartbeat.
 //
 // The page posts `{canvas, originMs}` once, and then `{open: url}` or `{close: true}`.
 // The page receives `'ready'`, `{shown}` for each drawn picture, and `{closed: true}` when the socket ends.
@@ -12,7 +12,7 @@ const page = /** @type {any} */ (self);
 let socket = null;
 /** @type {Painter | null} */
 let painter = null;
-let aheadMs = 0; // the lead of this thread's clock over the page's clock
+let aheadMs = 0; // by how much the clock of this thread is ahead of the page's clock
 
 page.onmessage = (/** @type {MessageEvent} */ { data }) => {
   if (data.canvas) {

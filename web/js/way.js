@@ -1,10 +1,10 @@
-// Finds out why there is no link, from the answers to plain requests while the websockets do not open.
+// Finds out why the websockets do not open, from the answers to HTTP requests.
 // The page never claims that an unreachable robot stands still, because somebody else may drive it.
 
-/** Connections that repeatedly end within this time are cut by the network. */
+/** If websockets repeatedly end within this time after they opened, the network cuts them. */
 const CUT_MS = 20_000;
 const CUTS = 3;
-/** Number of connections in a row that did not open, after which the network is blamed. */
+/** Number of websockets in a row that did not open, after which the page says that the network blocks them. */
 const UNOPENED = 2;
 const PICTURE_MS = 500;
 
@@ -15,7 +15,7 @@ const PICTURE_MS = 500;
  * @property {string} [words]  the robot's sentence, if it refuses
  */
 
-/** The robot's activity in an answer to a plain request. @param {any} answer @returns {Way['robot']} */
+/** Return what the robot does, according to its answer to an HTTP request. @param {any} answer @returns {Way['robot']} */
 export function doingOf(answer) {
   if (answer.mode === 'stopped') return 'stands';
   return answer.driven_by === 'robot' ? 'alone' : 'driven';
@@ -39,14 +39,14 @@ export class WayFinder {
     this.isAsking = false;
     this.isOpen = false;
     this.openedMs = -Infinity;
-    /** When the last connection was lost: soon after it opened (`cut`), later (`ended`), or before; null once counted.
+    /** When the last websocket was lost: soon after it opened (`cut`), later (`ended`), or before it opened; null once this is counted.
      * @type {'cut' | 'ended' | 'unopened' | null} */
     this.loss = null;
-    /** Two counts of connections in a row, while the robot answered requests: cut, and not opened. */
+    /** Numbers of websockets in a row that were cut, and that did not open, although the robot answered HTTP requests. */
     this.cuts = 0;
     this.unopened = 0;
     this.era = 0;
-    /** Number of requests in a row without an answer. A single late answer may come from a busy machine. */
+    /** Number of HTTP requests in a row without an answer. A single one may only mean that the robot's computer is busy. */
     this.silences = 0;
     /** @type {Way | null} */
     this.told = null;
@@ -65,7 +65,7 @@ export class WayFinder {
     this.tell(null);
   }
 
-  /** Request the robot's activity again, once a second, because somebody may have started it since. */
+  /** Ask once a second what the robot does, because somebody may have started it since. */
   async again() {
     if (this.told?.kind === 'blocked' || this.told?.kind === 'cut') await this.look();
   }
@@ -77,7 +77,7 @@ export class WayFinder {
     await this.look();
   }
 
-  /** The robot answers requests, so count the losses: only repeated losses are blamed on the network. */
+  /** Count lost websockets while the robot answers HTTP requests; only repeated losses are blamed on the network. */
   count() {
     const { loss } = this;
     this.loss = null;
@@ -107,7 +107,7 @@ export class WayFinder {
       if (!isRobots(answer)) return { kind: 'foreign', robot: 'unknown' };
       return { kind: answer.is_full ? 'full' : this.count(), robot: doingOf(answer) };
     } catch (error) {
-      this.cuts = this.unopened = 0; // the robot or the whole network was away
+      this.cuts = this.unopened = 0; // count from the start, because the robot or the whole network was away
       this.loss = null;
       const { status, robot, message } = /** @type {{status?: number, robot?: string, message: string}} */ (error);
       this.silences = status === undefined ? this.silences + 1 : 0;
@@ -119,7 +119,7 @@ export class WayFinder {
   }
 }
 
-/** Shows pictures by requests, one by one, while the image is on the page. @param {HTMLImageElement} image */
+/** Show pictures one by one by HTTP requests, as long as the image is on the page. @param {HTMLImageElement} image */
 export function watchByRequests(image) {
   const next = () => {
     if (image.isConnected) image.src = `picture.jpg?${Date.now()}`;

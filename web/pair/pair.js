@@ -2,7 +2,7 @@
 // Browsers send the part after the # to no server, so it appears in no log.
 // This page contains its own sentences, because an unpaired browser gets no other file of the program.
 
-/** Time for which a sentence is shown before the robot's page opens. */
+/** How long the page shows a sentence before it opens the robot's page. */
 const READ_MS = 6000;
 
 /** @type {Record<string, Record<string, string>>} in each language */
@@ -85,7 +85,7 @@ form.addEventListener('submit', (event) => {
   redeem(field.value);
 });
 
-/** Also called for a new token after the # of the open address, because that loads no page. */
+/** Also called when the # of the open address gets another token, because browsers then do not load the page again. */
 function redeemAddress() {
   const token = location.hash.slice(1);
   if (!token) return;

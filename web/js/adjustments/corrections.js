@@ -1,4 +1,4 @@
-// Corrections of a robot's wiring, of its straight driving, and of the side on which its camera stands.
+// Settings that correct a robot's wiring, its straight driving, and the orientation of its camera.
 
 import { ask } from '../api.js';
 import { group } from '../components/screen.js';
@@ -26,13 +26,13 @@ function picture({ turn_picture: turn, mirror_picture: isMirrored, possible }, c
   if (!possible.includes('turn_picture')) return null;
   const seen = h('img', { class: 'seen', alt: t('settings.camera') });
   let looks = 0;
-  /** Show the stream from its start, while it is visible. It is started again because a browser may keep the first picture's size. */
+  /** Show the video stream while it is visible. It is started again after each turn, because a browser may keep the size of the first picture. */
   const look = () => seen.setAttribute('src', `video.mjpg?${(looks += 1)}`);
   const inView = new IntersectionObserver(([{ isIntersecting }]) => (isIntersecting ? look() : seen.removeAttribute('src')));
   inView.observe(seen);
   screen.endings?.push(() => {
     inView.disconnect();
-    seen.removeAttribute('src'); // otherwise the stream continues
+    seen.removeAttribute('src'); // otherwise the browser goes on receiving the stream
   });
   let turned = turn;
   const turnOn = async () => {

@@ -1,4 +1,4 @@
-// The corrections of a robot whose wiring or camera differs from its driver's default, in the settings.
+// Adds to the settings the corrections of a robot whose wiring or camera differs from what its driver expects.
 
 import { register } from '../parts.js';
 

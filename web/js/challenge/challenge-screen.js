@@ -8,7 +8,7 @@ import { armTry, metresOf, tellTry } from './results.js';
 
 const LOOK_MS = 2000;
 
-/** What follows the best try. @param {import('./results.js').Challenge} now */
+/** The text below the best try. @param {import('./results.js').Challenge} now */
 function tellState({ can_measure: canMeasure, is_on: isOn, metres, best_m: bestM, tries, tries_of: of }) {
   if (!canMeasure) return t('challenge.no_way');
   if (isOn) return t('challenge.on', { metres: metresOf(metres) });
@@ -51,7 +51,7 @@ export class ChallengeScreen extends Screen {
 
   async begin() {
     const page = /** @type {import('../page.js').Page} */ (this.page);
-    await this.attempt(() => armTry(page)); // the drive screen says what to do
+    await this.attempt(() => armTry(page)); // the drive screen, which opens then, says what to do
   }
 }
 

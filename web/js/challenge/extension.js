@@ -5,7 +5,7 @@ import { register } from '../parts.js';
 
 const speakOf = () => fetchWords((code) => import(`./tries/messages/${code}.js`));
 
-let isKnown = false; // once offered, it stays in the menu: tries are shown there while the robot needs more lessons
+let isKnown = false; // once offered, the challenge stays in the menu, because its screen shows the tries even if the robot is no longer ready
 
 register({
   screens: {

@@ -6,7 +6,7 @@ import { t } from '../i18n.js';
 import { armTry, tellNow, tellTry } from './results.js';
 
 const LOOK_MS = 1500;
-const LOOKS_FIRST = 3; // before that, the offer would cover the message that the robot is ready
+const LOOKS_FIRST = 3; // number of looks before the offer, which would otherwise cover the message that the robot is ready
 
 /** @typedef {import('./results.js').Challenge} Challenge */
 
@@ -29,14 +29,14 @@ export function offerChallenge(page, noteKnown) {
     const isReady = readiness?.stage === 'ready';
     readyFor = isReady ? readyFor + 1 : 0;
     if (!isReady && !before && hasLooked) return;
-    if (!isReady && page.store.state.toast?.text === t('challenge.offer')) { // taught something else since
+    if (!isReady && page.store.state.toast?.text === t('challenge.offer')) { // the robot was taught something else, so the offer no longer applies
       page.store.set({ toast: null });
       isOffered = false;
     }
     const now = /** @type {Challenge | null} */ (await ask('GET', 'api/challenge').catch(() => null));
     hasLooked = true;
     page.store.set({ told: now && tellNow(now) });
-    if (now && before && now.tries.length < before.tries.length) { // another model is in use, or three more tries begin
+    if (now && before && now.tries.length < before.tries.length) { // there are fewer tries than before, because another model is in use or three more tries begin
       takeBack();
       before = null;
       isOffered = false;
@@ -51,7 +51,7 @@ export function offerChallenge(page, noteKnown) {
     isOffered ||= readyFor > LOOKS_FIRST;
     before = now;
   };
-  page.store.watch(['screen'], ({ screen }) => { if (screen === 'challenge') takeBack(); }); // the screen says the same
+  page.store.watch(['screen'], ({ screen }) => { if (screen === 'challenge') takeBack(); }); // remove the offer on the challenge's screen, which says the same
   const goOn = () => setTimeout(() => look().finally(goOn), LOOK_MS);
   goOn();
 }

@@ -11,7 +11,7 @@ const screen = (load, inMenu = false) => ({
 
 const AGAIN_MS = 3000;
 
-/** Without this file the page never says what is missing, so it is fetched again. @param {import('../store.js').Store} store */
+/** Fetch the module that says what the training still lacks, again and again until it is there. @param {import('../store.js').Store} store */
 const follow = (store) => import('./readiness.js').then(({ followReadiness }) => followReadiness(store), () => { setTimeout(() => follow(store), AGAIN_MS); });
 
 register({

@@ -1,4 +1,4 @@
-// <gallery-screen>: every learned image; the image that decides now is lit.
+// <gallery-screen>: shows every learned image; the image that decides the robot's move now is lit.
 
 import { ask } from '../api.js';
 import { append, fill, h, icon, say } from '../dom.js';
@@ -92,7 +92,7 @@ export class GalleryScreen extends Screen {
     return h('img', { src, alt: '', width: 40, height: 30, loading: 'lazy', class: 'pixels' });
   }
 
-  /** One thin bar, in which the position means left, forward or right. @param {LearnedImage} image */
+  /** A thin bar that shows the image's votes for left, forward and right by their position. @param {LearnedImage} image */
   bar(image) {
     const bar = h('span', { class: 'bar', 'aria-hidden': 'true' });
     const total = Object.values(image.votes).reduce((a, b) => a + b, 0) || 1;

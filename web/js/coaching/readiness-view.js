@@ -1,4 +1,4 @@
-// The gaps to close before the robot can drive by itself, each with a picture of its place.
+// Shows the gaps in the training that have to be closed before the robot can drive by itself, each with a picture of its place.
 
 import { fill, h } from '../dom.js';
 import { tellGap, tellStage } from './readiness.js';

@@ -1,7 +1,7 @@
 // Tells the pilot whether the robot is ready to drive by itself, and what is missing.
 // The robot decides (docs/reference/http.md).
 // This module asks the robot while the page is visible, and puts its answers into sentences.
-// A request is cheap: it carries no pictures, and is sent only while something changes.
+// A request costs little: its answer has no pictures, and it is sent only while something changes.
 
 import { ask } from '../api.js';
 import { percent, t } from '../i18n.js';
@@ -13,7 +13,7 @@ const SETBACKS = ['corrected', 'pushed', 'helpless', 'unknown_view'];
 const GONE_BACK_S = 5;
 
 /**
- * Why the robot must now drive by itself for longer than before; null if it need not.
+ * The key of the text that says why the robot now has to drive by itself for longer than before; null if it does not.
  * @param {import('../advice.js').Readiness | null} before
  * @param {import('../advice.js').Readiness} now
  */
@@ -33,7 +33,7 @@ export function followReadiness(store) {
   let told = '';
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let forget;
-  store.watch(['screen'], () => { told = ''; }); // another screen may have moved the robot to another place
+  store.watch(['screen'], () => { told = ''; }); // forget the last text, because another screen may have moved the robot to another place
   const look = async () => {
     const { robot, link, screen } = store.state;
     if (link !== 'open' || !robot || screen !== 'drive' || document.hidden) return;
@@ -48,7 +48,7 @@ export function followReadiness(store) {
     clearTimeout(forget);
     forget = setTimeout(() => store.set({ setback: null }), SETBACK_MS);
   };
-  /** Continue only after the answer, because on a slow link requests would pile up, and be answered in any order. */
+  /** Wait for each answer before the next request. Otherwise requests would pile up on a slow link, and be answered in any order. */
   const goOn = () => setTimeout(() => look().finally(goOn), ASK_MS);
   goOn();
 }

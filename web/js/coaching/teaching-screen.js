@@ -34,7 +34,7 @@ export class TeachingScreen extends Screen {
     return this.every(2000, () => this.refreshIfTaught());
   }
 
-  /** The curve grows only with new examples, so without new examples nothing is requested. */
+  /** Request the curve only if there are new examples, because only these change it. */
   async refreshIfTaught() {
     const lessons = this.page?.store.state.robot?.lessons;
     if (this.drawn === lessons && lessons !== undefined) return;
@@ -46,13 +46,13 @@ export class TeachingScreen extends Screen {
     const [teaching, readiness, word] = await Promise.all([
       ask('GET', 'api/teaching').catch(() => null), askReadiness(true), ask('GET', 'api/teaching/alike').catch(() => null)]);
     if (!this.isConnected) return;
-    if (!teaching || !readiness) this.drawn = undefined; // the request failed: try again
+    if (!teaching || !readiness) this.drawn = undefined; // a request has failed, so try again at the next change
     if (teaching && !this.page?.store.state.lead) drawAgreement(/** @type {HTMLElement} */ (this.chart), teaching);
     if (word) this.drawAlike(word);
     if (readiness) drawReadiness(/** @type {Element} */ (this.readiness), readiness);
   }
 
-  /** A switch. If only one side was taught, the switch is shown as a question. @param {{ alike: boolean, possible: boolean, one_sided: boolean }} word */
+  /** The switch "left and right are alike". If only one side was taught, it is shown as a question. @param {{ alike: boolean, possible: boolean, one_sided: boolean }} word */
   drawAlike(word) {
     const panel = /** @type {HTMLElement} */ (this.alike);
     panel.hidden = !word.possible;

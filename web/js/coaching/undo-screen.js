@@ -1,4 +1,4 @@
-// <undo-screen>: undo the last seconds of teaching, after a look at the frames that will be removed.
+// <undo-screen>: undoes the last seconds of teaching; first, it shows the frames that would be removed.
 
 import { ask } from '../api.js';
 import { append, fill, h, icon, say } from '../dom.js';
@@ -10,7 +10,7 @@ const CHOICES = ['5', '10', '30'];
 export class UndoScreen extends Screen {
   build() {
     this.seconds = CHOICES[0];
-    /** The choice that is shown and can be undone; the answer for a newer choice may still be under way. */
+    /** The number of seconds whose frames are shown and can be undone; the answer to a newer choice may still be under way. */
     this.shown = this.seconds;
     this.summary = h('p', { role: 'status' });
     this.strip = h('div', { class: 'strip', role: 'list' });

@@ -1,4 +1,4 @@
-// <app-bar>: the robot's plate and name, and the menu with the other screens and the figures.
+// <app-bar>: the robot's face and name, and the menu with the other screens and the figures.
 // On all screens except the drive screen it also has the emergency stop.
 
 import { append, h, icon, say, svg } from '../dom.js';
@@ -81,7 +81,7 @@ export class AppBar extends HTMLElement {
     return robot.battery !== null && robot.battery < LOW_BATTERY ? `${t('figure.battery')} ${percent(robot.battery)}` : '';
   }
 
-  /** Figures for people who want to know more. @param {import('../store.js').PageState} state */
+  /** The figures in the menu, for people who want to know more about the connection. @param {import('../store.js').PageState} state */
   list({ robot, link, delayMs, pictureAgeMs }) {
     if (link !== 'open' || !robot) return [];
     return [

@@ -14,14 +14,14 @@ import { bounds, fetchWorld, makeRobot, mark, room, standAt, way } from './from-
 /** @typedef {{first: number, pose: number[][], driven_by: string[], events: Record<string, string[]>, is_estimate: boolean}} Answer */
 
 const ASK_MS = 1000;
-const STAND_MS = 200; // interval at which the robot's symbol moves, because the browser redraws the map each time
+const STAND_MS = 200; // interval at which the robot's symbol moves; it is long, because the browser redraws the map each time
 const KINDS = ['asked', 'pushed', 'corrected'];
-/** Number of points that the page remembers, the same as the robot's. */
+/** Number of points of the path that the page remembers; the robot remembers as many. */
 const POINTS = 2000;
 /** Screens with room beside the picture; see drive.css. */
 const WIDE = '(min-width: 900px) and (min-height: 701px)';
 
-/** The known part of the path, assembled from the robot's answers. */
+/** The known part of the robot's path, put together from the robot's answers. */
 export class Way {
   constructor() {
     this.first = 0;
@@ -38,7 +38,7 @@ export class Way {
     return this.first + this.pose.length;
   }
 
-  /** Add an answer to "since `next`?"; false if it contains nothing new. @param {Answer} answer */
+  /** Add the robot's answer to a request for the points since `next`; return false if it has nothing new. @param {Answer} answer */
   add({ first, pose, driven_by: by, events }) {
     const goesOn = first === this.next;
     if (goesOn && !pose.length) return false;
@@ -89,7 +89,7 @@ export class DriveMap extends HTMLElement {
 
   /** @param {import('../store.js').PageState} state */
   stand({ robot, link }) {
-    if (link !== 'open' || !robot) return; // without a link nothing may move near STOP
+    if (link !== 'open' || !robot) return; // without a link, the map does not appear or vanish, so that nothing moves near STOP
     const { pose } = robot;
     if (!pose) {
       this.show(false);
@@ -126,7 +126,7 @@ export class DriveMap extends HTMLElement {
       if (isFirst || isElsewhere || changes) await this.furnish();
       if (isFirst || isNew) this.draw();
     } catch {
-      // out of reach: retried, and the page reports a lost link
+      // the robot is out of reach: the request is repeated, and the page reports a lost link
     } finally {
       this.isAsking = false;
     }

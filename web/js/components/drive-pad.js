@@ -44,13 +44,13 @@ export class DrivePad extends HTMLElement {
     if (useTilt) import('../inputs/tilt.js').then(({ Tilt }) => this.useTilt(new Tilt(page.helm)), () => {});
     if (hasStick && !this.sticks.length) {
       import('../inputs/thumb-stick.js').then(({ makeStick }) => this.useStick(makeStick), () => {});
-      hasStick = false; // arrows until it has loaded
+      hasStick = false; // show arrows until the thumb stick's code has loaded
     }
     const controls = hasStick ? this.sticks : moves.map((move) => this.makeButton(move));
     fill(/** @type {Element} */ (this.moves), ...controls,
       useTilt ? h('button', { class: 'move tilt', type: 'button', 'data-move': 'tilt' }, icon('tilt'), t('tilt_hold')) : null);
     this.moves?.classList.toggle('sticks', hasStick);
-    this.sizes?.disconnect(); // Undo's size follows the width of a thumb's column, and a word's size follows the text size
+    this.sizes?.disconnect(); // measure again, because the size of Undo follows the width of its column, and the size of words follows the text size
     for (const sized of [this.undo, this.querySelector('.move span')]) if (sized) this.sizes?.observe(sized);
     this.arrange(hasStick ? [] : moves, Boolean(useTilt), hasStick);
   }
@@ -79,7 +79,7 @@ export class DrivePad extends HTMLElement {
     const count = hasStick ? 'var(--stick-rows, 3)' : rows;
     pad.style.setProperty('--pad-rows', `calc(${count} + ${useTilt ? 1 : 0})`);
     pad.classList.toggle('crowded', is.own || spins || is.backs || useTilt);
-    pad.classList.toggle('shares', is.backs && !isMany && !spins); // a row, in a low window
+    pad.classList.toggle('shares', is.backs && !isMany && !spins); // in a low window, Back shares a row with the other moves
     this.measure();
   }
 
@@ -91,12 +91,12 @@ export class DrivePad extends HTMLElement {
       class: 'move', type: 'button', 'data-move': move, 'aria-pressed': 'false',
       onkeydown: (/** @type {KeyboardEvent} */ event) => {
         if (!isEnter(event)) return;
-        event.preventDefault(); // because a click would let go after a moment
+        event.preventDefault(); // otherwise the browser would also click, and the click would end the move
         if (!event.repeat) helm?.press(source, move);
       },
       onkeyup: () => helm?.release(source),
       onblur: () => helm?.release(source),
-      // A screen reader's click cannot hold a button.
+      // A screen reader only sends a click, which cannot hold a button: hold the move for a moment.
       onclick: (/** @type {PointerEvent} */ event) => {
         if (event.pointerType || event.detail) return;
         helm?.press(source, move);
@@ -139,14 +139,14 @@ export class DrivePad extends HTMLElement {
     this.addEventListener('contextmenu', (event) => event.preventDefault());
   }
 
-  /** Take the thumb stick that has loaded, if it is still wanted. @param {typeof import('../inputs/thumb-stick.js').makeStick} makeStick */
+  /** Show the thumb stick once its code has loaded, if it is still wanted. @param {typeof import('../inputs/thumb-stick.js').makeStick} makeStick */
   useStick(makeStick) {
     const page = /** @type {import('../page.js').Page} */ (this.page);
     this.sticks = ['left', 'right'].map((side) => makeStick(page, side));
     this.build(page.store.state.moves, page.store.state.hasStick);
   }
 
-  /** Take the tilt that has loaded; a finger may be on its button already. @param {import('../inputs/tilt.js').Tilt} tilt */
+  /** Use tilting once its code has loaded; a finger may already hold its button. @param {import('../inputs/tilt.js').Tilt} tilt */
   useTilt(tilt) {
     if (this.tilt) return;
     this.tilt = tilt;

@@ -23,7 +23,7 @@ export async function fetchWorld() {
 }
 
 /**
- * Draw a path into `place`; an event `moment` with an index as detail moves the robot along it.
+ * Draw a path into `place`. An event `moment`, whose detail is the index of a point, puts the robot's symbol there.
  * @param {HTMLElement} place @param {Path} path @param {boolean} [isEstimate]  computed from the wheels' counts
  */
 export async function drawFromAbove(place, path, isEstimate = false) {
@@ -100,7 +100,7 @@ export function begins(flags) {
   return flags.flatMap((flag, i) => (flag && !flags[i - 1] ? [i] : []));
 }
 
-/** Each kind has its own symbol, so that colour is not needed to distinguish them. @param {string} kind @param {number} x @param {number} y */
+/** Draw an event. Each kind of event has its own symbol, so that they can be told apart without colours. @param {string} kind @param {number} x @param {number} y */
 export function mark(kind, x, y) {
   /** @type {Record<string, string>} */
   const signs = { asked: 'M0 .05V-.02M0 -.05V-.055', pushed: 'M-.04 -.04L.04 .04M-.04 .04L.04 -.04', corrected: 'M-.045 0A.045 .045 0 1 0 .045 0A.045 .045 0 1 0 -.045 0' };

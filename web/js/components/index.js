@@ -1,4 +1,4 @@
-// The drive screen's elements; other screens load their elements when they are opened.
+// Loads the elements of the drive screen; other screens load theirs when they are opened.
 import './app-bar.js';
 import './drive-pad.js';
 import './mode-bar.js';

@@ -1,7 +1,7 @@
 // <mode-bar>: the buttons "Stop", "Teach" and "Drive itself"; the button to press now is lit.
 //
 // A button that becomes disabled keeps the focus.
-// Arrow keys move the focus, as in any group of choices, but choose nothing, so that no robot starts by accident.
+// Arrow keys move the focus, as in any group of choices, but do not choose a mode, so that no robot starts by accident.
 // After a tap, arrow keys drive.
 
 import { modeToPress } from '../advice.js';
@@ -25,7 +25,7 @@ export class ModeBar extends HTMLElement {
     };
     const buttons = MODES.map((mode) => h('button', {
       type: 'button', role: 'radio', 'aria-checked': 'false', 'data-mode': mode, onclick: tap,
-      // While another finger holds a direction, browsers send no click for a tap.
+      // Handle taps here, because browsers send no click for a tap while another finger holds a direction.
       onpointerup: (/** @type {PointerEvent} */ event) => !event.isPrimary && isUnder(event) && tap(event),
     }, t(`mode.${mode}`)));
     append(this, buttons);

@@ -7,7 +7,7 @@ import { t } from '../i18n.js';
 const PATIENCE_MS = 2000;
 
 export class Screen extends HTMLElement {
-  /** Orders the answers, because an action requests new data while an earlier answer is under way. */
+  /** Drops answers that were overtaken: an action requests new data while the answer to an earlier request is under way. */
   inOrder = inOrder();
 
   /**
@@ -37,11 +37,11 @@ export class Screen extends HTMLElement {
     for (const end of this.endings ?? []) end();
   }
 
-  /** Call `act` now and periodically while the screen is open; returns the first call's result. @param {() => unknown} act @param {number} ms */
+  /** Call `act` now, and again every `ms` while the screen is open; return the result of the first call. @param {() => unknown} act @param {number} ms */
   every(ms, act) {
     let isUnderWay = false;
     const next = async () => {
-      if (isUnderWay) return; // on a slow link requests would pile up, and a STOP would wait behind them
+      if (isUnderWay) return; // otherwise requests would pile up on a slow link, and a STOP would wait behind them
       isUnderWay = true;
       try {
         await act();
@@ -74,7 +74,7 @@ export class Screen extends HTMLElement {
   }
 }
 
-/** The content of a chosen file; the browser refuses to read a file that has changed since. @param {Blob} file */
+/** Return the content of a chosen file; the browser refuses to read it if it has changed since it was chosen. @param {Blob} file */
 export const contentOf = (file) => file.arrayBuffer().catch(() => Promise.reject(new Error(t('unreadable'))));
 
 /**
@@ -101,7 +101,7 @@ export function group(title, hint, ...parts) {
   return h('fieldset', { class: 'panel' }, h('legend', {}, title), hint ? h('p', { class: 'hint' }, hint) : null, ...parts);
 }
 
-/** Words in a drawing. @param {number} x @param {number} y @param {string} anchor @param {string} words */
+/** Make a text for a drawing. @param {number} x @param {number} y @param {string} anchor @param {string} words */
 export function text(x, y, anchor, words) {
   const element = svg('text', { x, y, 'text-anchor': anchor });
   element.textContent = words;

@@ -1,4 +1,4 @@
-// <settings-screen>: only the settings that a person would change.
+// <settings-screen>: the settings that a person changes on the page.
 
 import { ask, askLong } from '../api.js';
 import { append, fill, h } from '../dom.js';
@@ -15,7 +15,7 @@ export class SettingsScreen extends Screen {
     return this.refresh();
   }
 
-  /** The last change; each change waits for the previous one, so that a late change cannot undo a newer one. @type {Promise<any>} */
+  /** The request of the last change. Each change waits for the previous one, so that no change overwrites a newer one. @type {Promise<any>} */
   putting = Promise.resolve();
 
   /** @param {string} path @param {object} words */
@@ -60,7 +60,7 @@ export class SettingsScreen extends Screen {
 
   /** @param {any} settings */
   size({ sizes, max_nodes: now, camera: { rate_hz: most } }) {
-    // Show a number only if the computer is too slow. If it is not, the camera limits the rate.
+    // Show the rate only if the computer limits it. Otherwise the camera limits it.
     const rate = (/** @type {number} */ hz) => (most && hz >= most ? t('settings.keeps_up') : t('settings.rate', { n: Math.max(1, Math.round(hz)) }));
     const options = sizes.map((/** @type {any} */ size) => h('label', { class: 'choice' },
       h('input', { type: 'radio', name: 'size', value: size.max_nodes, checked: size.max_nodes === now, onchange: () => this.begin({ max_nodes: size.max_nodes }) }),
@@ -127,7 +127,7 @@ export class SettingsScreen extends Screen {
         ? [group(t(settings.title), t(settings.hint), h('a', { class: 'button', href: `#${name}` }, t(`screen.${name}`)))] : []));
   }
 
-  /** Forget the directions of game pads; the page asks for them at the next touch. */
+  /** Button that forgets the directions shown for game pads; the page asks for them again when a pad is touched. */
   pads() {
     const { preferences } = /** @type {import('../page.js').Page} */ (this.page);
     if (!Object.keys(preferences.values.pads).length) return [];

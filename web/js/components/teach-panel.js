@@ -1,4 +1,4 @@
-// <teach-panel>: the robot's agreement, the number of examples, and the only place for messages.
+// <teach-panel>: the robot's agreement, the number of examples, and one message.
 // If no advice is urgent, the most useful advice is shown.
 
 import { append, fill, h, say, settle, svg } from '../dom.js';
@@ -10,7 +10,7 @@ import { stepButton } from './toast-bar.js';
 
 const WIDTH = 200;
 const HEIGHT = 34;
-/** Minimum number of pictures for a meaningful share. */
+/** Minimum number of pictures from which the agreement is shown, because a share of fewer means little. */
 const FEWEST = 20;
 
 export class TeachPanel extends HTMLElement {
@@ -31,7 +31,7 @@ export class TeachPanel extends HTMLElement {
       h('span', { class: 'taught' }, this.lessons, h('small', {}, t('frames_taught'))));
     append(this, [this.summary, h('div', { class: 'says' }, this.advice, this.notice)]);
     page.store.watch(['robot', 'link', 'way', 'isWatching', 'lead', 'readiness', 'setback', 'told', 'hint', 'notice', 'toast', 'localStop', 'wheelAsked', 'wheelWaiting'], (state) => this.render(state));
-    // A pilot who is led does not see the agreement.
+    // The agreement is hidden from a pilot who is led by an extension.
     page.store.watch(['agreement', 'lead'], (state) => this.curve?.setAttribute('points', points(state.lead ? [] : state.agreement)));
   }
 
@@ -45,7 +45,7 @@ export class TeachPanel extends HTMLElement {
       say(/** @type {Node} */ (this.lessons), count(robot.lessons));
     }
     const isNoticed = this.renderNotice(state);
-    // One message at a time. An unchanged message stays, so that nothing is read out twice.
+    // Show one message at a time. A message that has not changed stays as it is, so that no screen reader reads it out twice.
     const told = whatToSay(state);
     const text = isNoticed || !told ? '' : sentence(told);
     // A screen reader must not read out a clock every second.

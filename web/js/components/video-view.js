@@ -1,4 +1,4 @@
-// <video-view>: the robot's picture, the driver, and the robot's proposal.
+// <video-view>: shows the robot's picture, who drives, and what the robot would do.
 
 import { append, fill, h, icon, say } from '../dom.js';
 import { Painter } from '../painter.js';
@@ -12,9 +12,9 @@ import { makeNeedle, turnNeedle } from '../needle.js';
 const OLD_PICTURE_MS = 200;
 const FROZEN_MS = 1000;
 const LIKE_MS = 500;
-const TWO_LINES_PX = 55; // the word above the bars needs two lines while the robot asks
+const TWO_LINES_PX = 55; // height of the text above the bars if it has two lines, as while the robot asks for help
 const SMALL_PX = 300;
-const WORKER_MS = 3000; // a worker that has not started by then never will
+const WORKER_MS = 3000; // time after which a worker that has not started is given up
 
 export class VideoView extends HTMLElement {
   drawnMs = 0;
@@ -38,7 +38,7 @@ export class VideoView extends HTMLElement {
     append(this, [h('div', { class: 'picture' }, this.canvas, h('div', { class: 'corner' }, this.who, this.facts), this.likeLink, h('div', { class: 'low' }, this.needle, this.votes))]);
     const observer = new ResizeObserver(() => this.measure());
     observer.observe(this);
-    observer.observe(this.who); // its height follows the text size
+    observer.observe(this.who); // measure again when the text size changes, which changes the height of this element
     const { store } = page;
     store.watch(['robot', 'link', 'held', 'moves'], (state) => this.render(state));
     store.watch(['isWatching'], ({ isWatching }) => this.watch(isWatching));
@@ -46,7 +46,7 @@ export class VideoView extends HTMLElement {
     setInterval(() => this.classList.toggle('frozen', performance.now() - this.drawnMs > FROZEN_MS), 500);
   }
 
-  /** Let a worker draw if the browser supports it, otherwise the page. Resolves when this is decided. @param {HTMLCanvasElement} canvas */
+  /** Let a worker draw the pictures if the browser supports it, otherwise the page. Resolves once that is decided. @param {HTMLCanvasElement} canvas */
   async receive(canvas) {
     const { connection } = /** @type {import('../page.js').Page} */ (this.page);
     connection.addEventListener('shown', (event) => this.note(/** @type {CustomEvent} */ (event).detail));
@@ -65,7 +65,7 @@ export class VideoView extends HTMLElement {
     connection.addEventListener('picture', (event) => painter.take(/** @type {CustomEvent} */ (event).detail));
   }
 
-  /** Show pictures by plain requests instead of the video. @param {boolean} isWanted */
+  /** Show pictures that are fetched by HTTP requests, instead of the video. @param {boolean} isWanted */
   watch(isWanted) {
     this.still?.remove();
     this.still = undefined;
@@ -75,7 +75,7 @@ export class VideoView extends HTMLElement {
     watchByRequests(/** @type {HTMLImageElement} */ (this.still));
   }
 
-  /** A picture is on the screen. @param {import('../painter.js').Shown} shown */
+  /** Called when a picture is on the screen. @param {import('../painter.js').Shown} shown */
   note(shown) {
     this.drawnMs = performance.now();
     this.page?.look(shown);
@@ -91,14 +91,14 @@ export class VideoView extends HTMLElement {
     this.dataset.by = robot?.driven_by ?? 'nobody';
     this.classList.toggle('away', !robot);
     this.renderWho(robot);
-    if (this.who) this.who.hidden = state.link !== 'open'; // somebody else may drive
+    if (this.who) this.who.hidden = state.link !== 'open'; // without a link, the page does not know who drives
     this.renderFacts(robot);
     this.renderVotes(robot?.prediction ?? null, state.moves);
     this.renderNeedle(robot, state.takesPoints);
     this.renderLike(robot);
   }
 
-  /** Choose what fits into the picture by its width and the language: words, symbols, or less (drive.css). */
+  /** Choose what fits into the picture: words, only symbols, or less (drive.css). That depends on its width and on the language. */
   measure() {
     const votes = [...(this.votes?.children ?? [])];
     this.classList.toggle('many-votes', votes.length > 3);
@@ -129,7 +129,7 @@ export class VideoView extends HTMLElement {
     if (robot?.bumped) facts.push(t(whichBumper(robot.bumpers)));
     const state = this.page?.store.state;
     const ageMs = state?.pictureAgeMs;
-    // The parts explain why drawn pictures are old, not why pictures have stopped.
+    // Show the parts of the age only while pictures arrive: they explain why pictures are old, not why there are none.
     const parts = state && (state.drawnAgeMs ?? 0) > OLD_PICTURE_MS ? ageParts(state) : null;
     const total = parts ? Object.values(parts).reduce((sum, ms) => sum + ms) : Math.round((ageMs ?? 0) / 10) * 10;
     const isOld = (ageMs ?? 0) > OLD_PICTURE_MS;
@@ -179,7 +179,7 @@ export class VideoView extends HTMLElement {
       likeLink.classList.add('missing');
       like.dataset.stamp = '';
     }
-    // A merged image changes but keeps its number, so it is loaded again from time to time.
+    // Load the image again from time to time, because merging changes an image but not its number.
     const stamp = node === null ? '' : /** @type {import('../page.js').Page} */ (this.page).imageOf(node, String(Math.floor((robot?.lessons ?? 0) / 20)));
     const nowMs = performance.now();
     // Each image is loaded and drawn again; twice a second is fast enough for a person.
@@ -209,7 +209,7 @@ function startWorker() {
   });
 }
 
-/** The text for the bumpers; with two bumpers it names the pressed one. @param {boolean[]} [bumpers] */
+/** The text about the bumpers; it names the pressed bumper if the robot has two. @param {boolean[]} [bumpers] */
 function whichBumper(bumpers) {
   const [left, right, ...more] = bumpers ?? [];
   if (right === undefined || more.length || left === right) return 'bumped';

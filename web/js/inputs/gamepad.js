@@ -13,7 +13,7 @@ const BACK = 6;
 const CROSS = { 12: 'forward', 13: 'backward', 14: 'left', 15: 'right' };
 
 /**
- * The move that a controller requests; a stick counts as released only near its middle.
+ * Return the move that a controller requests. A stick that was pushed counts as released only near its middle.
  * @param {{buttons: readonly {pressed: boolean}[], axes: readonly number[]}} pad
  * @param {string | null} before  the move that it requested last
  * @returns {string | null}
@@ -30,7 +30,7 @@ export function readGamepad(pad, before) {
 }
 
 /**
- * The point that a controller requests by degrees; null at rest.
+ * Return the point to which a controller steers by degrees; null if it is at rest.
  * @param {{buttons: readonly {pressed: boolean, value: number}[], axes: readonly number[]}} pad
  * @param {import('../points.js').Reach} reach
  */
@@ -50,7 +50,7 @@ export const UNRESTED_MS = 2000;
 export const padName = (id = '') => id.replace(/\s*\([^()]*(?:Vendor|STANDARD)[^()]*\)|^[\da-f]{1,4}-[\da-f]{1,4}-/gi, '').trim().slice(0, 40) || 'Gamepad';
 
 /**
- * The page's functions for pads: it stores choices and shows texts.
+ * What the page does for game pads: it stores their directions and shows texts about them.
  * @typedef {object} PadDesk
  * @property {(id: string) => import('./pad-rest.js').Choice | null} choiceOf
  * @property {(id: string, choice: import('./pad-rest.js').Choice) => void} keep
@@ -93,7 +93,7 @@ export function listenToGamepads(helm, { stop, isDriving, desk }) {
     return { id: pad.id, reading: new RestedPad(), move: null, isPushed: false, stop: false, sinceMs: performance.now(), first: null, choosing: null };
   };
 
-  /** Until the directions of a pad with an unknown layout are known, only its stop counts. @param {Gamepad} pad @param {Followed} state */
+  /** Follow a pad whose layout the browser does not know. Until a person has shown its directions, it can only stop the robot. @param {Gamepad} pad @param {Followed} state */
   const findLayout = (pad, state) => {
     const values = valuesOf(pad);
     state.first ??= values;
@@ -135,7 +135,7 @@ export function listenToGamepads(helm, { stop, isDriving, desk }) {
     if (!isKnown) findLayout(pad, state);
     const { axes: ways, buttons } = isKnown ? state.reading.read(pad) : { axes: [], buttons: pad.buttons.map(({ pressed }, i) => ({ value: 0, pressed: pressed && i === 1 && !state.choosing })) };
     if (isKnown && performance.now() - state.sinceMs > UNRESTED_MS) {
-      state.sinceMs = Infinity; // reported once
+      state.sinceMs = Infinity; // report it only once
       if ([...state.reading.waiting].some((name) => !name.startsWith('button'))) desk.tell('pad.unrested', padName(pad.id));
     }
     const source = `gamepad ${index}`;

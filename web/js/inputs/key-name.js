@@ -3,7 +3,7 @@
 // Any of the three may be missing.
 // Browsers on Android and televisions send no `code`, and input methods send no `key`.
 // A stop counts if any of the three means stop.
-// The page needs this module before the keyboard drives.
+// This module is loaded with the page, because STOP keys must work before the code of the keyboard has loaded.
 
 /** @typedef {{code?: string, key?: string, keyCode?: number, location?: number, repeat?: boolean}} Key  the fields of a KeyboardEvent that are used here */
 
@@ -13,19 +13,19 @@ const STOPS = new Set([
   'Escape', 'Esc', 'Pause', 'MediaStop', 'MediaPause', 'MediaPlayPause',
   'GoBack', 'BrowserBack', // the Back key of a remote control
 ]);
-/** The same keys by number; numbers above 255 are from televisions. */
+/** The same keys by their old number; televisions use the numbers above 255. */
 const STOP_NUMBERS = new Set([19, 27, 178, 179, 413, 461, 10009, 10252]);
 
 const ARROW_NUMBERS = ['ArrowLeft', 'ArrowUp', 'ArrowRight', 'ArrowDown'];
 const ENTERS = ['Enter', 'Select', 'Accept', 'OK'];
 
-/** A key's name, or else its number as a name; empty if it has neither. @param {Key} event */
+/** Return the name of a key, or else the name for its old number; empty if it has neither. @param {Key} event */
 export function nameOf({ key, keyCode = 0 }) {
   if (key && key !== 'Unidentified' && key !== 'Process') return key.length === 1 ? key.toLowerCase() : key;
   if (keyCode >= 37 && keyCode <= 40) return ARROW_NUMBERS[keyCode - 37];
   if (keyCode === 13) return 'Enter';
   if ((keyCode >= 49 && keyCode <= 57) || (keyCode >= 65 && keyCode <= 90)) return String.fromCharCode(keyCode).toLowerCase();
-  return keyCode && keyCode !== 229 && keyCode !== 255 ? `#${keyCode}` : ''; // 229 means that text is being composed; 255 is no key of any layout
+  return keyCode && keyCode !== 229 && keyCode !== 255 ? `#${keyCode}` : ''; // 229 means that a text is being composed, and 255 is an unknown key
 }
 
 /** True if the key acts on the focused element, like Enter. @param {Key} event */
@@ -37,7 +37,7 @@ export const placeOf = ({ code }) => (code && code !== 'Unidentified' ? code : '
 /** The kind of a stop key, or null for another key. In a text field `space` writes, and `unnamed` may write. @param {Key} event @returns {'space' | 'unnamed' | 'named' | null} */
 export function stopOf(event) {
   const [place, name] = [placeOf(event), nameOf(event)];
-  if (!place && !name) return 'unnamed'; // it may be a stop key, so it counts as one
+  if (!place && !name) return 'unnamed'; // count it as a stop key, because it may be one
   if (place === 'Space' || event.keyCode === 32 || SPACES.has(name)) return 'space';
   return STOPS.has(place) || STOPS.has(name) || STOP_NUMBERS.has(event.keyCode ?? 0) ? 'named' : null;
 }

@@ -2,18 +2,18 @@
 // By degrees, a key steers further the longer it is held.
 // The digits 1 to 9 drive the robot's moves, in the order of the robot's list.
 //
-// If it is unclear which key was released, all keys count as released.
+// If a browser does not say which key was released, all keys count as released.
 
 import { isEnter } from './key-name.js';
 import { moveOfKey, Presses } from './keys.js';
 
 const STEP_MS = 40;
-/** Shares of full lock per step: the change while a key is held, and the return without a key. */
+/** How far the steering moves per step, as a share of full lock: while a key is held, and back after its release. */
 const OUT = 0.08;
 const BACK = 0.16;
 
 const RAMPED = ['forward', 'backward', 'left', 'right'];
-/** A repeating key that is silent for twice its longest pause counts as released. Lower and upper limit of this time. */
+/** A repeating key that is silent for twice its longest pause counts as released. These are the lower and the upper limit of that time. */
 const [QUIET_MS, LONG_MS] = [1000, 2500];
 /** How long the older keys of a chord count as held after the newest key was released, if no other key is pressed. */
 const CHORD_MS = 5000;
@@ -59,7 +59,7 @@ export class KeyRamp {
 
   step() {
     const { helm } = this;
-    if (!helm.holds.has('keys')) { // released by a stop, or by a hidden page
+    if (!helm.holds.has('keys')) { // a stop or the hiding of the page has released everything
       this.letGo();
       return;
     }
@@ -88,9 +88,9 @@ class Silence {
     this.pauseMs = 0;
     /** @type {string[]} the keys that were counted as released */
     this.missed = [];
-    /** The kind of the last silence that counted as a release: true for a chord, false for a repeating key. */
+    /** Of what the last silence was taken for a release: true for the older keys of a chord, false for a repeating key. */
     this.isChord = false;
-    /** The kinds of silence that do not count any more, because a key came up after it had counted as released. */
+    /** The kinds of silence that are no longer taken for a release, because a key was reported as released later. */
     this.isWrong = { chord: false, repeat: false };
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.timer = undefined;

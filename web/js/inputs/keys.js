@@ -33,7 +33,7 @@ export function moveOfKey(event, moves) {
   return { move: move ?? moves[nth - 1], isNth: !move };
 }
 
-/** The position of a key without a `code`, from its label, or from the Latin letter on the same key. @param {string} name @param {boolean} isOnPad */
+/** Return the position of a key without a `code`, from its label, or from the Latin letter on the same key. @param {string} name @param {boolean} isOnPad */
 function positionOf(name, isOnPad) {
   if (name.length !== 1) return '';
   return isOnPad ? `Numpad${name}` : `${name >= 'a' ? 'Key' : 'Digit'}${name.toUpperCase()}`;
@@ -54,7 +54,7 @@ export class Presses {
     const known = this.find(event);
     if (known || (!place && !name)) return known?.id ?? '';
     const id = place || `${name} ${location}`;
-    if (!event.repeat) this.down.push({ place, name, location, id }); // a repeated key that is unknown has changed its name since the press
+    if (!event.repeat) this.down.push({ place, name, location, id }); // a repeated key that is not known is an earlier one whose name has changed
     return id;
   }
 

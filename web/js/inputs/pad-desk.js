@@ -1,4 +1,4 @@
-// The page's texts about game pads, and its store of the directions of pads with an unknown layout.
+// Shows the page's texts about game pads, and stores the directions of pads whose layout the browser does not know.
 
 import { t } from '../i18n.js';
 

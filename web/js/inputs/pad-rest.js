@@ -1,6 +1,6 @@
 // Decides which inputs of a game pad count.
 // An axis, a trigger or a button counts once it was seen at rest.
-// So a pedal that rests at one end, a worn stick or an untouched throttle moves nothing.
+// A pedal that rests at one end, a worn stick or a throttle that nobody has touched therefore does not drive the robot.
 // Pure.
 
 import { REST } from '../points.js';
@@ -11,10 +11,10 @@ export const PULLED = 0.05;
 const STOP = 1;
 /** The directions that a person shows for a pad of an unknown layout, in this order. */
 export const DIRECTIONS = ['left', 'right', 'forward', 'backward'];
-/** The minimum push that counts in a choice, as a share of an axis' travel from its middle. */
+/** The minimum push by which a person shows a direction, as a share of the travel from the middle. */
 const PUSHED = 0.5;
 const STILL = 0.05;
-/** How long a released input must be still to count as at rest, in milliseconds. */
+/** How long an input must be still to count as released and at rest, in milliseconds. */
 export const STILL_MS = 250;
 /** How long a whole pad must be still before the page asks for its directions, in milliseconds. */
 export const LET_GO_MS = 600;
@@ -30,7 +30,7 @@ export const valuesOf = (pad) => [...pad.axes, ...pad.buttons.map(valueOf)];
 /** @param {Pad} pad @param {Input} input */
 const wayOf = (pad, { kind, index, rest, full }) => ((kind === 'axes' ? pad.axes[index] ?? rest : valueOf(pad.buttons[index])) - rest) / (full - rest);
 
-/** One pad since its connection, read as a pad of the standard layout; inputs that were never seen at rest count as not pushed. */
+/** Reads a pad as one of the standard layout. Inputs that were not seen at rest since the pad was connected count as not pushed. */
 export class RestedPad {
   /** @param {Choice | null} [choice]  null: the pad has the standard layout */
   constructor(choice = null) {
@@ -86,7 +86,7 @@ export class PadChoice {
     this.open = [...directions];
     /** @type {Choice} */
     this.choice = {};
-    /** Nothing is asked before the pad was released. Its values at that time are its values at rest. @type {number[] | null} */
+    /** The pad's values while it was still, before the first question: its values at rest. @type {number[] | null} */
     this.lying = null;
     this.lyingMs = 0;
     this.isReady = false;

@@ -1,6 +1,6 @@
 // The keys that stop a robot that may be moving.
 // The keys act wherever the focus is, before any button, list or dialog gets the key.
-// In a text field on a screen without the picture, space writes.
+// In a text field on a screen without the picture, the space bar types a space.
 
 import { stopOf } from './key-name.js';
 
@@ -28,10 +28,10 @@ export function listenForStop({ stop, mayMove, isDriving = () => false }) {
     isFelt = true;
   };
   addEventListener('keydown', (event) => !isEscape(event) && feel(event), true);
-  addEventListener('keydown', (event) => isEscape(event) && feel(event)); // after the handlers of anything that Escape closes
+  addEventListener('keydown', (event) => isEscape(event) && feel(event)); // last, so that Escape first closes what is open
   addEventListener('keyup', (event) => {
     const isSpace = stopOf(event) === 'space' && mayMove() && !isText(event.target);
-    if (isFelt || isSpace) event.preventDefault(); // otherwise a browser clicks the focused button
+    if (isFelt || isSpace) event.preventDefault(); // otherwise the browser would click the focused button
     isFelt = false;
   }, true);
   addEventListener('blur', () => (isFelt = false));

@@ -1,17 +1,17 @@
 // A thumb stick for steering by degrees.
 // The base of the stick does not move.
 // The stick is released like a key: when the finger is lifted, is cancelled by the browser, or leaves the stick.
-// A change of the window's size, for example on a turned screen, also releases the stick.
-// Nobody has pushed the stick in its new direction.
+// A change of the window's size, for example when the screen is turned, also releases the stick,
+// because the stick would then point in a direction in which nobody has pushed it.
 
 import { h, hasLetGo, svg } from '../dom.js';
 import { t } from '../i18n.js';
 import { fromStick } from '../points.js';
 
-/** Distances from the middle, in radii: a thumb may press within NEAR, and keeps holding within OFF. */
+/** Distances from the middle, in radii of the stick: a thumb can grasp the stick within NEAR, and holds it within OFF. */
 const NEAR = 1.2;
 const OFF = 2;
-const WAY = 26; // travel of the knob, where 50 is the distance from the middle to the edge
+const WAY = 26; // travel of the knob, in percent of the stick's width
 const ARROWS = 'M43 11l7-6 7 6M11 43l-6 7 6 7M89 43l6 7-6 7';
 
 /** @param {import('../page.js').Page} page @param {string} side  the side of the thumb */

@@ -1,5 +1,5 @@
 // Tilting the phone drives while a thumb rests on the pad.
-// The phone's position when the thumb was pressed counts as upright.
+// The phone's position when the thumb was put down counts as level.
 // Browsers allow the sensor only on secure pages.
 
 import { fromStick } from '../points.js';
@@ -8,13 +8,13 @@ const ON_DEG = 14;
 const OFF_DEG = 9;
 /** The tilt that counts as a fully pushed stick, in degrees. */
 const FULL_DEG = 30;
-/** Time after which a silent sensor's last value is ignored. */
+/** Age in milliseconds above which the last value of a silent sensor is ignored. */
 export const SILENT_MS = 400;
 
 /** @typedef {{beta: number, gamma: number}} Lean  in degrees, from the browser */
 
 /**
- * The move for the phone's tilt from its initial position.
+ * Return the move for a tilt of the phone from its initial position.
  * @param {Lean} now
  * @param {Lean} zero
  * @param {number} screenAngle  0, 90, 180 or 270 degrees
@@ -29,7 +29,7 @@ export function readTilt(now, zero, screenAngle, before) {
   return lean > (move === before ? OFF_DEG : ON_DEG) ? move : null;
 }
 
-/** Convert a tilt to a point like a stick's: to the right and ahead. @param {Lean} now @param {Lean} zero @param {number} screenAngle @param {import('../points.js').Reach} reach */
+/** Convert a tilt to a point (to the right and ahead), like that of a thumb stick. @param {Lean} now @param {Lean} zero @param {number} screenAngle @param {import('../points.js').Reach} reach */
 export function readTiltStick(now, zero, screenAngle, reach) {
   const [pitch, roll] = leaning(now, zero, screenAngle);
   return fromStick(roll / FULL_DEG, -pitch / FULL_DEG, reach);
@@ -71,7 +71,7 @@ export class Tilt {
     this.follow = this.follow.bind(this);
   }
 
-  /** Ask the person if the browser requires it; false if it is denied. */
+  /** Ask for permission to read the sensor if the browser requires it; return false if it is denied. */
   static async allow() {
     if (!hasTilt()) return false;
     const sensor = /** @type {any} */ (DeviceOrientationEvent);
@@ -86,7 +86,7 @@ export class Tilt {
   }
 
   letGo() {
-    // An iPhone asks again on each visit, and only when a finger is lifted.
+    // Ask again, because an iPhone asks the person on each visit, and only when a finger is lifted.
     if (!this.zero) Tilt.allow();
     this.move = null;
     clearTimeout(this.silence);

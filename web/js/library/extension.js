@@ -1,4 +1,4 @@
-// The models saved on the robot.
+// Adds the screen with the models that are saved on the robot.
 
 import { fetchWords } from '../i18n.js';
 import { register } from '../parts.js';

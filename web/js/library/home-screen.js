@@ -1,4 +1,4 @@
-// <home-screen>: the models saved on this robot, and parts that other extensions add, such as recordings.
+// <home-screen>: the models saved on this robot; other extensions add parts, such as recordings.
 
 import { ask } from '../api.js';
 import { append, fill, h, icon } from '../dom.js';
@@ -12,7 +12,7 @@ import { sectionsOf } from '../parts.js';
  *   taught: Record<string, number>, lessons: number, nodes: number}} Model
  */
 
-/** Minimum number of examples of a model from which a new model may begin. */
+/** Minimum number of examples of a model for a new model to begin like it. */
 const ENOUGH = 300;
 const MOST = 8;
 
@@ -106,7 +106,7 @@ export class HomeScreen extends Screen {
     return answer;
   }
 
-  /** @returns {string[]} the last models that were taught enough to know something about places */
+  /** @returns {string[]} the names of the last models that have enough examples to begin like them */
   earlier() {
     const current = this.known?.find((model) => model.current);
     const isAlike = (/** @type {Model} */ model) => model.readable && model.lessons >= ENOUGH &&

@@ -25,7 +25,7 @@ export async function listEpisodes(recordings) {
   find(recordings);
 }
 
-/** The space that deleted recordings still use, and the way to restore them. @param {Recordings} recordings @param {any} answer */
+/** Shows the space that deleted recordings still use, with buttons to restore them and to empty the trash. @param {Recordings} recordings @param {any} answer */
 function trash(recordings, { trash_bytes: bytes, undo, days }) {
   if (!bytes) return null;
   const empty = () => recordings.page?.toast(t('trash.sure'), { label: t('trash.empty'), act: () => recordings.attempt(async () => {
@@ -50,10 +50,10 @@ function find(recordings) {
 /** @param {string} text */
 const folded = (text) => text.normalize('NFC').toLocaleLowerCase(language);
 
-/** The recordings that are shown and can be ticked. @param {Recordings} recordings */
+/** Return the recordings that are shown and can be ticked. @param {Recordings} recordings */
 const shown = ({ shelf }) => shelf.filter(({ card, isOn }) => !isOn && !card.hidden);
 
-/** Actions on several recordings (fetch, delete, teach): on those that are shown and ticked. @param {Recordings} recordings */
+/** Buttons that download, delete or teach from all recordings that are shown and ticked. @param {Recordings} recordings */
 function offer(recordings) {
   const all = shown(recordings);
   const some = all.filter(({ episode }) => recordings.ticked.has(episode.id));
@@ -73,7 +73,7 @@ function offer(recordings) {
   ] : []));
 }
 
-/** The address of one file with these recordings; for all recordings no names are needed. @param {Recordings} recordings @param {string[]} ids */
+/** Return the address of a zip file with these recordings; the address of all recordings has no names. @param {Recordings} recordings @param {string[]} ids */
 function zipOf({ shelf }, ids) {
   return `api/episodes.zip${ids.length < shelf.length ? `?${new URLSearchParams(ids.map((id) => ['episode', id]))}` : ''}`;
 }
@@ -102,7 +102,7 @@ async function card(recordings, episode, isOn) {
   const tools = h('div', { class: 'stack' });
   const more = h('div', { class: 'stack' });
   const player = async () => (await import('./episode-player.js')).openPlayer(recordings, path, tools, () => teachTogether(recordings, episode.id));
-  /** Open it once its content has loaded, so that no button moves afterwards. */
+  /** Open the recording once its content has loaded, so that no button moves afterwards. */
   const show = async (/** @type {boolean} */ isOpen) => {
     if (isOpen) {
       toggle.setAttribute('aria-busy', 'true');

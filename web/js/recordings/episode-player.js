@@ -19,7 +19,7 @@ const LANE_PX = 12;
 const SONAR_PX = 30;
 const HEIGHT = LANE_PX * 6 + 12 + SONAR_PX;
 const FARTHEST_M = 2;
-const LEAST_MS = 80; // minimum time between two pictures while playing; any phone can draw at this rate
+const LEAST_MS = 80; // minimum time between two pictures while playing, so that every phone can keep up
 const [MOST_FRAMES, FEW_FRAMES] = [10_000, 500]; // if a recording has more than MOST_FRAMES, only FEW_FRAMES evenly spaced pictures are shown
 
 /** The address of a recording's timeline, or of its part between two pictures. A long timeline is sampled. @param {string} path @param {number} frames @param {number[]} between */
@@ -66,7 +66,7 @@ export async function openPlayer(recordings, path, place, teach, at = 0, ordered
         : null,
       episode.redoable ? button(t('mend.redo'), () => change(() => ask('POST', `${path}/edits/redo`)), icon('redo')) : null),
     h('button', { type: 'button', class: 'primary', onclick: teach }, t('again.begin')));
-  settle(place); // now the whole recording is selected, so a second tap on *Delete* must not count
+  settle(place); // ignore further taps, because *Delete* would now delete the whole recording
 }
 
 class Player {
@@ -111,7 +111,7 @@ class Player {
     return box;
   }
 
-  /** Each move has a separate lane, so that its position identifies it; the sonar is below. */
+  /** Draw the time axis. Each move has its own lane, so that its height shows which move it is; the sonar is below. */
   timeline() {
     const { columns } = this;
     const size = columns.frame.length;

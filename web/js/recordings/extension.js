@@ -1,4 +1,4 @@
-// The recordings of the robot's drives, below its models.
+// Adds the recordings of the robot's drives to the screen of its models.
 
 import { fetchWords } from '../i18n.js';
 import { register } from '../parts.js';

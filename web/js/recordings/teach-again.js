@@ -1,4 +1,4 @@
-// Training again from recordings: progress, then a comparison of before and after, then keep or drop.
+// Shows the training from recordings: its progress, then a comparison of before and after, and buttons to keep or drop the result.
 
 import { ask } from '../api.js';
 import { fill, h, icon } from '../dom.js';
@@ -22,7 +22,7 @@ export async function teachAgain(recordings, episodes) {
 export async function showTeaching(recordings) {
   const shown = recordings.again.firstChild;
   const state = await ask('GET', 'api/retraining').catch(() => null);
-  if (!recordings.isConnected || recordings.again.firstChild !== shown) return; // begun, kept or dropped meanwhile
+  if (!recordings.isConnected || recordings.again.firstChild !== shown) return; // another run has begun, or this one was kept or dropped
   if (state) draw(recordings, state);
   else if (recordings.again.querySelector('progress')) lookAgain(recordings);
 }

@@ -1,4 +1,4 @@
-// The places of a simulated robot, in the settings.
+// Adds the choice of a simulated robot's place to the settings.
 
 import { register } from '../parts.js';
 

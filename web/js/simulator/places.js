@@ -1,4 +1,4 @@
-// A choice of the place to which a simulated robot is carried, with a map of it.
+// The choice of the place to which a simulated robot is carried, with a map of each place.
 
 import { ask } from '../api.js';
 import { bounds, room } from '../components/from-above.js';

@@ -1,10 +1,10 @@
-// A study's session, which leads the pilot through its parts.
+// Adds studies, whose sessions lead the pilot through their parts.
 
 import { fetchWords } from '../i18n.js';
 import { register } from '../parts.js';
 import { followSession } from './session.js';
 
-/** Few pages are part of a study, so its sentences are loaded when needed. */
+/** The sentences of a session are loaded only when needed, because few pages are part of a study. */
 const speakOf = () => fetchWords((code) => import(`./session/messages/${code}.js`));
 
 register({

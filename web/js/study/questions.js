@@ -1,4 +1,4 @@
-// The questions after a part of a study.
+// Shows the questions after a part of a study.
 // The questions use native radios, sliders and fields, so that keyboards and screen readers work.
 // Each answer is sent immediately, so a reload loses none.
 
@@ -11,7 +11,7 @@ import { language, t } from '../i18n.js';
 
 const MOST_RADIOS = 11;
 
-/** A text in the page's language, else in English, else in any language. @param {Words} words */
+/** Return a text in the page's language, or else in English, or else in any language. @param {Words} words */
 export const inWords = (words) => words[language] ?? words.en ?? Object.values(words)[0] ?? '';
 
 /**
@@ -40,7 +40,7 @@ export function questionForm(questions, answers, attempt, done) {
   });
   const send = async (/** @type {Event} */ event) => {
     event.preventDefault();
-    // A text may stay empty.
+    // A question that asks for a text need not be answered.
     for (const { name, kind } of questions) if (kind === 'text') given[name] ??= '';
     const open = parts.filter(({ question }) => !(question.name in given));
     for (const { missing } of open) say(missing, t('study.missing'));
@@ -74,7 +74,7 @@ function chosen(question, given, take) {
     ...(question.kind === 'choice' ? radios : [h('div', { class: 'points' }, ...radios), ends(question)]));
 }
 
-/** A slider without a value until it is touched. @param {Question} question @param {HTMLElement} legend @param {Record<string, any>} given @param {(value: number) => void} take */
+/** Make a slider that has no value until it is touched. @param {Question} question @param {HTMLElement} legend @param {Record<string, any>} given @param {(value: number) => void} take */
 function slider(question, legend, given, take) {
   const { name, least, most, step } = question;
   const shown = h('output');
@@ -90,7 +90,7 @@ function slider(question, legend, given, take) {
     show();
   };
   range.addEventListener('input', set);
-  // The middle is a valid answer too: a person chooses it by a press or a key that leaves the slider there.
+  // Take a press or a key that leaves the slider in the middle as an answer, because no event `input` reports it.
   range.addEventListener('pointerup', () => (set(), take(Number(range.value))));
   range.addEventListener('keydown', (event) => [' ', 'Enter'].includes(event.key) && (event.preventDefault(), event.stopPropagation(), set(), take(Number(range.value))));
   range.addEventListener('change', () => take(Number(range.value)));

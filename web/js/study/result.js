@@ -1,4 +1,4 @@
-// The similarity of pilot and robot: a number, a chart for each move, and the path from above.
+// Shows how similarly pilot and robot have driven: a number, a chart for each move, and the path from above.
 
 import { askLong } from '../api.js';
 import { drawFromAbove } from '../components/from-above.js';
@@ -18,9 +18,9 @@ const WHO = /** @type {const} */ (['pilot', 'robot']);
 /** @param {Outcome} outcome @returns {HTMLElement[]} */
 export function drawOutcome(outcome) {
   const { ssd } = outcome;
-  // The map loads last, so the map is at the end.
+  // The map is at the end, because it is loaded last.
   const map = h('figure', { class: 'panel chart map' });
-  drawRecordings(map, outcome.recordings).catch(() => {}); // without recordings there is no path to draw
+  drawRecordings(map, outcome.recordings).catch(() => {}); // if the recordings cannot be read, there is no path to draw
   return [
     h('p', { class: 'lead' }, ssd === null ? t('study.no_profile') : t('study.ssd', { ssd: ssd.toFixed(2) })),
     h('div', { class: 'profiles' }, ...outcome.moves.map((move) => profile(outcome, move))),
@@ -43,7 +43,7 @@ async function drawRecordings(place, ids) {
   place.dispatchEvent(new CustomEvent('moment', { detail: path.pose.length - 2 }));
 }
 
-/** One move's curves: the share of its ticks nearer than each distance. @param {Outcome} outcome @param {string} move */
+/** Draw the curves of one move: for each distance, the share of the move's ticks in which something was nearer. @param {Outcome} outcome @param {string} move */
 function profile(outcome, move) {
   const x = (/** @type {number} */ m) => 40 + (m / FAR_M) * (WIDTH - 56);
   const y = (/** @type {number} */ share) => 12 + (1 - share) * (HEIGHT - 44);

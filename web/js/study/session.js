@@ -48,10 +48,10 @@ export async function refreshSession(page) {
   if (session?.mode) timer = setTimeout(() => refreshSession(page), EVERY_MS);
 }
 
-/** Apply the session's state. @param {import('../page.js').Page} page @param {Promise<any>} question  a request whose answer contains the state */
+/** Show the state of the session. @param {import('../page.js').Page} page @param {Promise<any>} question  a request whose answer contains the state */
 export async function learnSession(page, question) {
   const answer = await newest(question);
-  if (answer?.session && !page.store.state.lead) await speak().catch(() => {}); // retried with the next answer
+  if (answer?.session && !page.store.state.lead) await speak().catch(() => {}); // if the sentences cannot be loaded, the next answer tries again
   if (answer) page.store.set({ lead: leadOf(answer.session) });
   return page.store.state.lead?.own;
 }

@@ -18,7 +18,7 @@ export class StudyScreen extends Screen {
   /** @type {string | null} the name of the shown study */
   chosen = null;
   drawn = '';
-  /** Number of list requests; of two requests under way, only the newer one is shown. */
+  /** Number of requests for the list. If two are under way, only the answer to the newer one is shown. */
   listing = 0;
 
   async build() {
@@ -73,11 +73,11 @@ export class StudyScreen extends Screen {
   /** Change the session, and show it. @param {string} method @param {string} path @param {any} [body] */
   async step(method, path, body) {
     const answer = await this.act(() => ask(method, path, body));
-    if (answer && this.page) await learnSession(this.page, Promise.resolve(answer)); // this also shows it
+    if (answer && this.page) await learnSession(this.page, Promise.resolve(answer)); // this also shows the session
     return answer;
   }
 
-  // The researcher's ---------------------------------------------------------------------------
+  // What the researcher sees ---------------------------------------------------------------------------
 
   async list() {
     const turn = (this.listing += 1);
@@ -118,7 +118,7 @@ export class StudyScreen extends Screen {
 
   /** @param {string} study @param {string} code */
   async showResult(study, code) {
-    const place = h('div', { class: 'stack' }); // the answer is shown at the place of its request
+    const place = h('div', { class: 'stack' }); // the place below the participant's line, where the answer is shown
     this.body.append(place);
     const answer = await this.act(() => ask('GET', `api/studies/${encodeURIComponent(study)}/sessions/${code}`));
     if (answer) append(place, answer.conditions.flatMap(drawOutcome));
@@ -198,7 +198,7 @@ export class StudyScreen extends Screen {
       h('form', { class: 'stack', onsubmit: create }, name, kinds, place, h('button', {}, t('study.create'))));
   }
 
-  // The participant's --------------------------------------------------------------------------
+  // What the participant sees --------------------------------------------------------------------------
 
   /** @param {any} session @returns {HTMLElement[]} */
   lead(session) {
