@@ -178,7 +178,7 @@ class HostWatchdog(ConnectedDriver[_C]):
         if taken:
             raise TypeError(
                 f"{cls.__name__}.{taken[0]} would bypass the HostWatchdog, which stops the body; "
-                "leave it out: `_drive` is called with Action.STOP"
+                "remove it: `_drive` is called with Action.STOP instead"
             )
 
     def connect(self) -> None:

@@ -150,5 +150,5 @@ def _has_end(data: bytes) -> bool:
     """True if a picture is complete; a decoder may silently fill a truncated picture with grey."""
     if data.startswith(_PNG):
         return b"IEND" in data
-    # the end marker must follow the start of the last scan
+    # a complete JPEG has its end marker after the start of its last scan
     return data.rfind(b"\xff\xd9") > data.rfind(_SCAN)

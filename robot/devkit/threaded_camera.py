@@ -105,5 +105,5 @@ class WatchedCamera(ThreadedCamera):
         while not self.clock.wait(self._ending, _WATCH_EVERY_S):
             wrong = self._freshness.fault(self.clock.now_s())
             if wrong is not None:
-                # report it every time, because the sentence may change
+                # report the fault at each check, because its sentence may change
                 self._report_fault(self._name_fault(wrong))

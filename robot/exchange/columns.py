@@ -58,7 +58,7 @@ NAMES: dict[str, tuple[str, ...]] = {
     "correction": ("correction",),
     "degrees": ("degrees",),
 }
-"""The possible names of the columns, by the meaning of the column."""
+"""The names that a column may have, by the column's meaning."""
 _MEANT = "label", "steering", "left_wheel", "linear"
 """Meanings of columns from which a label can be computed. If a table has columns for several of
 these meanings, the first meaning in this list counts."""

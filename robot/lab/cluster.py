@@ -268,7 +268,7 @@ class _Run:
         is_lost = error is None or type(error).__name__ == "KilledWorker"
         if is_lost or not key:
             worker.key = key
-            self._drop(address)  # a worker that still exists is identified again
+            self._drop(address)  # if the worker still exists, it is identified again
             return
         raise ConfigurationError(
             f"the worker at {worker.name} cannot run {self._tasks[key]}: "

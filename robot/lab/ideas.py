@@ -66,7 +66,9 @@ def make_teacher(name: str, moves: tuple[Action, ...]) -> Teacher:
     made = _make_idea(name, "drivelesson.teachers")
     if made is not None:
         if not (hasattr(made, "choose") and hasattr(made, "tolerates")):
-            raise ConfigurationError(f"{name} is not a teacher: it needs `choose` and `tolerates`")
+            raise ConfigurationError(
+                f"{name} is not a teacher: a teacher needs the methods `choose` and `tolerates`"
+            )
         return made  # type: ignore[no-any-return]
     if name not in _TEACHERS:
         known = ", ".join(_TEACHERS)

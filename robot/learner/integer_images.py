@@ -73,7 +73,7 @@ class IntegerImages(Images):
 
     def absorb(self, row: int, count: int) -> None:
         sums = self._sums[row]
-        np.add(sums, self._x, out=sums, casting="unsafe")  # x may have any integer type
+        np.add(sums, self._x, out=sums, casting="unsafe")  # `x` may have any type of integers
         self._divide(row, count + 1)
 
     def merge(self, kept: int, removed: int, count_kept: int, count_removed: int) -> None:

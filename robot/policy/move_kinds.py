@@ -11,7 +11,8 @@ from robot.types import Action
 
 
 class MoveKinds(Stateful):
-    """The moves of a body, grouped by effect; a move without a description has no kind.
+    """The moves of a body, grouped by effect. A move whose steering and throttle are unknown has no
+    kind.
 
     The parts of a policy share one instance, so all parts know the kinds as soon as the body's
     moves are described.

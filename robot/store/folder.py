@@ -427,7 +427,7 @@ class Storage:
         for place in places:
             with contextlib.suppress(ConfigurationError):
                 if place.name.startswith("."):
-                    FolderLock(place).start()  # an import that unpacks there holds the lock
+                    FolderLock(place).start()  # an import holds this lock while it unpacks there
                 shutil.rmtree(place, ignore_errors=True)
         return size - size_below(self.trash)
 

@@ -73,7 +73,7 @@ class RecordWriter:
         for file in list(self._files):
             try:
                 use(file)
-            except (OSError, ValueError) as error:  # the other thread may have closed the file
+            except (OSError, ValueError) as error:  # another thread may have closed it
                 last = error
                 self._leave_out(file)
         return last

@@ -307,7 +307,7 @@ class DriverContract:
     def test_it_leaves_nothing_behind(self, driver_case: DriverCase) -> None:
         """After `disconnect` the driver leaves no thread, no open file or socket, and no
         process."""
-        for _ in range(2):  # in the first round, imports may open files
+        for _ in range(2):  # twice, because imports of the first round may open files
             before = _leftovers()
             with driver_case.driver as driver:
                 driver.send_action(driver.moves[0])

@@ -170,7 +170,7 @@ class VirtualClock(Clock):
             self._event_loop = None
 
     async def pause(self, seconds: float) -> None:
-        if self._event_loop is None:  # the caller's event loop is not this clock's
+        if self._event_loop is None:  # another event loop runs the caller
             self.sleep(seconds)
             seconds = 0.0
         await asyncio.sleep(seconds)

@@ -1,8 +1,8 @@
 """An EV3 made of files, with a thread that simulates the kernel's motor driver.
 
 A plain file still contains old bytes after a shorter value was written, so only the first line of
-each file counts. A file cannot refuse a write with EINVAL as the kernel does. So the thread records
-a command that the kernel would refuse in `refused`, and nothing moves.
+each file counts. A file cannot refuse a write with EINVAL as the kernel does. If the kernel would
+refuse a command, the thread adds it to `refused` instead, and nothing moves.
 """
 
 from __future__ import annotations

@@ -127,7 +127,7 @@ class GymnasiumDriver(ConnectedDriver[bool]):
         """Close the environment; the next `advance` or `picture` opens it again."""
         environment, self._environment = self._environment, None
         if environment is not None:
-            with contextlib.suppress(Exception):  # errors of third-party code do no harm here
+            with contextlib.suppress(Exception):  # the environment's errors do no harm here
                 environment.close()
 
     def _opened(self) -> Environment:

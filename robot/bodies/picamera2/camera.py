@@ -14,7 +14,7 @@ from robot.errors import CameraError, told_as
 from robot.types import Encoding
 
 _OLDEST_S = 2.0
-"""Maximum age of a picture by its time stamp, in seconds. A time stamp of a higher age is
+"""Maximum age of a picture by its time stamp, in seconds. If the time stamp is older, it is
 ignored."""
 
 

@@ -130,7 +130,7 @@ class RosDriver(ConnectedDriver[Topics]):
 
     def _begin(self) -> None:
         self._has_signed.clear()
-        if self.options.transport == DDS:  # over DDS the subscribers are known immediately
+        if self.options.transport == DDS:  # DDS knows the subscribers immediately
             self._check_taken(self._connected())
         if self.options.watchdog and not self._clock.wait(self._has_signed, _FIRST_SIGN_S):
             raise DriveError(f"{self._connected().where} is there, but {_NO_WATCHDOG}")
@@ -151,7 +151,7 @@ class RosDriver(ConnectedDriver[Topics]):
                 f"{connection.where} does not accept velocities: "
                 f"{error or 'it took too long to answer'}"
             ) from error
-        # checked after the request, so that a stop is sent even if there is a fault
+        # The check comes last, so that a stop is sent even if the connection has a fault.
         if ends is not None:
             self._check_heard(connection)
 

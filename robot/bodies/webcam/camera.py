@@ -107,7 +107,7 @@ class OpencvCamera(WatchedCamera):
             if is_read:
                 self._take(picture, now_s)
             if not is_read or self._freshness.fault(now_s) is not None:
-                # the caller opens the source again later; the watching thread reports the fault
+                # the watching thread reports the fault, and the caller opens the source again later
                 return
 
     def _take(self, pixels: Any, now_s: float) -> None:

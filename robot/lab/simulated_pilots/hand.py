@@ -45,8 +45,8 @@ STEADY = HumanDelayConfig(
 
 
 class HumanDelayModel:
-    """Converts decisions to commands, with human delays and errors. A finger may slip to any of
-    `buttons`."""
+    """Converts decisions to commands, with human delays and errors. The pilot's finger may slip to
+    any of `buttons`."""
 
     def __init__(self, config: HumanDelayConfig, buttons: Sequence[Action], seed: str) -> None:
         self.config = config
