@@ -8,7 +8,7 @@ STILL_S = 0.35
 """A camera counts as broken after its period plus this time without a new picture, in seconds. A
 fault is therefore detected within 500 ms plus the camera's period."""
 LONGEST_PERIOD_S = 1.2
-"""Largest period of a camera with which its time limit still grows, in seconds."""
+"""Period of a camera up to which its time limit grows with its period, in seconds."""
 _BURST_S = 0.02
 """Gap below which two pictures count as sent together, in seconds, so that the gap is not taken for
 the camera's period."""

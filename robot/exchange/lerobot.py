@@ -73,7 +73,7 @@ _SENSORS = ("distance_m", "bumped", "battery")
 _QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 _STATISTICS = ("min", "max", "mean", "std", *_QUANTILES)
 _OWN = ("intervention", PILOT, DEGREES, SENSORS)
-"""Columns that only this program writes; a plain dataset omits them."""
+"""Columns that only this program writes, and only to datasets that are not plain."""
 _STANDS = Point(0.0, 0.0)
 _CARD = """---
 task_categories: [robotics]

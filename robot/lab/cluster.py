@@ -65,8 +65,7 @@ def run_on_cluster(
         return
     with _quiet(), contextlib.ExitStack() as stack:
         try:
-            # Try to connect first: a Client that fails would wait another 20 s and print a
-            # traceback.
+            # Try to connect first, because a failing Client waits for 20 s and prints a traceback.
             asyncio.run(_try_to_connect(scheduler))
             client = distributed.Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
         except Exception as error:  # the type of the error depends on the address and the network

@@ -44,8 +44,8 @@ class Clusters(Stateful, ABC):
             removed node's index. None if the frame became a node without a merge, or if the frame
             itself was merged into the node that `train` returned.
         last_distance_: Squared distance of the latest frame from the nearest node that got none of
-            the previous `HELD_OUT` frames. If there is no such node, all nodes count. None for the
-            first frames, and if no distance is measured.
+            the previous `HELD_OUT` frames, or from the nearest of all nodes if every node got some.
+            None for the first frames, and if no distance is measured.
         last_distances_: Squared distances of the latest frame from the nodes, before any merge.
         last_touched_: `touched_` as it was before the latest frame.
     """

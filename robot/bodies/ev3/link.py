@@ -208,8 +208,7 @@ class BrickLink:
         elif "fault" in message:
             self.report = {**self.report, "fault": message["fault"]}
         else:
-            # The agent failed to open its body again, which answers no request. The next ping tries
-            # again.
+            # The agent failed to open its body, which answers no request. The next ping retries.
             if self._opens_again and "failed" in message:
                 raise OSError(message["failed"])
             self._opens_again = self._opens_again and "opened" not in message

@@ -107,8 +107,8 @@ def main() -> None:
     # When that program has ended, this process stops the motors and then ends itself.
     for quiet in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
         signal.signal(quiet, signal.SIG_IGN)
-    # Import the module before forking, so that each child starts immediately. If gpiozero is
-    # missing, the child reports this.
+    # Import the module before forking, so that each child starts immediately.
+    # If gpiozero is missing, the child reports that.
     with contextlib.suppress(ImportError):
         import gpiozero  # noqa: F401
     outlive(lambda: hold(json.loads(sys.argv[1])))

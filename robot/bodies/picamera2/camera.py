@@ -63,8 +63,7 @@ class Picamera2Camera(WatchedCamera):
         with told_as(CameraError, f"{module} refuses {asked}", Exception):
             device.configure(
                 device.create_video_configuration(
-                    # The library names formats backwards, so in memory this format is red, green,
-                    # blue.
+                    # The library names formats backwards: the bytes are red, green and blue.
                     main={"size": (options.width, options.height), "format": "BGR888"},
                     controls={"FrameRate": options.frame_rate},
                     buffer_count=3,

@@ -21,7 +21,8 @@ _RATE, _DECAYS, _TINY = 0.001, (0.9, 0.999), 1e-8
 
 
 class ColourFeatures(GreyFeatures):
-    """RGB, 40x30, area average: 3600 bytes. Learners on these features have no images to show."""
+    """Colour features: RGB, 40x30, averaged over areas, 3600 bytes. Learners on these features have
+    no images to show."""
 
     name = "colour"
 
