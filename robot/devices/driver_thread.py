@@ -147,7 +147,7 @@ class DriverThread(Driver):
     def correct(self, correction: Correction) -> None:
         """Apply a correction before any further action; waiting actions are dropped.
 
-        Some bodies are connected again for this; if that fails, the next `drive` raises the error.
+        Some bodies are then connected again; if that fails, the next `drive` raises the error.
         """
         if self._thread is None:
             self.driver.correct(correction)

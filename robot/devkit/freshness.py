@@ -35,7 +35,7 @@ class Freshness:
         return True
 
     def _learn_period(self, gap_s: float) -> None:
-        """Update the camera's period. It shrinks immediately but grows slowly, so that one lost
+        """Update the camera's period, which shrinks immediately but grows slowly, so that one lost
         picture adds little."""
         if self._period_s is None:
             self._period_s = min(gap_s, LONGEST_PERIOD_S)

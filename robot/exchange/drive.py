@@ -1,4 +1,5 @@
-"""A drive from another program: every import is converted to an episode here.
+"""A drive from another program, and its conversion to an episode, through which every import
+passes.
 
 A reader supplies the location and the label of each picture. This module skips and lists unusable
 pictures, makes a time line of the pictures' times, and reads the pictures one at a time.

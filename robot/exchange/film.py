@@ -128,8 +128,8 @@ def to_jpeg(pixels: Pixels) -> Picture:
 
 
 class FilmReader:
-    """Reads the pictures of a film by their times; this is fastest in ascending order. A picture is
-    found if its time differs by at most a tolerance that depends on `fps`."""
+    """Reads the pictures of a film by their times, fastest if the times ascend. A picture is found
+    if its time differs by at most a tolerance that depends on `fps`."""
 
     def __init__(self, path: Path, fps: float) -> None:
         self._path, self._fps = path, fps

@@ -118,8 +118,8 @@ def write_lerobot(
     `fps` is the number of pictures per second; `task` describes the robot's task. The columns of a
     dataset depend only on the robot's moves, so datasets of one robot can be merged. A `plain`
     dataset contains only taught frames. The columns of a plain dataset are those that LeRobot's own
-    command records from our robots, so both can be merged. Raises RecordingError if there are no
-    pictures.
+    command records from this project's robots, so a plain dataset and a recorded one can be merged.
+    Raises RecordingError if there are no pictures.
     """
     need(*PYARROW)
     need(*AV)

@@ -34,8 +34,8 @@ a table only if it names pictures."""
 ENDINGS = (".csv", ".tsv", ".jsonl", LIST)
 
 _FULL_SPEEDS = (1.0, 100.0, 255.0, 1023.0, 32767.0)
-"""Values at which different programs drive a motor at full speed. The lowest one that no value of a
-table exceeds is used for this table."""
+"""Values at which different programs drive a motor at full speed. For each table, the lowest of
+these values that no value of the table exceeds is used."""
 _MOVES = 0.05
 """Speed, in any unit, above which a car moves. Simulators write small speeds for standing cars."""
 _UNIT_SHARE = 10

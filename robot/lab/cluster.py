@@ -44,7 +44,7 @@ _FETCH_S = 3.0
 killed meanwhile would never come.
 """
 _MOST_LOSSES = 3
-"""A task is given up after this number of workers were lost while they ran it."""
+"""Number of workers that may be lost while they run a task, before the task is given up."""
 
 OnWorkers = Callable[[int, str], object]
 """Called with the number of workers that get tasks, and a sentence about what has changed. The

@@ -120,7 +120,7 @@ def longest_stay_s(log: DriveLog) -> float:
 
 
 def is_stuck(log: DriveLog) -> bool:
-    """Return True if the robot stayed in one spot for `STUCK_S` or longer."""
+    """Return True if the robot stayed within `STAY_M` for `STUCK_S` or longer."""
     return longest_stay_s(log) >= STUCK_S
 
 
@@ -130,8 +130,8 @@ def asking_share(log: DriveLog) -> float:
 
 
 def agreement(log: DriveLog) -> float | None:
-    """Return the share of ticks with equal moves of robot and teacher, among all ticks with both
-    moves."""
+    """Return the share of ticks on which robot and teacher chose the same move, among the ticks on
+    which both chose one."""
     both = [
         moment.proposed is moment.wanted
         for moment in log

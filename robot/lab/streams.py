@@ -110,7 +110,8 @@ def read_stream(stream: str) -> list[Example]:
 
 
 def _hashed(sentence: str) -> NDArray[np.float64]:
-    """Return the square roots of the counts of words with the same hash."""
+    """Return a text as a vector: for each hash, the square root of the number of words with this
+    hash."""
     vectorizer = HashingVectorizer(n_features=_N_HASHES, alternate_sign=False, norm=None)
     counts: NDArray[np.float64] = np.sqrt(vectorizer.transform([sentence]).toarray()[0])
     return counts

@@ -205,8 +205,8 @@ class EpisodeStore:
     def split(self, episode_id: str, frame_id: int) -> str:
         """Split a recording: a second recording begins with this frame. Return its name.
 
-        The first file stays complete; an edit deletes the second recording's frames from it.
-        Raises ConfigurationError if one of the two would be empty.
+        The first file stays complete; an edit deletes the second recording's frames from it. Raises
+        ConfigurationError if one of the two recordings would be empty.
         """
         with self._lock:
             path = self._idle_path(episode_id)

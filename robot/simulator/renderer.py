@@ -44,8 +44,8 @@ audio-library-name null
 garbage-collect-states 0
 """
 """Settings of Panda3D. Each pose creates new transform states. Panda3D would collect unused states
-in a task of its application object, which is not used here. With `garbage-collect-states 0`, states
-are freed as soon as no object refers to them."""
+in a task of its application object, which this program does not use. With `garbage-collect-states
+0`, states are freed as soon as no object refers to them."""
 
 
 class _Window:

@@ -1,8 +1,8 @@
 """Worlds as data: a rectangular room, the things in it, and the robot's start.
 
 A world is a TOML file; the built-in worlds are in `robot/simulator/worlds/`. Lengths are in metres.
-Angles are in degrees in the file, and in radians here. Colours are red, green and blue from 0 to
-255. The origin is a corner of the room; x runs along the room's width, y along its depth.
+Angles are in degrees in the file, and in radians in this module. Colours are red, green and blue
+from 0 to 255. The origin is a corner of the room; x runs along the room's width, y along its depth.
 """
 
 from __future__ import annotations

@@ -66,7 +66,8 @@ class Presence:
 
 
 def require_present(path: Path) -> None:
-    """Raise OSError if a watched folder above this path is gone. Call this before writing there."""
+    """Raise OSError if a watched folder above this path is gone. Call this before writing to the
+    path."""
     with _lock:
         watched = list(_watched.values())
     for presence in watched:

@@ -158,8 +158,8 @@ def outcome(log: ConditionLog) -> dict[str, Any]:
     m.
 
     The participant's profile comes from teaching; the robot's profile comes from its own driving.
-    `ssd` is None if a profile is missing, because one of them made no move or because there is no
-    sonar.
+    `ssd` is None if a profile is missing, because participant or robot made no move, or because
+    there is no sonar.
     """
     moves = log.condition.moves
     pilot = log.profile(DrivenBy.PILOT, "teach")

@@ -25,8 +25,8 @@ LOCAL_BUDGET_S = 0.01
 """Upper bound for the quickest of some requests, in seconds. Requests must be short, because the
 control loop waits for each."""
 REMOTE_BUDGET_S = 0.2
-"""Upper bound for the quickest request of a driver that declares `is_remote`, in seconds. It is
-shorter than 0.4 s, because a move that is not renewed by then ends."""
+"""Upper bound for the quickest request of a driver that declares `is_remote`, in seconds: less than
+0.4 s, because a move that is not renewed by then ends."""
 STANDS_WITHIN_S = 0.5
 """Time within which the body must stand still after its connection was cut, in seconds."""
 CUTS_S = (0.5, 5.0)

@@ -16,7 +16,7 @@ from typing import Any
 
 @dataclass(slots=True, kw_only=True)
 class LinkConditions:
-    """The conditions of a link. If a test changes them, the change applies to all later
+    """The conditions of a link. If a test changes the conditions, the change applies to all later
     messages."""
 
     delay_s: float = 0.0

@@ -26,7 +26,7 @@ _MOST_NUMBERS = 64
 _MOST_MOVES = 32
 """Maximum number of moves in a model."""
 _NO_BOUND = 1e6
-"""A bound of a space that is larger than this means "no bound"."""
+"""Magnitude above which a bound of a space means "no bound"."""
 _LONGEST_NAME, _LONGEST_LABEL = 32, 24
 _CAR_RACING = (
     "left=-0.6,0.1,0; right=0.6,0.1,0; forward=0,0.3,0; brake=0,0,0.5; coast=0,0,0",
@@ -98,7 +98,8 @@ class ActionForm:
 
     @property
     def n_choices(self) -> int:
-        """Return the number of numbered actions; 0 if an action is not one choice."""
+        """Return how many numbered actions there are; 0 if an action is not one choice among
+        them."""
         number = self.numbers[0]
         return int(number.most - number.least) + 1 if self.is_one_choice else 0
 
@@ -142,8 +143,8 @@ def steering_of(table: Mapping[Move, Any], space: Any) -> Callable[[Point], Any]
     """Return the function from a point to an action, for a box of fractions; None for other spaces.
 
     Steering interpolates between the move ahead and the turns. Throttle interpolates between
-    coasting and the moves ahead and back. Also returns None if the table has no move ahead, or has
-    no turn to one of the sides.
+    coasting and the moves ahead and back. The result is also None if the table has no move ahead,
+    or no turn to one of the sides.
     """
     if _kind_of(space) != "Box" or not np.issubdtype(space.dtype, np.floating):
         return None

@@ -98,7 +98,7 @@ class PictureFinder:
         self._at = 0
         self._segment_at = 0
         """Position of the JPEG's last segment. If the segment states a wrong length, the next
-        picture is searched from here."""
+        picture is searched from this position."""
         self._is_in_scan = False
         self._type = ""
         self._received = 0

@@ -26,8 +26,8 @@ SEND_S = 0.3
 PING_EVERY_S = 0.1
 MAX_BYTES = 6 * 2**20
 _LOST_S = 3.0
-"""Time limit for the answer to a ping, in seconds. After a later answer or none, the connection is
-opened again."""
+"""Time limit for the answer to a ping, in seconds. If the answer comes later or not at all, the
+connection is opened again."""
 _ASK_AGAIN_S = REFUSED_S / 2
 """Time after which refused topics are requested again, in seconds, because the node that caused the
 refusal may have ended. If it has not, rosbridge refuses again before the first refusal expires."""

@@ -271,7 +271,7 @@ class DdsTopics(Topics):
         self._wait_for_listeners()
 
     def _wait_for_listeners(self) -> None:
-        """Wait until another program subscribes to the velocities. If none does, `refusal` says
+        """Wait until another program subscribes to the velocities; if none does, `refusal` says
         why."""
         deadline_s = self._clock.now_s() + FOUND_S
         while self._is_unheard() and self._clock.now_s() < deadline_s:

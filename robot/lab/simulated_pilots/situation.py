@@ -55,7 +55,7 @@ class Situation:
     ahead: str
     """The thing straight ahead of the robot: `east wall`, `backpack` ..."""
     target: Target | None = None
-    """The moving or movable thing, if this place has one."""
+    """The moving or movable thing, if the place has one."""
 
     @property
     def free_ahead_m(self) -> float:

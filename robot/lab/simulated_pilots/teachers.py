@@ -68,11 +68,11 @@ class TeacherParams:
     """How a teacher drives: the distances, in metres, at which it turns and drives on."""
 
     turn_at_m: float = 0.22
-    """Turns if the free distance ahead is less than this."""
+    """The teacher turns if the free distance ahead is less than this."""
     go_at_m: float = 0.45
-    """Drives on if the free distance is more than this."""
+    """The teacher drives on if the free distance is more than this."""
     danger_m: float = 0.06
-    """Does not let the robot drive on if the free distance is less than this."""
+    """The teacher does not let the robot drive on if the free distance is less than this."""
     left_at: tuple[str, ...] = ()
     right_at: tuple[str, ...] = ()
     """The teacher's habits: it turns left at the things in `left_at`, and right at those in

@@ -67,7 +67,7 @@ class ModelStore:
     def names(self) -> list[str]:
         """List the models: the folders that contain a version, readable or not.
 
-        Other programs also create folders here, such as `@eaDir` and `.stfolder`.
+        Other programs create folders beside the models, such as `@eaDir` and `.stfolder`.
         """
         found = [path for path in paths_in(self._storage.models) if not path.is_symlink()]
         return sorted((path.name for path in found if _is_model(path)), key=str.casefold)

@@ -1,6 +1,6 @@
 """The brick's buttons, lights and screen.
 
-No function here raises, so a robot without buttons, lights or screen drives as well.
+No function of this module raises, so a robot without buttons, lights or screen can drive, too.
 """
 
 import os
@@ -25,8 +25,8 @@ screen back. The menu can switch the brick off."""
 
 
 class Console:
-    """Buttons, lights and screen under one root folder. The first `show` takes over lights and
-    screen."""
+    """The buttons, lights and screen of the brick whose files are below one root folder. The first
+    `show` takes over lights and screen."""
 
     def __init__(self, root: str) -> None:
         self._root = root

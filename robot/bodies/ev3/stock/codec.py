@@ -48,7 +48,7 @@ def command(count: int, codes: bytes, results: int = 0) -> bytes:
 
 def parse_answer(message: bytes, asked: int, results: int = 0) -> bytes:
     """Return the global variables in the answer to question number `asked`. Raises DriveError if
-    this is the answer to another question, reports a failure, or has fewer than `results` bytes."""
+    the answer belongs to another question, reports a failure, or has fewer than `results` bytes."""
     length, count, kind = _ANSWER.unpack(message[: _ANSWER.size].ljust(_ANSWER.size, b"\0"))
     if kind == _ERROR:
         raise DriveError("the brick refused a command")
