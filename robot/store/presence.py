@@ -66,8 +66,7 @@ class Presence:
 
 
 def require_present(path: Path) -> None:
-    """Raise OSError if a watched folder above this path is gone. Call this before writing to the
-    path."""
+    """Raise OSError if a watched folder above this path is gone; call this before writing to it."""
     with _lock:
         watched = list(_watched.values())
     for presence in watched:
