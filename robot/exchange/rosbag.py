@@ -1,7 +1,7 @@
 """Reads bags of ROS 1 and 2: pictures of a camera, and the robot's velocity commands.
 
-The times at which a bag received pictures and velocities are by the same clock. A velocity is valid
-until the next velocity. The library `rosbags` reads the bags; it does not need ROS.
+A bag states by the same clock when it received pictures and velocities. A velocity is valid until
+the next velocity. The library `rosbags` reads the bags; it does not need ROS.
 """
 
 from __future__ import annotations

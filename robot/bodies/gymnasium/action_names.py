@@ -30,8 +30,7 @@ _NOTHING_PRESSED = "noop"
 def names_of(env: Any, first: int, n: int) -> dict[int, str]:
     """Return the names of the actions `first` to `first + n - 1`, if there are any.
 
-    The names come from the outermost wrapper that has a name for each of them and for no other
-    action.
+    The names come from the outermost wrapper that names all these actions and no other action.
     """
     for layer in _layers(env):
         for path in _KEPT_IN:

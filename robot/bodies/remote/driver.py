@@ -32,8 +32,8 @@ GONE_S = 0.5
 """Time without any report after which the robot counts as gone, in seconds."""
 _CONNECT_S = 3.0
 _CONNECT_TRIES = 20
-"""Least number of unanswered requests after which a robot counts as silent. The time limit is not
-enough, because a computer that paused meanwhile has sent too few requests."""
+"""Least number of unanswered requests after which a robot counts as silent. A time limit is not
+enough, because a computer that paused has sent too few requests within it."""
 
 
 class MessageLine(Protocol):

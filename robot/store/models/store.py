@@ -250,8 +250,7 @@ def _age_of(summary: ModelSummary | None) -> tuple[int, int, float]:
 
 
 def _marked(marker: Path) -> tuple[str, str]:
-    """Return the name in a marker, and its checksum, because a truncated name may be another
-    model's."""
+    """Return a marker's name and checksum; a truncated name could otherwise be another model's."""
     with contextlib.suppress(OSError, UnicodeDecodeError):
         name, _, checksum = read_regular(marker, 4096).decode().strip().partition("\n")
         return name, checksum

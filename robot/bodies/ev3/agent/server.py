@@ -19,9 +19,9 @@ SILENCE_S = 1.5
 """Time of silence after which a controller counts as gone, so that another controller may join, in
 seconds."""
 STALE_S = 0.4
-"""Age, in seconds by the brick's clock, above which the report that a move names is too old, so
-that the agent drops the move. Each move names the newest report that the controller had received.
-The agent sends a report every 0.1 s, so a dropped move was delayed by at least 0.3 s."""
+"""Age of a report, in seconds by the brick's clock, above which the agent drops a move that names
+this report. Each move names the newest report that the controller had received. The agent sends a
+report every 0.1 s, so a dropped move was delayed by at least 0.3 s."""
 REPORT_S = 0.1
 
 
