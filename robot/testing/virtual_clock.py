@@ -170,7 +170,7 @@ class VirtualClock(Clock):
             self._event_loop = None
 
     async def pause(self, seconds: float) -> None:
-        if self._event_loop is None:  # another event loop runs the caller
+        if self._event_loop is None:  # the caller runs on another event loop
             self.sleep(seconds)
             seconds = 0.0
         await asyncio.sleep(seconds)

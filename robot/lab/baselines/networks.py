@@ -67,7 +67,7 @@ class BatchNetwork:
     def predict_proba(self, xs: Floats) -> Floats:
         """Return the probability of each class, shape (n, classes)."""
         chances: Floats = self._network.predict_proba(xs / 127.5 - 1.0)
-        if chances.shape[1] == 1:  # of two classes, scikit-learn returns only the second's share
+        if chances.shape[1] == 1:  # if there are two classes, scikit-learn omits the first
             chances = np.hstack([1.0 - chances, chances])
         chances = chances[:, : len(self.classes_)]
         shares: Floats = chances / chances.sum(axis=1, keepdims=True)
