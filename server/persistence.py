@@ -18,7 +18,7 @@ from robot.store.folder import Storage
 from robot.store.lock import FolderLock
 from robot.store.models.autosave import Autosave
 from robot.store.models.journal import Journal
-from robot.store.models.replay import newest_boot, recover
+from robot.store.models.recovery import newest_boot, recover
 from robot.store.models.store import ModelStore
 from robot.store.models.trial import try_model
 from robot.store.presence import Presence

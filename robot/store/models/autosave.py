@@ -20,7 +20,7 @@ from robot.policy.registry import make_policy
 from robot.store.disk import Announce, no_announcement
 from robot.store.models.journal import Journal
 from robot.store.models.model import Model, take_model
-from robot.store.models.replay import Recovered
+from robot.store.models.recovery import Recovered
 from robot.store.models.store import ModelStore
 from robot.types import Action, Mode
 

@@ -11,7 +11,7 @@ import pytest
 
 from robot.store.folder import Storage
 from robot.store.models.model import same_nodes
-from robot.store.models.replay import recover
+from robot.store.models.recovery import recover
 from robot.store.models.store import ModelStore
 from robot.types import Action, Mode
 from server.config import Config

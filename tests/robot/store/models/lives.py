@@ -25,7 +25,7 @@ from robot.store.folder import Storage
 from robot.store.models.autosave import Autosave
 from robot.store.models.journal import _TRY_AGAIN_S, Journal
 from robot.store.models.model import same_nodes
-from robot.store.models.replay import newest_boot, recover
+from robot.store.models.recovery import newest_boot, recover
 from robot.store.models.store import ModelStore
 from robot.store.records import open_new
 from robot.types import Action, Example, Point

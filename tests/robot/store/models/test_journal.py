@@ -20,7 +20,7 @@ from robot.driver import Move
 from robot.store.disk import DiskThread
 from robot.store.folder import Storage
 from robot.store.models.journal_writer import PART_BYTES, list_parts
-from robot.store.models.replay import recover
+from robot.store.models.recovery import recover
 from robot.store.models.store import ModelStore
 from robot.store.records import RecordWriter, frame_record, read_records
 from robot.types import Action
