@@ -206,11 +206,8 @@ class ControlLoop:
 
     def need_picture_every(self, seconds: float) -> Future[None]:
         """Set how often a picture is needed while the robot stands. If `seconds` is 0, all pictures
-        are needed.
-
-        If `seconds` is infinite, nobody looks. A robot that may move takes all pictures in any
-        case.
-        """
+        are needed; if `seconds` is infinite, nobody looks. A robot that may move takes all pictures
+        in any case."""
         return self.submit(lambda: setattr(self, "_enough_every_s", seconds))
 
     @property

@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from robot.devices.png import encode_png
+from robot.devices.encoders import encode_png
 from robot.devkit.pictures import Picture, read_picture
 from robot.errors import RecordingError, told_as
 from robot.policy.image import to_rgb

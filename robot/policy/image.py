@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,6 @@ from robot.errors import CameraError, need
 from robot.types import Encoding, Frame
 
 Pixels = NDArray[np.uint8]
-Encode = Callable[[Pixels], bytes]
 
 
 def to_rgb(frame: Frame) -> Pixels:
@@ -169,25 +167,6 @@ def decode(data: bytes, *, colour: bool = True, is_reduced: bool = False) -> Pix
     except cv2.error:
         return None
     return decoded
-
-
-def jpeg_encoder(quality: int, feature: str = "JPEG from a camera of another format") -> Encode:
-    """Return a function that encodes pixels, shape (height, width, 3), red first, as JPEG.
-
-    The function uses the standard Huffman tables: optimised tables would save 12 % of the bytes but
-    double the time.
-
-    Raises:
-        MissingExtraError: If OpenCV is not installed.
-    """
-    cv2 = need("cv2", feature, "camera")
-    options = [cv2.IMWRITE_JPEG_QUALITY, quality]
-
-    def encode(rgb: Pixels) -> bytes:
-        _, jpeg = cv2.imencode(".jpg", swap_red_and_blue(rgb), options)
-        return bytes(jpeg)
-
-    return encode
 
 
 def swap_red_and_blue(pixels: Pixels) -> Pixels:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.clock import Clock
+from robot.devices.encoders import jpeg_encoder
 from robot.devices.options import Options, option
 from robot.devkit.world_camera import WorldCamera
-from robot.policy.image import jpeg_encoder
 from robot.simulator.driver import SimDriver
 from robot.simulator.renderer import HEIGHT_PX, LARGE_HEIGHT_PX, LARGE_WIDTH_PX, WIDTH_PX
 from robot.types import Encoding, Frame

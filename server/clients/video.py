@@ -9,8 +9,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from robot.clock import Clock
+from robot.devices.encoders import jpeg_encoder
 from robot.errors import MissingExtraError
-from robot.policy.image import Encode, jpeg_encoder, to_rgb
+from robot.policy.image import Pixels, to_rgb
 from robot.types import Encoding, Frame
 from server.clients.flow_control import PictureSize, VideoWindow
 from server.protocol import encode_picture
@@ -38,7 +39,7 @@ class Encoder:
         self._last: tuple[Frame, bytes] | None = None
 
     @cached_property
-    def _compress(self) -> Encode | None:
+    def _compress(self) -> Callable[[Pixels], bytes] | None:
         """OpenCV's encoder, imported at the first use; None if OpenCV is not installed."""
         try:
             return jpeg_encoder(self._quality)

@@ -15,7 +15,7 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 from starlette.concurrency import iterate_in_threadpool
 from starlette.responses import FileResponse, StreamingResponse
 
-from robot.devices.png import encode_png
+from robot.devices.encoders import encode_png
 from robot.devices.raw_value import RawValue, must_be, text
 from robot.driver import describe as describe_moves
 from robot.errors import NotFoundError

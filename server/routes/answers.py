@@ -15,7 +15,7 @@ from fastapi.routing import APIRoute
 from numpy.typing import NDArray
 
 from robot import __version__
-from robot.devices.png import encode_png
+from robot.devices.encoders import encode_png
 
 _T = TypeVar("_T")
 _WHY = {

@@ -8,10 +8,10 @@ from typing import Any, ClassVar
 
 from robot.bodies.gymnasium.driver import GymnasiumDriver
 from robot.clock import Clock
+from robot.devices.encoders import jpeg_encoder
 from robot.devices.options import Options, option
 from robot.devkit.world_camera import WorldCamera
 from robot.driver import ACTION_TIMEOUT_S
-from robot.policy.image import jpeg_encoder
 from robot.types import Encoding, Frame
 
 _JPEG_QUALITY = 90

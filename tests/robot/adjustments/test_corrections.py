@@ -20,10 +20,11 @@ from robot.adjustments.corrections import (
 )
 from robot.bodies.gpio.driver import GpioOptions
 from robot.bodies.gpio.wheels import TimedMotors, steered, tracked
+from robot.devices.encoders import jpeg_encoder
 from robot.devices.rig import build_rig
 from robot.driver import CLASSIC
 from robot.errors import ConfigurationError
-from robot.policy.image import decode, jpeg_encoder, to_rgb
+from robot.policy.image import decode, to_rgb
 from robot.simulator.body import WHEELS, move
 from robot.testing import FakeCamera, FakeDriver, VirtualClock
 from robot.types import Action, Encoding, Frame, Point, Pose

@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
+from robot.devices.encoders import jpeg_encoder
 from robot.errors import CameraError
 from robot.policy import image
 from robot.types import Encoding
@@ -68,6 +69,6 @@ def test_jpeg_is_the_same_to_the_pixel_as_with_tables_of_its_own(smooth):
     options = [cv2.IMWRITE_JPEG_QUALITY, 75, cv2.IMWRITE_JPEG_OPTIMIZE, 1]
     _, optimised = cv2.imencode(".jpg", np.ascontiguousarray(smooth[:, :, ::-1]), options)
 
-    plain = image.jpeg_encoder(75)(smooth)
+    plain = jpeg_encoder(75)(smooth)
 
     assert np.array_equal(image.decode(plain), image.decode(optimised.tobytes()))
