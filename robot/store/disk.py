@@ -20,9 +20,9 @@ def no_announcement(name: str, **fields: object) -> None:
 
 
 class DiskThread(StartStop):
-    """Calls the added turns every `every_s`, and also when it is woken and at the end.
+    """Runs the added jobs every `every_s`, and also when it is woken and at the end.
 
-    A turn is a function that writes a queue and never raises.
+    A job is a function that writes a queue and never raises.
     """
 
     def __init__(
@@ -31,14 +31,14 @@ class DiskThread(StartStop):
         self._clock = clock
         self._name = name
         self._every_s = every_s
-        self._turns: list[Callable[[], None]] = []
+        self._jobs: list[Callable[[], None]] = []
         self._wake = threading.Event()
         self.wake = self._wake.set
         self._is_ending = False
         self._thread: Worker | None = None
 
-    def add(self, turn: Callable[[], None]) -> None:
-        self._turns.append(turn)
+    def add(self, job: Callable[[], None]) -> None:
+        self._jobs.append(job)
 
     def start(self) -> None:
         if self._thread is None:
@@ -46,7 +46,7 @@ class DiskThread(StartStop):
             self._thread = self._clock.start_thread(self._run, self._name)
 
     def stop(self) -> None:
-        """Run the turns once more, and end. If the disk hangs, wait for ten seconds only."""
+        """Run the jobs once more, and end. If the disk hangs, wait for ten seconds only."""
         thread, self._thread = self._thread, None
         if thread is not None:
             self._is_ending = True
@@ -59,5 +59,5 @@ class DiskThread(StartStop):
             self._clock.wait(self._wake, self._every_s)
             self._wake.clear()
             is_last = self._is_ending
-            for turn in self._turns:
-                turn()
+            for job in self._jobs:
+                job()

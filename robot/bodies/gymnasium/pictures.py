@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 Pixels = NDArray[np.uint8]
 _LEAST_PX = 16
-"""Minimum width and height of a picture, in pixels. A smaller array is a board or a table."""
+"""Minimum width and height of a picture, in pixels. Smaller arrays are boards or tables of a
+game."""
 _MOST_PX = 1920
 """Maximum width and height of a picture, in pixels. Larger pictures are reduced to every n-th
 pixel."""

@@ -65,8 +65,8 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         self._where = where
         self._report: BodyReport | None = None
         self._device = ""
-        """The name that the robot states for itself; empty if it states none. Once it is known, no
-        other robot is driven."""
+        """The name that the robot states for itself; empty if it states none. Once the name is
+        known, no robot with another name is driven."""
         self._is_other = False
         """True if another robot answers at the address. Other robots are sent questions, but no
         orders."""
