@@ -220,5 +220,5 @@ class HostWatchdog(ConnectedDriver[_C]):
         return action
 
 
-# a stop must not be sent early before a move that is renewed in time is renewed
+# an early stop must not cut off a move that is renewed in time
 assert ACTION_TIMEOUT_S - LONGEST_LEAD_S > ACTION_TIMEOUT_S / 2
