@@ -32,7 +32,7 @@ def lint(folder: Path) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.slow
-def test_each_breach_is_found(tmp_path: Path) -> None:
+def test_each_broken_import_contract_is_reported(tmp_path: Path) -> None:
     for folder in ("robot", "server", "tests/architecture"):
         unneeded = shutil.ignore_patterns("__pycache__", "*.toml")
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=unneeded)

@@ -120,7 +120,9 @@ def booted(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]
 
 
 @pytest.mark.parametrize("extension", EXTENSIONS)
-def test_the_core_boots_without(extension: str, booted: dict[str, dict[str, Any]]) -> None:
+def test_the_core_boots_without_each_extension(
+    extension: str, booted: dict[str, dict[str, Any]]
+) -> None:
     boot = booted[extension]
     gone = boot["gone"]
     assert "/api/stop" in boot["paths"] and "/api/settings" in boot["paths"]
@@ -148,7 +150,7 @@ def test_the_core_boots_without(extension: str, booted: dict[str, dict[str, Any]
             assert (name in boot[kind]) is (home not in gone), name
 
 
-def test_what_is_missing_is_said(booted: dict[str, dict[str, Any]]) -> None:
+def test_the_need_for_a_removed_extension_is_reported(booted: dict[str, dict[str, Any]]) -> None:
     assert "needs the extension access" in booted["access"]["unreachable"]
     assert "choose a robot with --robot NAME: one of " in booted["simulator"]["no_robot"]
     assert "models" in booted["recordings"]["folders"]
@@ -221,7 +223,7 @@ def test_the_core_says_no_word_of_an_extension(kind: str, words: dict[str, str])
 
 
 @pytest.mark.parametrize("extension", WEB)
-def test_the_page_is_joined_without(extension: str, tmp_path: Path) -> None:
+def test_the_page_is_bundled_without_each_extension(extension: str, tmp_path: Path) -> None:
     copy_without({extension}, tmp_path, "web", "docs")
     bundle(tmp_path / "web", tmp_path / "page")  # refuses an import of a removed module
     drive = next((tmp_path / "page/js").glob("*-drive.js")).read_text("utf-8")

@@ -36,14 +36,14 @@ def test_a_class_name_used_twice_is_found(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("package", rules.PACKAGES)
-def test_the_map_shows_the_folders_that_there_are(package: str) -> None:
+def test_the_map_in_the_documents_shows_every_folder(package: str) -> None:
     drawn = rules.drawn_layers(ROOT, package)
     assert set().union(*drawn) == rules.rooms(ROOT, package)
     assert drawn == rules.contracted_layers(ROOT, package)
 
 
 @pytest.mark.parametrize("package", rules.PACKAGES)
-def test_few_modules_lie_loose(package: str) -> None:
+def test_few_modules_are_outside_of_packages(package: str) -> None:
     assert len(list((ROOT / package).glob("*.py"))) <= 12
     assert len(rules.rooms(ROOT, package)) <= 25
 

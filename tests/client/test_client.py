@@ -15,7 +15,7 @@ STEPS = size("CLIENT_STEPS", 300, 4000)
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="each life is a forked process")
 @pytest.mark.parametrize("seed", range(size("CLIENT_SEEDS", 1, 3)))
-def test_nothing_answered_is_lost_and_nobody_moves_without_a_pilot(seed: int) -> None:
+def test_no_answered_change_is_lost_and_no_robot_moves_without_a_pilot(seed: int) -> None:
     words = ["-m", "tests.client", "--steps", str(STEPS), "--kills", str(STEPS // 75)]
     ran = subprocess.run(
         [sys.executable, *words, "--seed", str(seed)], capture_output=True, text=True, check=False

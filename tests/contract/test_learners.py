@@ -52,7 +52,7 @@ def each_is_learned(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Repeats, "on_example", lambda self, lesson: None)
 
 
-def test_it_is_a_learner(kind: str) -> None:
+def test_every_learner_implements_the_protocol(kind: str) -> None:
     assert isinstance(make(kind).learner, Learner)
 
 
@@ -104,7 +104,7 @@ def test_images_can_be_edited_or_the_learner_says_that_it_has_none(kind: str) ->
         policy.learner.delete_node(10**9)
 
 
-def test_what_is_under_way_counts_or_the_learner_says_that_it_does_not(kind: str) -> None:
+def test_the_current_move_counts_or_the_learner_says_that_it_does_not(kind: str) -> None:
     """Alternate between two moves each second; they begin with different views and end with one
     view."""
     policy = make(kind)

@@ -9,7 +9,7 @@ import pytest
 from tests.docs import decisions
 
 
-def test_a_number_is_given_once_and_is_that_of_the_file() -> None:
+def test_each_decision_has_its_own_number_which_is_that_of_its_file() -> None:
     found = decisions.decisions()
     assert [d.number for d in found] == [int(d.file[:4]) for d in found]
     numbers = [d.number for d in found]
@@ -17,7 +17,7 @@ def test_a_number_is_given_once_and_is_that_of_the_file() -> None:
     assert numbers == wanted, "the next page takes the next number"
 
 
-def test_what_is_superseded_or_changed_says_by_what_and_the_other_way_round() -> None:
+def test_a_superseded_decision_and_its_successor_name_each_other() -> None:
     found = decisions.decisions()
     told = {(d.number, other) for d in found for other in d.made_void_by}
     claimed = {(other, d.number) for d in found for other in d.makes_void}

@@ -29,12 +29,12 @@ def test_every_relative_link_leads_somewhere() -> None:
     assert [(str(page), link) for page, link in links if not (page.parent / link).exists()] == []
 
 
-def test_every_word_of_the_wire_is_written_down() -> None:
+def test_every_word_of_the_protocol_is_documented() -> None:
     page = (ROOT / "docs/reference/protocol.md").read_text("utf-8")
     assert [word for word in WORDS if f"`{word}`" not in page] == []
 
 
-def test_every_refusal_of_the_guard_is_written_down() -> None:
+def test_every_refusal_of_the_guard_is_documented() -> None:
     files = [*ROOT.glob("server/access/*.py"), *ROOT.glob("server/gateway/*.py")]
     sources = [file.read_text("utf-8") for file in files]
     refused = {pair for text in sources for pair in re.findall(r'\b(4\d\d|5\d\d), "(\w+)"', text)}

@@ -30,13 +30,13 @@ def test_every_metric_that_is_asked_for_is_measured(file: str, names: set[str]) 
     assert asked <= names
 
 
-def test_every_reason_that_an_alert_names_is_one() -> None:
+def test_every_stop_reason_in_an_alert_exists() -> None:
     alerts = (EXAMPLES / "monitoring/alerts.yml").read_text("utf-8")
     [reasons] = re.findall(r'reason=~"([\w|]+)"', alerts)
     assert set(reasons.split("|")) <= {*StopReason}
 
 
-def test_the_dashboard_has_no_two_panels_in_one_place() -> None:
+def test_no_two_panels_of_the_dashboard_overlap() -> None:
     panels = json.loads((EXAMPLES / "monitoring/dashboard.json").read_text("utf-8"))["panels"]
     places = [(panel["gridPos"]["x"], panel["gridPos"]["y"]) for panel in panels]
     assert len({*places}) == len({panel["id"] for panel in panels}) == len(panels)

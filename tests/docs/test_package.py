@@ -29,14 +29,18 @@ def _targets(page: str) -> list[str]:
     return [link or picture for link, picture in _TARGET.findall(page)]
 
 
-def test_without_an_address_of_our_own_no_link_is_relative(build: ModuleType) -> None:
+def test_without_a_public_repository_the_package_page_has_no_relative_link(
+    build: ModuleType,
+) -> None:
     page = build.page(README, "", "1.2.3")
     assert _targets(page) == []
     assert "Tutorial: a robot that drives itself" in page and "<img" not in page
     assert build.urls("", "1.2.3") == {}
 
 
-def test_with_one_every_link_is_absolute_and_of_this_version(build: ModuleType) -> None:
+def test_with_a_public_repository_every_link_is_absolute_and_of_this_version(
+    build: ModuleType,
+) -> None:
     before, after = _targets(README), _targets(build.page(README, HOME, "1.2.3"))
     kinds = ["raw" if path.startswith("docs/images/") else "blob" for path in before]
     assert len(before) > 30
@@ -51,14 +55,14 @@ def test_a_link_that_is_absolute_or_within_the_page_is_left_alone(build: ModuleT
     assert build.page(text, HOME, "1") == text == build.page(text, "", "1")
 
 
-def test_all_links_of_the_readme_stand_in_one_list() -> None:
+def test_all_links_of_the_readme_are_in_one_list() -> None:
     head, documents = README.split("\n## Documents\n")
     assert not re.search(r"\]\(", head)
     assert all(line.startswith("- ") for line in documents.strip().splitlines())
     assert head.count("<img ") == 2  # one picture, one figure
 
 
-def test_the_classifiers_name_every_python_that_is_tried() -> None:
+def test_the_classifiers_name_every_tested_python() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     told = re.findall(r"Python :: (3\.\d+)", " ".join(project["classifiers"]))
     release = (ROOT / ".github/workflows/release.yml").read_text("utf-8")

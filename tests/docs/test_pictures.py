@@ -18,7 +18,7 @@ IMAGES = DOCS / "images"
 _SHOWN = re.compile(r"""(?:src="|\]\()([^")\s]*images/[^")\s]+)""")
 
 
-def test_pictures_are_shown_and_those_shown_are_there() -> None:
+def test_every_picture_is_shown_and_every_shown_picture_exists() -> None:
     shown = {
         (page.parent / name).resolve()
         for page in (DOCS.parent / "README.md", *DOCS.rglob("*.md"))

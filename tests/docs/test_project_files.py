@@ -23,7 +23,7 @@ def _versions() -> list[tuple[str, str]]:
     return [(part.partition("\n")[0], part.partition("\n")[2]) for part in parts]
 
 
-def test_what_is_not_released_stands_on_top_and_the_rest_is_dated() -> None:
+def test_unreleased_changes_are_on_top_and_releases_have_dates() -> None:
     (first, _), *others = _versions()
     assert first == "Unreleased"
     dates = [re.fullmatch(r"\d+\.\d+\.\d+ \((\d{4}-\d\d-\d\d)\)", head) for head, _ in others]

@@ -16,7 +16,7 @@ SCHEMA = json.loads((results.FOLDER / "schema.json").read_text("utf-8"))
 QUESTIONS = results.questions()
 
 
-def test_every_question_has_the_one_form() -> None:
+def test_every_question_has_the_same_form() -> None:
     for file, question in QUESTIONS.items():
         Draft202012Validator(SCHEMA).validate(question)
         widths = {len(row["measured"]) for row in question["rows"]}
@@ -34,14 +34,14 @@ def _git(*words: str) -> str:
 @pytest.mark.skipif(
     _git("rev-parse", "--is-shallow-repository") != "false", reason="no whole history here"
 )
-def test_every_figure_is_of_a_commit_that_there_is_and_not_older() -> None:
+def test_every_figure_names_an_existing_commit_and_a_later_date() -> None:
     for run in {str(run): run for one in QUESTIONS.values() for run in one["runs"]}.values():
         is_there = not _git("rev-list", "-1", run["commit"], "--not", "HEAD")
         made = _git("log", "-1", "--format=%cs", run["commit"])
         assert made and is_there and made <= run["date"], run
 
 
-def test_a_run_fills_in_what_it_measured() -> None:
+def test_a_run_replaces_the_figures_that_it_measured() -> None:
     question: dict[str, Any] = {
         "rows": [
             {

@@ -64,7 +64,7 @@ def test_every_reference_leads_somewhere_and_every_message_is_on_a_socket() -> N
         jsonschema.Draft7Validator.check_schema(schema)
 
 
-def test_words_limits_and_sizes_are_those_of_the_code() -> None:
+def test_names_limits_and_sizes_equal_those_of_the_code() -> None:
     state = DOWN["state"]["properties"]
     for name, words in {
         "mode": Mode,
@@ -101,7 +101,7 @@ def without_more(schema: Any) -> Any:
     return {"additionalProperties": False, **inner} if "properties" in schema else inner
 
 
-def test_what_the_server_says_is_as_described_and_nothing_is_left_out() -> None:
+def test_the_server_sends_exactly_the_described_messages() -> None:
     with VirtualServer() as server, server.pilot() as pilot:
         pilot.mode("train")
         pilot.hold("forward")
@@ -140,7 +140,7 @@ FIELDS = (
     kind=st.sampled_from(["drive", "mode", "ping", *BareMessage]),
     fields=st.dictionaries(st.sampled_from(FIELDS), VALUES | st.sampled_from([*Mode, *MOVES])),
 )
-def test_the_server_takes_what_is_described_and_nothing_else(
+def test_the_server_accepts_exactly_the_described_messages(
     kind: str, fields: dict[str, Any]
 ) -> None:
     message = {"type": str(kind), **fields}

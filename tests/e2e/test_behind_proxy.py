@@ -35,7 +35,9 @@ LAYOUTS = {
 
 
 @pytest.mark.parametrize("layout", few(LAYOUTS, 1))
-def test_page_sockets_and_stop(layout: str, tmp_path: Path, chromium: Any) -> None:
+def test_the_page_its_websockets_and_stop_work_behind_a_proxy(
+    layout: str, tmp_path: Path, chromium: Any
+) -> None:
     port = free_port()
     addresses = [address.format(port=port) for address in LAYOUTS[layout]]
     with contextlib.ExitStack() as stack:

@@ -33,7 +33,7 @@ def drive(page: Any, world: World) -> Fingers:
     return fingers
 
 
-def test_blocking_the_main_thread(phone: Any, world: World) -> None:
+def test_the_robot_stops_if_the_pages_main_thread_hangs(phone: Any, world: World) -> None:
     # A computer that is paused meanwhile stops the robot because of a picture's age.
     for _ in range(5):
         drive(phone, world)
@@ -51,14 +51,14 @@ def test_blocking_the_main_thread(phone: Any, world: World) -> None:
     assert "lost contact with you" in phone.locator(".notice").inner_text()
 
 
-def test_a_crash_of_the_tab(phone: Any, world: World) -> None:
+def test_the_robot_stops_if_the_tab_crashes(phone: Any, world: World) -> None:
     drive(phone, world)
     with contextlib.suppress(Exception):  # nobody answers any more
         phone.goto("chrome://crash", timeout=10_000)
     wait_until_standing(world)
 
 
-def test_a_link_that_falls_silent_and_comes_back(
+def test_the_robot_stops_if_the_link_falls_silent_and_waits_when_it_is_back(
     chromium: Any, world: World, proxy: BrokenWay
 ) -> None:
     context = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)

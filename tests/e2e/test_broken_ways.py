@@ -171,7 +171,7 @@ def test_a_proxy_that_refuses_connect_is_named_and_pictures_come_by_requests(
 
 
 @only_full
-def test_a_box_that_looks_into_tls_is_no_robot_that_stands(tmp_path: Path) -> None:
+def test_a_proxy_that_intercepts_tls_is_not_shown_as_a_standing_robot(tmp_path: Path) -> None:
     ours, theirs = (_certificates(tmp_path / name) for name in ("ours", "theirs"))
     inspecting = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     inspecting.load_cert_chain(theirs.chain, theirs.key)

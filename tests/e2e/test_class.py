@@ -18,7 +18,9 @@ from .world import PHONE
 pytestmark = pytest.mark.browser
 
 
-def test_names_codes_locks_models_and_stop(chromium: Any, tmp_path: Path) -> None:
+def test_the_board_renames_pairs_locks_copies_models_and_stops(
+    chromium: Any, tmp_path: Path
+) -> None:
     with running_class(tmp_path, 2, tls=1) as school:
         context = chromium.new_context(locale="en")
         page = context.new_page()

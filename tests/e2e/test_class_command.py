@@ -158,7 +158,9 @@ def running(folder: Path) -> list[str]:
 
 
 @pytest.mark.timeout(900)
-def test_from_the_paper_to_ctrl_c(chromium: Any, delivered: Path, tmp_path: Path) -> None:
+def test_a_class_works_from_the_printed_codes_to_ctrl_c(
+    chromium: Any, delivered: Path, tmp_path: Path
+) -> None:
     port = free_ports(ROBOTS + 1)
     context = chromium.new_context(locale="en")
     phones = []

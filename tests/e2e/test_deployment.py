@@ -129,7 +129,7 @@ def contained(tmp_path: Path, port: int) -> Iterator[tuple[subprocess.Popen[str]
 
 @only_full
 @pytest.mark.timeout(600)
-def test_the_image_drives_without_root_and_writes_its_data_alone(tmp_path: Path) -> None:
+def test_the_image_drives_without_root_and_writes_only_its_data(tmp_path: Path) -> None:
     (port,) = [free_ports(1)]
     with contained(tmp_path, port) as (process, data):
         assert process.stdout is not None
@@ -160,7 +160,7 @@ def unit_lines(text: str) -> dict[str, str]:
     return dict(re.findall(r"^(\w+)=(.*)$", text, re.M))
 
 
-def test_systemd_takes_the_service_and_finds_little_exposed(tmp_path: Path) -> None:
+def test_systemd_accepts_the_service_and_finds_little_exposed(tmp_path: Path) -> None:
     if not shutil.which("systemd-analyze"):
         pytest.skip("THE SERVICE WAS NOT CHECKED: there is no systemd-analyze")
     unit = tmp_path / SERVICE.name
@@ -172,7 +172,7 @@ def test_systemd_takes_the_service_and_finds_little_exposed(tmp_path: Path) -> N
     assert judged.returncode == 0, judged.stdout[-200:]
 
 
-def test_the_service_starts_what_the_program_knows() -> None:
+def test_the_service_uses_options_that_the_program_has() -> None:
     lines = unit_lines(SERVICE.read_text("utf-8"))
     program, *words = shlex.split(lines["ExecStart"].replace("%S", "/var/lib"))
     assert program == PROGRAM

@@ -94,7 +94,7 @@ def it_is_named_and_protected(phone: Any, store: Any, episode_id: str) -> None:
     assert not store.notes(episode_id).is_protected
 
 
-def test_recordings_beyond_their_space_are_offered(
+def test_recordings_beyond_the_budget_are_offered_for_deletion(
     rovers_phone: Any, shelf: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     episodes = shelf.persistence.part(Recordings).episodes

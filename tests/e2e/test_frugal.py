@@ -16,7 +16,7 @@ from .world import PHONE, World, open_page, running_world
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 
-def test_no_pictures_cross_to_a_page_that_does_not_show_them(phone: Any, world: World) -> None:
+def test_no_pictures_are_sent_to_a_page_that_does_not_show_them(phone: Any, world: World) -> None:
     def frames() -> int:
         return int(phone.evaluate("document.querySelector('video-view').frames"))
 
@@ -35,7 +35,7 @@ def test_no_pictures_cross_to_a_page_that_does_not_show_them(phone: Any, world: 
     assert world.services.hub.lease.owner is not None, "the page still has the wheel"
 
 
-def test_the_first_visit_is_enough_to_come_back(chromium: Any, tmp_path: Path) -> None:
+def test_after_one_visit_the_page_opens_without_the_robot(chromium: Any, tmp_path: Path) -> None:
     context = chromium.new_context(viewport=PHONE)
     with running_world(tmp_path) as world:
         page = open_page(context, world.address)

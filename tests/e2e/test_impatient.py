@@ -16,7 +16,7 @@ from .world import PHONE, World, new_context, open_page
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 
-def test_who_goes_back_while_a_screen_is_loaded_is_told_and_gets_it_once(
+def test_a_screen_left_and_opened_again_while_it_loads_is_shown_once(
     chromium: Any, world: World
 ) -> None:
     context = new_context(chromium, PHONE)
@@ -35,7 +35,7 @@ def test_who_goes_back_while_a_screen_is_loaded_is_told_and_gets_it_once(
     context.close()
 
 
-def test_what_is_refused_or_has_changed_is_told_and_not_shown_as_done(
+def test_a_refused_or_changed_file_is_reported_and_not_shown_as_done(
     chromium: Any, world: World, tmp_path: Path
 ) -> None:
     plan, model = tmp_path / "plan.toml", tmp_path / "model.npz"

@@ -41,7 +41,7 @@ def stop_on_the_first_screen(page: Any, world: World) -> None:
 
 
 @pytest.mark.parametrize("part", few(["drive.js", "page.css", "en.js"], 1))
-def test_what_is_lost_is_fetched_again_and_a_stop_is_asked_for_until_it_is_answered(
+def test_a_lost_file_is_fetched_again_and_a_stop_is_repeated_until_answered(
     context: Any, world: World, part: str
 ) -> None:
     lost = re.compile(rf"/[0-9a-f]{{10}}-{re.escape(part)}")

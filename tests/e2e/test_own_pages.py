@@ -105,7 +105,7 @@ WRONGLY_HIT = """(n) => {
 }"""
 
 
-def test_no_word_of_a_move_lies_over_another_move(phone: Any) -> None:
+def test_no_label_of_a_move_lies_over_another_move(phone: Any) -> None:
     """A finger on it would drive that robot."""
     for size in (PHONE, LANDSCAPE, {"width": 320, "height": 568}):
         phone.set_viewport_size(size)

@@ -27,7 +27,9 @@ def hears(page: Any, told: str) -> None:
     expect(page.locator("body")).to_match_aria_snapshot(told, timeout=60_000)
 
 
-def test_mending_is_read_out_with_times_and_states(rovers_desktop: Any, shelf: World) -> None:
+def test_editing_a_recording_is_read_out_with_times_and_states(
+    rovers_desktop: Any, shelf: World
+) -> None:
     desktop = rovers_desktop
     shelf.persistence.autosave.save()
     desktop.evaluate("location.hash = 'home'")

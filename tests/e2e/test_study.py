@@ -239,7 +239,7 @@ SIZES = [(280, 653), (320, 480), (844, 390), (1280, 800)]
 
 
 @pytest.mark.parametrize("world", ["box"], indirect=True)
-def test_every_screen_of_a_study_is_whole_and_open_to_everyone(
+def test_every_screen_of_a_study_fits_and_is_accessible(
     chromium: Any, world: World, npm_modules: Path
 ) -> None:
     axe = (npm_modules / "axe-core" / "axe.min.js").read_text()

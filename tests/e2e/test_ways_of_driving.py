@@ -184,7 +184,7 @@ NOTE_SAID = """() => {
 
 
 @pytest.mark.parametrize("by", ["moves", "stick"])
-def test_letting_go_stops(
+def test_every_way_of_letting_go_stops_the_robot(
     rovers_page: Callable[[dict[str, int]], Any], world: World, by: str
 ) -> None:
     """The page reports it while it handles the event itself. Later delays are due to the link, and
@@ -333,7 +333,7 @@ def test_a_finger_that_slides_off_the_pad_lets_go_though_another_tilts(
     phone.evaluate(tilt, False)
 
 
-def test_what_drives_itself_stops_when_nobody_sees_it(phone: Any, world: World) -> None:
+def test_a_robot_that_drives_itself_stops_when_its_page_is_hidden(phone: Any, world: World) -> None:
     choose(phone, world, Mode.TRAIN)
     fingers = Fingers(phone)
     wanted = world.lessons + 8

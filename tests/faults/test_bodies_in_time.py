@@ -14,7 +14,9 @@ N_DRIVES = min(max(SEEDS // 5, 3), DRIVES)
 
 @pytest.mark.parametrize("by_degrees", [False, True], ids=["by moves", "by degrees"])
 @crossed(fault=FAULTS, name=BODIES)
-def test_a_body_stands_when_its_server_is_gone(name: str, fault: str, by_degrees: bool) -> None:
+def test_each_body_stops_in_time_when_its_server_is_gone(
+    name: str, fault: str, by_degrees: bool
+) -> None:
     if name == "gpio":
         pytest.importorskip("gpiozero", reason="an extra, and not of Debian 12's versions")
     late = {

@@ -15,7 +15,7 @@ NAMED = {fault.name: fault for fault in FAULTS}
 
 
 @crossed(name=NAMED, mode=MODES, by=["moves", "degrees"])
-def test_the_robot_stands_in_time_whenever_a_fault_comes(name: str, mode: str, by: str) -> None:
+def test_the_robot_stops_in_time_at_any_moment_of_a_fault(name: str, mode: str, by: str) -> None:
     found = outcomes(NAMED[name], mode, range(SEEDS), by_degrees=by == "degrees")
     late = {n: o.stood_after_s for n, o in enumerate(found) if o.stood_after_s >= LIMIT_S[mode]}
     assert not late, f"goes on, by seed: {late}"
@@ -42,7 +42,7 @@ def make_plan(seed: int) -> Plan:
 
 
 @pytest.mark.parametrize("first", range(0, PLANS, A_WORLD))
-def test_the_robot_stands_in_time_whatever_faults_come_together(first: int) -> None:
+def test_the_robot_stops_in_time_at_any_combination_of_faults(first: int) -> None:
     async def live(world: FaultWorld) -> None:
         for seed in range(first, first + A_WORLD):
             await world.live_through_many(make_plan(seed))

@@ -48,7 +48,7 @@ async def live_with_pauses(world: FaultWorld, seconds: float) -> int:
 
 
 @pytest.mark.parametrize("camera", CAMERAS)
-def test_ten_minutes_by_itself_with_an_ordinary_phone(camera: str) -> None:
+def test_a_robot_drives_itself_for_ten_minutes_with_an_ordinary_phone(camera: str) -> None:
     stops: list[StopReason] = []
 
     async def scenario(world: FaultWorld) -> tuple[int, float]:
@@ -77,7 +77,7 @@ def test_ten_minutes_by_itself_with_an_ordinary_phone(camera: str) -> None:
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_it_stands_within_half_a_second_after_its_pilot_is_gone(mode: str) -> None:
+def test_the_robot_stops_within_half_a_second_after_its_pilot_is_gone(mode: str) -> None:
     gone = [fault for fault in FAULTS if fault.name in GONE]
     assert len(gone) == len(GONE)
 

@@ -47,7 +47,7 @@ def test_the_howto_works_as_written(followed: tuple[Path, list[str]]) -> None:
 
 
 @only_full
-def test_with_a_strangers_plugin_our_own_suite_passes(
+def test_with_a_third_party_plugin_our_own_suite_passes(
     environment: OwnEnvironment, followed: tuple[Path, list[str]]
 ) -> None:
     """Tests that read the registry of robots: the contract, the reference, the options."""
@@ -119,7 +119,7 @@ def teach_in_one_drive(environment: OwnEnvironment, package: Path, data: Path) -
 
 
 @pytest.mark.realtime
-def test_a_strangers_robot_is_taught_recorded_exported_and_learned(
+def test_a_third_party_robot_is_taught_recorded_exported_and_learned(
     environment: OwnEnvironment, followed: tuple[Path, list[str]], tmp_path: Path
 ) -> None:
     package = followed[0] / "drivelesson-wheely"

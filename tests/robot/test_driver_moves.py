@@ -39,7 +39,7 @@ def moves(draw: st.DrawFn) -> Move:
 
 
 @given(NAMES)
-def test_one_name_is_one_object(name: str) -> None:
+def test_each_move_name_has_one_object(name: str) -> None:
     action = Action("".join(name))  # not the same string object
     assert action is Action(name)
     assert action == name and hash(action) == hash(name) and str(action) == action.value == name
@@ -49,7 +49,7 @@ def test_one_name_is_one_object(name: str) -> None:
     assert json.loads(json.dumps({action: action})) == {name: name}
 
 
-def test_names_from_outside_fill_no_table() -> None:
+def test_names_of_moves_that_nobody_uses_are_not_kept() -> None:
     kept = Action("kept_by_somebody")
     before = len(Action._interned)
     for number in range(10_000):
@@ -67,7 +67,7 @@ def test_threads_that_meet_a_new_name_get_one_object() -> None:
 
 
 @given(st.text().filter(lambda text: not text.isascii() or not text.isidentifier()))
-def test_what_is_no_name_is_refused(text: str) -> None:
+def test_invalid_names_of_moves_are_refused(text: str) -> None:
     with pytest.raises(ValueError, match="not a valid name of a move"):
         Action(text)
 
@@ -127,7 +127,7 @@ def test_the_point_of_a_move_counts_as_that_move(declared: list[Move]) -> None:
         assert move.point is not None and move_at(move.point, declared) is move.name
 
 
-def test_points_of_a_car_are_cut_where_it_says() -> None:
+def test_a_point_counts_as_the_declared_move_with_the_nearest_steering() -> None:
     three = describe(DEFAULT_MOVES)
     cut = [move_at(Point(steering, 0.3), three) for steering in (-0.21, -0.2, 0.2, 0.21)]
     assert cut == [Action.LEFT, Action.FORWARD, Action.FORWARD, Action.RIGHT]

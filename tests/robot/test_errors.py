@@ -10,7 +10,7 @@ import pytest
 from robot.errors import ConfigurationError, RecordingError, told_as
 
 
-def test_an_error_of_the_system_is_told_with_its_reason_and_what_to_do(tmp_path: Path) -> None:
+def test_an_error_of_the_system_is_converted_with_its_reason_and_what_to_do(tmp_path: Path) -> None:
     file = tmp_path / "none"
     said = f"cannot read {file}: No such file or directory; choose another"
     with (
@@ -21,7 +21,7 @@ def test_an_error_of_the_system_is_told_with_its_reason_and_what_to_do(tmp_path:
     assert isinstance(raised.value.__cause__, FileNotFoundError)
 
 
-def test_only_the_errors_that_are_named_are_told() -> None:
+def test_only_the_named_kinds_of_errors_are_converted() -> None:
     with (
         pytest.raises(RecordingError, match=r"^it is damaged: KeyError\(\)$"),
         told_as(RecordingError, "it is damaged", KeyError, ValueError),
@@ -31,7 +31,7 @@ def test_only_the_errors_that_are_named_are_told() -> None:
         raise OSError("another")
 
 
-def test_a_long_reason_of_a_stranger_is_cut() -> None:
+def test_a_long_reason_from_another_program_is_truncated() -> None:
     with (
         pytest.raises(RecordingError, match=r"^damaged: x{300}$"),
         told_as(RecordingError, "damaged", ValueError),

@@ -49,7 +49,7 @@ def test_a_viewer_sees_pictures_but_its_orders_are_refused(server: VirtualServer
         pilot.wait_for_state(emergency=True, stop_reason="emergency")
 
 
-def test_a_pilot_who_leaves_gives_the_wheel_to_the_only_other_and_the_robot_stands(
+def test_when_the_pilot_leaves_the_other_client_gets_the_wheel_and_the_robot_stands(
     server: VirtualServer,
     points: Points,
 ) -> None:

@@ -139,7 +139,7 @@ def test_each_module_that_is_fetched_later_is_found() -> None:
         ("const part = `//${a} /* no */`;\n", "const part = `//${a} /* no */`;\n"),
     ],
 )
-def test_comments_go_and_texts_stay(source: str, left: str) -> None:
+def test_bundling_removes_comments_and_keeps_texts(source: str, left: str) -> None:
     assert shrink(source) == left
 
 
@@ -153,7 +153,7 @@ def get(path: str, folder: Path | None = None, **headers: str) -> httpx.Response
     return asyncio.run(ask())
 
 
-def test_joined_files_are_kept_for_ever_and_the_document_is_asked_for_again() -> None:
+def test_bundled_files_are_cached_forever_and_the_document_is_requested_again() -> None:
     document = get("/")
     for address in files(joined_page()):
         file = get(address)

@@ -25,7 +25,7 @@ def node() -> str:
     return found
 
 
-def test_the_page_in_node(node: str) -> None:
+def test_the_pages_tests_pass_in_node(node: str) -> None:
     files = sorted(str(path) for path in HERE.glob("*.test.mjs"))
     ran = subprocess.run(
         [node, "--test", *files],

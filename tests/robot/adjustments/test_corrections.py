@@ -71,7 +71,7 @@ def test_raw_pictures_of_a_usb_camera_keep_their_brightness(mounting: CameraCorr
 
 
 @crossed(mounting=WAYS[1:], encoding=list(Encoding), sides=[(7, 6), (1, 1), (6, 5), (0, 0)])
-def test_what_cannot_be_turned_stays_as_it_is(
+def test_a_damaged_picture_is_passed_on_unturned(
     mounting: CameraCorrection, encoding: Encoding, sides: tuple[int, int]
 ) -> None:
     """Its reader reports the damage, and the camera's thread does not end."""
@@ -141,7 +141,7 @@ def test_each_of_the_eight_ways_to_wire_two_motors_has_one_correction() -> None:
 
 
 @pytest.mark.parametrize("motor_board", ["two-pwm", "phase-enable"])
-def test_a_board_whose_motors_are_reversed_while_it_is_connected(motor_board: str) -> None:
+def test_motors_can_be_reversed_while_the_board_is_connected(motor_board: str) -> None:
     """The pins of gpiozero's mock, which another process takes meanwhile."""
     pytest.importorskip("gpiozero", reason="an extra, and not of Debian 12's versions")
     from tests.standins.gpio import MockPins

@@ -54,7 +54,7 @@ def test_two_brown_outs_in_a_row_are_told_and_a_drive_ends_it(tmp_path: Path) ->
     [(None, False), (0.2, True), (SOON_S + 1.0, False), (None, True)],
     ids=["cut at rest", "update as it drives", "cut after a long drive", "update at rest"],
 )
-def test_other_ends_are_none_of_the_batterys(
+def test_other_ends_of_the_program_are_not_blamed_on_the_battery(
     tmp_path: Path, drives_s: float | None, ends_well: bool
 ) -> None:
     for _ in range(4):
@@ -91,6 +91,6 @@ def test_it_hears_each_tick_only_until_the_drive_has_lasted(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"early_ends": -5, "drive_began": 1}', "{", "null"])
-def test_a_mark_that_cannot_be_read_is_none(tmp_path: Path, text: str) -> None:
+def test_an_unreadable_mark_counts_as_none(tmp_path: Path, text: str) -> None:
     (tmp_path / "mark.json").write_text(text)
     assert EarlyEnds(tmp_path / "mark.json").count == 0

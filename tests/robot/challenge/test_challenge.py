@@ -113,7 +113,7 @@ def test_no_cheat_scores_more_than_an_honest_mean_robot(cheat: str) -> None:
 
 
 @pytest.mark.parametrize("cheat", FEWER)
-def test_what_is_a_course_only_in_part_scores_clearly_less(cheat: str) -> None:
+def test_a_drive_that_is_only_partly_a_course_scores_clearly_less(cheat: str) -> None:
     assert score(FEWER[cheat]) < 0.6 * score(HONEST_BOX)
 
 
@@ -153,7 +153,7 @@ def challenge() -> Challenge:
         ({"bumped": True}, Ending.BUMPED),
     ],
 )
-def test_what_goes_wrong_ends_the_try_and_what_was_driven_counts(
+def test_a_failure_ends_the_try_and_the_metres_until_then_count(
     challenge: Challenge, last: dict[str, Any], ending: Ending
 ) -> None:
     assert straight_on(challenge, 10.0) == []
@@ -171,7 +171,7 @@ def test_a_try_that_is_stopped_before_it_scores_is_not_used_up(challenge: Challe
     assert challenge.tries == () and challenge.is_armed and not challenge.is_on
 
 
-def test_three_tries_and_the_best_is_kept() -> None:
+def test_of_three_tries_the_best_counts() -> None:
     challenge, start_s = Challenge(), 0.0
     for seconds in (5.0, 20.0, 10.0):
         assert not challenge.is_on

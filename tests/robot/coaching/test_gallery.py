@@ -62,7 +62,7 @@ NAMES = ("default-16", "published-16")
 
 
 @crossed(name=NAMES, seed=range(5))
-def test_the_parts_add_up_to_the_learners_own_distance(name: str, seed: int) -> None:
+def test_the_distances_of_the_parts_add_up_to_the_learners_distance(name: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     policy = make_policy(name)
     for label in (Action.FORWARD, Action.LEFT) * 3:
@@ -76,7 +76,9 @@ def test_the_parts_add_up_to_the_learners_own_distance(name: str, seed: int) -> 
 
 
 @crossed(name=NAMES, seed=range(8))
-def test_what_is_marked_is_what_only_the_deciding_image_shares(name: str, seed: int) -> None:
+def test_only_the_parts_that_the_deciding_image_alone_shares_are_marked(
+    name: str, seed: int
+) -> None:
     """Views of one ground; each image has a different pattern in one part."""
     rng = np.random.default_rng(seed)
     ground = rng.integers(90, 110, (120, 160))

@@ -91,7 +91,7 @@ def early(seconds: float, *, n_turns: int = EARLY_STARTS, novelty: float = 0.0) 
     return drive
 
 
-def test_a_robot_that_knows_nothing_is_to_be_taught() -> None:
+def test_an_untaught_robot_needs_teaching_before_it_may_try() -> None:
     readiness = Readiness()
     [gap] = readiness.missing()
     assert readiness.stage is Stage.TEACH
@@ -152,7 +152,7 @@ def test_a_move_begun_too_few_times_is_named() -> None:
 
 
 @pytest.mark.parametrize("straight_s", [60, 300, 900])
-def test_who_drives_straight_for_minutes_is_told_which_turn_is_missing(straight_s) -> None:
+def test_a_pilot_who_drives_straight_for_minutes_is_told_which_turn_is_missing(straight_s) -> None:
     drive = Drive()
     for _ in range(STARTS):
         drive.teach(F, straight_s / STARTS)
@@ -182,7 +182,7 @@ def test_a_pilot_who_begins_with_what_the_robot_does_corrects_it_where_he_turns(
 
 
 @crossed(rate_hz=[10, 15, 30], slip_s=[0.1, 0.2, 0.3], n_slips=[1, 2, 3, 4, 5])
-def test_who_never_turns_left_is_not_asked_for_it_however_often_the_finger_slips(
+def test_a_pilot_who_never_turns_left_is_not_asked_for_left_turns_despite_slips(
     rate_hz, slip_s, n_slips
 ) -> None:
     drive = Drive(rate_hz)
@@ -205,7 +205,7 @@ def test_who_never_turns_left_is_not_asked_for_it_however_often_the_finger_slips
         ),
     ],
 )
-def test_whatever_goes_wrong_begins_the_trial_anew_and_says_where(what, kind) -> None:
+def test_every_mistake_restarts_the_trial_and_is_shown_with_its_place(what, kind) -> None:
     drive = taught()
     drive.alone(CLEAN_S + 5)
     at_frame = drive.number
@@ -245,7 +245,7 @@ def test_a_view_that_it_hardly_knows_is_shown_and_keeps_it_from_ready(novelty) -
 
 
 @crossed(rate_hz=[10, 15, 30], unknown_s=[0.0, 0.5, 1.0, 1.5])
-def test_it_is_ready_just_when_it_has_driven_for_as_long_as_it_says(rate_hz, unknown_s) -> None:
+def test_it_is_ready_exactly_after_the_time_that_it_named(rate_hz, unknown_s) -> None:
     drive = taught(rate_hz)
     drive.alone(unknown_s, novelty=HARDLY_KNOWN)
     while drive.readiness.stage is not Stage.READY:
@@ -256,7 +256,7 @@ def test_it_is_ready_just_when_it_has_driven_for_as_long_as_it_says(rate_hz, unk
 
 
 @pytest.mark.parametrize("share", [0.1, 0.3, 1.0])
-def test_what_it_says_it_has_to_drive_is_never_without_an_end(share) -> None:
+def test_the_remaining_time_is_always_finite(share) -> None:
     drive = taught()
     for _ in range(300):
         drive.alone(1.0 - share)
@@ -266,7 +266,7 @@ def test_what_it_says_it_has_to_drive_is_never_without_an_end(share) -> None:
     assert drive.readiness.stage is Stage.TRY
 
 
-def test_a_change_that_the_robot_would_not_have_made_is_told_with_its_place() -> None:
+def test_a_change_of_move_that_the_robot_did_not_foresee_is_shown_with_its_place() -> None:
     drive = taught()
     drive.teach(F, 2.0)
     drive.teach(L, 2.0, proposed=F)

@@ -26,7 +26,7 @@ def _timing_of(period_s: float, age_s: float, frames: int = 60) -> CameraTiming:
     return timing
 
 
-def test_a_quick_camera_gets_the_limits_of_old() -> None:
+def test_a_fast_camera_gets_the_shortest_limits() -> None:
     timing = _timing_of(1 / 30, 0.005)
     assert (timing.state.timeout_s, timing.state.speed_scale) == (SHORTEST_S, 1.0)
     assert timing.state.slack_s == pytest.approx(0.0)
@@ -46,7 +46,7 @@ def test_a_webcam_on_a_brick_gets_time_enough_and_full_speed() -> None:
         max_size=80,
     )
 )
-def test_whatever_a_camera_does_the_limits_are_bounded(
+def test_the_limits_are_bounded_whatever_a_camera_does(
     pictures: list[tuple[float, float, bool]],
 ) -> None:
     timing, captured_s, delivered_s = CameraTiming(SHORTEST_S), 0.0, 0.0
@@ -66,7 +66,7 @@ def test_whatever_a_camera_does_the_limits_are_bounded(
             assert timing.state.delivery_age_s <= before.delivery_age_s + most_s
 
 
-def test_it_grows_slowly_while_moving_and_shrinks_at_once() -> None:
+def test_the_allowed_delay_grows_slowly_while_moving_and_shrinks_at_once() -> None:
     timing = _timing_of(1 / 30, 0.005)
     at_s, ages = 2.0, []
     for _ in range(10):
@@ -92,7 +92,7 @@ def test_a_lost_picture_now_and_then_changes_nothing(lost_every: int) -> None:
 
 
 @pytest.mark.parametrize("pause_s", [10.0, 60.0, 3600.0])
-def test_a_pause_of_the_camera_is_no_period_of_it(pause_s: float) -> None:
+def test_a_pause_of_the_camera_does_not_count_as_its_period(pause_s: float) -> None:
     timing = _timing_of(1 / 30, 0.005)
     before = timing.state
     for i in range(20):
@@ -236,7 +236,7 @@ def test_with_pictures_600_ms_old_it_stands() -> None:
 
 
 @pytest.mark.parametrize("phone_s", few([0.1, 0.2, 0.25], 2))
-def test_a_slow_phone_costs_pictures_not_examples(phone_s: float) -> None:
+def test_with_a_slow_phone_pictures_are_skipped_but_no_examples(phone_s: float) -> None:
     result = drive(1 / 30, 0.005, phone_s=phone_s)
     assert not result.stops
     assert result.moving() >= 0.99
@@ -274,7 +274,7 @@ def test_after_the_camera_freezes_it_stands_within_half_a_second_and_a_period(
     assert clock.now_s() - last_s <= 0.5 + period_s
 
 
-def test_the_camera_is_told_in_the_state() -> None:
+def test_the_state_reports_the_cameras_timing() -> None:
     robot = BenchRobot()
     for _ in range(20):
         robot.clock.advance(0.1)

@@ -52,7 +52,7 @@ def test_a_new_gate_stands_whatever_is_held_or_predicted() -> None:
     assert decision.mode is Mode.STOPPED
 
 
-def test_in_train_the_robot_does_what_is_held_and_stands_when_nothing_is() -> None:
+def test_in_training_mode_the_robot_drives_the_held_move_and_otherwise_stands() -> None:
     gate = started(Mode.TRAIN)
     assert select(gate, 0.1).action is Action.STOP
     hold(gate, Action.RIGHT, 0.1)
@@ -62,7 +62,7 @@ def test_in_train_the_robot_does_what_is_held_and_stands_when_nothing_is() -> No
     assert select(gate, 0.2).action is Action.STOP
 
 
-def test_in_autonomous_the_pilot_goes_before_the_robot_and_letting_go_returns_the_wheel() -> None:
+def test_in_autonomous_mode_the_pilots_move_has_priority_while_it_is_held() -> None:
     gate = started(Mode.AUTONOMOUS)
     assert select(gate, 0.1).driven_by is DrivenBy.ROBOT
     hold(gate, Action.FORWARD, 0.2)
@@ -93,7 +93,7 @@ def test_a_pilot_who_is_silent_for_longer_than_the_limit_stops_the_robot(
     assert decision.stop_reason is StopReason.PILOT_SILENT
 
 
-def test_a_start_counts_as_a_word_but_not_for_ever() -> None:
+def test_a_start_counts_as_a_command_of_the_pilot_but_expires_like_one() -> None:
     gate = started(Mode.AUTONOMOUS, now_s=5.0)
     assert select(gate, 5.4).driven_by is DrivenBy.ROBOT
     assert select(gate, 5.5).stop_reason is StopReason.PILOT_SILENT
@@ -109,7 +109,7 @@ def test_a_stale_picture_stops_the_robot(mode: Mode) -> None:
 
 @pytest.mark.parametrize(("transit_s", "is_taken"), [(0.25, True), (0.3, True), (0.31, False)])
 @MOVING
-def test_a_command_on_the_way_for_too_long_is_not_obeyed(
+def test_a_command_that_was_too_long_under_way_is_not_obeyed(
     mode: Mode, transit_s: float, is_taken: bool
 ) -> None:
     gate = started(mode)
@@ -128,7 +128,7 @@ def test_a_command_without_a_picture_is_not_obeyed_however_fresh() -> None:
 
 @pytest.mark.parametrize(("transit_s", "is_taken"), [(0.25, True), (0.3, True), (0.31, False)])
 @pytest.mark.parametrize("before", [Mode.STOPPED, Mode.TRAIN, Mode.AUTONOMOUS])
-def test_a_start_on_the_way_for_too_long_stops_the_robot(
+def test_a_start_that_was_too_long_under_way_stops_the_robot(
     before: Mode, transit_s: float, is_taken: bool
 ) -> None:
     gate = Gate()
@@ -172,7 +172,7 @@ def test_a_faulty_camera_stops_the_robot(frame_age_s: float) -> None:
     assert decision.stop_reason is StopReason.CAMERA_FAULT
 
 
-def test_after_a_trip_only_an_explicit_start_moves_the_robot_and_drops_what_was_held() -> None:
+def test_after_a_stop_only_an_explicit_start_moves_the_robot() -> None:
     gate = started(Mode.AUTONOMOUS)
     gate.trip(StopReason.PILOT_GONE)
     hold(gate, Action.FORWARD, 0.1)
@@ -208,7 +208,7 @@ def test_an_emergency_latches_until_it_is_released(mode: Mode) -> None:
     assert gate.start(Mode.TRAIN, 0.2)
 
 
-def test_the_first_reason_of_a_stop_is_kept_counted_and_told_once() -> None:
+def test_the_first_reason_of_a_stop_is_kept_and_counted_once() -> None:
     told: list[Mode] = []
     gate = Gate(on_stop=lambda: told.append(gate.mode))
     gate.trip(StopReason.PILOT_GONE)
@@ -248,7 +248,7 @@ def test_at_a_novel_view_a_robot_asks_and_drives_straight_slowly(
     assert (decision.action, decision.speed_scale, decision.asks_pilot) == (action, scale, True)
 
 
-def test_a_robot_that_got_nowhere_stands_and_says_so_and_a_hand_is_enough() -> None:
+def test_a_stuck_robot_stands_and_asks_until_its_pilot_drives() -> None:
     gate = started(Mode.AUTONOMOUS)
     decision = select(gate, 0.1, replace(NOVEL, needs_help=True))
     assert (decision.action, decision.asks_pilot) == (Action.STOP, True)

@@ -23,7 +23,7 @@ from tests.robot.bench_robot import BenchRobot
         (0.5, LinkLevel.NOT_LEARNING, LinkLevel.TOO_SLOW, 0.5, False, True),
     ],
 )
-def test_each_step_is_taken_at_once_above_its_threshold(
+def test_a_delay_above_a_threshold_restricts_the_robot_at_once(
     threshold_s: float, before: LinkLevel, level: LinkLevel, scale: float, learns: bool, stops: bool
 ) -> None:
     governor = LinkGovernor()
@@ -35,7 +35,7 @@ def test_each_step_is_taken_at_once_above_its_threshold(
     assert (state.speed_scale, state.may_learn, state.must_stop) == (scale, learns, stops)
 
 
-def test_steps_are_taken_back_one_by_one_and_only_after_a_while() -> None:
+def test_restrictions_are_lifted_one_by_one_and_only_after_a_while() -> None:
     governor = LinkGovernor()
     governor.note_age(0.4, 0.0)
     levels = []
@@ -47,7 +47,7 @@ def test_steps_are_taken_back_one_by_one_and_only_after_a_while() -> None:
     assert levels[-1] is LinkLevel.GOOD
 
 
-def test_only_an_age_well_below_the_threshold_counts_as_better() -> None:
+def test_only_a_delay_well_below_the_threshold_lifts_a_restriction() -> None:
     governor = LinkGovernor()
     governor.note_age(0.21, 0.0)
     for tenth in range(1, 60):  # below 0.2, but not by enough
@@ -64,7 +64,7 @@ def test_only_an_age_well_below_the_threshold_counts_as_better() -> None:
     assert governor.level is LinkLevel.GOOD
 
 
-def test_a_pilot_who_sees_nothing_for_half_a_second_is_blind_whatever_arrives() -> None:
+def test_a_pilot_without_a_picture_for_half_a_second_counts_as_blind() -> None:
     governor = LinkGovernor()
     assert governor.blind_in_s(9.0) >= 0, "nobody has been shown anything yet"
     assert governor.state(9.0) == LinkState()

@@ -25,7 +25,7 @@ def test_it_drives_what_is_held_and_learns_the_frame_the_pilot_saw() -> None:
     assert robot.loop.state.taught == {L: 1}
 
 
-def test_who_asked_finds_the_state_published_and_every_listener_told() -> None:
+def test_a_request_is_answered_after_the_state_was_published_to_all_listeners() -> None:
     robot = BenchRobot()
     robot.start(Mode.TRAIN)
     robot.step(scene=1, held=L)
@@ -40,7 +40,7 @@ def test_who_asked_finds_the_state_published_and_every_listener_told() -> None:
     assert found == [(0, 1)]
 
 
-def test_a_request_in_the_turn_of_a_start_knows_that_the_robot_drives() -> None:
+def test_a_request_in_the_tick_of_a_start_knows_that_the_robot_drives() -> None:
     robot = BenchRobot()
     robot.camera.show(0)
     robot.loop.set_mode(Mode.TRAIN)
@@ -49,7 +49,7 @@ def test_a_request_in_the_turn_of_a_start_knows_that_the_robot_drives() -> None:
     assert mode.result(0) is Mode.TRAIN
 
 
-def test_a_turn_that_fails_still_answers_who_asked() -> None:
+def test_a_tick_that_fails_still_answers_its_requests() -> None:
     robot = BenchRobot()
     robot.camera.show_rubbish()
     answer = robot.loop.submit(lambda: "answer")
@@ -57,7 +57,7 @@ def test_a_turn_that_fails_still_answers_who_asked() -> None:
     assert answer.result(0) == "answer"
 
 
-def test_it_drives_alone_what_it_was_taught_and_a_touch_is_a_lesson() -> None:
+def test_the_robot_drives_as_it_was_taught_and_learns_from_a_correction() -> None:
     robot = BenchRobot()
     robot.start(Mode.TRAIN)
     for _ in range(3):
@@ -94,7 +94,7 @@ def robot_that_drives(pushes_s: float = 0.0) -> BenchRobot:
     return robot
 
 
-def test_a_robot_that_gains_no_way_tries_another_move_before_a_second_is_over() -> None:
+def test_a_stuck_robot_tries_another_move_within_a_second() -> None:
     robot = robot_that_drives()
     unlike_all_lessons = 98
     sent = [robot.step(unlike_all_lessons, None).sent for _ in range(40)]  # for two seconds
@@ -112,7 +112,7 @@ def test_a_robot_gives_up_pushing_on_the_most_familiar_view_if_its_pilot_never_p
     assert L in {robot.step(1, None).sent for _ in range(20)}
 
 
-def test_a_robot_that_gets_nowhere_asks_and_a_hand_sets_it_going_again() -> None:
+def test_a_robot_that_stays_stuck_asks_and_drives_on_after_a_correction() -> None:
     robot = robot_that_drives()
     ticks = [robot.step(1, None) for _ in range(round(40 / 0.05))]
     asking = [tick for tick in ticks if tick.decision.stop_reason is StopReason.NEEDS_HELP]
@@ -125,7 +125,7 @@ def test_a_robot_that_gets_nowhere_asks_and_a_hand_sets_it_going_again() -> None
     assert robot.driver.sent[-1][0] in (F, L)
 
 
-def test_what_the_pilot_does_has_no_weight_in_what_the_robot_would_do() -> None:
+def test_the_pilots_move_does_not_affect_the_robots_prediction() -> None:
     robot = BenchRobot("default-8")
     robot.start(Mode.TRAIN)
     for _ in range(20):
@@ -151,7 +151,7 @@ def test_what_the_pilot_does_has_no_weight_in_what_the_robot_would_do() -> None:
     assert under_way[-1] is None
 
 
-def test_agreement_counts_predictions_made_before_the_lesson() -> None:
+def test_agreement_counts_predictions_made_before_the_example_was_learned() -> None:
     robot = BenchRobot()
     robot.start(Mode.TRAIN)
     robot.step(1, F)
@@ -161,7 +161,7 @@ def test_agreement_counts_predictions_made_before_the_lesson() -> None:
     assert robot.loop.state.agreement == pytest.approx(0.9)
 
 
-def test_listeners_hear_every_turn_until_they_leave() -> None:
+def test_listeners_get_every_tick_until_they_unsubscribe() -> None:
     robot = BenchRobot()
     heard: list[int] = []
     leave = robot.loop.subscribe(lambda tick: heard.append(1))
@@ -191,7 +191,7 @@ class FailingLearner(BSOCClassifier):
             raise OSError("lost")
 
 
-def test_a_learner_that_fails_proposes_nothing_and_stops_nobody() -> None:
+def test_a_learner_that_fails_proposes_nothing_and_does_not_stop_the_robot() -> None:
     learner = FailingLearner.published(4)
     robot = BenchRobot(Policy("published-4", 4, learner, GreyFeatures()))
     robot.start(Mode.TRAIN)

@@ -96,7 +96,7 @@ def test_a_start_that_waited_too_long_is_refused_and_a_robot_that_stood_is_not_s
     )
 
 
-def test_a_stop_is_taken_in_an_emergency_too() -> None:
+def test_a_stop_is_accepted_during_an_emergency_stop() -> None:
     robot = started()
     robot.loop.latch_emergency()
     taken = robot.loop.set_mode(Mode.STOPPED)
@@ -105,7 +105,7 @@ def test_a_stop_is_taken_in_an_emergency_too() -> None:
     assert robot.loop.state.emergency
 
 
-def test_an_emergency_goes_before_all_that_was_asked_until_then() -> None:
+def test_an_emergency_stop_overtakes_all_earlier_requests() -> None:
     robot = started()
     modes: list[Mode] = []
     robot.loop.submit(lambda: modes.append(robot.loop.mode))
@@ -168,7 +168,7 @@ def test_the_stop_button_of_a_robot_that_stands_does_nothing() -> None:
     assert robot.loop.state.stops == {}
 
 
-def test_another_pilot_has_another_link() -> None:
+def test_the_links_history_starts_anew_with_another_pilot() -> None:
     robot = started()
     seen = robot.camera.latest()
     assert seen is not None
@@ -186,7 +186,7 @@ def test_another_pilot_has_another_link() -> None:
 
 
 @pytest.mark.parametrize(("age_s", "mode"), [(None, Mode.TRAIN), (0.4, Mode.TRAIN), (0.6, None)])
-def test_a_start_counts_as_a_look_at_the_picture_that_it_names(
+def test_a_start_proves_that_the_pilot_sees_the_picture_that_it_names(
     age_s: float | None, mode: Mode | None
 ) -> None:
     robot = started()
@@ -202,7 +202,7 @@ def test_a_start_counts_as_a_look_at_the_picture_that_it_names(
     assert decision.stop_reason is (None if mode else StopReason.LINK_SLOW)
 
 
-def test_a_command_that_a_start_overtakes_still_tells_of_the_link() -> None:
+def test_a_command_that_a_start_overtakes_still_measures_the_link() -> None:
     robot = BenchRobot()
     seen = robot.camera.show(1)
     robot.tick()
@@ -212,7 +212,7 @@ def test_a_command_that_a_start_overtakes_still_tells_of_the_link() -> None:
     assert robot.loop.state.link.level is LinkLevel.CAPPED
 
 
-def test_nothing_is_lost_or_doubled_between_threads() -> None:
+def test_no_request_between_threads_is_lost_or_doubled() -> None:
     box, ran = Mailbox(), []
 
     def fill(first: int) -> None:
@@ -242,7 +242,7 @@ def test_requests_run_once_in_order_an_urgent_one_first_and_answer_their_asker()
     assert first.done() and second.result(0) == "answer"
 
 
-def test_a_request_may_leave_another_and_may_fail() -> None:
+def test_a_request_may_make_another_request_and_may_fail() -> None:
     box = Mailbox()
     outer = box.put(lambda: box.put(lambda: 1 // 0))
     box.serve()

@@ -22,7 +22,7 @@ def explode(*_: object, **__: object) -> None:
 
 
 @pytest.mark.parametrize("where", ["propose", "send_action"])
-def test_what_was_decided_before_the_process_was_held_up_is_not_driven_after(where: str) -> None:
+def test_a_decision_from_before_a_pause_of_the_process_is_not_driven_after_it(where: str) -> None:
     robot = started()
     owner: Any = robot.loop.history.policy if where == "propose" else robot.driver
     original = getattr(owner, where)
@@ -54,7 +54,7 @@ def test_a_stopped_robot_does_not_learn() -> None:
 
 
 @pytest.mark.parametrize("ahead_s", [0.05, 1e9, math.inf, math.nan])
-def test_a_silent_camera_whose_clock_is_ahead_stops_it_as_soon(ahead_s: float) -> None:
+def test_a_silent_camera_whose_clock_is_ahead_stops_the_robot_as_soon(ahead_s: float) -> None:
     robot = BenchRobot()
     robot.start(Mode.TRAIN)
     for _ in range(30):
@@ -69,7 +69,7 @@ def test_a_silent_camera_whose_clock_is_ahead_stops_it_as_soon(ahead_s: float) -
     assert (tick.sent, tick.decision.stop_reason) == (Action.STOP, StopReason.FRAME_STALE)
 
 
-def test_a_camera_that_reports_a_fault_stops_it_and_is_said() -> None:
+def test_a_camera_that_reports_a_fault_stops_the_robot_and_is_reported() -> None:
     robot = started()
     robot.camera.break_down("The camera was unplugged.")
     robot.hold(F)
@@ -79,7 +79,7 @@ def test_a_camera_that_reports_a_fault_stops_it_and_is_said() -> None:
 
 
 @pytest.mark.parametrize("mode", [None, Mode.TRAIN, Mode.AUTONOMOUS])
-def test_a_camera_that_slows_to_a_picture_a_second_is_said_until_it_is_fast(
+def test_a_camera_that_slows_to_a_picture_a_second_is_reported_until_it_is_fast(
     mode: Mode | None,
 ) -> None:
     robot = BenchRobot()
@@ -102,7 +102,7 @@ def test_a_camera_that_slows_to_a_picture_a_second_is_said_until_it_is_fast(
 
 
 @pytest.mark.parametrize("mode", [Mode.TRAIN, Mode.AUTONOMOUS])
-def test_a_picture_that_is_none_is_no_fault_of_those_after_it(mode: Mode) -> None:
+def test_an_invalid_picture_does_not_affect_later_pictures(mode: Mode) -> None:
     robot = BenchRobot()
     robot.start(mode)
     robot.step(1, F)
@@ -128,7 +128,7 @@ def test_a_picture_that_is_none_is_no_fault_of_those_after_it(mode: Mode) -> Non
     ids=["its own", "any"],
 )
 @pytest.mark.parametrize("call", ["sense", "send_action", "take_button"])
-def test_a_body_that_fails_is_stopped_and_said_and_nothing_is_learned(
+def test_a_body_that_fails_is_stopped_and_reported_and_nothing_is_learned(
     call: str, error: Exception, said: str, can_stop: bool
 ) -> None:
     robot = started()
@@ -164,7 +164,7 @@ def test_a_body_that_fails_is_stopped_before_it_is_logged_and_is_logged_once(
     assert logged == [(before + 1, ArithmeticError)]
 
 
-def test_a_stop_that_the_body_cannot_show_is_told_to_all() -> None:
+def test_a_stop_that_the_body_cannot_show_is_reported_to_all_listeners() -> None:
     robot, told = BenchRobot(), list[Tick]()
     robot.loop.subscribe(told.append)
     robot.start(Mode.TRAIN)
@@ -188,7 +188,7 @@ def test_an_error_of_a_listener_stops_the_robot_and_is_logged_once(
     assert caplog.messages.count("the loop stopped the robot") == 1
 
 
-def test_the_thread_turns_the_loop_and_stops_the_robot_at_its_end() -> None:
+def test_the_loops_thread_runs_ticks_and_stops_the_robot_at_its_end() -> None:
     robot = BenchRobot()
     robot.rig.start()
     assert robot.clock.result(robot.loop.submit(lambda: "served"), 5.0) == "served"

@@ -42,14 +42,14 @@ def hold_up(monkeypatch: pytest.MonkeyPatch, robot: BenchRobot, seconds: float) 
     ],
     ids=["frame", "command", "request", "mode", "emergency"],
 )
-def test_whatever_happens_wakes_the_loop(happens: Callable[[BenchRobot], object]) -> None:
+def test_every_event_wakes_the_loop(happens: Callable[[BenchRobot], object]) -> None:
     robot = BenchRobot()
     assert not robot.loop.wake.is_set()
     happens(robot)
     assert robot.loop.wake.is_set()
 
 
-def test_where_nothing_happens_the_loop_is_run_every_50_ms() -> None:
+def test_without_events_the_loop_runs_every_50_ms() -> None:
     robot = BenchRobot()
     robot.rig.start()
     robot.clock.sleep(1.0)
@@ -109,7 +109,7 @@ def test_a_longer_gap_between_two_ticks_than_allowed_stops_the_robot(
     assert (decision.action is F) is not stops
 
 
-def test_a_gap_is_no_fault_of_a_robot_that_stands() -> None:
+def test_a_gap_between_ticks_does_not_matter_while_the_robot_stands() -> None:
     robot = BenchRobot()
     robot.tick()
     robot.clock.advance(60.0)

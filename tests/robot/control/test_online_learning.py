@@ -39,7 +39,7 @@ LABELLED = {
 
 
 @pytest.mark.parametrize(("told", "labels"), LABELLED.values(), ids=LABELLED)
-def test_frames_are_labelled(
+def test_frames_are_labelled_with_the_held_move(
     told: list[tuple[Action | None, int | None] | str], labels: list[tuple[int, Action]]
 ) -> None:
     labeller, found = Labeller(), list[tuple[int, Action]]()
@@ -108,7 +108,7 @@ def hold(frame_id: int | None, now_s: float, action: Action = F) -> PilotCommand
     return PilotCommand(held=action, frame_id=frame_id, seq=1, received_s=now_s)
 
 
-def test_each_frame_is_looked_at_once(online_learning: OnlineLearning, camera: BenchCamera) -> None:
+def test_each_frame_is_processed_once(online_learning: OnlineLearning, camera: BenchCamera) -> None:
     assert not online_learning.look(None)
     frame = camera.show(1)
     assert online_learning.look(frame)
@@ -117,7 +117,7 @@ def test_each_frame_is_looked_at_once(online_learning: OnlineLearning, camera: B
     assert online_learning.prediction.frame_id == frame.frame_id
 
 
-def test_what_is_no_picture_does_not_count_as_seen(
+def test_an_invalid_picture_does_not_count_as_seen(
     online_learning: OnlineLearning, camera: BenchCamera
 ) -> None:
     with pytest.raises(CameraError):
@@ -125,7 +125,7 @@ def test_what_is_no_picture_does_not_count_as_seen(
     assert online_learning.frame is None
 
 
-def test_a_lesson_may_be_passed_over_and_is_then_gone(
+def test_an_example_that_is_passed_over_is_not_learned_later(
     online_learning: OnlineLearning, camera: BenchCamera
 ) -> None:
     frame = camera.show(1)
@@ -147,7 +147,7 @@ def test_it_remembers_only_the_newest_frames(
     assert online_learning.history.taught.total() == 0
 
 
-def test_when_a_frame_was_taken_and_came_is_known_before_the_first_command(
+def test_the_times_of_a_frame_are_known_before_the_first_command(
     online_learning: OnlineLearning, camera: BenchCamera, clock: VirtualClock
 ) -> None:
     assert online_learning.times_of(1) is None
@@ -166,7 +166,7 @@ def test_the_frame_rate_is_that_of_the_camera(
     assert online_learning.frame_rate_hz == pytest.approx(10.0)
 
 
-def test_what_is_undone_no_longer_counts_in_the_agreement(
+def test_undone_examples_no_longer_count_in_the_agreement(
     online_learning: OnlineLearning, camera: BenchCamera, clock: VirtualClock
 ) -> None:
     for scene in range(80):

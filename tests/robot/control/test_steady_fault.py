@@ -17,7 +17,7 @@ def test_a_fault_is_shown_at_once_and_goes_when_it_is_over() -> None:
     assert steady.show(None, STEADY_S + 0.1, may_move=True) is None, "it was started since"
 
 
-def test_whatever_comes_and_goes_a_sentence_stands_for_three_seconds() -> None:
+def test_each_shown_fault_stays_for_at_least_three_seconds() -> None:
     """A fault that counts seconds, causes that alternate, a camera that repeats once a second."""
     chance = random.Random(5)
     steady, shown, changed_s = SteadyFault(), None, -STEADY_S
@@ -30,7 +30,7 @@ def test_whatever_comes_and_goes_a_sentence_stands_for_three_seconds() -> None:
             shown, changed_s = now, now_s
 
 
-def test_a_camera_that_repeats_once_a_second_is_said_to_repeat() -> None:
+def test_a_camera_that_repeats_a_picture_once_a_second_is_reported() -> None:
     freshness, said = Freshness(0.0), set()
     for tick in range(200):
         now_s = tick * _TICK_S

@@ -73,7 +73,7 @@ def driven(request: pytest.FixtureRequest) -> Iterator[Driven]:
     held_up_s=[0.1, 0.15, 0.29, 2.0],
     silent_s=[0.0, 0.05, 0.18],
 )
-def test_the_body_stands_on_time_though_the_loop_is_held_up(
+def test_the_body_stops_on_time_although_the_loop_is_late(
     driven: Driven, where: str, held_up_s: float, silent_s: float
 ) -> None:
     driven.clock.sleep(silent_s)
@@ -104,7 +104,7 @@ def test_the_body_stands_on_time_though_the_loop_is_held_up(
     assert driven.loop.state.decision.mode is Mode.STOPPED
 
 
-def test_a_pilot_who_is_heard_drives_on_though_ticks_are_late(driven: Driven) -> None:
+def test_a_pilot_who_is_heard_drives_on_although_ticks_are_late(driven: Driven) -> None:
     driven.loop.subscribe(lambda tick: driven.clock.sleep(0.08))
     before = len([one for one in driven.body.changes if one[1] is Action.STOP])
     driven.say(driven.held, beats=30)

@@ -73,7 +73,7 @@ class Body(ReplayDriver):
 
 
 @pytest.mark.parametrize("request_s", [0.0, 0.02, 0.05, 0.08])
-def test_a_slow_body_costs_no_cycle_no_lesson_and_no_way(request_s: float) -> None:
+def test_a_slow_body_costs_no_tick_no_example_and_no_distance(request_s: float) -> None:
     """Teach for 20 s: pictures and ticks at 30 Hz, a pilot at 10 Hz, and requests that take long.
 
     On the loop's own thread requests of 0.05 s would cost half of the ticks.
@@ -132,7 +132,7 @@ def names(body: Body) -> list[str]:
     return [what for _, what in body.requests]
 
 
-def test_what_a_body_declares_is_the_wrappers_own() -> None:
+def test_the_wrapper_declares_what_its_body_declares() -> None:
     body = ReplayDriver(ReplayDriver.options_type(), VirtualClock())
     wrapped = DriverThread(body, VirtualClock())
     for name in (*Driver.__annotations__, "moves", "first_moves", "takes_advice"):
@@ -149,7 +149,7 @@ def test_only_the_newest_action_is_sent() -> None:
     assert names(body) == ["sense", "right"]
 
 
-def test_a_point_waits_and_is_sent_as_a_move_does() -> None:
+def test_a_point_waits_and_is_sent_like_a_move() -> None:
     clock = StepClock(1.0)
     body = FakeDriver(clock=clock)
     body.takes_points = True
@@ -168,7 +168,7 @@ def test_a_point_waits_and_is_sent_as_a_move_does() -> None:
         driver.send_point(Point(2.0, 0.5))
 
 
-def test_stop_goes_before_everything_and_drops_what_waits() -> None:
+def test_a_stop_overtakes_everything_and_drops_waiting_actions() -> None:
     _, body, driver = wrapped()
     driver.send_action(Action.FORWARD)
     driver.stop()
@@ -270,7 +270,7 @@ def test_a_start_that_was_pressed_while_the_body_could_not_be_heard_moves_nobody
     assert driver.take_button() is BodyButton.START
 
 
-def test_a_light_that_fails_is_said_once_and_ends_no_thread(
+def test_a_light_that_fails_is_reported_once_and_ends_no_thread(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The `show` of a third-party driver may raise an error."""
@@ -310,7 +310,7 @@ class HungBody(ReplayDriver):
         return super().send_action(action, speed_scale=speed_scale)
 
 
-def test_a_hung_body_holds_up_no_tick_and_is_a_fault() -> None:
+def test_a_body_that_hangs_delays_no_tick_and_is_reported_as_a_fault() -> None:
     """The body hangs in a request on the driver's own thread while the loop continues."""
     clock = VirtualClock()
     body = HungBody(clock)
@@ -332,7 +332,7 @@ def test_a_hung_body_holds_up_no_tick_and_is_a_fault() -> None:
     assert body.action is Action.STOP and ACTION_TIMEOUT_S < SILENT_S
 
 
-def test_it_leaves_no_thread_behind() -> None:
+def test_disconnecting_leaves_no_thread_behind() -> None:
     before = set(threading.enumerate())
     clock = VirtualClock()
     with DriverThread(ReplayDriver(clock=clock), clock) as driver:

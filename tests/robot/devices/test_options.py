@@ -29,7 +29,7 @@ def test_fields_become_options() -> None:
     assert seed.type is int
 
 
-def test_text_is_parsed_and_foreign_names_are_left_alone() -> None:
+def test_text_is_parsed_and_unknown_names_are_ignored() -> None:
     made = make_options(Sample, {"frame_rate": "10", "seed": "3", "loop": "no", "port": "x"})
     assert made == Sample(frame_rate=10.0, seed=3, loop=False)
 

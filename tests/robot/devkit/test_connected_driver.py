@@ -71,7 +71,7 @@ class ReportingRadioDriver(RadioDriver):
 
 @pytest.mark.parametrize("seed", seeds(8, 200))
 @pytest.mark.parametrize("kind", [RadioDriver, ReportingRadioDriver])
-def test_it_says_a_cut_within_half_a_second_and_is_back_soon_after(
+def test_a_lost_connection_is_reported_within_half_a_second_and_soon_restored(
     kind: type[RadioDriver], seed: int
 ) -> None:
     chance, clock = random.Random(seed), VirtualClock()
@@ -182,7 +182,7 @@ def test_a_name_that_the_base_calls_is_refused_in_a_sentence(name: str, theirs: 
         type("Wheely", (ConnectedDriver,), {name: theirs})
 
 
-def test_what_an_author_overrides_as_meant_is_taken() -> None:
+def test_hooks_that_an_author_overrides_are_used() -> None:
     def stop(self: Any, hard: bool = False) -> None:
         pass
 

@@ -45,7 +45,7 @@ def test_without_slip_the_estimate_is_the_truth(seed: int, counts: bool) -> None
     assert abs(turned) < 1e-6
 
 
-def test_counts_know_of_wheels_that_were_held() -> None:
+def test_wheel_counts_show_that_wheels_were_blocked() -> None:
     reckoning = DeadReckoning(TRACK_M)
     for tick in range(30):
         reckoning.tell(WHEELS_MPS[Action.FORWARD], tick * TICK_S)
@@ -114,7 +114,7 @@ def test_a_chassis_counts_the_way_of_its_wheels(action: Action, reversed_motors:
         assert driver.wheels_mps(action) == pytest.approx((0.16, 0.16))
 
 
-def test_motors_that_do_not_answer_cost_the_estimate_alone(monkeypatch: Any) -> None:
+def test_motors_that_do_not_answer_affect_only_the_estimate(monkeypatch: Any) -> None:
     from robot.bodies.ev3.agent.body import BrickBody
 
     body = BrickBody(ChassisOptions(ultrasonic_port="none", touch_port="none").ports())

@@ -267,7 +267,7 @@ def history(kind: type[Body], seed: int) -> None:
 
 
 @pytest.mark.parametrize("kind", HABITS)
-def test_with_our_end_of_a_move_every_body_stands_within_half_a_second(kind: type[Body]) -> None:
+def test_with_our_watchdog_every_body_stops_within_half_a_second(kind: type[Body]) -> None:
     for seed in range(N_HISTORIES):
         history(kind, seed)
 
@@ -299,14 +299,14 @@ def broken(kind: type[Body], driver_type: type[_Orders], seed: int = 1) -> dict[
 
 
 @pytest.mark.parametrize("kind", HABITS)
-def test_without_it_the_contract_suite_finds_each(kind: type[Body]) -> None:
+def test_without_the_watchdog_the_contract_suite_finds_each_body(kind: type[Body]) -> None:
     said = broken(kind, Unwatched)
     assert kind.fails in said, said
     if kind not in (WaitsInsideAMove, RaisesSometimes):  # their calls break other promises as well
         assert "an_action_ends_by_itself" not in broken(kind, Watched)
 
 
-def test_a_stop_that_is_not_taken_is_sent_again_and_says_so(caplog: Any) -> None:
+def test_a_stop_that_fails_is_sent_again_and_reported(caplog: Any) -> None:
     clock = VirtualClock()
     body = Body(clock, 0)
     driver = Watched(body)

@@ -36,7 +36,7 @@ def test_a_picture_that_is_small_enough_keeps_its_bytes() -> None:
     assert reduce_picture(usual) is usual
 
 
-def test_a_lossless_jpeg_is_said_once_and_not_with_each_picture() -> None:
+def test_a_lossless_jpeg_is_reported_once_and_not_with_each_picture() -> None:
     usual = jpeg(64, 48)
     check_kind(usual)
     lossless = usual.replace(b"\xff\xc0", b"\xff\xc3", 1)
@@ -51,7 +51,7 @@ def test_a_lossless_jpeg_is_said_once_and_not_with_each_picture() -> None:
     assert len(said) == 1 and "lossless" in said.pop()
 
 
-def test_what_was_wrong_before_a_camera_came_back_is_not_said_of_it() -> None:
+def test_an_earlier_fault_of_a_camera_is_not_reported_after_it_is_back() -> None:
     """The camera's server was restarted, and repeats its earlier picture."""
     camera = MjpegCamera(MjpegOptions(source="http://192.0.2.1/"), VirtualClock())
     camera._take(jpeg(64, 48), 0.0)

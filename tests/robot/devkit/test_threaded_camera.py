@@ -25,7 +25,7 @@ def machine(monkeypatch: pytest.MonkeyPatch) -> VirtualClock:
     return clock
 
 
-def test_a_camera_that_is_held_up_makes_no_picture_younger(machine: VirtualClock) -> None:
+def test_a_delay_of_the_camera_makes_no_picture_seem_younger(machine: VirtualClock) -> None:
     class Slow(VirtualClock):
         """The thread is held up right after each reading."""
 
@@ -38,7 +38,7 @@ def test_a_camera_that_is_held_up_makes_no_picture_younger(machine: VirtualClock
     assert BenchCamera(None, Slow())._on_clock(taken_s) <= taken_s
 
 
-def test_a_moment_on_another_clock_keeps_its_age(machine: VirtualClock) -> None:
+def test_a_time_on_another_clock_keeps_its_age(machine: VirtualClock) -> None:
     taken_s = machine.now_s() - 0.25
     ahead = VirtualClock(machine.now_s() + 3600.0)
     assert BenchCamera(None, ahead)._on_clock(taken_s) == pytest.approx(taken_s + 3600.0)

@@ -23,7 +23,7 @@ BUILDS = st.builds(
 
 
 @given(BUILDS)
-def test_the_points_of_moves_are_the_moves(wheels: TwoWheels) -> None:
+def test_the_point_of_a_move_gives_the_wheel_speeds_of_the_move(wheels: TwoWheels) -> None:
     speeds = {move: wheels.at(point) for move, point in CLASSIC_POINTS.items()}
     left, right = wheels.turn
     assert speeds == {
@@ -38,7 +38,7 @@ def test_the_points_of_moves_are_the_moves(wheels: TwoWheels) -> None:
 
 
 @given(BUILDS, POINTS, SHARES)
-def test_it_turns_to_the_side_that_is_meant_and_the_more_the_more(
+def test_more_steering_turns_more_to_the_wanted_side(
     wheels: TwoWheels, point: Point, steering: float
 ) -> None:
     def turn(at: Point) -> float:

@@ -148,7 +148,7 @@ def packed(folder: Path, dice: random.Random) -> Path:
     return folder.parent if form == "nested" else folder
 
 
-def test_of_any_damaged_tub_what_is_whole_is_taken_and_nothing_wrong(tmp_path: Path) -> None:
+def test_every_intact_part_of_a_damaged_tub_is_imported_and_nothing_wrong(tmp_path: Path) -> None:
     whole = kept = wrong = 0
     numbers = {jpeg(number): number for number in range(30)}
     for seed in range(TUBS):
@@ -178,7 +178,7 @@ def test_of_any_damaged_tub_what_is_whole_is_taken_and_nothing_wrong(tmp_path: P
 
 
 @pytest.mark.parametrize("ending", ["", "\n"])
-def test_the_last_row_of_a_table_that_was_cut_is_not_believed(tmp_path: Path, ending: str) -> None:
+def test_the_last_row_of_a_truncated_table_is_not_imported(tmp_path: Path, ending: str) -> None:
     (tmp_path / "a.jpg").write_bytes(jpeg(1))
     (tmp_path / "b.jpg").write_bytes(jpeg(2))
     (tmp_path / "t.csv").write_text("file,angle\na.jpg,0.9\nb.jpg,-0" + ending)
@@ -187,7 +187,7 @@ def test_the_last_row_of_a_table_that_was_cut_is_not_believed(tmp_path: Path, en
     assert bool(report.skipped) is not bool(ending)
 
 
-def test_what_was_skipped_is_counted_and_listed_by_reason() -> None:
+def test_skipped_pictures_are_counted_and_listed_by_reason() -> None:
     report = ImportReport()
     for number in (3, 7):
         report.skip(f"line {number}", "the record is cut")

@@ -116,7 +116,7 @@ def test_actions_say_what_was_done_and_what_was_corrected(episode: Episode, data
     assert sensors.shape[1] == 3 and 0 < sensors[:, 0].mean() < 2.55
 
 
-def test_what_a_dataset_has_follows_from_the_robot_and_not_from_the_lesson(
+def test_the_features_of_a_dataset_follow_from_the_robot_and_not_from_the_lesson(
     episode: Episode, dataset: Path, tmp_path: Path
 ) -> None:
     ids = list(episode.frames)
@@ -232,7 +232,7 @@ def test_a_film_shows_the_colours_of_pictures_of_any_size(height: int, width: in
     assert np.abs(shown[:-_BAR_PX].astype(int) - colour).max() < 5
 
 
-def test_what_has_no_pictures_or_only_a_row_makes_no_film(episode: Episode, tmp_path: Path) -> None:
+def test_a_film_needs_pictures_of_more_than_one_row(episode: Episode, tmp_path: Path) -> None:
     ids, path = list(episode.frames), tmp_path / "film.mp4"
     notes = Notes().with_edit(Edit(verb="delete", ranges=((ids[0], ids[-1]),)))
     with pytest.raises(RecordingError, match="no pictures"):
@@ -269,7 +269,7 @@ def test_poses_are_drawn_by_foxglove_and_rerun(episode: Episode) -> None:
     assert (drawn.frame_id, drawn.timestamp.ToNanoseconds()) == ("floor", message.log_time)
 
 
-def test_what_was_measured_stays_with_every_copy_and_export(tmp_path: Path) -> None:
+def test_measurements_stay_with_every_copy_and_export(tmp_path: Path) -> None:
     robot = RecordedBench(tmp_path)
     robot.recorder.write_result("lost", {})  # there is no recording yet
     robot.start(Mode.TRAIN, 0)

@@ -32,7 +32,7 @@ VARIANTS = int(os.environ.get("DRIVELESSON_FORMS", 30 if "DRIVELESSON_FULL" in o
 
 
 @pytest.mark.parametrize("form", MAKERS)
-def test_each_variant_of_a_form_comes_in_right(form: str, tmp_path: Path) -> None:
+def test_each_variant_of_a_format_is_imported_correctly(form: str, tmp_path: Path) -> None:
     for seed in range(VARIANTS):
         home, report = tmp_path / str(seed), ImportReport()
         home.mkdir()
@@ -74,7 +74,7 @@ def table_of(folder: Path, text: str, *names: str) -> Path:
         ("file,speed\na.jpg,1\n", "no column for a label.*its columns: file, speed"),
     ],
 )
-def test_where_the_columns_are_in_doubt_it_is_asked(
+def test_if_columns_are_ambiguous_the_import_asks(
     tmp_path: Path, text: str, complaint: str
 ) -> None:
     with pytest.raises(RecordingError, match=complaint):
@@ -98,7 +98,7 @@ def test_where_the_columns_are_in_doubt_it_is_asked(
         ("driving_log.csv", UDACITY.rstrip()),
     ],
 )
-def test_tables_of_other_programs_come_in(tmp_path: Path, name: str, text: str) -> None:
+def test_tables_of_other_programs_are_imported(tmp_path: Path, name: str, text: str) -> None:
     """Roboflow, S. Chen's, Label Studio's and Udacity's tables, and wheels that are on or off."""
     for number, picture in enumerate(("a.jpg", "b.jpg", "c.jpg")):
         put(tmp_path / "set", picture, number)
@@ -108,7 +108,7 @@ def test_tables_of_other_programs_come_in(tmp_path: Path, name: str, text: str) 
     assert [shot.label for shot in drive.shots] == [Action.LEFT, Action.RIGHT, Action.FORWARD]
 
 
-def test_what_a_person_says_of_columns_decides(tmp_path: Path) -> None:
+def test_the_option_columns_decides_what_columns_mean(tmp_path: Path) -> None:
     folder = table_of(tmp_path / "set", "a.jpg,0.9,-0.3\nb.jpg,0.9,0.3\nc.jpg,0.9,0\n")
     drive = drive_at(folder, columns={"steering": "3"})
     assert [shot.label for shot in drive.shots] == [Action.LEFT, Action.RIGHT, Action.FORWARD]
@@ -142,7 +142,7 @@ def test_a_refusal_says_what_was_recognised_and_why(
         source.read(Reading(), ImportReport())
 
 
-def test_a_dataset_that_was_never_finalized_is_called_so(tmp_path: Path) -> None:
+def test_a_dataset_that_was_never_finalized_is_named_as_such(tmp_path: Path) -> None:
     info = {"codebase_version": "v3.0", "fps": 10, "features": {}}
     for path in ("meta", "data/chunk-000"):
         (tmp_path / "set" / path).mkdir(parents=True)

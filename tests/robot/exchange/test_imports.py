@@ -119,7 +119,9 @@ def test_moves_come_back_from_their_angles(action: Action) -> None:
         ("\ufeffPath, Steering ,t\na.jpg,0.9,10.0\nb.jpg,0,10.5\n", [Action.RIGHT, Action.FORWARD]),
     ],
 )
-def test_a_folder_with_a_table(tmp_path: Path, table: str, labels: list[Action | None]) -> None:
+def test_a_folder_with_a_table_is_imported(
+    tmp_path: Path, table: str, labels: list[Action | None]
+) -> None:
     folder = tmp_path / "folder"
     for number, name in enumerate(("a.jpg", "b.jpg")):
         for place in (folder, folder / "in"):
@@ -131,7 +133,7 @@ def test_a_folder_with_a_table(tmp_path: Path, table: str, labels: list[Action |
 
 @pytest.mark.recordings
 @pytest.mark.skipif(not RECORDINGS.is_dir(), reason=f"no footage in {RECORDINGS}")
-def test_a_recording_of_the_evaluation(tmp_path: Path) -> None:
+def test_a_recording_of_the_evaluation_is_imported(tmp_path: Path) -> None:
     path = RECORDINGS / "asphalt_A.npz"
     write_episode(drive_at(path), tmp_path / "a.mcap")
     episode = open_episode(tmp_path / "a.mcap")
@@ -213,7 +215,9 @@ def test_a_link_to_a_picture_of_the_tub_is_read(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("turn", range(1, 9))
 @pytest.mark.parametrize("preview", [b"", jpeg(1)])
-def test_a_picture_that_its_camera_says_to_turn_is_whole(turn: int, preview: bytes) -> None:
+def test_a_picture_with_an_orientation_tag_is_not_taken_for_damaged(
+    turn: int, preview: bytes
+) -> None:
     """imagesize 1.4 returns the sides as stored, so that turned pictures seemed damaged. A preview
     in the header has sides and scans of its own."""
     plain = jpeg(2)
@@ -227,7 +231,7 @@ def test_a_picture_that_its_camera_says_to_turn_is_whole(turn: int, preview: byt
 @pytest.mark.parametrize(
     "manifest", ["", "{}", "[]\n[]\n{}\n{}\n", "[]\n[]\n{}\n{}\n[]\n", "[" * 10_000]
 )
-def test_without_its_manifest_a_tub_is_its_catalogs(tmp_path: Path, manifest: str) -> None:
+def test_a_tub_without_a_manifest_is_read_by_its_catalogs(tmp_path: Path, manifest: str) -> None:
     tub = tub_2(tmp_path / "tub", angles(0.0, -1.0))
     (tub / "manifest.json").write_text(manifest)
     assert imported(tub, tmp_path) == [Action.FORWARD, Action.LEFT]
@@ -261,7 +265,7 @@ def test_a_broken_table_is_refused(tmp_path: Path, table: str) -> None:
     refused(folder, tmp_path, "table|picture|leads out")
 
 
-def test_what_is_nothing_of_all_this_is_refused(tmp_path: Path) -> None:
+def test_an_unknown_format_is_refused(tmp_path: Path) -> None:
     (tmp_path / "x.txt").write_text("x")
     refused(tmp_path / "x.txt", tmp_path, "text, but no table that names pictures")
     refused(tmp_path / "missing", tmp_path, "missing does not exist")

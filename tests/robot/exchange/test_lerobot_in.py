@@ -338,7 +338,9 @@ def test_a_cache_of_links_is_read_and_links_that_are_not_followed_are_said(
         find_drives(tmp_path / "drives")
 
 
-def test_strict_refuses_what_would_be_skipped(tmp_path: Path) -> None:
+def test_with_the_option_strict_nothing_is_imported_if_pictures_would_be_skipped(
+    tmp_path: Path,
+) -> None:
     made = whole(random.Random(1), is_v3=True, has_films=True)
     any_frame(made)["action"] = [math.nan, 0.0]
     made.write(tmp_path / "set")

@@ -92,7 +92,7 @@ def examples(episode: Episode) -> Examples:
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("own_move", [None, DRIFT, PUSH], ids=["three moves", "drift", "push"])
-def test_out_and_in_again_a_pilot_means_the_same(
+def test_labels_and_degrees_are_the_same_after_export_and_import(
     form: str, own_move: Move | None, tmp_path: Path
 ) -> None:
     """A tub and a dataset omit the numbers if one move has none, because a zero would mean
@@ -109,7 +109,7 @@ def test_out_and_in_again_a_pilot_means_the_same(
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_a_drive_by_moves_has_nothing_more(form: str, tmp_path: Path) -> None:
+def test_an_exported_drive_by_moves_has_no_degrees(form: str, tmp_path: Path) -> None:
     black = np.zeros((4, 120, 160, 3), np.uint8)
     episode = import_pictures(tmp_path / "d.mcap", black, [Action.LEFT] * 4)
     FORMS[form](episode, Notes(), tmp_path / form)
@@ -121,7 +121,7 @@ def test_a_drive_by_moves_has_nothing_more(form: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("declared", [STEERED, PLAIN, CURVED], ids=["steered", "plain", "curved"])
 @pytest.mark.parametrize("form", ["tub", "folder", "lerobot"])
-def test_moves_of_a_body_come_back_by_name_with_what_they_do(
+def test_a_bodys_own_moves_come_back_with_their_declarations(
     tmp_path: Path, declared: tuple[Move, ...], form: str
 ) -> None:
     episode, labels = by_moves(tmp_path, declared)
@@ -170,7 +170,7 @@ def test_an_edited_tub_says_of_a_move_what_most_of_its_records_say(
 
 
 @pytest.mark.parametrize("declared", [STEERED, PLAIN], ids=["steered", "plain"])
-def test_lerobot_has_numbers_or_one_place_a_move(
+def test_a_lerobot_dataset_has_numbers_or_one_column_for_each_move(
     tmp_path: Path, declared: tuple[Move, ...]
 ) -> None:
     episode, labels = by_moves(tmp_path, declared)
@@ -222,7 +222,7 @@ def test_a_damaged_declaration_is_a_broken_recording(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("learner", ["published-32", "default-32"])
-def test_what_is_driven_exported_imported_and_learned_gives_the_same_nodes(
+def test_an_exported_and_imported_drive_teaches_the_same_nodes(
     learner: str, tmp_path: Path
 ) -> None:
     driven = drive_in_simulator(tmp_path, learner, undo_s=1.0)

@@ -35,7 +35,7 @@ def play(camera: ReplayCamera, count: int) -> list[Frame]:
     return frames
 
 
-def test_it_plays_the_very_bytes_at_their_pace_and_begins_again(tmp_path: Path) -> None:
+def test_it_plays_the_recorded_bytes_at_their_pace_and_begins_again(tmp_path: Path) -> None:
     path = write_footage(tmp_path / "hall_A.npz", n_frames=3, period_s=0.05)
     frames = play(ReplayCamera(ReplayCameraOptions(recording=str(path)), VirtualClock()), 7)
     files = [shot.picture().data for shot in load_recording(path).shots]
@@ -77,7 +77,9 @@ def test_it_plays_a_folder_in_order_and_says_when_it_is_over(tmp_path: Path) -> 
         *(("episode", name) for name in ("missing.mcap", "broken.mcap")),
     ],
 )
-def test_what_cannot_be_played_is_one_clear_error(tmp_path: Path, option: str, name: str) -> None:
+def test_a_recording_that_cannot_be_played_is_one_clear_error(
+    tmp_path: Path, option: str, name: str
+) -> None:
     (tmp_path / "empty").mkdir()
     for broken in ("broken.npz", "broken.mcap"):
         (tmp_path / broken).write_bytes(b"no recording")

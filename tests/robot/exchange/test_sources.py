@@ -56,7 +56,7 @@ def test_recordings_are_found_in_folders_and_archives(tmp_path: Path, seed: int,
     assert list(report.lines()) == []
 
 
-def test_what_lies_too_deep_or_is_a_folder_is_none(tmp_path: Path) -> None:
+def test_files_that_are_too_deep_and_folders_are_not_recordings(tmp_path: Path) -> None:
     write_footage(tmp_path / "x.npz", 1)
     write_footage(tmp_path / "1/2/3/4/5/6/deep.npz", 1)
     (tmp_path / "folder.npz").mkdir()
@@ -64,7 +64,7 @@ def test_what_lies_too_deep_or_is_a_folder_is_none(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["table", "recordings", "tub"])
-def test_what_macos_lays_beside_files_and_names_in_capitals_keep_nothing_away(
+def test_extra_files_of_macos_and_names_in_capitals_hide_no_recording(
     tmp_path: Path, kind: str
 ) -> None:
     folder = tmp_path / "drive"
@@ -90,7 +90,7 @@ def test_what_macos_lays_beside_files_and_names_in_capitals_keep_nothing_away(
 
 
 @crossed(bad=["n" * 300, "a.csv/x", ".", "b"], form=["tar", "zip"])
-def test_a_name_that_no_file_can_have_spoils_nothing_but_itself(
+def test_an_impossible_file_name_affects_only_its_own_entry(
     tmp_path: Path, form: str, bad: str
 ) -> None:
     names, path = ["a.csv", "b/x.txt", bad, "c/y.txt"], tmp_path / f"drive.{form}"
@@ -110,7 +110,7 @@ def test_a_name_that_no_file_can_have_spoils_nothing_but_itself(
     assert place == bad[:80] and why.startswith("cannot be unpacked")
 
 
-def test_what_leads_out_of_an_archive_is_told_and_commands_no_terminal(tmp_path: Path) -> None:
+def test_an_entry_that_leads_out_of_an_archive_is_reported_safely(tmp_path: Path) -> None:
     path, report = tmp_path / "drive.zip", ImportReport()
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("../frames.csv", b"")

@@ -48,7 +48,7 @@ CASES: dict[str, tuple[list[float], int]] = {
 
 
 @given(st.lists(STAMPS, max_size=50))
-def test_any_stamps_make_a_line_that_ascends(stamps: list[object]) -> None:
+def test_any_time_stamps_are_repaired_to_ascending_ones(stamps: list[object]) -> None:
     line = make_timeline(stamps)
     assert len(line.times_s) == len(stamps)
     assert all(b > a for a, b in zip(line.times_s, line.times_s[1:], strict=False))
@@ -57,7 +57,7 @@ def test_any_stamps_make_a_line_that_ascends(stamps: list[object]) -> None:
     assert not stamps or (line.times_s[0] == 0.0 and line.times_s[-1] <= 61 * len(stamps))
 
 
-def test_what_is_in_order_is_left_as_it_is() -> None:
+def test_ascending_time_stamps_are_not_changed() -> None:
     dice = random.Random(1)
     times_s = [0.0]
     for _ in range(500):
@@ -133,7 +133,7 @@ def test_a_written_time_is_read(text: str) -> None:
         ("0x10", None),
     ],
 )
-def test_a_time_without_a_fraction_is_read_and_what_is_no_time_is_none(
+def test_a_time_without_a_fraction_is_read_and_other_texts_are_none(
     text: str, seconds: float | None
 ) -> None:
     assert seconds_of(text) == seconds

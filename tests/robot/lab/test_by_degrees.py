@@ -13,14 +13,14 @@ from robot.lab.metrics import steering_per_s
 from robot.lab.task import Task
 
 
-def test_steering_is_the_rougher_the_more_it_changes() -> None:
+def test_steering_that_changes_more_counts_as_rougher() -> None:
     times = np.arange(11) / 10
     assert steering_per_s(np.linspace(0.0, 1.0, 11), times) == pytest.approx(1.0)
     assert steering_per_s([0.0] * 5 + [1.0] * 6, times) == pytest.approx(np.sqrt(10.0))
     assert steering_per_s([0.3], [0.0]) == 0.0
 
 
-def test_a_pilot_by_degrees_is_smoother_than_what_is_cut_of_him() -> None:
+def test_a_pilot_by_degrees_is_smoother_than_one_reduced_to_moves() -> None:
     plan = list(by_degrees.BY_DEGREES.plan(ExperimentSettings(quick=True)))
     assert [task.params["way"] for task in plan] == list(by_degrees.WAYS)
     short = {"TEACH_S": 20.0, "CORRECT_S": 1.0, "ALONE_S": 3.0, "_MINUTES": 1}

@@ -82,7 +82,7 @@ def test_the_command_writes_both_directions_of_each_learner_and_lesson(halls, ca
 
 
 @pytest.mark.parametrize("out", ["nowhere/out.json", "."])
-def test_what_could_not_be_written_is_said_before_anything_is_learned(
+def test_an_unwritable_result_is_reported_before_anything_is_learned(
     halls, monkeypatch, capsys, out
 ):
     monkeypatch.setattr(evaluation, "judge", lambda *_: pytest.fail("it learned"))
@@ -91,7 +91,7 @@ def test_what_could_not_be_written_is_said_before_anything_is_learned(
     assert "cannot write" in capsys.readouterr().err
 
 
-def test_files_that_a_mac_lays_beside_recordings_are_none(halls):
+def test_extra_files_of_macos_are_not_recordings(halls):
     for name in "AB":
         (halls / f"._hall_{name}.npz").write_bytes(b"\0\5\x16\7")
     assert [pair.train.name for pair in evaluation.load_pairs(halls)] == ["hall_A", "hall_B"]
@@ -124,7 +124,7 @@ def test_each_learner_sees_with_its_own_features(halls):
 
 
 @pytest.mark.parametrize("words", [["evaluate", "nowhere"], ["evaluate", ".", "--learners", ","]])
-def test_bad_calls_fail_with_a_line(words, capsys):
+def test_each_wrong_call_fails_with_one_line(words, capsys):
     assert main(words) == 2
     assert capsys.readouterr().err.startswith("drivelesson: ")
 
@@ -147,7 +147,7 @@ README = {  # place: 9-nn, published BSOC-32, published BSOC-64
 @pytest.mark.recordings
 @only_full
 @pytest.mark.parametrize("place", README)
-def test_reproduces_the_figures_of_the_recordings(place):
+def test_the_published_figures_of_the_recordings_are_reproduced(place):
     learners = ["knn-9", "published-32", "published-64"]
     pairs = [pair for pair in evaluation.load_pairs(FOUND) if pair.place == place]
     results = list(evaluation.evaluate(pairs, learners))
@@ -186,7 +186,7 @@ def test_few_examples_are_spread_over_the_drive_or_its_first(halls, examples, in
 
 
 @pytest.mark.parametrize("light", ["0", "1.5", "half", "nan"])
-def test_no_light_and_too_much_are_refused(tmp_path, capsys, light):
+def test_impossible_values_of_brightness_are_refused(tmp_path, capsys, light):
     with pytest.raises(SystemExit):
         main(["evaluate", str(tmp_path), "--light", light])
     assert "must be a number above 0 up to 1" in capsys.readouterr().err
@@ -220,7 +220,7 @@ def test_angles_are_judged_where_the_drives_have_them(tmp_path):
     assert "corr." in evaluation.table(results).columns
 
 
-def test_rivals_by_degrees_are_beside_the_default(tmp_path):
+def test_baselines_by_degrees_are_evaluated_beside_the_default(tmp_path):
     for seed, name in enumerate("AB"):
         near = np.random.default_rng(seed).uniform(0.3, 1.0, 60)
         angle = np.array([0.0, -1.0, 1.0])[np.arange(60) % 3] * near
@@ -233,7 +233,7 @@ def test_rivals_by_degrees_are_beside_the_default(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["angle-knn-1", "angle-ridge-1"])
-def test_a_rival_by_degrees_makes_the_move_that_its_angle_counts_as(name):
+def test_a_baseline_by_degrees_makes_the_move_that_its_angle_counts_as(name):
     first, second = (make_policy(name).learner for _ in range(2))
     near = np.linspace(-1.0, 1.0, 21)
     first.begin_angles({"left": -1.0, "forward": 0.0, "right": 1.0})

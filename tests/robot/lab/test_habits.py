@@ -40,7 +40,7 @@ def test_every_habit_is_met_in_every_place_at_every_rate() -> None:
     )
 
 
-def test_ready_has_forty_varied_pilots() -> None:
+def test_the_readiness_gate_has_forty_varied_pilots() -> None:
     tasks = list(READY.plan(ExperimentSettings()))
     assert len(tasks) == PILOTS == 40
     for name, fewest in (("habit", 12), ("world", 5), ("rate_hz", 3)):
@@ -159,7 +159,7 @@ _TRIED = {
     ("limit_s", "in_time_s", "is_ready", "is_told"),
     few([(60.0, 60.0, False, True), (200.0, 40.0, True, True), (200.0, 200.0, True, False)], 1),
 )
-def test_a_pilot_is_told_what_is_missing_and_following_it_makes_him_ready(
+def test_a_pilot_who_follows_the_advice_gets_a_ready_robot(
     limit_s: float, in_time_s: float, is_ready: bool, is_told: bool
 ) -> None:
     pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
@@ -180,7 +180,7 @@ def test_a_pilot_is_told_what_is_missing_and_following_it_makes_him_ready(
     assert result["taught_s"] >= 39.0
 
 
-def test_those_called_ready_late_stand_in_a_row_of_their_own() -> None:
+def test_robots_that_are_ready_late_are_listed_separately() -> None:
     settings = ExperimentSettings()
     tasks = list(READY.plan(settings))[:4]
     runs: list[Result] = [

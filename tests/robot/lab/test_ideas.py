@@ -24,7 +24,7 @@ def blocks(language: str) -> list[str]:
     return [part.split("```")[0] for part in parts]
 
 
-def test_the_projects_own_names() -> None:
+def test_the_projects_own_learners_and_teachers_are_found_by_name() -> None:
     assert make_learner("published-8", DEFAULT_MOVES).name == "published-8"
     assert isinstance(make_teacher("sonar", DEFAULT_MOVES), SonarController)
     for name in ("usual", "early", "late", "wide", "habit"):
@@ -82,7 +82,7 @@ def test_a_broken_idea_is_one_clear_error(
     assert str(file) in str(caught.value)
 
 
-def test_unknown_names_say_what_there_is() -> None:
+def test_the_error_for_an_unknown_name_lists_the_known_ones() -> None:
     with pytest.raises(ConfigurationError, match=r"sonar, .*usual"):
         make_teacher("nobody", DEFAULT_MOVES)
     with pytest.raises(ConfigurationError, match=r"no file .*gone\.py"):

@@ -51,7 +51,7 @@ def test_a_touch_that_lasts_is_one_collision():
     assert metrics.collisions_per_minute(drive(is_touching="x.xx..")) == pytest.approx(40)
 
 
-def test_pushing_and_asking():
+def test_times_of_pushing_and_of_asking_are_measured():
     log = drive(is_pushing=".xx.x.")
     assert metrics.pushing_s_per_minute(log) == pytest.approx(60 * 1.5 / 3)
     assert metrics.longest_push_s(log) == pytest.approx(1.0)
@@ -59,7 +59,7 @@ def test_pushing_and_asking():
     assert metrics.asking_share(drive(asks_pilot="xxx...")) == pytest.approx(0.5)
 
 
-def test_way_and_floor():
+def test_distance_and_covered_floor_are_measured():
     log = drive(is_touching="....")
     assert metrics.driven_m(log) == pytest.approx(0.3)
     assert metrics.covered_m2(log) == pytest.approx(4 * 0.01)

@@ -14,7 +14,7 @@ def small(n_hidden: int = 5, has_softmax: bool = True) -> ConvolutionalNetwork:
 
 
 @pytest.mark.parametrize("has_softmax", [True, False])
-def test_each_slope_is_that_of_the_loss(has_softmax: bool) -> None:
+def test_each_gradient_equals_that_of_the_loss(has_softmax: bool) -> None:
     rng = np.random.default_rng(3)
     network = small(has_softmax=has_softmax)
     xs, columns = rng.normal(size=(4, 11 * 13 * 2)), np.array([0, 2, 1, 2])

@@ -49,7 +49,7 @@ def numbers(results: list[dict[str, Any]]) -> str:
     return json.dumps([{k: v for k, v in r.items() if k != "timing"} for r in results])
 
 
-def test_alone_and_side_by_side_the_numbers_are_the_same(tmp_path: Path) -> None:
+def test_results_are_the_same_in_one_process_and_in_several(tmp_path: Path) -> None:
     alone = run_all(tasks(2), Store(tmp_path / "a"), jobs=1)
     together = run_all(tasks(2), Store(tmp_path / "b"), jobs=2)
     assert numbers(alone) == numbers(together)
@@ -57,7 +57,9 @@ def test_alone_and_side_by_side_the_numbers_are_the_same(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("what", ["idea.py:Name", "room.toml", "hall_A.npz"])
-def test_the_key_follows_the_task_and_the_files_it_names(tmp_path: Path, what: str) -> None:
+def test_the_key_of_a_result_depends_on_the_task_and_the_files_it_names(
+    tmp_path: Path, what: str
+) -> None:
     first, second = tasks(2)
     assert first.key() == tasks(1)[0].key() != second.key()
     file = tmp_path / what.removesuffix(":Name")
@@ -145,7 +147,7 @@ IDEAS = Path(__file__).parents[2] / "cluster" / "ideas.py"
     ("name", "error"),
     [("Teaching", "nothing can be learned"), ("Driving", "nothing can be said")],
 )
-def test_what_an_idea_raises_ends_the_run_with_its_own_traceback(
+def test_an_error_in_an_idea_ends_the_run_with_its_own_traceback(
     tmp_path: Path, name: str, error: str
 ) -> None:
     """The loop continued without the learner, and a table with an SSD of 359.59 was saved."""
@@ -181,7 +183,7 @@ def run_read(params: Params) -> Result:
     return {"text": Path(file).read_text(), "name": name, "rest": rest}
 
 
-def test_each_task_is_run_once_and_what_is_finished_is_not_run_again(tmp_path: Path) -> None:
+def test_each_task_runs_once_and_finished_ones_are_not_repeated(tmp_path: Path) -> None:
     first, second = tasks(2)
     Store(tmp_path).put(first, {"mark": 1.0})
     done: list[int] = []

@@ -60,7 +60,7 @@ def test_every_experiment_makes_tables_and_a_report(name: str) -> None:
     assert experiment.title in html
 
 
-def test_the_ablation_has_every_ground_in_one_table(tmp_path: Path) -> None:
+def test_the_ablation_shows_every_ground_in_one_table(tmp_path: Path) -> None:
     for name in ("hall_A.npz", "hall_B.npz"):
         (tmp_path / name).touch()
     settings = ExperimentSettings(quick=True, worlds=("TMaze",), recordings=str(tmp_path))
@@ -111,7 +111,7 @@ def test_columns_without_a_figure_are_left_out_of_a_plot() -> None:
     assert "paper mean" in write_html([(experiment, runs)], "drivelesson experiment")
 
 
-def test_a_table_as_text() -> None:
+def test_a_table_is_printed_as_text() -> None:
     table = Table(title="T", columns=("who", "x"), rows=(("a", 1.0), ("bb", None)), note="N")
     assert table.as_text().splitlines() == [
         "T",
@@ -124,7 +124,7 @@ def test_a_table_as_text() -> None:
     ]
 
 
-def test_the_deviation_by_hand() -> None:
+def test_the_standard_deviation_equals_that_computed_by_hand() -> None:
     assert deviation([1.0, 2.0, 6.0]) == pytest.approx(7**0.5)
     assert deviation([4.0]) == 0.0
 
@@ -147,7 +147,7 @@ def test_a_wrong_call_is_one_line(
     assert error.count("\n") == 1
 
 
-def test_no_seeds_are_refused_by_the_command_line(
+def test_the_command_line_refuses_an_empty_list_of_seeds(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as refusal:

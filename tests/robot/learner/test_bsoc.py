@@ -15,7 +15,7 @@ from tests.robot.learner import paper
 @pytest.mark.parametrize("cluster", [BSOC, PublishedBSOC])
 @pytest.mark.parametrize("d", [2, 30])
 @pytest.mark.parametrize("max_nodes", [1, 2, 5, 9])
-def test_equals_the_pseudocode_without_rounding(cluster, max_nodes, d):
+def test_the_nodes_equal_those_of_the_pseudocode_without_rounding(cluster, max_nodes, d):
     rng = np.random.default_rng(max_nodes)
     ours, theirs = cluster(max_nodes), paper.PaperBSOC(max_nodes, rounded=False)
     for x in rng.normal(size=(240, d)).astype(np.float32):
@@ -26,7 +26,7 @@ def test_equals_the_pseudocode_without_rounding(cluster, max_nodes, d):
 
 
 @pytest.mark.parametrize("cluster", [BSOC, PublishedBSOC])
-def test_breaks_exact_ties_as_the_pseudocode(cluster):
+def test_exact_ties_are_broken_like_in_the_pseudocode(cluster):
     points = [[0], [8], [16], [24], [4], [12], [0], [8], [32], [40], [32], [40], [16], [16]]
     for max_nodes in (1, 2, 3, 4, 5):
         ours, theirs = cluster(max_nodes), paper.PaperBSOC(max_nodes, rounded=False)
@@ -48,7 +48,7 @@ def test_whole_numbers_of_large_pictures_are_compared_exactly(is_published):
     assert learner.lookup(white) == (1, pytest.approx(160 * 120 * 3 * 155**2))
 
 
-def test_groups_are_merged_only_at_the_last_resort():
+def test_nodes_of_different_labels_are_merged_only_as_a_last_resort():
     learner = BSOC(2, group_cost=1000.0)
     for value, group in [(0.0, 0), (1.0, 1), (9.0, 1)]:
         learner.train(np.array([value]), group)

@@ -58,7 +58,7 @@ def taught_left() -> Lesson:
     return lesson
 
 
-def test_a_view_that_is_labelled_anew_again_and_again_gives_way() -> None:
+def test_a_view_that_is_relabelled_repeatedly_changes_its_label() -> None:
     lesson = taught_left()
     for _ in range(int(ENOUGH / MOST_A_TURN)):
         assert np.array_equal(lesson.shares_at(1), SHARES)
@@ -68,13 +68,13 @@ def test_a_view_that_is_labelled_anew_again_and_again_gives_way() -> None:
     assert shares.sum() == pytest.approx(1.0)
 
 
-def test_one_turn_gives_nothing_up_however_long() -> None:
+def test_one_turn_of_any_length_does_not_change_a_label() -> None:
     lesson = taught_left()
     lesson.turn(RIGHT, 1, 500)
     assert np.array_equal(lesson.shares_at(1), SHARES)
 
 
-def test_what_was_taught_since_stays() -> None:
+def test_examples_taught_since_the_change_stay() -> None:
     lesson = taught_left()
     for _ in range(2):
         lesson.turn(RIGHT, 1)
@@ -84,7 +84,7 @@ def test_what_was_taught_since_stays() -> None:
     assert np.array_equal(lesson.shares_at(2), SHARES)
 
 
-def test_the_old_label_used_there_again_takes_all_back() -> None:
+def test_teaching_the_old_label_again_undoes_the_change() -> None:
     lesson = taught_left()
     for _ in range(9):
         lesson.turn(RIGHT, 1)
@@ -95,7 +95,9 @@ def test_the_old_label_used_there_again_takes_all_back() -> None:
 
 @settings(max_examples=examples(60), deadline=None)
 @given(st.lists(st.tuples(st.sampled_from([FORWARD, LEFT]), st.integers(0, 2)), max_size=200))
-def test_turning_and_driving_on_never_contradict(turns: list[tuple[int, int]]) -> None:
+def test_turning_and_driving_on_never_count_as_a_change_of_mind(
+    turns: list[tuple[int, int]],
+) -> None:
     """Between a turn and driving straight the same view has both labels, however often it is
     taught."""
     lesson = taught_left()
@@ -106,7 +108,7 @@ def test_turning_and_driving_on_never_contradict(turns: list[tuple[int, int]]) -
 
 @settings(max_examples=examples(60), deadline=None)
 @given(st.lists(st.sampled_from([LEFT, RIGHT]), min_size=1, max_size=8), st.integers(1, 6))
-def test_to_both_sides_by_turns_gives_nothing_up(sides: list[int], times: int) -> None:
+def test_turning_to_either_side_alternately_changes_no_label(sides: list[int], times: int) -> None:
     """A pilot without a fixed habit gives the same view one label or the other."""
     lesson = taught_left()
     for side in sides * times:
@@ -116,7 +118,7 @@ def test_to_both_sides_by_turns_gives_nothing_up(sides: list[int], times: int) -
     assert lesson.shares_at(1)[LEFT] >= SHARES[LEFT]
 
 
-def test_what_was_shown_much_later_as_near_by_counts_more() -> None:
+def test_later_examples_count_more_than_earlier_ones_of_similar_views() -> None:
     lesson = taught_left()
     for _ in range(20):
         lesson.turn(RIGHT, 3)
@@ -126,7 +128,7 @@ def test_what_was_shown_much_later_as_near_by_counts_more() -> None:
     assert shares.sum() == pytest.approx(1.0)
 
 
-def test_who_says_so_is_followed_from_the_first_turn_on() -> None:
+def test_a_pilot_who_announces_the_change_is_followed_from_the_first_turn_on() -> None:
     lesson = taught_left()
     lesson.mind.outdate(lesson.now + 1)
     assert lesson.shares_at(1) == pytest.approx(SHARES), "nothing new was shown"
@@ -195,7 +197,9 @@ def test_it_turns_right_at_the_same_walls_after_a_few_turns(
 
 
 @crossed(is_linear=[False, True], max_nodes=[8, 16, 32, 64])
-def test_a_pilot_who_says_so_shows_it_at_one_wall_for_all(max_nodes: int, is_linear: bool) -> None:
+def test_after_an_announced_change_one_wall_teaches_all_walls(
+    max_nodes: int, is_linear: bool
+) -> None:
     told, untold = (taught(lesson("left", 16, 1), max_nodes, is_linear) for _ in range(2))
     told.outdate()
     with pytest.raises(ValueError, match="new model"):
@@ -208,7 +212,7 @@ def test_a_pilot_who_says_so_shows_it_at_one_wall_for_all(max_nodes: int, is_lin
 
 
 @crossed(is_linear=[False, True], n_blocks=[2, 3, 4], max_nodes=[8, 16, 32, 64])
-def test_the_other_way_round_at_other_walls_gives_nothing_up(
+def test_other_turns_at_other_walls_change_no_label(
     max_nodes: int, n_blocks: int, is_linear: bool
 ) -> None:
     """Two halves: left at some walls, right at others; neither has to be taught again."""

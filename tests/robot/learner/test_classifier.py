@@ -24,7 +24,7 @@ def test_published_histograms_equal_the_pseudocode(max_nodes, seed):
             assert counted == theirs.nodes[slot].histogram
 
 
-def test_raises_before_the_first_lesson():
+def test_predicting_before_the_first_example_is_an_error():
     with pytest.raises(NotFittedError):
         BSOCClassifier(2).predict_one(np.zeros(3))
 
@@ -44,7 +44,7 @@ SIZE = 8
 
 
 @pytest.mark.parametrize("integer", [False, True])
-def test_what_was_taught_again_and_again_is_known(integer):
+def test_a_repeatedly_taught_view_keeps_its_new_label(integer):
     """Of identical images, only one has votes."""
     rng = np.random.default_rng(0)
     for _ in range(150):
@@ -59,7 +59,7 @@ def test_what_was_taught_again_and_again_is_known(integer):
             assert evidence.angle == pytest.approx(int(label) / 8, abs=0.05)
 
 
-def test_what_has_no_votes_of_its_own_changes_no_mind():
+def test_images_without_votes_do_not_affect_the_prediction():
     """Of identical images one has all votes, and the others vote for no label."""
     rng = np.random.default_rng(0)
     learner, view = BSOCClassifier(1024), rng.random(20)

@@ -63,5 +63,5 @@ def test_neighbouring_frames_do_not_count_as_familiar(repeats):
 
 
 @given(st.lists(st.floats(0.0, 1e6), min_size=2, max_size=700), st.sampled_from([50, 98]))
-def test_a_percentile_is_that_of_numpy(values, share):
+def test_percentiles_equal_those_of_numpy(values, share):
     assert percentile(sorted(values), share) == float(np.percentile(values, share))

@@ -71,7 +71,9 @@ def restored(learner, kind):
 @pytest.mark.parametrize("kind", KINDS)
 @settings(max_examples=examples(40), deadline=None)
 @given(max_nodes=sizes, lessons=lessons, more=lessons)
-def test_restored_copied_or_pickled_it_goes_on_as_the_original(kind, max_nodes, lessons, more):
+def test_a_restored_copied_or_pickled_learner_continues_like_the_original(
+    kind, max_nodes, lessons, more
+):
     learner = make(kind, max_nodes)
     for x, y in lessons:
         learner.learn_one(x, y)
@@ -109,7 +111,7 @@ def test_restored_copied_or_pickled_it_goes_on_as_the_original(kind, max_nodes, 
         (np.zeros(6, np.uint8), "left", -np.inf),
     ],
 )
-def test_bad_lessons_are_refused_and_change_nothing(kind, bad):
+def test_invalid_examples_are_refused_and_change_nothing(kind, bad):
     learner, (x, label, angle) = make(kind, 3), bad
     for is_fresh in (True, False):
         before = learner.get_state()

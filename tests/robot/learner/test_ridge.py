@@ -36,7 +36,7 @@ def taught(xs, targets, **more):
     return ridge
 
 
-def test_equals_batch_ridge(lessons):
+def test_incremental_ridge_equals_batch_ridge(lessons):
     xs, targets = lessons
     ridge = RecursiveRidge(SIZE, penalty=2.0, scale=1.0)
     ridge.add_label()
@@ -68,7 +68,7 @@ def test_with_alike_weights_it_equals_batch_ridge_under_that_covariance(lessons)
     ridge.check()
 
 
-def test_takes_back_and_relabels(lessons):
+def test_examples_can_be_unlearned_and_relabelled(lessons):
     xs, targets = lessons
     ridge = taught(xs, targets)
     ridge.forget(xs[0], targets[0], 1.0)
@@ -79,7 +79,7 @@ def test_takes_back_and_relabels(lessons):
     np.testing.assert_allclose(ridge.scores(xs[7]), np.append(xs[7], 1.0) @ expected, atol=CLOSE)
 
 
-def test_stays_exact_over_many_frames():
+def test_incremental_ridge_stays_exact_over_many_frames():
     rng = np.random.default_rng(1)
     xs = rng.integers(0, 256, (20000, 20)).astype(np.uint8)
     targets = (xs[:, :1] > xs[:, 1:2]).astype(float)
@@ -91,7 +91,7 @@ def test_stays_exact_over_many_frames():
     np.testing.assert_allclose(ridge.scores(xs[5]), expected, atol=CLOSE)
 
 
-def test_saved_between_any_two_frames_it_goes_on_bit_for_bit(lessons):
+def test_a_ridge_saved_between_any_two_frames_continues_bit_for_bit(lessons):
     xs, targets = lessons
     for cut in range(20):
         whole = taught(xs[:cut], targets[:cut])
@@ -193,7 +193,7 @@ def test_a_model_of_other_features_is_refused(examples):
         ContextRidge(SIZE + 1).load({}, arrays)
 
 
-def test_one_view_means_one_thing_to_who_drives_and_another_to_who_turns():
+def test_one_view_can_mean_different_moves_in_different_contexts():
     """Far means FORWARD, near means LEFT; in between the current move goes on."""
     learner = BSOCClassifier(8, linear=ContextRidge(SIZE, penalty=0.01))
 

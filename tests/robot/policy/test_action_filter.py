@@ -40,11 +40,11 @@ def test_driving_straight_yields_sooner_than_a_turn():
     assert choose({F: 1 - between, L: between}, F) is L
 
 
-def test_in_context_the_votes_alone_decide():
+def test_with_contexts_only_the_votes_decide():
     assert choose({F: 0.51, L: 0.49}, L, in_context=True) is F
 
 
-def test_by_degrees_a_context_leaves_the_side_to_the_turn_under_way():
+def test_steering_by_degrees_stays_on_the_side_of_the_current_turn():
     """A pilot who steers by degrees never means to steer from lock to lock at each doubt."""
     little, much = 0.5 + 0.4 * TURN_INERTIA, 0.5 + 0.6 * TURN_INERTIA
     nothing, steady = np.zeros(1200, np.uint8), ActionFilter(KINDS, 0.0)

@@ -52,7 +52,7 @@ def test_turning_the_vector_is_turning_the_picture():
 
 
 @pytest.mark.parametrize("first", [True, False])
-def test_one_word_teaches_the_other_side_whenever_it_is_said(first):
+def test_saying_that_sides_are_alike_teaches_the_other_side_at_any_time(first):
     policy = make_policy("default-8", (F, L, R))
     drive = one_sided(policy)
     if first:
@@ -71,7 +71,7 @@ def scores(policy, context=None):
     ]
 
 
-def test_said_before_or_after_it_is_the_same():
+def test_the_result_is_the_same_before_and_after_the_examples():
     before, after = (make_policy("default-8", (F, L, R)) for _ in range(2))
     before.set_alike(True)
     for policy in (before, after):
@@ -91,7 +91,7 @@ def test_said_before_or_after_it_is_the_same():
     assert before.learner.linear.angle(x)[0] < 0.0, "it was only ever steered to the right"
 
 
-def test_taken_back_it_is_as_if_it_had_not_been_said():
+def test_withdrawing_the_statement_leaves_no_trace():
     policy, plain = (make_policy("default-8", (F, L, R)) for _ in range(2))
     for one in (policy, plain):
         for x, label in one_sided(one):
@@ -146,14 +146,14 @@ def test_an_image_that_is_deleted_is_forgotten_in_the_mirror_too():
 
 
 @pytest.mark.parametrize("name", ["published-8", "knn-3", "integer-8", "without-linear-8"])
-def test_who_cannot_refuses(name):
+def test_a_learner_without_symmetry_refuses_the_statement(name):
     policy = make_policy(name)
     assert not policy.can_be_alike
     with pytest.raises(ValueError, match="cannot be told"):
         policy.set_alike(True)
 
 
-def test_without_a_counterpart_there_is_nothing_to_be_alike():
+def test_moves_without_a_mirror_image_cannot_be_alike():
     assert not make_policy("default-8", (F, L)).can_be_alike
     assert make_policy("default-8").can_be_alike
 

@@ -18,7 +18,7 @@ def cost(max_nodes, frame_s):
 
 
 @pytest.mark.parametrize(("rate_hz", "expected"), [(14, 32), (100, 4), (1, 256)])
-def test_takes_the_largest_size_that_holds_the_rate_with_a_margin(rate_hz, expected):
+def test_the_largest_size_that_sustains_the_rate_with_a_margin_is_chosen(rate_hz, expected):
     asked = []
 
     def cost_of(size):
@@ -34,12 +34,12 @@ def test_takes_the_largest_size_that_holds_the_rate_with_a_margin(rate_hz, expec
 @pytest.mark.parametrize(
     ("rate_hz", "said"), [(0, "above 0"), (-3, "above 0"), (float("nan"), "above 0"), (1e9, "rate")]
 )
-def test_a_rate_that_is_none_or_cannot_be_held_is_refused(rate_hz, said):
+def test_an_invalid_or_unreachable_rate_is_refused(rate_hz, said):
     with pytest.raises(ConfigurationError, match=said):
         autosize.choose_max_nodes(rate_hz, cost_of=lambda size: cost(size, 1e-3))
 
 
-def test_measures_a_full_learner():
+def test_a_full_learner_is_measured():
     measured = autosize.measure(8, repeats=20)
     assert measured.max_nodes == 8
     assert 0.0 < measured.learn_s <= measured.learn_p99_s < 5.0

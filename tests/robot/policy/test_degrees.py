@@ -229,7 +229,9 @@ def test_images_keep_the_angles_of_their_frames_through_merges_and_edits(seed: i
 
 
 @crossed(learner=LEARNERS, seed=range(2))
-def test_who_steers_all_or_nothing_is_answered_so(learner: str, seed: int) -> None:
+def test_a_robot_of_a_pilot_who_steers_all_or_nothing_steers_likewise(
+    learner: str, seed: int
+) -> None:
     history = TrainingHistory(make_policy(learner))
     teach(history, seed, 200, pilot=all_or_nothing)
     for _, action, point in answers(history.policy, seed + 30):
@@ -238,7 +240,7 @@ def test_who_steers_all_or_nothing_is_answered_so(learner: str, seed: int) -> No
 
 @pytest.mark.parametrize("learner", ["default-32", "published-32"])
 @pytest.mark.parametrize("seed", range(2))
-def test_who_steers_by_degrees_is_met_closer_than_by_moves(learner: str, seed: int) -> None:
+def test_degrees_are_imitated_more_closely_than_moves_allow(learner: str, seed: int) -> None:
     history = TrainingHistory(make_policy(learner))
     teach(history, seed, 250)
     said = answers(history.policy, seed + 30, 150)
@@ -251,7 +253,9 @@ def test_who_steers_by_degrees_is_met_closer_than_by_moves(learner: str, seed: i
 
 
 @crossed(learner=LEARNERS, seed=range(2))
-def test_what_is_passed_on_either_side_is_not_driven_into(learner: str, seed: int) -> None:
+def test_an_obstacle_that_is_passed_on_either_side_is_not_driven_into(
+    learner: str, seed: int
+) -> None:
     """The mean of hard left and hard right is straight on."""
     dice = random.Random(seed)
     policy = make_policy(learner)
@@ -269,7 +273,7 @@ def test_what_is_passed_on_either_side_is_not_driven_into(learner: str, seed: in
     assert np.mean(off) < 0.15
 
 
-def test_the_steering_is_led_over_from_one_side_to_the_other() -> None:
+def test_the_steering_changes_sides_smoothly() -> None:
     history = TrainingHistory(make_policy("default-32"))
     teach(history, 0, 250)
     policy = history.policy

@@ -77,7 +77,7 @@ def test_the_first_example_of_another_label_is_learned(steps):
 
 
 @pytest.mark.parametrize("at_s", [5.0, 5.1, 20.0])
-def test_a_pause_or_an_earlier_time_begins_anew(at_s):
+def test_the_selection_begins_anew_after_a_pause_or_an_earlier_time(at_s):
     rate = ExampleRate()
     assert admits(rate, "FORWARD", 10.0)
     assert admits(rate, "FORWARD", at_s)
@@ -95,7 +95,7 @@ def test_an_example_without_a_time_stands_for_itself():
 
 
 @given(gaps_s=st.lists(st.floats(0.01, 0.3), min_size=2, max_size=60), cut=st.integers(0, 59))
-def test_it_goes_on_where_it_was_saved(gaps_s, cut):
+def test_a_restored_selection_continues_where_it_was_saved(gaps_s, cut):
     one, other = ExampleRate(), ExampleRate()
     for i, at_s in enumerate(times_of(gaps_s)):
         if i == cut:
@@ -166,7 +166,7 @@ def test_an_example_without_a_time_counts_in_both():
 
 
 @pytest.mark.parametrize("cut", range(0, 60, 7))
-def test_saved_in_the_middle_it_goes_on_alike(cut):
+def test_contexts_saved_in_the_middle_continue_alike(cut):
     whole, first, second = MoveContext(KINDS), MoveContext(KINDS), MoveContext(KINDS)
     drive = [(move, 0.1 * i) for i, move in enumerate([F] * 20 + [L] * 12 + [R] * 8 + [F] * 20)]
     expected = [note(whole, *example) for example in drive]

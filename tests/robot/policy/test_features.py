@@ -68,7 +68,7 @@ def test_a_small_picture_is_enlarged(size):
     assert size == (1, 1) or np.corrcoef(x[384:], same[384:])[0, 1] > 0.98
 
 
-def test_what_is_learned_of_an_edge_holds_for_one_in_the_next_cell():
+def test_an_edge_is_recognised_in_the_neighbouring_cell():
     """Two views that differ in one cell only; then the same views shifted sideways by a cell."""
 
     def view(column: int, is_left: bool) -> np.ndarray:

@@ -41,7 +41,7 @@ def teach(history: TrainingHistory, xs: list[np.ndarray], first: int = 0) -> Non
 
 
 @pytest.mark.parametrize("learner", ["published-8", "default-8", "integer-8"])
-def test_lessons_taught_together_leave_the_same_learner_bit_for_bit(learner: str) -> None:
+def test_examples_taught_in_batches_leave_the_same_learner_bit_for_bit(learner: str) -> None:
     """Batches of 1 to 5, at thirty frames a second, with pauses, points, turns and an undo."""
     one, many = (TrainingHistory(make_policy(learner)) for _ in range(2))
     random, at_s, lessons = np.random.default_rng(7), 0.0, []
@@ -95,7 +95,7 @@ def test_the_log_stays_small_however_long_one_teaches() -> None:
     assert history.taught.total() == 2000
 
 
-def test_an_edit_is_undone_alone_and_lessons_stay() -> None:
+def test_undoing_an_edit_keeps_the_examples() -> None:
     history = TrainingHistory(make_policy("published-8"))
     teach(history, vectors(history.policy, 30))
     before = history.policy.get_state()
@@ -108,7 +108,7 @@ def test_an_edit_is_undone_alone_and_lessons_stay() -> None:
     assert not history.undo_edit()
 
 
-def test_the_word_that_all_before_is_outdated_is_an_edit() -> None:
+def test_declaring_earlier_examples_outdated_is_an_edit() -> None:
     history = TrainingHistory(make_policy("default-8"))
     xs = vectors(history.policy, 30)
     teach(history, xs[:20])
@@ -203,7 +203,7 @@ def test_an_example_that_a_plugin_refuses_leaves_no_trace_and_undo_is_exact(done
 
 
 @pytest.mark.parametrize("error", [RuntimeError("not today"), ValueError("not today")])
-def test_where_a_plugin_refuses_to_learn_again_nothing_is_undone(error: Exception) -> None:
+def test_if_a_plugin_refuses_to_learn_again_nothing_is_undone(error: Exception) -> None:
     policy = make_policy("default-8")
     plugin, history = Plugin(policy, 3), TrainingHistory(policy)
     teach(history, vectors(policy, 26))
@@ -249,7 +249,7 @@ def test_an_undo_learns_again_only_what_came_after_the_snapshot_before_it(
     assert learned_s == [step * 0.5 for step in range(20)]
 
 
-def test_the_learner_is_copied_every_ten_seconds_and_no_oftener() -> None:
+def test_the_learner_is_copied_every_ten_seconds_and_not_more_often() -> None:
     policy = make_policy("published-8")
     x = vectors(policy, 1)[0]
     with mock.patch.object(policy, "get_state", wraps=policy.get_state) as copied:
@@ -259,7 +259,7 @@ def test_the_learner_is_copied_every_ten_seconds_and_no_oftener() -> None:
 
 
 @pytest.mark.parametrize(("last_s", "n_undone", "n_kept"), [(46.5, 4, 5), (47.0, 3, 3)])
-def test_the_log_keeps_what_an_undo_of_35_seconds_reaches_and_no_snapshot_more(
+def test_the_log_keeps_no_more_snapshots_than_an_undo_of_35_seconds_needs(
     last_s: float, n_undone: int, n_kept: int
 ) -> None:
     history = TrainingHistory(make_policy("published-8"))
@@ -292,7 +292,7 @@ def test_teaching_time_begins_at_zero_and_undo_turns_it_back() -> None:
     assert times_s == pytest.approx([0.0, STEP_S, STEP_S])
 
 
-def test_each_change_is_counted_once_and_told() -> None:
+def test_each_change_is_counted_and_reported_once() -> None:
     told: list[HistoryEvent] = []
     history = TrainingHistory(make_policy("published-8"), told.extend)
     assert history.changes == 0
@@ -307,7 +307,7 @@ def test_each_change_is_counted_once_and_told() -> None:
     assert history.changes == len(told)
 
 
-def test_another_policy_goes_on_with_what_it_was_taught_and_none_of_that_is_undone() -> None:
+def test_an_exchanged_policy_keeps_its_training_which_cannot_be_undone() -> None:
     history = TrainingHistory(make_policy("published-8"))
     teach(history, vectors(history.policy, 3))
     loaded = make_policy("published-4")
@@ -341,7 +341,7 @@ def test_each_edit_does_what_it_says() -> None:
     assert second not in {node.node_id for node in images(history.policy)}
 
 
-def test_a_drive_is_counted_where_something_was_taught_in_it() -> None:
+def test_a_drive_counts_only_if_something_was_taught_in_it() -> None:
     history = TrainingHistory(make_policy("published-8"))
     xs = vectors(history.policy, 2)
     counted = []
@@ -385,7 +385,7 @@ def test_a_drive_begins_with_a_reset_policy_also_when_it_is_learned_again() -> N
         assert reset.call_count > before
 
 
-def test_the_word_that_left_and_right_are_alike_is_an_edit() -> None:
+def test_declaring_left_and_right_alike_is_an_edit() -> None:
     history = TrainingHistory(make_policy("default-8"))
     teach(history, vectors(history.policy, 10))
     history.edit("alike", value=True)
@@ -393,7 +393,7 @@ def test_the_word_that_left_and_right_are_alike_is_an_edit() -> None:
     assert history.undo_edit() and not history.policy.alike
 
 
-def test_a_change_that_cannot_be_made_again_is_told_or_raised() -> None:
+def test_a_change_that_cannot_be_repeated_is_reported_or_raised() -> None:
     policy, refused = make_policy("published-8"), list[LogEvent]()
     edit = Edited(verb="delete", node_id=99, value=None, at_s=0.0)
     lesson = Taught(
@@ -417,9 +417,7 @@ def test_any_policy_learns_how_the_moves_of_this_body_steer() -> None:
 
 
 @crossed(learner=LEARNERS, seconds=[0.5, 5.0, 30.0])
-def test_undo_leaves_the_learner_as_if_the_lessons_had_never_been(
-    learner: str, seconds: float
-) -> None:
+def test_undo_leaves_no_trace_of_the_examples(learner: str, seconds: float) -> None:
     history = TrainingHistory(make_policy(learner))
     xs = vectors(history.policy, 450)
     teach(history, xs)
@@ -437,7 +435,7 @@ def test_undo_leaves_the_learner_as_if_the_lessons_had_never_been(
 
 
 @pytest.mark.parametrize("learner", LEARNERS)
-def test_an_undone_lesson_is_no_images_last_one_either(learner: str) -> None:
+def test_an_undone_example_is_not_the_last_one_of_an_image(learner: str) -> None:
     histories = [TrainingHistory(make_policy(learner)) for _ in range(2)]
     xs = vectors(histories[0].policy, 84)
     for history in histories:

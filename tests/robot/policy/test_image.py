@@ -41,13 +41,13 @@ def test_yuyv_to_rgb_agrees_with_opencv():
 
 
 @crossed(encoding=list(Encoding), data=[b"", b"not an image"])
-def test_bytes_that_are_no_image_are_a_camera_error(encoding, data):
+def test_invalid_image_bytes_are_a_camera_error(encoding, data):
     for convert in (image.to_grey, image.to_rgb):
         with pytest.raises(CameraError):
             convert(frame(data, encoding))
 
 
-def test_shrink_is_the_area_average():
+def test_shrinking_averages_areas():
     grey = np.arange(24 * 32, dtype=np.uint32).reshape(24, 32) % 251
     small = image.shrink(grey.astype(np.uint8), 8, 6)
     exact = grey.reshape(6, 4, 8, 4).mean(axis=(1, 3))
@@ -65,7 +65,7 @@ def test_the_fast_shrink_rounds_halves_to_even_too(times):
     assert np.array_equal(image.shrink(colour, 40, 30)[:, :, 1], exact)
 
 
-def test_jpeg_is_the_same_to_the_pixel_as_with_tables_of_its_own(smooth):
+def test_jpeg_with_standard_tables_equals_one_with_its_own_tables_to_the_pixel(smooth):
     options = [cv2.IMWRITE_JPEG_QUALITY, 75, cv2.IMWRITE_JPEG_OPTIMIZE, 1]
     _, optimised = cv2.imencode(".jpg", np.ascontiguousarray(smooth[:, :, ::-1]), options)
 

@@ -39,7 +39,7 @@ def gain_of(light: LightAdaptation, brightness: float, step_s: float = 0.1) -> f
 
 
 @given(taught_at=st.floats(10.0, 120.0), times=st.floats(0.1, 3.0))
-def test_another_light_is_made_up_for_and_another_view_is_not(taught_at, times):
+def test_a_change_of_light_is_compensated_but_a_change_of_view_is_not(taught_at, times):
     gain = gain_of(taught(taught_at), taught_at * times)
     if 1.0 / ANOTHER_LIGHT * 1.01 < times < ANOTHER_LIGHT / 1.01:
         assert gain == 1.0
@@ -57,7 +57,7 @@ def test_a_dark_corner_is_no_other_light_at_any_frame_rate(rate_hz):
     assert set(gains) == {1.0}
 
 
-def test_before_the_first_example_nothing_changes():
+def test_before_the_first_example_light_is_not_corrected():
     assert gain_of(adaptation(), 3.0) == 1.0
 
 
@@ -71,7 +71,7 @@ def picture(kind: int, light: float, seed: int) -> Frame:
 
 
 @crossed(light=[0.35, 0.5], without=installed("without-adaptation-8"))
-def test_a_darker_room_is_no_news(without, light):
+def test_a_darker_room_does_not_count_as_a_new_view(without, light):
     novelty = {}
     for policy in (make_policy("default-8"), make_policy(without)):
         for number in range(120):
@@ -86,7 +86,7 @@ def test_a_darker_room_is_no_news(without, light):
     assert novelty["default-8"] < 0.2 * novelty[without]
 
 
-def test_it_is_saved_with_the_model_and_an_impossible_one_refused():
+def test_the_correction_is_saved_with_the_model_and_an_impossible_one_refused():
     light, copy = taught(60.0), adaptation()
     copy.load(*light.save())
     assert gain_of(copy, 20.0) == gain_of(light, 20.0) == 3.0

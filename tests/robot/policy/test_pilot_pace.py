@@ -62,7 +62,7 @@ def test_the_measure_has_bounds():
     assert Pilot().drive(L, 60).pace.longest_debt_s == LONGEST_DEBT_S
 
 
-def test_one_push_is_a_slip_and_three_are_meant():
+def test_one_push_counts_as_a_slip_and_three_as_intended():
     pilot = Pilot().drive(F, 4)
     for n_pushes in range(1, 4):
         pilot.drive(F, 2.0, is_moving=False).drive(L, 1).drive(F, 2)
@@ -80,7 +80,7 @@ def test_corrections_with_pauses_between_them_are_manoeuvres_of_their_own():
 
 
 @crossed(moves=[(F, L, BRAKE, GRIP), (BRAKE, GRIP)], rate_hz=[5, 10, 30])
-def test_who_stands_with_a_move_that_nobody_knows_means_to(moves, rate_hz):
+def test_standing_with_an_unknown_move_counts_as_intended(moves, rate_hz):
     kinds = MoveKinds(moves)
     pilot = Pilot(rate_hz, kinds).drive(moves[0], 3).drive(GRIP, 0.3, is_moving=False)
     pilot.drive(BRAKE, 3).drive(GRIP, 1.5, is_moving=False).drive(BRAKE, 0.3, is_moving=False)
@@ -91,12 +91,12 @@ def test_who_stands_with_a_move_that_nobody_knows_means_to(moves, rate_hz):
 
 
 @crossed(stood_s=[1.5, 1.54, 1.57], rate_hz=[5, 10, 30])
-def test_who_stood_with_another_move_has_not_stood_with_this_one(rate_hz, stood_s):
+def test_standing_is_counted_separately_for_each_move(rate_hz, stood_s):
     pilot = Pilot(rate_hz, MoveKinds((F, L, BRAKE))).drive(F, 3).drive(F, stood_s, is_moving=False)
     assert pilot.drive(BRAKE, 0.2, is_moving=False).pace.stands == []
 
 
-def test_its_state_goes_on_as_if_nothing_had_been():
+def test_a_restored_state_continues_like_the_original():
     one, other = Pilot().drive(F, 2).drive(L, 1.3), Pilot()
     other.pace.load(*one.pace.save())
     other.now_s, other.shift, other.rng = one.now_s, one.shift, np.random.default_rng(9)
@@ -119,7 +119,7 @@ def test_how_long_the_pilot_keeps_to_a_move_is_known_at_any_frame_rate(rate_hz, 
     assert pilot.pace.usual_run_s == pytest.approx(run_s, abs=0.1)
 
 
-def test_a_move_is_straight_by_what_it_does_and_not_by_its_name():
+def test_whether_a_move_is_straight_depends_on_its_effect_and_not_on_its_name():
     """A still picture is a push for one body, and nothing for the other."""
     push, name = [], Action("go")
     for steering in (0.0, 0.8):

@@ -31,7 +31,7 @@ def taught(name, n=40):
 
 
 @pytest.mark.parametrize("name", installed("default-4", "default-32", "published-8", "knn-3"))
-def test_recalls_what_it_was_taught(name):
+def test_the_policy_predicts_what_it_was_taught(name):
     policy = taught(name, 60)
     x = policy.extract(view(2, 999))
     prediction = [policy.propose(i, x) for i in range(8)][-1]
@@ -50,14 +50,14 @@ def test_an_unsteady_camera_of_any_rate_teaches_ten_examples_a_second(rate_hz):
     assert policy.n_nodes == pytest.approx(40, abs=1), "each learned view is an image of its own"
 
 
-def test_proposes_nothing_before_the_first_lesson():
+def test_the_policy_proposes_nothing_before_the_first_example():
     policy = make_policy("default-8")
     prediction = policy.propose(7, policy.extract(view(0)))
     assert (prediction.frame_id, prediction.action, dict(prediction.probabilities)) == (7, None, {})
 
 
 @pytest.mark.parametrize("name", installed("knn-3", "mlp-4"))
-def test_state_gives_the_same_predictions_and_the_same_future(name):
+def test_a_policy_from_a_saved_state_predicts_and_learns_the_same(name):
     first, second = taught(name), make_policy(name)
     second.set_state(first.get_state())
     first.reset()
@@ -69,7 +69,7 @@ def test_state_gives_the_same_predictions_and_the_same_future(name):
     assert [g.votes for g in images(first)] == [g.votes for g in images(second)]
 
 
-def test_refuses_a_label_that_is_no_move():
+def test_a_label_that_is_not_a_move_of_the_body_is_refused():
     policy = make_policy("default-4", moves=(F, L))
     with pytest.raises(ValueError, match="not one of the moves"):
         policy.learn(policy.extract(view(0)), R)
@@ -125,7 +125,7 @@ def test_a_body_may_have_more_moves_than_fit_on_a_page(steering, throttle):
 
 
 @pytest.mark.parametrize("kind", learner_kinds())
-def test_a_kind_or_a_full_name_makes_a_full_name(kind: str) -> None:
+def test_a_learners_full_name_is_made_from_its_kind_or_its_full_name(kind: str) -> None:
     assert full_name(kind, None, 32) == f"{kind}-32"
     assert full_name(f"{kind}-64", None, 32) == f"{kind}-64"
     assert full_name(f"{kind}-64", 16, 32) == f"{kind}-16", "what is asked for counts"
@@ -135,7 +135,7 @@ def test_a_kind_or_a_full_name_makes_a_full_name(kind: str) -> None:
 @pytest.mark.parametrize(
     "name", ["", "-", "32", "-32", "default-", "defaul", "default-64-32", "²", "default-1٣"]
 )
-def test_what_names_no_learner_is_refused_as_it_was_given(name: str) -> None:
+def test_an_unknown_learner_is_refused_by_the_given_name(name: str) -> None:
     with pytest.raises(ConfigurationError) as refusal:
         make_policy(full_name(name, None, 32))
     assert name in str(refusal.value)

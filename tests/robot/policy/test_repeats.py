@@ -27,7 +27,7 @@ def learned(policy):
     return state.params, {name: array.tobytes() for name, array in state.arrays.items()}
 
 
-def test_sixty_four_laps_teach_what_one_does_to_the_last_bit():
+def test_sixty_four_equal_laps_teach_exactly_as_much_as_one():
     once, often = make_policy("default-8"), make_policy("default-8")
     teach(once, lap(0))
     teach(often, lap(0), 64)
@@ -42,7 +42,7 @@ def test_laps_that_differ_are_all_learned():
     assert policy.learner.n_seen_ == 5 * 40
 
 
-def test_what_is_contrary_is_learned_however_often_the_other_label_came():
+def test_a_contrary_label_is_learned_however_often_the_other_came():
     policy, (x, label) = make_policy("default-8"), lap(0)[0]
     teach(policy, [(x, label)], 30)
     assert policy.learner.n_seen_ == 1
@@ -66,7 +66,7 @@ def test_its_memory_is_bounded_and_saved():
 
 
 @pytest.mark.parametrize("name", ["published-8", "without-repeats-8", "integer-8", "knn-3"])
-def test_others_learn_each_lap(name):
+def test_other_learners_learn_each_lap(name):
     policy = make_policy(name)
     xs = lap(0)
     if name == "published-8":

@@ -87,7 +87,7 @@ def test_the_move_is_free_again_after_a_turn_that_changes_the_picture_slowly(dri
 
 
 @pytest.mark.parametrize("under_way", [L, Action.STOP, None])
-def test_a_turn_and_standing_by_order_or_by_the_pilots_hand_is_no_pushing(drive, under_way):
+def test_turning_and_standing_on_purpose_do_not_count_as_pushing(drive, under_way):
     drive.go(3, F, is_moving=True)
     assert drive.go(5, under_way, is_moving=False) is None
 
@@ -101,7 +101,7 @@ def test_a_move_given_up_is_not_taken_up_before_the_picture_moves(drive):
     assert drive.go(2, F, is_moving=True) is None
 
 
-def test_what_does_not_help_either_is_given_up_too_until_all_is_tried_again(drive):
+def test_a_move_that_does_not_help_is_given_up_too_until_all_are_tried_again(drive):
     drive.go(3, F, is_moving=True)
     for move in (BRAKE, F):
         before = drive.barred

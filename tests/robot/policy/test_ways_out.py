@@ -82,7 +82,7 @@ def voted(action: Action, share: float = 1.0) -> dict[Action, float]:
 
 
 @crossed(rate_hz=[5, 10, 15, 30, 60], is_free=[True, False], seed=seeds(4, 12))
-def test_no_votes_keep_it_in_one_place_for_ever(rate_hz, is_free, seed):
+def test_no_votes_keep_the_robot_in_one_place_forever(rate_hz, is_free, seed):
     chance = random.Random(f"{seed} {is_free}")
     period_s = 0.05 * 160 ** chance.random()
     pattern = [
@@ -116,7 +116,7 @@ def test_no_pilots_measure_allows_a_whole_circle(rate_hz, other):
 
 
 @crossed(rate_hz=[10, 15, 30], period_s=[0.5, 0.8])
-def test_it_does_not_turn_to_and_fro(rate_hz, period_s):
+def test_the_robot_does_not_turn_back_and_forth(rate_hz, period_s):
     body = Body(rate_hz)
     sent = body.run(4.0, lambda t: voted(L if t % (2 * period_s) < period_s else R))
     changes = [i for i in range(1, len(sent)) if {sent[i - 1], sent[i]} == {L, R}]
@@ -125,7 +125,7 @@ def test_it_does_not_turn_to_and_fro(rate_hz, period_s):
 
 
 @crossed(rate_hz=[10, 15, 30], period_s=[0.3, 0.5, 0.8])
-def test_it_turns_to_and_fro_as_quickly_as_its_pilot(rate_hz, period_s):
+def test_the_robot_turns_back_and_forth_only_as_quickly_as_its_pilot(rate_hz, period_s):
     body = Body(rate_hz)
     for frame in range(int(8 * rate_hz)):
         at_s = frame / rate_hz
@@ -143,7 +143,7 @@ def test_it_turns_to_and_fro_as_quickly_as_its_pilot(rate_hz, period_s):
     assert len(changes) <= 2
 
 
-def test_a_slip_of_the_pilot_allows_nothing():
+def test_a_slip_of_the_pilot_does_not_allow_longer_turns():
     pace = PilotPace(KINDS)
     for frame, label in enumerate([*[L] * 8, *[R] * 2, *[L] * 2, *[F] * 40] * 2):
         teach(pace, label, frame / 10)
@@ -174,14 +174,14 @@ def test_a_robot_that_was_taught_no_other_move_asks_rather_than_push():
     assert sent.index(Action.STOP) / 10 <= STUCK_S + 0.4
 
 
-def test_a_pilot_who_pushes_is_understood():
+def test_a_robot_whose_pilot_pushes_may_push():
     body = Body(10.0, patience_s=3.0)
     body.run(3.0, voted(F))
     sent = body.run(2.8, voted(F, 0.9), is_free=False)
     assert set(sent) == {F}
 
 
-def test_after_a_while_without_a_hand_it_tries_again():
+def test_without_help_the_robot_tries_again_after_a_while():
     body = Body(10.0)
     sent = body.run(80.0, voted(L), is_free=False)
     asking = [i for i, action in enumerate(sent) if action is Action.STOP]
@@ -191,7 +191,7 @@ def test_after_a_while_without_a_hand_it_tries_again():
     assert again / 10 == pytest.approx(ASKING_S, abs=0.3)
 
 
-def test_what_the_pilot_does_is_not_judged():
+def test_the_pilots_own_moves_are_not_restricted():
     body = Body(10.0)
     for _ in range(600):
         body.doing = None

@@ -39,7 +39,7 @@ def alternating(n: int) -> list[Action]:
     return [MOVES[i // 20 % 2] for i in range(n)]
 
 
-def test_what_nobody_mended_is_the_same_before_and_after(tmp_path: Path) -> None:
+def test_without_edits_the_results_before_and_after_are_equal(tmp_path: Path) -> None:
     episode = record(tmp_path / "a.mcap", alternating(200))
     found = compare([(episode, Notes())], new_policy)
     assert found is not None
@@ -70,13 +70,13 @@ def test_a_repair_never_makes_it_worse_and_a_large_one_shows(
     assert 300 <= len(steps) <= count_steps([(episode, Notes())]) + count_steps([(episode, notes)])
 
 
-def test_with_too_little_nothing_is_claimed(tmp_path: Path) -> None:
+def test_with_too_few_examples_there_is_no_comparison(tmp_path: Path) -> None:
     for n in (2, FEWEST_FRAMES - 1):
         episode = record(tmp_path / f"{n}.mcap", alternating(n))
         assert compare([(episode, Notes())], new_policy) is None
 
 
-def test_what_is_judged_was_taught_to_neither(tmp_path: Path) -> None:
+def test_frames_that_are_compared_were_taught_to_neither_learner(tmp_path: Path) -> None:
     mended = [(record(tmp_path / f"{n}.mcap", alternating(n)), Notes()) for n in (100, 140)]
     made: list[Policy] = []
 

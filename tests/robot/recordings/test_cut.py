@@ -120,7 +120,7 @@ def test_a_file_that_is_damaged_in_another_way_is_left_as_it_is(
 
 
 @pytest.mark.parametrize("seed", seeds(20, 300))
-def test_whatever_is_damaged_it_is_described_and_no_foreign_error_is_raised(
+def test_any_damage_is_described_and_raises_only_our_errors(
     path: Path, whole: bytes, seed: int
 ) -> None:
     rng, data = random.Random(seed), bytearray(whole)
@@ -147,7 +147,7 @@ def test_whatever_is_damaged_it_is_described_and_no_foreign_error_is_raised(
             episode.frame(frame_id)
 
 
-def test_the_next_start_ends_it(path: Path, whole: bytes) -> None:
+def test_the_next_start_completes_a_cut_recording(path: Path, whole: bytes) -> None:
     path.write_bytes(whole[: len(whole) // 2])
     path.with_name("other.mcap").write_bytes(b"no recording")
     robot = RecordedBench(path.parent)
@@ -158,7 +158,7 @@ def test_the_next_start_ends_it(path: Path, whole: bytes) -> None:
     assert path.with_name("other.mcap").read_bytes() == b"no recording"
 
 
-def test_while_it_is_ended_the_robot_has_the_processor(path: Path) -> None:
+def test_completing_a_cut_recording_leaves_the_processor_to_the_robot(path: Path) -> None:
     clock = VirtualClock(0.0)
     held = len(messages(write_cut_recording(path, minutes=0.2)))
     end_cut_recordings([path], clock)

@@ -142,7 +142,7 @@ def test_a_recording_can_be_split_however_long_its_name(tmp_path: Path, length: 
 
 
 @pytest.mark.parametrize("every_s", few([0.02, 0.05, 0.1, 0.2, 0.5], 2))
-def test_a_picture_of_a_standing_robot_has_nothing_of_the_next_drive(
+def test_a_picture_of_a_standing_robot_has_no_data_of_the_next_drive(
     tmp_path: Path, every_s: float
 ) -> None:
     """For any camera rate, although the loop ticks twenty times a second."""

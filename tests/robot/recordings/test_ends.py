@@ -17,7 +17,7 @@ from .drives import record_drive
 
 
 @crossed(frames=[1, 12, 400], read_bytes=[64, 8192])
-def test_it_finds_what_the_library_finds(
+def test_reading_the_ends_finds_what_the_library_finds(
     tmp_path: Path, frames: int, read_bytes: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(reader, "_BUFFER_BYTES", read_bytes)

@@ -91,7 +91,9 @@ def test_a_footer_that_points_elsewhere_is_not_followed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"\x89MCAP", b"PK\x03\x04" + b"\0" * 99, MAGIC, MAGIC * 9])
-def test_what_is_no_recording_is_refused_with_a_reason(tmp_path: Path, data: bytes) -> None:
+def test_a_file_that_is_not_a_recording_is_refused_with_a_reason(
+    tmp_path: Path, data: bytes
+) -> None:
     path = tmp_path / "x.mcap"
     path.write_bytes(data)
     with pytest.raises(RecordingError, match=r"x\.mcap"):
@@ -142,12 +144,12 @@ TAUGHT = b'{"event": "taught", "frame": 1, "label": "left", "intervention": fals
     ],
     ids=lambda words: words[:20],
 )
-def test_words_of_another_form_end_the_reading(tmp_path: Path, words: bytes) -> None:
+def test_texts_of_another_form_end_the_reading(tmp_path: Path, words: bytes) -> None:
     path = crafted(tmp_path / "x.mcap", OURS, ("/lesson", "json", "x"), [words])
     assert open_episode(path).damage
 
 
-def test_a_picture_that_is_no_picture_says_so(tmp_path: Path) -> None:
+def test_an_invalid_picture_is_reported(tmp_path: Path) -> None:
     pictures = (b"\xff" * 40, b"\x32\xff\xff\xff\xff\x0f", b"", b"\x0a\x05")
     channel = ("/camera", "protobuf", "foxglove.RawImage")
     episode = open_episode(crafted(tmp_path / "x.mcap", OURS, channel, pictures))

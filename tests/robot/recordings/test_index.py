@@ -77,7 +77,7 @@ def walked(path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         return everything(open_episode(path))
 
 
-def test_it_is_opened_without_its_chunks_and_the_same_as_with_them(
+def test_opening_by_the_index_equals_reading_all_chunks(
     long: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     wanted = walked(long, monkeypatch)
@@ -88,7 +88,7 @@ def test_it_is_opened_without_its_chunks_and_the_same_as_with_them(
     assert sum(isinstance(one, Attachment) and one.name == INDEX for one in scan(long)) == 4
 
 
-def test_one_that_another_program_wrote_anew_is_read_by_its_chunks(
+def test_a_recording_rewritten_by_another_program_is_read_by_its_chunks(
     long: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     wanted, path = walked(long, monkeypatch), tmp_path / "long.mcap"
@@ -113,7 +113,7 @@ def test_one_that_another_program_wrote_anew_is_read_by_its_chunks(
     assert everything(open_episode(path)) == wanted
 
 
-def test_a_damaged_index_costs_time_and_nothing_else(
+def test_a_damaged_index_only_costs_time(
     long: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     wanted, data = walked(long, monkeypatch), long.read_bytes()
@@ -127,7 +127,7 @@ def test_a_damaged_index_costs_time_and_nothing_else(
         assert found["frames"] == wanted["frames"] and found["events"] == wanted["events"]
 
 
-def test_an_index_that_lies_raises_nothing_but_our_own_errors(
+def test_a_false_index_raises_only_our_own_errors(
     long: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rng, ends = random.Random(4), read_ends(long, INDEX, ())

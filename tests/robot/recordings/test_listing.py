@@ -41,7 +41,7 @@ def read(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return opened
 
 
-def test_recordings_are_read_once_also_for_four_callers(
+def test_recordings_are_read_once_even_for_four_callers(
     store: EpisodeStore, read: list[str]
 ) -> None:
     with ThreadPoolExecutor(4) as callers:

@@ -43,7 +43,7 @@ def test_an_open_recording_has_no_object_for_each_picture(long: Path) -> None:
     assert len(episode.frames) == 6000 and len(labels) == 5950
 
 
-def test_what_is_told_of_each_picture_is_read_chunk_by_chunk(long: Path) -> None:
+def test_the_data_of_pictures_are_read_chunk_by_chunk(long: Path) -> None:
     episode, most = open_episode(long), 0
     gc.collect()
     before = len(gc.get_objects())
@@ -67,7 +67,7 @@ def test_a_few_pictures_are_found_without_the_others(long: Path) -> None:
 
 
 @pytest.mark.parametrize("offset", [2**63 + 5, 3])
-def test_an_index_that_lies_is_not_believed(long: Path, tmp_path: Path, offset: int) -> None:
+def test_a_false_index_is_not_used(long: Path, tmp_path: Path, offset: int) -> None:
     found, data, at = messages(long), bytearray(long.read_bytes()), 8
     while data[at] != 2:  # the footer
         opcode, length = struct.unpack_from("<BQ", data, at)

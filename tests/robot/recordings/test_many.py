@@ -51,7 +51,7 @@ def content(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def test_several_go_together_and_come_back_byte_for_byte(folder: Path) -> None:
+def test_several_recordings_are_deleted_together_and_restored_byte_for_byte(folder: Path) -> None:
     store = EpisodeStore(Storage(folder.parent), recording=lambda: "four")
     store.protect("three", True)
     before = content(folder)
@@ -72,7 +72,7 @@ def test_several_go_together_and_come_back_byte_for_byte(folder: Path) -> None:
     assert store.trash() == []
 
 
-def test_what_comes_back_beside_new_ones_gets_new_names_with_its_own_edits(
+def test_restored_recordings_get_new_names_beside_new_ones_and_keep_their_edits(
     store: EpisodeStore, folder: Path, drive: Path
 ) -> None:
     before = content(folder)
@@ -84,7 +84,7 @@ def test_what_comes_back_beside_new_ones_gets_new_names_with_its_own_edits(
     assert content(folder)["one (2).mcap"] == before["one.mcap"]
 
 
-def test_a_disk_that_refuses_one_of_them_deletes_none(
+def test_if_the_disk_refuses_one_deletion_none_is_deleted(
     store: EpisodeStore, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before, trash, moved = content(folder), folder.parent / "trash", []
@@ -101,7 +101,7 @@ def test_a_disk_that_refuses_one_of_them_deletes_none(
     assert content(folder) == before and list(trash.iterdir()) == []
 
 
-def test_what_was_deleted_goes_for_good_after_its_days(
+def test_deleted_recordings_are_removed_after_the_days_in_the_trash(
     store: EpisodeStore, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     storage, now_ns, day_ns = Storage(folder.parent), [10**18], 86_400 * 10**9
@@ -119,7 +119,7 @@ def test_what_was_deleted_goes_for_good_after_its_days(
     assert storage.empty_trash() and storage.trash_bytes() == 0 == len(store.trash())
 
 
-def test_none_is_deleted_or_rewritten_while_another_process_reads_it(
+def test_no_recording_is_deleted_or_rewritten_while_another_process_reads_it(
     store: EpisodeStore, folder: Path
 ) -> None:
     code = (
@@ -159,7 +159,7 @@ def test_a_zip_holds_all_with_their_edits_and_little_is_in_memory(
         assert {name: archive.read(name) for name in archive.namelist()} == content(folder)
 
 
-def test_one_that_is_being_recorded_is_zipped_up_to_its_present_end(
+def test_a_recording_in_progress_is_zipped_up_to_its_present_end(
     tmp_path: Path, drive: Path
 ) -> None:
     path = tmp_path / "now.mcap"

@@ -23,6 +23,6 @@ def test_a_declaration_survives_a_recording(declared: list[Move]) -> None:
 @pytest.mark.parametrize(
     "text", ["{", "[1]", '[{"name": "x"}]', '{"name": 1}', '[{"name": "X", "label": {}}]', "7"]
 )
-def test_a_damaged_declaration_says_so(text: str) -> None:
+def test_a_damaged_declaration_is_reported(text: str) -> None:
     with pytest.raises(ValueError):
         from_text(text)

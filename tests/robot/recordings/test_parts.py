@@ -102,7 +102,7 @@ def path(store: EpisodeStore) -> Path:
     return store.path(store.ids()[0])
 
 
-def test_it_is_one_episode_equal_to_one_in_a_single_file(
+def test_a_recording_in_parts_equals_one_in_a_single_file(
     whole: Path, store: EpisodeStore, path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert len(part_paths(path)) >= 5
@@ -268,7 +268,7 @@ def test_edits_compacting_and_splitting_cover_all_files(store: EpisodeStore) -> 
     assert list(store.open(restored).frames) == ids
 
 
-def test_a_drive_that_nobody_wants_leaves_no_file(tmp_path: Path) -> None:
+def test_a_discarded_drive_leaves_no_file(tmp_path: Path) -> None:
     robot = RecordedBench(tmp_path, part_s=1.0, keeps_drives=False)
     robot.drive(range(60), Mode.AUTONOMOUS)
     assert list(tmp_path.glob("*.parts"))

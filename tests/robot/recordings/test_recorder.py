@@ -49,7 +49,7 @@ def test_everything_that_happened_is_in_the_recording(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("seed", seeds(3, 10))
-def test_power_that_goes_costs_what_was_not_flushed_yet(tmp_path: Path, seed: int) -> None:
+def test_a_power_cut_costs_only_what_was_not_flushed_yet(tmp_path: Path, seed: int) -> None:
     """At any moment the disk has a recording that ends at most a fifth of a second earlier."""
     chance, robot = random.Random(seed), RecordedBench(tmp_path)
     start_s = robot.clock.now_s()
@@ -64,7 +64,7 @@ def test_power_that_goes_costs_what_was_not_flushed_yet(tmp_path: Path, seed: in
             assert lost_s <= FLUSH_EVERY_S + 2 * 0.1  # it flushes when a step ends
 
 
-def test_pictures_come_back_as_the_camera_gave_them(tmp_path: Path) -> None:
+def test_recorded_pictures_are_read_as_the_camera_gave_them(tmp_path: Path) -> None:
     robot = RecordedBench(tmp_path)
     given = {}
     robot.start(Mode.TRAIN)
@@ -164,7 +164,7 @@ class SlowFile(io.BytesIO):
         super().close()
 
 
-def test_a_disk_that_crawls_costs_pictures_and_neither_memory_nor_lessons(tmp_path: Path) -> None:
+def test_a_slow_disk_costs_pictures_but_neither_memory_nor_examples(tmp_path: Path) -> None:
     file = SlowFile()
     robot = RecordedBench(tmp_path, open_file=lambda path: file, queue_bytes=1_000_000)
     queue, file.clock = robot.recorder.queue, robot.clock
@@ -188,7 +188,7 @@ def test_a_disk_that_crawls_costs_pictures_and_neither_memory_nor_lessons(tmp_pa
     assert ("recording_lossy", {"dropped_frames": queue.lost["frames"]}) in robot.told
 
 
-def test_a_full_disk_stops_recording_with_a_word_and_the_robot_drives_on(tmp_path: Path) -> None:
+def test_a_full_disk_stops_recording_with_a_message_and_the_robot_drives_on(tmp_path: Path) -> None:
     """A later drive is recorded again: see test_refusing_disk.py."""
     disk = Disk()
     robot = RecordedBench(tmp_path, open_file=disk.open)
@@ -214,7 +214,7 @@ def test_recording_keeps_room_on_the_disk_for_models(tmp_path: Path) -> None:
     )
 
 
-def test_without_the_library_recording_is_off_with_a_word(
+def test_without_the_library_recording_is_off_with_a_message(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "mcap.writer", None)
@@ -225,7 +225,7 @@ def test_without_the_library_recording_is_off_with_a_word(
 
 
 @pytest.mark.parametrize(("does", "kept"), [("nothing", 0), ("teaches", 1), ("edits", 2)])
-def test_runs_in_which_nothing_was_taught_or_driven_are_not_kept(
+def test_runs_without_training_or_driving_are_not_kept(
     tmp_path: Path, does: str, kept: int
 ) -> None:
     robot = RecordedBench(tmp_path)

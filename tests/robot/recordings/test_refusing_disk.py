@@ -22,7 +22,7 @@ from .drives import RecordedBench
 
 
 @crossed(stood_s=[0.0, 0.5, 5.0, 9.5, 12.0], teaches_at_once=[False, True])
-def test_the_drive_after_a_disk_refused_is_recorded(
+def test_the_drive_after_a_disk_error_is_recorded(
     tmp_path: Path, stood_s: float, teaches_at_once: bool
 ) -> None:
     chance, disk = random.Random(f"{stood_s}"), Disk()

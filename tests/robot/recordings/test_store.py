@@ -41,7 +41,7 @@ def name(store: EpisodeStore) -> str:
     return store.ids()[0]
 
 
-def test_a_title_that_is_no_text_is_kept_as_far_as_it_is(store: EpisodeStore, name: str) -> None:
+def test_an_invalid_title_is_kept_as_far_as_it_is_text(store: EpisodeStore, name: str) -> None:
     for title in ("Fl\udcfcr", "\ud83d", "Küche"):
         store.set_title(name, title)
         assert store.notes(name).title == title.encode(errors="replace").decode()
@@ -93,7 +93,7 @@ def test_edits_are_kept_beside_the_file_and_can_all_be_undone(
         store.undo_edit(name)
 
 
-def test_compacting_works_the_edits_in_and_teaches_the_same(store: EpisodeStore, name: str) -> None:
+def test_compacting_applies_the_edits_and_teaches_the_same(store: EpisodeStore, name: str) -> None:
     ids = list(store.open(name).frames)
     store.edit(name, trim(ids, ids[5], ids[-5]))
     store.edit(name, Edit(verb="relabel", ranges=((ids[10], ids[20]),), label=Action.RIGHT))
@@ -142,7 +142,7 @@ def test_notes_of_a_recording_that_is_gone_edit_no_new_one(store: EpisodeStore) 
     assert path.name == "tub.mcap" and store.new_path("Tub").name == "Tub (2).mcap"
 
 
-def test_what_another_program_is_recording_is_left_alone(
+def test_a_recording_of_another_program_in_progress_is_not_touched(
     storage: Storage, store: EpisodeStore
 ) -> None:
     robot = RecordedBench(storage.folder("episodes"))
@@ -160,7 +160,9 @@ def test_what_another_program_is_recording_is_left_alone(
         store.delete(episode_id)
 
 
-def test_what_was_cut_short_is_nobodys_any_more(store: EpisodeStore, name: str) -> None:
+def test_a_recording_that_was_cut_short_is_no_longer_in_progress(
+    store: EpisodeStore, name: str
+) -> None:
     path = store.path(name)
     path.write_bytes(path.read_bytes()[:-1])
     store.compact(name)
@@ -168,7 +170,7 @@ def test_what_was_cut_short_is_nobodys_any_more(store: EpisodeStore, name: str) 
     store.delete(name)
 
 
-def test_what_is_changed_while_it_is_made_compact_is_not_lost(
+def test_edits_made_during_compacting_are_not_lost(
     storage: Storage, store: EpisodeStore, name: str
 ) -> None:
     other, path, ids = EpisodeStore(storage), store.path(name), list(store.open(name).frames)

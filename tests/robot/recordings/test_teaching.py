@@ -135,7 +135,7 @@ def test_a_bodys_own_moves_are_learned_again_bit_for_bit(tmp_path: Path, learner
     assert set(again.kinds.turns.values()) == {-1, 1}
 
 
-def test_a_recording_that_declares_no_moves_takes_none_from_who_goes_on(tmp_path: Path) -> None:
+def test_a_recording_without_declared_moves_removes_no_move_from_a_policy(tmp_path: Path) -> None:
     """A recording of 0.1, or of another program."""
     _, path = record_own_moves(tmp_path / "a.mcap", "default-8", ())
     going_on = make_policy("default-8", names(OWN))
@@ -145,7 +145,7 @@ def test_a_recording_that_declares_no_moves_takes_none_from_who_goes_on(tmp_path
     assert going_on.kinds.turns == turns == {"port": -1, "starboard": 1}
 
 
-def test_another_learner_learns_the_same_lessons_and_one_without_their_moves_none(
+def test_another_learner_learns_the_same_examples_if_it_has_their_moves(
     tmp_path: Path,
 ) -> None:
     episode = record_drive(tmp_path, "published-8")

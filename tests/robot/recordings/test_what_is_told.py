@@ -84,7 +84,7 @@ def test_a_film_takes_as_long_as_the_drive(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["film.txt", "film", "film.mcap", "film.mp4.bak"])
-def test_a_name_that_is_no_films_gets_a_sentence(name: str) -> None:
+def test_a_file_name_that_is_not_a_films_is_refused_in_a_sentence(name: str) -> None:
     with pytest.raises(ConfigurationError, match=r"\.mp4"):
         check_suffix(Path(name))
 

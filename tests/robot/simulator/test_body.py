@@ -102,7 +102,7 @@ def is_free(world: World, x_m: float, y_m: float) -> bool:
 
 
 @pytest.mark.parametrize("name", world_names())
-def test_each_range_is_free_as_far_as_it_says_and_no_farther(name: str) -> None:
+def test_each_range_ends_at_the_first_obstacle(name: str) -> None:
     world, dice = load_world(name), random.Random(name)
     bearings = np.radians(np.arange(0.0, 360.0, 7.0))
     for _ in range(20):

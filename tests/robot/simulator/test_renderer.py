@@ -60,7 +60,7 @@ def test_a_closed_world_is_freed_when_the_next_is_drawn() -> None:
     second.close()
 
 
-def test_threads_draw_what_each_draws_without_the_others() -> None:
+def test_each_thread_draws_the_same_as_without_the_others() -> None:
     alone = [pictures(seed) for seed in range(4)]
     assert alone[0] != alone[1]
     with ThreadPoolExecutor(4) as pool:

@@ -72,7 +72,7 @@ def test_a_minute_of_driving_costs_at_most_eight_megabytes(tmp_path: Path, world
     assert a_minute <= 8e6
 
 
-def test_experiments_get_the_pixels_themselves() -> None:
+def test_experiments_get_uncompressed_pixels() -> None:
     driver, camera = watched()
     raw, jpeg = camera.capture(), camera._take()
     assert raw.encoding is Encoding.RGB and len(raw.data) == 160 * 120 * 3
@@ -83,7 +83,7 @@ def test_experiments_get_the_pixels_themselves() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_eyes_picture_leaves_what_is_learned_and_recorded_bit_for_bit(seed: int) -> None:
+def test_larger_pictures_for_viewers_do_not_change_what_is_learned_and_recorded(seed: int) -> None:
     """For any number of viewers, the frames are those of an unwatched robot."""
     chance = random.Random(seed)
     world = chance.choice(world_names())
@@ -112,7 +112,7 @@ def test_the_eyes_picture_leaves_what_is_learned_and_recorded_bit_for_bit(seed: 
     assert frames(True) == frames(False)
 
 
-def test_nobody_looks_and_nothing_is_made_for_the_eye() -> None:
+def test_without_viewers_no_larger_pictures_are_made() -> None:
     driver, camera = watched()
     camera.for_the_eye(camera._take())
     large = [camera.for_the_eye(camera._take()).width for _ in range(3)]
@@ -134,7 +134,7 @@ def test_nobody_looks_and_nothing_is_made_for_the_eye() -> None:
         (0.08, 0.1, 5.0),
     ],
 )
-def test_on_a_busy_computer_pictures_are_fewer(
+def test_a_busy_computer_makes_fewer_pictures(
     monkeypatch: pytest.MonkeyPatch, takes_s: float, late_s: float, rate_hz: float
 ) -> None:
     clock = VirtualClock()

@@ -63,7 +63,7 @@ def test_the_robot_pushes_a_wall_when_it_drives_against_it(
     assert (simulation.sense().distance_m or 0) < 0.1
 
 
-def test_speed_scales() -> None:
+def test_the_speed_scale_scales_the_distance() -> None:
     ways = []
     for scale in (1.0, 0.5):
         simulation = Simulation(load_world("office"), seed=0, is_noisy=False)
@@ -75,7 +75,7 @@ def test_speed_scales() -> None:
     assert ways[1] == pytest.approx(0.08)
 
 
-def test_the_way_is_as_uncertain_at_any_frame_rate() -> None:
+def test_the_uncertainty_of_the_path_is_the_same_at_any_frame_rate() -> None:
     spread = []
     for rate_hz in (10, 30, 200):
         headings = []

@@ -32,7 +32,7 @@ def test_a_movable_box_yields_and_stops_at_the_wall() -> None:
     assert simulation.is_pushing
 
 
-def test_what_is_not_movable_stays() -> None:
+def test_a_thing_that_is_not_movable_stays() -> None:
     simulation = Simulation(load_world("office"), 0, is_noisy=False)
     before = simulation.world
     simulation.pose = Pose(x_m=1.3, y_m=1.3, heading_rad=0.0)

@@ -30,7 +30,7 @@ def test_the_data_folder_is_the_chosen_or_the_systems_with_and_without_extras(
     assert default_root() == Path(platformdirs.user_data_dir("drivelesson", appauthor=False))
 
 
-def test_what_names_the_folder_is_in_the_base_and_in_no_extra() -> None:
+def test_the_library_that_locates_the_folder_is_a_base_dependency() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert any(one.startswith("platformdirs") for one in project["dependencies"])
     extras = [one for extra in project["optional-dependencies"].values() for one in extra]
@@ -74,14 +74,14 @@ def test_two_threads_that_write_one_file_at_once_do_not_mix(tmp_path: Path) -> N
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux has a folder that takes nothing")
-def test_a_trash_that_takes_nothing_is_no_reason_to_keep_nothing(tmp_path: Path) -> None:
+def test_an_unwritable_trash_does_not_prevent_saving(tmp_path: Path) -> None:
     (tmp_path / "trash").symlink_to("/proc/self")
     assert Storage(tmp_path, must_be_usable=False).fault is None
     with pytest.raises(ConfigurationError, match="cannot be used"):
         Storage(tmp_path)
 
 
-def test_a_folder_whose_parts_alone_take_files_is_a_fault(tmp_path: Path) -> None:
+def test_a_folder_in_which_only_the_parts_are_writable_is_a_fault(tmp_path: Path) -> None:
     storage = Storage(tmp_path, must_be_usable=False)
     assert storage.fault is None and not (tmp_path / ".probe").exists()
     (tmp_path / f"..probe.{get_native_id()}.part").mkdir()  # nothing can be written there

@@ -16,13 +16,13 @@ from robot.store.lock import FolderLock
 pytest.importorskip("fcntl")
 
 
-def test_a_second_one_is_told_who_has_it_and_what_to_do(tmp_path: Path) -> None:
+def test_a_second_program_is_told_which_one_uses_the_folder(tmp_path: Path) -> None:
     with FolderLock(tmp_path), pytest.raises(ConfigurationError, match="--data") as refusal:
         FolderLock(tmp_path).start()
     assert f"process {os.getpid()}" in str(refusal.value)
 
 
-def test_it_is_free_again_afterwards_and_taken_only_once(tmp_path: Path) -> None:
+def test_the_lock_is_released_afterwards_and_taken_only_once(tmp_path: Path) -> None:
     lock = FolderLock(tmp_path)
     lock.stop()
     with lock:
@@ -33,12 +33,12 @@ def test_it_is_free_again_afterwards_and_taken_only_once(tmp_path: Path) -> None
             lock.start()
 
 
-def test_a_folder_that_is_not_there_is_an_error_that_names_it(tmp_path: Path) -> None:
+def test_a_missing_folder_is_an_error_that_names_it(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="gone"):
         FolderLock(tmp_path / "gone").start()
 
 
-def test_a_killed_process_lets_go(tmp_path: Path) -> None:
+def test_a_killed_process_releases_the_lock(tmp_path: Path) -> None:
     hold = (
         "import sys, pathlib; from robot.store.lock import FolderLock;"
         "lock = FolderLock(pathlib.Path(sys.argv[1])); lock.start(); print('held', flush=True);"

@@ -63,7 +63,7 @@ class SharingError(PermissionError):
         *((PermissionError(13, "no"), 99), (OSError(28, "full"), 99)),
     ],
 )
-def test_a_file_that_a_scanner_reads_is_replaced_when_it_is_free_or_left_as_it_was(
+def test_a_file_that_another_program_reads_is_replaced_later_or_stays_as_it_was(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: OSError, times: int
 ) -> None:
     write_whole(tmp_path / "paired.json", b"old")
@@ -77,7 +77,7 @@ def test_a_file_that_a_scanner_reads_is_replaced_when_it_is_free_or_left_as_it_w
     assert is_refused or (len(pauses) == times and sum(pauses) < 2)
 
 
-def test_a_folder_is_moved_as_well(tmp_path: Path) -> None:
+def test_a_folder_is_moved_with_its_files(tmp_path: Path) -> None:
     write_whole(tmp_path / "a" / "1.npz", b"x")
     move(tmp_path / "a", tmp_path / "b")
     assert (tmp_path / "b" / "1.npz").read_bytes() == b"x"

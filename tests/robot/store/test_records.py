@@ -22,7 +22,7 @@ def test_a_small_file_takes_no_buffer_for_a_large_one(tmp_path: Path) -> None:
         tracemalloc.stop()
 
 
-def test_what_is_too_large_or_no_file_is_refused(tmp_path: Path) -> None:
+def test_files_that_are_too_large_or_not_regular_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "model"
     path.write_bytes(bytes(256))
     assert len(read_regular(path, 256)) == 256

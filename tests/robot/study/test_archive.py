@@ -65,7 +65,7 @@ def test_a_session_counts_as_far_as_it_came_and_the_last_attempt_of_a_condition_
     assert phases() == [("teach", "2", "0")]
 
 
-def test_what_was_driven_stands_under_its_own_condition_whatever_became_of_the_plan() -> None:
+def test_drives_stay_under_their_own_condition_after_the_plan_was_changed() -> None:
     """A condition that is added later gives the same slots other orders."""
     logs = logs_of(2)
     added = '[[condition]]\nname = "third"\n[[condition]]\nname = "short"'
@@ -104,7 +104,7 @@ def test_a_table_that_was_changed_by_hand_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("fault", ["no zip", "damaged", "no plan", "strange name"])
-def test_what_is_no_study_is_refused_with_a_sentence(tmp_path: Path, fault: str) -> None:
+def test_a_file_that_is_not_a_study_is_refused_with_a_sentence(tmp_path: Path, fault: str) -> None:
     file = tmp_path / "study.zip"
     if fault == "no zip":
         file.write_bytes(b"PK\x03\x04 and no more")

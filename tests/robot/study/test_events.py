@@ -45,7 +45,7 @@ def test_no_cell_is_a_formula_whatever_separates_cells(text: str) -> None:
             assert not [cell for cell in line if _FORMULA.match(cell) and cell[0] != "'"]
 
 
-def test_an_answer_that_is_a_formula_is_one_in_no_file_of_the_zip() -> None:
+def test_an_answer_like_a_formula_is_not_one_in_any_file_of_the_zip() -> None:
     person = driving(30.0)
     for question in person.session.questions:
         value = "=HYPERLINK(1)" if question.kind == "text" else question.check(question.least)

@@ -22,7 +22,7 @@ def standing(session: StudySession) -> tuple[object, ...]:
     )
 
 
-def test_from_any_line_on_the_log_says_where_it_stands() -> None:
+def test_a_session_can_be_resumed_from_any_line_of_its_log() -> None:
     plan = small_plan()
     person = Participant(plan, "P02", 1)
     person.take_part()
@@ -49,7 +49,7 @@ def test_a_log_cut_anywhere_loses_its_last_line_alone() -> None:
 @pytest.mark.parametrize(
     "line", [b"1.0,dance,0,,0,,,,,,,\n", b"1.0,frame\n", b"x,mode,0,,0,,,,,,,\n", b"\xff\n"]
 )
-def test_a_log_that_is_none_is_refused_with_its_line(line: bytes) -> None:
+def test_an_invalid_log_is_refused_with_its_line(line: bytes) -> None:
     with pytest.raises(RecordingError, match=r"line 2|UTF-8"):
         read_events(write_events([], with_head=True).encode() + line)
 
@@ -63,7 +63,7 @@ def test_the_clock_stands_while_the_robot_is_in_another_mode() -> None:
     assert sum(event.event == "mode" for event in person.events) == 3
 
 
-def test_what_is_taken_up_again_goes_on_where_its_clock_stood() -> None:
+def test_a_resumed_phase_continues_where_its_clock_stood() -> None:
     person, again = driving(3.0 + 0.1 + 1.2), Participant(small_plan())
     again.session = follow_log(small_plan(), "P01", read_events(person.log))
     again.say("condition_resumed")
@@ -78,7 +78,7 @@ def test_a_condition_begun_anew_begins_with_its_first_phase() -> None:
     assert person.session.left_s == 3.0
 
 
-def test_nothing_comes_out_of_its_turn() -> None:
+def test_no_step_is_possible_out_of_turn() -> None:
     session = StudySession(small_plan(), "P01", 0)
     with pytest.raises(ConfigurationError, match="P01 waits for 'consent', not 'drive'"):
         session.require(SessionStep.DRIVE)
@@ -91,7 +91,9 @@ def test_nothing_comes_out_of_its_turn() -> None:
         *(("again", 3), ("again", 0), ("remark", 5), ("remark", "x" * 1001)),
     ],
 )
-def test_an_answer_that_is_none_is_refused_by_name(name: str, answer: object) -> None:
+def test_an_invalid_answer_is_refused_by_the_name_of_its_question(
+    name: str, answer: object
+) -> None:
     question = next(q for q in small_plan().questions if q.name == name)
     with pytest.raises(ConfigurationError, match=f"the answer to '{name}' must be"):
         question.check(answer)

@@ -123,7 +123,7 @@ def test_threads_and_an_event_loop_take_turns() -> None:
     ]  # fmt: skip
 
 
-def test_who_holds_a_lock_may_wait_while_another_wants_it() -> None:
+def test_a_thread_with_a_lock_may_wait_while_another_wants_the_lock() -> None:
     clock, seen = VirtualClock(), []
     lock = clock.lock()
 

@@ -50,7 +50,7 @@ def test_an_invalid_address_to_serve_on_is_named_in_the_error(host: str) -> None
 
 
 @pytest.mark.realtime
-def test_a_listening_socket_counts_evicts_turns_away_and_lets_others_work(
+def test_a_listener_counts_evicts_and_refuses_while_others_are_served(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     a_connection_is_counted_from_accept_to_close()

@@ -102,14 +102,16 @@ def test_a_wrong_or_missing_secret_or_address_is_one_clear_line(
         assert driver.is_connected
 
 
-def test_a_missing_motor_is_named_through_the_line(agent: VirtualAgent) -> None:
+def test_a_missing_motor_is_named_over_the_connection(agent: VirtualAgent) -> None:
     driver = make_driver(agent, left_port="outD")
     with pytest.raises(DriveError, match=r"no left motor at port outD.*outB"):
         driver.connect()
     assert not driver.is_connected
 
 
-def test_one_controller_at_a_time(agent: VirtualAgent, controller: Controller) -> None:
+def test_only_one_controller_connects_at_a_time(
+    agent: VirtualAgent, controller: Controller
+) -> None:
     with pytest.raises(DriveError, match=r"busy: 127.0.0.1 has the robot; stop the other"):
         make_driver(agent).connect()
     controller.hang_up()
@@ -117,7 +119,7 @@ def test_one_controller_at_a_time(agent: VirtualAgent, controller: Controller) -
         assert driver.is_connected
 
 
-def test_a_silent_controller_makes_room(agent: VirtualAgent) -> None:
+def test_a_new_controller_replaces_a_silent_one(agent: VirtualAgent) -> None:
     silent = Controller(agent)
     silent.open()
     agent.net.clock.sleep(agent_server.SILENCE_S + 0.2)
@@ -172,7 +174,7 @@ def test_a_command_that_was_held_up_is_not_carried_out(
     "noise",
     [b"GET / HTTP/1.1\r\n\r\n", b"J\xff\xff\xff\xff", wire.pack_json({"do": 7}), b"J" * 99],
 )
-def test_noise_is_shown_out_and_harms_nobody(
+def test_a_caller_that_sends_noise_is_disconnected(
     agent: VirtualAgent, controller: Controller, noise: bytes
 ) -> None:
     stranger = agent.dial(("brick", 8765))
@@ -184,7 +186,7 @@ def test_noise_is_shown_out_and_harms_nobody(
     assert controller.read("positions") == [0.0, 0.0]
 
 
-def test_a_controller_that_talks_nonsense_leaves_a_standing_robot(
+def test_after_nonsense_from_its_controller_the_robot_stands(
     agent: VirtualAgent, controller: Controller, brick: FakeBrick
 ) -> None:
     controller.run()
@@ -195,7 +197,7 @@ def test_a_controller_that_talks_nonsense_leaves_a_standing_robot(
         assert driver.is_connected
 
 
-def test_sensors_and_buttons_come_through_the_line(brick: FakeBrick) -> None:
+def test_sensors_and_buttons_are_read_over_the_connection(brick: FakeBrick) -> None:
     brick.add_sensor("in4", "lego-ev3-us", 500, decimals=1)
     brick.add_sensor("in1", "lego-ev3-touch", 0)
     with VirtualAgent(brick) as running, make_driver(running) as driver:
@@ -222,7 +224,7 @@ def test_the_camera_of_another_robot_cannot_see_through_the_brick(brick: FakeBri
         lonely.start()
 
 
-def test_the_camera_comes_newest_first_and_its_faults_are_said(brick: FakeBrick) -> None:
+def test_the_newest_picture_is_sent_first_and_camera_faults_are_reported(brick: FakeBrick) -> None:
     clock, source = brick.clock, MadeUpCamera()
     with VirtualAgent(brick, open_camera=source.open) as running:
         driver = make_driver(running)
@@ -241,12 +243,12 @@ def test_the_camera_comes_newest_first_and_its_faults_are_said(brick: FakeBrick)
 
 
 @pytest.mark.parametrize("address", ["ev3dev.local:x", "ev3dev.local:99999", ":8765"])
-def test_what_is_no_address_is_refused_before_anybody_is_asked(address: str) -> None:
+def test_an_invalid_address_is_refused_before_anything_is_sent(address: str) -> None:
     with pytest.raises(ConfigurationError, match="--brick"):
         join(address, "a secret", dial=lambda _: pytest.fail("it was dialled"))
 
 
-def test_a_line_that_is_lost_is_said_and_joined_again(brick: FakeBrick) -> None:
+def test_a_lost_connection_is_reported_and_opened_again(brick: FakeBrick) -> None:
     with VirtualAgent(brick) as first, make_driver(first) as driver:
         driver.send_action(Action.FORWARD)
         first.kill()
@@ -273,7 +275,7 @@ def test_a_line_that_is_lost_is_said_and_joined_again(brick: FakeBrick) -> None:
 
 
 @pytest.mark.parametrize("part", ["tacho-motor", "lego-sensor"])
-def test_a_body_that_does_not_open_again_with_the_line_is_said_until_it_does(
+def test_a_body_that_is_not_back_with_the_connection_is_reported_until_it_is(
     brick: FakeBrick, part: str
 ) -> None:
     """A restarted brick knows its motors only some seconds after its network."""
@@ -302,7 +304,7 @@ def test_a_body_that_does_not_open_again_with_the_line_is_said_until_it_does(
         brick.wait_until(brick.is_moving)
 
 
-def test_motors_that_cannot_be_asked_are_named_and_the_line_stays(
+def test_motors_that_do_not_answer_are_named_and_the_connection_stays(
     brick: FakeBrick, agent: VirtualAgent
 ) -> None:
     with make_driver(agent) as driver:
@@ -316,7 +318,7 @@ def test_motors_that_cannot_be_asked_are_named_and_the_line_stays(
         assert driver.link.fault is None
 
 
-def test_a_computer_that_stood_still_while_it_joined_opens_the_body_all_the_same(
+def test_a_computer_that_paused_while_it_connected_still_opens_the_body(
     brick: FakeBrick,
 ) -> None:
     clock = brick.clock

@@ -76,7 +76,7 @@ def join_patiently(address: str) -> None:
 
 
 @pytest.mark.realtime
-def test_a_process_drives_shows_and_suffers_strangers_at_no_cost(
+def test_a_real_agent_drives_shows_pictures_and_withstands_foreign_callers(
     real_brick: FakeBrick, tmp_path: Path
 ) -> None:
     the_camera_comes_newest_first_and_its_faults_are_said(real_brick, tmp_path)
@@ -139,7 +139,7 @@ def twelve_strangers_with_four_megabytes_each_get_no_memory(
         drive_on(driver, brick)
 
 
-def test_others_may_not_read_the_secret(tmp_path: Path) -> None:
+def test_other_users_cannot_read_the_secret(tmp_path: Path) -> None:
     secret = tmp_path / "secret"
     secret.write_text(SECRET)
     secret.chmod(0o644)

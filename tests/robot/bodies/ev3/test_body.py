@@ -91,7 +91,9 @@ def test_a_wrong_port_is_one_clear_line(
     assert "\n" not in str(failure.value)
 
 
-def test_a_part_of_a_ports_name_is_no_port_and_the_whole_address_is(brick: FakeBrick) -> None:
+def test_a_port_is_named_by_its_whole_address_but_not_by_a_part_of_its_name(
+    brick: FakeBrick,
+) -> None:
     brick.add_sensor("in1:i2c1", "lego-nxt-us", 42)
     for port in ("in", "n1", "1", "in1:i2c"):
         with pytest.raises(DriveError, match="ultrasonic sensor at port"):
@@ -108,7 +110,7 @@ def test_options_that_make_no_sense_are_refused() -> None:
         ChassisOptions(track_m=0)
 
 
-def test_no_brick_at_all_is_one_clear_line(tmp_path: Path) -> None:
+def test_without_a_brick_the_error_is_one_clear_line(tmp_path: Path) -> None:
     driver = Ev3Driver(Ev3Options(brick_root=str(tmp_path)))
     with pytest.raises(DriveError, match=r"no left motor at port outB.*found: nothing"):
         driver.connect()
@@ -128,7 +130,7 @@ def test_a_motor_that_was_unplugged_is_found_again(brick: FakeBrick) -> None:
         brick.wait_until(lambda: set(brick.speeds().values()) == {360})
 
 
-def test_a_sensor_that_was_unplugged_is_said_and_found_again(brick: FakeBrick) -> None:
+def test_an_unplugged_sensor_is_reported_and_found_again(brick: FakeBrick) -> None:
     brick.add_sensor("in1", "lego-ev3-touch", 0)
     with make_driver(brick) as driver:
         folder = brick.root / "sys/class/lego-sensor"
@@ -141,7 +143,7 @@ def test_a_sensor_that_was_unplugged_is_said_and_found_again(brick: FakeBrick) -
         assert driver.sense().bumped is False
 
 
-def test_buttons_lights_and_screen(brick: FakeBrick) -> None:
+def test_buttons_are_read_and_lights_and_screen_are_set(brick: FakeBrick) -> None:
     driver = make_driver(brick)
     driver.announce("http://192.168.1.7:8000")
     with driver:
@@ -250,7 +252,7 @@ def test_sensors_that_appear_late_are_found(
 
 
 @pytest.mark.parametrize("missing", ["mode", "decimals", "value0"])
-def test_a_sensor_whose_plug_makes_no_contact_yet_is_said(
+def test_a_sensor_whose_plug_makes_no_contact_yet_is_reported(
     brick: FakeBrick, monkeypatch: pytest.MonkeyPatch, missing: str
 ) -> None:
     monkeypatch.setattr(sensors, "SEARCH_S", 0.0)

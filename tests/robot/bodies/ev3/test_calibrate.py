@@ -21,7 +21,7 @@ from server.cli.settings import read_settings
 from tests.kit.sizes import crossed
 
 
-def test_what_cannot_be_is_refused() -> None:
+def test_an_impossible_measurement_is_refused() -> None:
     assert correction(70.4, 64.0, "cm") == pytest.approx(1.1)
     with pytest.raises(ConfigurationError, match="--reversed-motors"):
         correction(64.0, -64.0, "cm")
@@ -46,7 +46,7 @@ def test_wheels_roll_forwards_however_the_motors_are_mounted(
     spelled=["track_m", "track-m", '"track_m"', "'track-m'", "  track_m  "],
     before=["", "\n\n", "# für mich\n\n", "port = 1\r\n\r\n"],
 )
-def test_a_measure_is_found_however_it_is_spelled_and_the_file_keeps_all_else(
+def test_a_setting_is_replaced_in_any_spelling_and_the_rest_of_the_file_stays(
     spelled: str, before: str, tmp_path: Path
 ) -> None:
     file = tmp_path / "drivelesson.toml"
@@ -75,7 +75,7 @@ def test_a_file_whose_lines_cannot_be_told_apart_stays_as_it_is(head: str, tmp_p
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
-def test_a_file_of_any_letters_keeps_them(tmp_path: Path, encoding: str) -> None:
+def test_a_file_keeps_letters_of_any_language(tmp_path: Path, encoding: str) -> None:
     file = tmp_path / "drivelesson.toml"
     file.write_bytes('name = "Müller 李"\n'.encode(encoding))
     keep(file, {"track_m": 0.12})
@@ -126,7 +126,7 @@ def test_a_brick_is_calibrated_by_driving(
     assert {move.command for move in moves} == {"run-timed"}
 
 
-def test_nobody_to_answer_is_one_clear_line(
+def test_without_a_terminal_the_error_is_one_clear_line(
     brick: FakeBrick,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,

@@ -25,7 +25,7 @@ from tests.robot.bodies.ev3.running_agent import SECRET
 from tests.robot.bodies.ev3.virtual_agent import ADDRESS, End, Listener, Net, VirtualAgent
 
 
-def test_who_does_not_join_at_once_has_to_leave(agent: VirtualAgent) -> None:
+def test_a_caller_that_does_not_authenticate_in_time_is_disconnected(agent: VirtualAgent) -> None:
     clock = agent.net.clock
     line = agent.dial(("brick", 8765))
     line.settimeout(5)
@@ -64,7 +64,7 @@ class BrickLine(Listener):
 @pytest.mark.parametrize(
     "name", ["EMFILE", "ENFILE", "ENOBUFS", "ENOMEM", "ECONNABORTED", "EPERM", "EPROTO", "EINTR"]
 )
-def test_no_error_of_accept_ends_the_agent(name: str) -> None:
+def test_the_agent_survives_every_error_of_accept(name: str) -> None:
     listener = BrickLine(*[getattr(errno, name)] * 3)
     door = callers.CallerLimiter(listener, print)
     now_s = 100.0
@@ -78,7 +78,7 @@ def test_no_error_of_accept_ends_the_agent(name: str) -> None:
     assert len(door.callers) == 1
 
 
-def test_a_flood_pushes_out_itself() -> None:
+def test_a_flood_evicts_only_its_own_connections() -> None:
     listener = Listener()
     left: list[str] = []
     door = callers.CallerLimiter(listener, left.append)

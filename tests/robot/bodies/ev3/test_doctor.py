@@ -171,7 +171,7 @@ def test_nothing_moves_without_consent(brick: FakeBrick, link: BrickLink) -> Non
     assert not [one for one in brick.commands if one.command.startswith("run")]
 
 
-def test_what_is_wrong_with_a_brick_is_found(brick: FakeBrick, link: BrickLink) -> None:
+def test_the_doctor_finds_the_faults_of_a_brick(brick: FakeBrick, link: BrickLink) -> None:
     brick.motors["outC"].is_stalled = True
     brick.set_battery(6.1)
     findings = found(link)
@@ -183,7 +183,7 @@ def test_what_is_wrong_with_a_brick_is_found(brick: FakeBrick, link: BrickLink) 
     assert findings["motors"].text == "lego-ev3-l-motor at ev3-ports:outC"
 
 
-def test_what_the_agent_knows_of_itself_is_whole(brick: FakeBrick) -> None:
+def test_the_agent_reports_every_value_that_the_doctor_needs(brick: FakeBrick) -> None:
     assert set(inspect_brick(str(brick.root))) == set(INSPECTED)
 
 

@@ -178,7 +178,7 @@ def test_installing_is_safe_to_repeat(
     assert os.access(there / "start", os.X_OK)
 
 
-def test_a_brick_that_is_not_there_is_one_clear_line(
+def test_an_unreachable_brick_is_one_clear_line(
     far_home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "tools/ssh").write_text("#!/bin/sh\necho 'ssh: No route to host' >&2\nexit 255\n")
@@ -189,7 +189,7 @@ def test_a_brick_that_is_not_there_is_one_clear_line(
     assert "name the brick" in capsys.readouterr().err
 
 
-def test_the_scripts_can_be_read_first(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_scripts_can_be_printed_before_they_run(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["brick", "install", "--script"]) == 0
     assert "systemctl enable drivelesson" in capsys.readouterr().out
 

@@ -49,7 +49,7 @@ def plainly(grey):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_table_and_whole_numbers_say_what_angles_and_roots_say(seed):
+def test_integer_features_equal_those_from_angles_and_roots(seed):
     found = FEATURES.extract(frame(room(seed)))[:N].astype(float)
     expected = plainly(room(seed)).ravel()
     assert not (found % 4).any()
@@ -57,7 +57,7 @@ def test_table_and_whole_numbers_say_what_angles_and_roots_say(seed):
     assert np.corrcoef(found, expected)[0, 1] > 0.99
 
 
-def test_the_picture_is_whole_again():
+def test_the_thumbnail_shows_the_whole_picture():
     x = FEATURES.extract(frame(room()))
     assert x.shape == (FEATURES.n_gradients + 1200,) and x.dtype == np.uint8
     assert np.array_equal(FEATURES.thumbnail(x), 2 * half(room()))

@@ -41,7 +41,7 @@ def moments(ridge):
 
 
 @pytest.mark.parametrize("steps", [1, 4, 9])
-def test_what_it_keeps_is_exact_after_any_number_of_frames(steps):
+def test_its_sums_are_exact_after_any_number_of_frames(steps):
     xs, targets = lessons(300)
     ridge = taught(xs, targets, steps=steps)
     z = np.hstack([xs.astype(object) // 4, np.full((300, 1), 63, object)])
@@ -77,7 +77,7 @@ def test_a_new_label_begins_at_zero_and_is_learned():
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_what_is_taken_back_is_as_if_it_had_never_been(seed):
+def test_unlearned_frames_leave_no_trace(seed):
     xs, targets = lessons(120, seed)
     kept, gone = slice(0, 80), slice(80, 120)
     ridge = taught(xs, targets, steps=20)

@@ -25,7 +25,7 @@ from tests.standins.ev3_stock import LARGE, SERIAL, TOUCH, StockBrick, StockFirm
 
 
 @given(st.integers(-(2**31) + 1, 2**31 - 1))
-def test_numbers_come_through_in_as_few_bytes_as_it_takes(value: int) -> None:
+def test_numbers_are_encoded_in_as_few_bytes_as_possible(value: int) -> None:
     code = codec.number(value)
     assert _Machine(StockFirmware(), code, bytearray()).parameter() == value
     bits = abs(value)
@@ -34,7 +34,7 @@ def test_numbers_come_through_in_as_few_bytes_as_it_takes(value: int) -> None:
 
 
 @given(st.binary(max_size=40))
-def test_what_is_no_answer_is_refused(message: bytes) -> None:
+def test_an_invalid_answer_is_refused(message: bytes) -> None:
     asked = int.from_bytes(message[2:4], "little")
     try:
         data = codec.parse_answer(message, asked)
@@ -106,7 +106,7 @@ def test_moves_turn_the_right_wheels_and_carry_their_time(brick: StockFirmware) 
         assert brick.motors[1].percent == 1, "a slow wheel still turns"
 
 
-def test_what_another_program_left_is_cleared(brick: StockFirmware) -> None:
+def test_settings_that_another_program_left_are_cleared(brick: StockFirmware) -> None:
     brick.motors[1].polarity = -1
     brick.motors[2].percent, brick.motors[2].ends_s = 50, float("inf")
     with driver_for(brick) as driver:
@@ -137,7 +137,7 @@ def test_sensors_are_found_and_read(brick: StockFirmware) -> None:
         ({"touch_port": "in1,in3"}, "in3"),
     ],
 )
-def test_what_is_not_plugged_in_is_named(
+def test_motors_and_sensors_that_are_not_plugged_in_are_named(
     brick: StockFirmware, options: dict[str, str], said: str
 ) -> None:
     with pytest.raises((DriveError, ConfigurationError), match=said):
@@ -145,7 +145,7 @@ def test_what_is_not_plugged_in_is_named(
 
 
 @pytest.mark.realtime
-def test_a_brick_on_its_real_line_that_was_lost_is_found_again() -> None:
+def test_a_brick_on_a_real_connection_is_found_again_after_a_loss() -> None:
     check_driver_on_its_real_line("ev3-stock")
     with (
         StockBrick() as brick,
@@ -164,7 +164,7 @@ def test_a_brick_on_its_real_line_that_was_lost_is_found_again() -> None:
         assert brick.is_moving
 
 
-def test_a_medium_motor_and_a_wrong_speed(brick: StockFirmware) -> None:
+def test_a_medium_motor_gets_its_own_power(brick: StockFirmware) -> None:
     brick.devices[0x11] = 8
     with driver_for(brick) as driver:
         driver.send_action(Action.FORWARD)
@@ -179,7 +179,7 @@ def test_bluetooth_needs_an_address(brick_id: str) -> None:
 
 
 @pytest.mark.parametrize("line", ["wifi", "bluetooth"])
-def test_a_line_that_fails_while_it_is_opened_is_closed_at_once(
+def test_a_connection_that_fails_while_it_is_opened_is_closed_at_once(
     monkeypatch: pytest.MonkeyPatch, line: str
 ) -> None:
     """A brick serves one connection, so a stored error must not keep the next one out."""
@@ -225,7 +225,7 @@ def usb_brick(serial: str) -> str:
     return f"HID_ID=0003:00000694:00000005\nHID_NAME=LEGO EV3\nHID_UNIQ={serial}\n"
 
 
-def test_usb_is_looked_for_where_linux_has_it(tmp_path: Path) -> None:
+def test_bricks_on_usb_are_looked_for_where_linux_lists_them(tmp_path: Path) -> None:
     with pytest.raises(DriveError, match="switched on"):
         find_usb(root=tmp_path)
     plug_in(tmp_path, 1, "HID_ID=0003:0000046D:0000C52B\nHID_UNIQ=0016533f0c1f\n")
@@ -238,7 +238,7 @@ def test_usb_is_looked_for_where_linux_has_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("serials", [("0016533F0C1E", "00:16:53:00:00:02"), ("", "")])
-def test_of_several_bricks_at_cables_one_has_to_be_named(
+def test_of_several_bricks_on_usb_one_has_to_be_named(
     tmp_path: Path, serials: tuple[str, str]
 ) -> None:
     for number, serial in enumerate(serials):

@@ -105,7 +105,7 @@ def test_yuyv_comes_as_it_is_and_a_broken_camera_is_noticed_and_picked_up_again(
 
 
 @pytest.mark.parametrize("format_name", few(["MJPG", "JPEG"], 1))
-def test_a_jpeg_goes_through_untouched(tmp_path: Path, format_name: str) -> None:
+def test_a_jpeg_is_passed_on_unchanged(tmp_path: Path, format_name: str) -> None:
     running = Probe(FakeVideo(tmp_path, replace(QUICK, format=format_name)))
     said = running.wait_for(lambda said: "frame" in said)
     running.end()
@@ -147,7 +147,7 @@ def test_pictures_of_other_sizes_are_shrunk(tmp_path: Path, sizes: str, size: li
     assert first[1::2] == second[1::2] == b"\x80\x80\x80", "colours stay colours"
 
 
-def test_a_camera_with_mjpeg_alone_is_refused_where_nothing_can_read_it(tmp_path: Path) -> None:
+def test_a_camera_with_only_mjpeg_is_refused_without_a_decoder(tmp_path: Path) -> None:
     video = FakeVideo(tmp_path, replace(QUICK, format="MJPG"))
     running = Probe(video, hide="cv2")
     said = running.next()["error"]
@@ -171,7 +171,7 @@ def test_what_a_camera_offers_is_described(tmp_path: Path) -> None:
         ({"encoding": "jpeg"}, f"the camera {DEVICE} gives no jpeg; it offers: YUYV$"),
     ],
 )
-def test_what_is_not_there_is_one_clear_line(
+def test_a_missing_camera_is_one_clear_line(
     video: FakeVideo, wanted: dict[str, str], said: str
 ) -> None:
     running = Probe(video, **wanted)
@@ -308,7 +308,7 @@ def test_a_camera_that_was_unplugged_is_not_replaced_by_its_twin(
 
 
 @given(st.lists(st.floats(0.02, 0.2), min_size=3, max_size=40), st.integers(2, 20))
-def test_freshness_has_patience_for_the_cameras_own_period(gaps: list[float], lost: int) -> None:
+def test_a_slow_camera_is_not_taken_for_a_silent_one(gaps: list[float], lost: int) -> None:
     freshness = Freshness(0.0)
     now_s = 0.0
     for index, gap in enumerate(gaps):

@@ -29,7 +29,9 @@ def test_sealed_messages_come_through_in_order() -> None:
 
 
 @given(st.lists(st.binary(max_size=64), max_size=5), st.lists(st.integers(1, 40), max_size=30))
-def test_any_cutting_gives_the_same_messages(bodies: list[bytes], cuts: list[int]) -> None:
+def test_messages_are_the_same_however_the_bytes_are_split(
+    bodies: list[bytes], cuts: list[int]
+) -> None:
     stream = b"".join(wire.pack(b"J", body) for body in bodies)
     unpacker = wire.Unpacker(LIMITS)
     got = []
@@ -53,7 +55,7 @@ def test_no_changed_bit_is_accepted(which: int, where: int, flip: int) -> None:
 
 
 @given(st.permutations(range(4)), st.integers(1, 4))
-def test_nothing_is_repeated_left_out_or_reordered(order: list[int], n: int) -> None:
+def test_repeated_missing_or_reordered_messages_are_refused(order: list[int], n: int) -> None:
     messages = sealed(4)
     chosen = order[:n]
     stream = b"".join(messages[index] for index in [*chosen, chosen[0]])
@@ -64,7 +66,7 @@ def test_nothing_is_repeated_left_out_or_reordered(order: list[int], n: int) -> 
 @pytest.mark.parametrize(
     ("secret", "sender"), [("another secret", "controller"), ("a secret", "agent")]
 )
-def test_no_other_key_opens_it(secret: str, sender: str) -> None:
+def test_a_message_cannot_be_opened_with_another_key(secret: str, sender: str) -> None:
     with pytest.raises(ValueError, match="somebody else"):
         opened(b"".join(sealed(1)), secret, sender)
 
@@ -75,7 +77,7 @@ def test_another_connection_has_other_keys() -> None:
         opened(wire.pack(b"J", b"0", seal))
 
 
-def test_each_side_proves_itself_for_these_nonces_only() -> None:
+def test_a_proof_is_valid_only_for_its_nonces() -> None:
     proof = wire.prove("a secret", "agent", *NONCES)
     assert wire.is_proof(proof, "a secret", "agent", *NONCES)
     for given_proof, secret, side, nonces in (
@@ -89,7 +91,7 @@ def test_each_side_proves_itself_for_these_nonces_only() -> None:
 
 
 @pytest.mark.parametrize("kind", [b"J", b"F", b"G"])
-def test_too_much_is_refused_before_it_has_arrived(kind: bytes) -> None:
+def test_an_oversized_message_is_refused_before_it_has_arrived(kind: bytes) -> None:
     unpacker = wire.Unpacker(wire.BEFORE_JOINING)
     with pytest.raises(ValueError, match="not a message"):
         list(unpacker.take(wire.HEAD.pack(kind, 1025)))

@@ -149,7 +149,7 @@ outlive(work)
 """
 
 
-def test_one_that_ends_in_the_moment_it_is_given_up_is_replaced(tmp_path: Path) -> None:
+def test_a_keeper_that_ends_just_as_it_is_given_up_is_replaced(tmp_path: Path) -> None:
     tries = tmp_path / "tries"
     subprocess.run([sys.executable, "-c", ENDS_WHEN_GIVEN_UP, str(tries)], check=True, cwd=ROOT)
     assert tries.read_text().split() == ["tried"] * 2
@@ -169,7 +169,7 @@ line.recv_bytes()
 """
 
 
-def test_nobody_waits_for_a_keeper_that_starts(tmp_path: Path) -> None:
+def test_the_driver_does_not_wait_for_a_starting_keeper(tmp_path: Path) -> None:
     """The next keeper starts slowly, and meanwhile the driver's thread has a STOP to send."""
     started = tmp_path / "started"
     line = KeeperLine([sys.executable, "-c", STARTS_ONCE, str(started)], VirtualClock())
@@ -205,7 +205,7 @@ def test_pins_that_fail_are_shown_and_the_other_motor_stands() -> None:
     assert sound.value == 0.0
 
 
-def test_pins_that_cannot_be_had_are_a_sentence() -> None:
+def test_unavailable_pins_are_reported_in_a_sentence() -> None:
     """This machine has no pins."""
     with pytest.raises(DriveError, match=r"no GPIO pins.*; run it on the Raspberry Pi"):
         GpioDriver(GpioOptions()).connect()

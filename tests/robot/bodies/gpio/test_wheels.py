@@ -47,7 +47,9 @@ def made(build: Build = TRACKED, bumped: bool = False) -> tuple[TimedMotors, lis
 @given(
     st.lists(st.tuples(ORDERS, st.integers(0, 700)), max_size=30), st.sampled_from([TRACKED, CAR])
 )
-def test_whatever_comes_each_move_ends_in_time(sent: list[tuple[tuple, int]], build: Build) -> None:
+def test_each_move_ends_in_time_whatever_orders_come(
+    sent: list[tuple[tuple, int]], build: Build
+) -> None:
     wheels, motors = made(build)
     turning = motors if build is TRACKED else motors[:1]
     now_ms, moved_ms, highest = 10_000, -1000, 0
@@ -73,7 +75,7 @@ def test_whatever_comes_each_move_ends_in_time(sent: list[tuple[tuple, int]], bu
         assert point or all(abs(motor.value) <= 0.6 for motor in turning)
 
 
-def test_moves_turn_the_wheels_as_they_say() -> None:
+def test_each_move_turns_the_right_wheels() -> None:
     wheels, motors = made(bumped=True)
     assert [motor.value for motor in motors] == [0, 0], "it begins by standing"
     for seq, (move, (left, right)) in enumerate(SHARES.items(), 1):

@@ -74,7 +74,7 @@ def test_moves_have_the_environments_own_names_and_sides() -> None:
         ({"button_map": [[0, 0], [0, 1], [1, 1]], "game": GAME}, 0, "noop attack left_attack"),
     ],
 )
-def test_names_come_from_where_environments_keep_them_and_none_is_lost(
+def test_names_of_moves_are_taken_from_the_environment_and_none_is_lost(
     kept: dict[str, Any], start: int, names: str
 ) -> None:
     env = gymnasium.Env[Any, Any]()
@@ -140,7 +140,9 @@ def test_a_table_names_the_moves_of_a_box() -> None:
         ({"env_options": "weather=bad"}, "weather"),
     ],
 )
-def test_what_cannot_be_is_named(options: dict[str, Any], says: str) -> None:
+def test_impossible_options_are_refused_with_their_reason(
+    options: dict[str, Any], says: str
+) -> None:
     with pytest.raises(ConfigurationError, match=says):
         driver(**options)
 
@@ -173,7 +175,7 @@ def test_a_car_that_races_is_steered_by_degrees() -> None:
         ({"env_options": "form=blind"}, (120, 84, 3)),
     ],
 )
-def test_it_sees_what_is_observed_or_else_rendered(
+def test_pictures_are_observations_or_else_renderings(
     options: dict[str, Any], shape: tuple[int, ...]
 ) -> None:
     body = driver(**options)
@@ -197,7 +199,7 @@ def test_an_environment_without_the_wanted_picture_says_so(
         driver(env_options="form=blind", env_picture=picture).picture()
 
 
-def test_it_stands_unless_a_move_is_under_way_and_a_game_ends_and_begins_anew() -> None:
+def test_time_passes_only_during_a_move_and_a_new_game_follows_the_last() -> None:
     with driver(env_seed=3) as body:
         before = body.picture()
         body.advance(1.0)
@@ -248,7 +250,7 @@ def test_a_game_that_ends_in_black_shows_the_picture_before(
 
 
 @pytest.mark.parametrize("slow_s", [0.01, 0.45])
-def test_a_slow_computer_stops_nobody_and_misses_no_step(slow_s: float) -> None:
+def test_a_slow_computer_neither_stops_the_robot_nor_misses_a_step(slow_s: float) -> None:
     """Each tick of the loop takes this long."""
     clock, body = VirtualClock(), driver()
     camera = GymnasiumCamera(body, GymnasiumCameraOptions(), clock)
@@ -279,7 +281,9 @@ def test_a_slow_computer_stops_nobody_and_misses_no_step(slow_s: float) -> None:
 
 
 @pytest.mark.parametrize("takes_s", [0.02, 0.7, 3.0])
-def test_a_slow_world_stops_nobody(takes_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_slow_environment_does_not_stop_the_robot(
+    takes_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A step of .7 s was counted as the age of the pilot's picture: 185 of 234 samples stopped."""
     clock = VirtualClock(100.0)
     body = driver(env_options="width=2001")

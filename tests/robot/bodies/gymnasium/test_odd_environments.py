@@ -76,7 +76,7 @@ def test_a_picture_in_any_form_is_upright_and_has_its_colours(form: str) -> None
 
 
 @pytest.mark.parametrize("form", NO_PICTURES)
-def test_what_is_no_picture_is_said_in_words(form: str) -> None:
+def test_an_observation_that_is_no_picture_is_reported_in_words(form: str) -> None:
     assert picture_in(NO_PICTURES[form]) is None
     assert 0 < len(describe(NO_PICTURES[form])) < 100
 

@@ -86,7 +86,7 @@ def a_motor_that_was_out_of_reach_is_driven_again(motor: FakeDoubleMotor) -> Non
         assert motor.end_state == motor.library.MOTOR_END_STATE_BRAKE
 
 
-def test_what_is_wrong_is_a_sentence(motor: FakeDoubleMotor) -> None:
+def test_each_error_is_one_sentence(motor: FakeDoubleMotor) -> None:
     with pytest.raises(DriveError, match="'Otto' in its name is in range"):
         driver_for(motor, "Otto").connect()
     motor.rpc_version = (9, 9, 9)
@@ -102,7 +102,7 @@ def test_of_two_motors_the_one_that_is_named_is_driven(motor: FakeDoubleMotor) -
         assert driver.device == "'Double Motor' (A4:34:F1:00:00:01)"
 
 
-def test_the_library_s_own_traceback_is_a_sentence(
+def test_an_error_inside_the_library_is_one_sentence(
     motor: FakeDoubleMotor, caplog: pytest.LogCaptureFixture
 ) -> None:
     motor.search_fails = OSError("[org.freedesktop.DBus.Error.ServiceUnknown] org.bluez")

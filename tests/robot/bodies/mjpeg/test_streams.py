@@ -174,14 +174,14 @@ def read_whole(data: bytes, size: int = 1000) -> tuple[Answer, bytes]:
 
 
 @pytest.mark.parametrize("size", [1, 2, 5, 1000])
-def test_chunks_however_they_are_cut(size: int) -> None:
+def test_chunks_are_read_however_they_are_split(size: int) -> None:
     head = b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n"
     data = b"5\r\nhello\r\n1;x=y\r\n \nA\nwide world\r\n0\r\n\r\n"
     assert read_whole(head + data, size)[1] == b"hello wide world"
     assert read_whole(head + b"--frame\r\nplain")[1] == b"--frame\r\nplain"
 
 
-def test_a_head_may_lack_what_it_likes() -> None:
+def test_any_field_of_a_parts_header_may_be_missing() -> None:
     for text in (b"HTTP/1.1 206 x\r\nA: b\r\n\r\nbody", b"\r\nHTTP 206\nA: b\n\nbody"):
         answer, body = read_whole(text)
         assert answer.status == 206 and answer.headers["a"] == "b"
@@ -191,7 +191,7 @@ def test_a_head_may_lack_what_it_likes() -> None:
 @pytest.mark.parametrize(
     "strange", ["junk", "Server : x", " folded", "Realm: K\u00fcche", ":", "HTTP/1.1 200 OK"]
 )
-def test_a_strange_line_of_a_head_costs_no_other(strange: str) -> None:
+def test_a_strange_line_of_a_header_does_not_affect_the_others(strange: str) -> None:
     fields = ["Transfer-Encoding : chunked", "content-type:image/jpeg"]
     for at, coding in ((0, "utf-8"), (1, "latin-1"), (2, "latin-1")):
         head = ["HTTP/1.1 200 OK", *fields[:at], strange, *fields[at:], "", ""]
@@ -228,7 +228,7 @@ def test_a_redirect_may_have_letters_of_any_language(letter: str) -> None:
 @pytest.mark.parametrize(
     "other", ["http://cam", "https://cam:444", "https://cam2", "http://cam:443"]
 )
-def test_the_password_is_shown_to_the_address_that_was_given_alone(other: str) -> None:
+def test_the_password_is_sent_only_to_the_address_that_was_given(other: str) -> None:
     line = CameraLine(urlsplit("https://me:secret@Cam/stream"))
     for address, is_shown in ((other, False), ("https://cam:443", True)):
         assert line.shows_user(address + "/stream") is is_shown
@@ -289,7 +289,9 @@ REASONS: list[tuple[str, list[list[bytes]], dict[str, Any]]] = [
 
 
 @pytest.mark.parametrize(("words", "answers", "how"), REASONS, ids=[words for words, *_ in REASONS])
-def test_the_reason_is_true(words: str, answers: list[list[bytes]], how: dict[str, Any]) -> None:
+def test_the_reported_reason_of_a_failure_is_true(
+    words: str, answers: list[list[bytes]], how: dict[str, Any]
+) -> None:
     assert words in watch(answers, **how)[1]
 
 
@@ -317,7 +319,7 @@ def test_bursts_are_no_fault_and_a_slow_camera_is_called_slow(
 
 
 @given(st.binary(max_size=2000), st.integers(1, 50))
-def test_rubbish_is_no_crash_however_it_is_cut(data: bytes, size: int) -> None:
+def test_random_bytes_do_not_crash_the_reader(data: bytes, size: int) -> None:
     rubbish = b"\xff\xd8\xff" + data + b"\xff\xd9"
     whole, finder = PictureFinder().feed(rubbish), PictureFinder()
     found = [p for i in range(0, len(rubbish), size) for p in finder.feed(rubbish[i : i + size])]
@@ -339,13 +341,13 @@ def camera_of(source: str) -> MjpegCamera:
     "source",
     ["", "0", "film.avi", "rtsp://a/b", "http://", "ftp://a", "http://a:99999/", "http://a..b/"],
 )
-def test_what_is_no_address_is_refused_at_once(source: str) -> None:
+def test_an_invalid_address_is_refused_at_once(source: str) -> None:
     with pytest.raises(ConfigurationError, match="--source"):
         camera_of(source)
 
 
 @pytest.mark.realtime
-def test_a_stream_over_a_real_line() -> None:
+def test_a_stream_is_read_over_a_real_connection() -> None:
     check_camera_on_its_real_line("mjpeg")
     what_is_no_stream_is_said()
     for with_length in (True, False):

@@ -44,7 +44,7 @@ def offer(camera: PhoneCamera, data: bytes, ago_s: float = 0.05, **how: bool) ->
     camera.offer(picture, camera.clock.now_s() - ago_s, **how)
 
 
-def test_before_the_first_phone_it_says_what_to_do_and_a_picture_clears_that(
+def test_before_the_first_picture_the_camera_says_how_to_connect_a_phone(
     camera: PhoneCamera,
 ) -> None:
     look(camera, STILL_S + 0.1)
@@ -98,7 +98,7 @@ def test_a_phone_that_leaves_is_a_fault_at_once(camera: PhoneCamera) -> None:
     assert "gone" in (camera.fault or "") and told == [camera.fault]
 
 
-def test_a_stopped_camera_takes_nothing(camera: PhoneCamera) -> None:
+def test_a_stopped_camera_accepts_no_picture(camera: PhoneCamera) -> None:
     camera.stop()
     offer(camera, b"one")
     camera.lose()

@@ -31,7 +31,7 @@ def made(**options: object) -> Picamera2Camera:
     return Picamera2Camera(Picamera2Options(**options), VirtualClock(), LIBRARY)
 
 
-def test_colours_size_and_stamp() -> None:
+def test_pictures_have_the_right_colours_size_and_time() -> None:
     camera = made(width=64, height=48)
     camera.clock.sleep(5.0)
     with camera:
@@ -43,7 +43,7 @@ def test_colours_size_and_stamp() -> None:
     assert age_s > 0.0199, "as old as the sensor says: 20 ms, in numbers that are rounded"
 
 
-def test_upside_down_turns_it_and_repeats_do_not_count() -> None:
+def test_upside_down_turns_pictures_and_a_repeated_picture_counts_once() -> None:
     with made(width=64, height=48, upside_down=True) as camera:
         for _ in range(2):
             camera._take(picamera2.Request(9, (64, 48)))
@@ -52,7 +52,7 @@ def test_upside_down_turns_it_and_repeats_do_not_count() -> None:
     assert to_rgb(frame)[-1].min() == 255 and to_rgb(frame)[0].max() == 63
 
 
-def test_a_camera_that_is_not_there_or_in_use_is_a_sentence(
+def test_a_missing_or_used_camera_is_reported_in_a_sentence(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     with pytest.raises(CameraError, match=r"no camera module 1 \(1 found\)"):

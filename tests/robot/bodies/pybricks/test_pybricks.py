@@ -69,7 +69,7 @@ def test_the_program_fits_a_page() -> None:
 
 
 @pytest.mark.realtime
-def test_a_hub_is_found_driven_hung_up_and_lost_and_driven_again(hub: FakeHub) -> None:
+def test_a_hub_is_driven_again_after_it_hung_or_was_lost(hub: FakeHub) -> None:
     """One hub is used for all of this: its program runs until somebody ends it."""
     check_driver_on_its_real_line("pybricks")
     a_hub_without_our_program_is_told(hub)

@@ -21,7 +21,7 @@ from tests.robot.bodies.sending import send_until
 from tests.standins.firmware import FIRMWARE, SECRET, FirmwareRobot
 
 
-def test_it_is_short() -> None:
+def test_the_sample_firmware_is_short() -> None:
     assert len(FIRMWARE.read_text().splitlines()) <= 60
 
 
@@ -73,7 +73,7 @@ NONSENSE: tuple[dict[str, Any], ...] = ({"speed": "x"}, {"move": 7}, {"for_ms": 
 
 
 @pytest.mark.realtime
-def test_it_is_driven_and_attacked_and_always_stands() -> None:
+def test_the_sample_firmware_drives_and_stops_after_every_fault_and_attack() -> None:
     """One robot is used for all of this."""
     check_driver_on_its_real_line("udp")
     with FirmwareRobot() as robot:

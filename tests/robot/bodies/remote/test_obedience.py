@@ -72,7 +72,7 @@ def driver_on(line: LateLine) -> UdpDriver:
 
 
 @pytest.mark.parametrize("lag", [0, 1, 2, 7])
-def test_who_answers_late_obeys(lag: int) -> None:
+def test_a_robot_that_answers_late_still_obeys(lag: int) -> None:
     driver = driver_on(LateLine(lag))
     for number in range(40):
         try:
@@ -82,7 +82,7 @@ def test_who_answers_late_obeys(lag: int) -> None:
 
 
 @pytest.mark.parametrize("points", [True, False, None, 1, "yes"])
-def test_degrees_are_for_those_who_say_that_they_take_them(points: object) -> None:
+def test_only_robots_that_say_that_they_take_degrees_get_them(points: object) -> None:
     line = LateLine(0, points=points)
     driver = driver_on(line)
     assert driver.takes_points is (points is True)
@@ -96,7 +96,7 @@ def test_degrees_are_for_those_who_say_that_they_take_them(points: object) -> No
 
 
 @pytest.mark.parametrize("lag", [0, 1, 2])
-def test_who_takes_no_order_is_told_of_soon(lag: int) -> None:
+def test_a_robot_that_obeys_no_order_is_reported_soon(lag: int) -> None:
     driver = driver_on(LateLine(lag, obeys=False))
     with pytest.raises(DriveError, match="answers, but does not obey orders"):
         for _ in range(5):
@@ -104,10 +104,10 @@ def test_who_takes_no_order_is_told_of_soon(lag: int) -> None:
 
 
 @pytest.mark.parametrize("stalls", [0, 1, 5])
-def test_a_computer_that_stood_still_asks_again_before_it_gives_up(stalls: int) -> None:
+def test_a_computer_that_paused_asks_again_before_it_gives_up(stalls: int) -> None:
     assert driver_on(StallingLine(stalls)).is_connected
 
 
-def test_who_never_answers_is_given_up() -> None:
+def test_a_robot_that_never_answers_is_given_up() -> None:
     with pytest.raises(DriveError, match="does not answer"):
         driver_on(StallingLine(1000))

@@ -33,7 +33,7 @@ ANYTHING = st.recursive(
 
 
 @given(st.dictionaries(st.sampled_from(["nonce", "seq", "ms", "distance_m", "bumped"]), ANYTHING))
-def test_reports_are_read_or_left(plain: dict[str, object]) -> None:
+def test_reports_are_read_or_ignored(plain: dict[str, object]) -> None:
     report = parse_report(json.dumps(plain).encode())
     if report is not None:
         assert (report.nonce, report.seq, report.ms) == (plain["nonce"], plain["seq"], plain["ms"])
@@ -42,19 +42,19 @@ def test_reports_are_read_or_left(plain: dict[str, object]) -> None:
 
 
 @given(st.binary(max_size=300))
-def test_rubbish_is_no_report(data: bytes) -> None:
+def test_random_bytes_are_not_a_report(data: bytes) -> None:
     assert parse_report(data) is None
 
 
 @pytest.mark.parametrize("number", [b"1" * 400, b"-" + b"1" * 400, b"1e999", b"NaN", b"-0.1"])
-def test_a_sensor_that_says_what_cannot_be_says_nothing(number: bytes) -> None:
+def test_an_impossible_sensor_value_is_ignored(number: bytes) -> None:
     report = parse_report(b'{"nonce": "aa", "seq": 3, "ms": 99, "battery": %s}' % number)
     assert report is not None
     assert report.sensors == Sensors()
 
 
 @pytest.mark.parametrize("word", ["inf", "-inf", "nan", "-nan", "NaN", "Infinity", "INF", "ovf"])
-def test_a_small_computer_writes_that_it_sees_nothing(word: str) -> None:
+def test_a_report_may_contain_infinity(word: str) -> None:
     """Like MicroPython's `json.dumps(float("inf"))`; such a report was dropped, and the robot
     counted as silent."""
     text = (
@@ -88,7 +88,7 @@ def test_an_order_holds_for_one_robot_one_start_and_one_secret() -> None:
     assert len(mac) == 16 and len(orders[0]) < 200
 
 
-def test_moves_are_what_a_person_says() -> None:
+def test_moves_are_parsed_from_the_option() -> None:
     moves = parse_moves("forward, half_left:-0.5:0.3,push")
     assert moves[0] is CLASSIC[Action.FORWARD]
     assert moves[1].point == (-0.5, 0.3) and moves[1].labels == {"en": "half left"}
@@ -98,12 +98,12 @@ def test_moves_are_what_a_person_says() -> None:
 @pytest.mark.parametrize(
     "text", ["", "Fast", "stop", "a:1", "a:1:2", "a:x:y", "left,left", "a:0:nan"]
 )
-def test_moves_that_are_none_are_refused(text: str) -> None:
+def test_invalid_moves_are_refused(text: str) -> None:
     with pytest.raises(ConfigurationError, match="--body-moves"):
         parse_moves(text)
 
 
-def test_addresses() -> None:
+def test_addresses_are_parsed_and_others_are_refused() -> None:
     assert split_address("robot.local", 4210) == ("robot.local", 4210)
     assert split_address("10.0.0.7:99", 4210) == ("10.0.0.7", 99)
     for wrong in ("", ":4210", "http://a/b", "a:b", "a:0", "a:99999"):
@@ -118,7 +118,7 @@ WORDS = st.text("0123456789- .einfaforwd\u0661\u00b2", max_size=40).map(str.enco
 
 
 @given(st.binary(max_size=60) | WORDS)
-def test_whatever_comes_is_read_or_left(data: bytes) -> None:
+def test_any_bytes_are_read_or_ignored(data: bytes) -> None:
     report = parse_plain_report(data)
     if report is not None:
         assert report.sensors.distance_m is None or 0 <= report.sensors.distance_m <= 10

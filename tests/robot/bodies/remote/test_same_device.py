@@ -178,7 +178,7 @@ async def live(place: Place, seed: int) -> list[int]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_no_history_leads_to_another_device(
+def test_no_history_of_drops_and_renames_leads_to_another_device(
     kind: type[Place], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     n_lives = HISTORIES // len(KINDS) + 1

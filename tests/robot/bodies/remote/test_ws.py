@@ -21,7 +21,7 @@ from tests.standins.ws_robot import WsRobot
 
 
 @pytest.mark.realtime
-def test_a_real_line_that_is_lost_is_opened_again_and_moves_nothing_by_itself() -> None:
+def test_a_lost_real_connection_is_opened_again_and_moves_nothing_by_itself() -> None:
     check_driver_on_its_real_line("ws")
     check_that_it_comes_back(WsRobot.start_again)
     # As when the robot's power is cut: nothing closes the connection.

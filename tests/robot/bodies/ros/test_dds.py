@@ -68,7 +68,7 @@ def plain(message: Any) -> Any:
 
 @pytest.mark.parametrize("store", [Stores.ROS2_HUMBLE, Stores.ROS2_JAZZY])
 @pytest.mark.parametrize("kind", sorted(TYPES))
-def test_messages_are_those_of_another_makers_codec(kind: str, store: Stores) -> None:
+def test_messages_equal_those_of_a_third_party_codec(kind: str, store: Stores) -> None:
     types = get_typestore(store)
     theirs = example(types, kind)
     ours = from_dds(TYPES[kind].deserialize(bytes(types.serialize_cdr(theirs, kind))))
@@ -82,7 +82,7 @@ def test_messages_are_those_of_another_makers_codec(kind: str, store: Stores) ->
         assert plain(types.deserialize_cdr(data, kind)) == wanted
 
 
-def test_names_are_those_of_ros() -> None:
+def test_names_of_topics_and_types_are_those_of_ros() -> None:
     assert dds_topic("/cmd_vel") == dds_topic("cmd_vel") == "rt/cmd_vel"
     assert (ros_topic("rt/a/b"), ros_topic("rq/a"), ros_topic("DCPSTopic")) == ("/a/b", None, None)
     assert {ros_type(kind.__idl_typename__) for kind in TYPES.values()} == set(TYPES)
@@ -114,7 +114,7 @@ def test_pixels_become_rgb_and_padding_is_left_out(encoding: str, pixel: list[in
             read_pixels(message | wrong, 2 * row)
 
 
-def test_peers_are_asked_by_unicast_for_as_long_as_it_takes() -> None:
+def test_peers_are_queried_by_unicast_without_a_time_limit() -> None:
     text = dds.configuration(["127.0.0.1", "localhost"], "")
     assert text.count('<Peer Address="127.0.0.1" PruneDelay="inf"/>') == 2
     assert "<AllowMulticast>false" in text and 'address="127.0.0.1"' in text
@@ -143,7 +143,7 @@ def test_without_the_library_a_sentence_names_rosbridge(monkeypatch: pytest.Monk
         RosDriver(RosOptions(transport="dds")).connect()
 
 
-def test_what_was_seen_suggests_the_options() -> None:
+def test_the_found_topics_suggest_the_options() -> None:
     def words(*seen: tuple[str, str, bool]) -> str:
         return " ".join(suggest(Endpoint(*each) for each in seen))
 

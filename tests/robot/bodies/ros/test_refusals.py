@@ -95,7 +95,9 @@ def hears(driver: RosDriver, seconds: float = 30.0) -> str:
 
 
 @pytest.mark.realtime
-def test_a_refusal_is_an_error_until_the_bridge_takes_it(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_refusal_is_an_error_until_the_bridge_accepts_the_topic(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     """The conflicting node may end: then the topic is requested again, without a new connection."""
     caplog.set_level(logging.WARNING, "robot.bodies.ros")
     with RosBridgeServer() as ros:
@@ -135,7 +137,7 @@ def test_a_refusal_counts_for_a_second_and_a_warning_is_written_once(
     assert not refusals.at(2.0 + REFUSED_S)
 
 
-def test_what_is_said_to_do_fits_what_was_asked() -> None:
+def test_the_advice_fits_the_refused_request() -> None:
     for said, is_stamped, has_watchdog, do in (
         (TEXTS[0], False, False, "--stamped true"),
         (TEXTS[0], True, False, "another topic"),

@@ -54,7 +54,7 @@ def robot() -> Iterator[Robot]:
     robot.node.end()
 
 
-def test_an_order_ends_by_itself(robot: Robot) -> None:
+def test_an_order_that_is_not_renewed_ends(robot: Robot) -> None:
     robot.order(0.3)
     assert robot.speed == 0.3
     robot.clock.sleep(0.28)
@@ -64,7 +64,9 @@ def test_an_order_ends_by_itself(robot: Robot) -> None:
 
 
 @pytest.mark.parametrize("seen_s", [0.0, 99.5, 100.5, 2e6])
-def test_what_is_late_or_of_another_start_moves_nothing(robot: Robot, seen_s: float) -> None:
+def test_late_orders_and_orders_of_an_earlier_start_move_nothing(
+    robot: Robot, seen_s: float
+) -> None:
     robot.order(0.3, seen_s)
     assert robot.speed == 0.0
 
@@ -107,7 +109,7 @@ def test_while_another_node_drives_it_stands_and_says_so(robot: Robot) -> None:
     assert robot.speed == 0.3
 
 
-def test_two_servers_at_once_have_it_stand(robot: Robot) -> None:
+def test_orders_of_two_servers_stop_the_robot(robot: Robot) -> None:
     for _ in range(3):
         robot.order(0.3)
         robot.clock.sleep(0.04)
@@ -119,7 +121,7 @@ def test_two_servers_at_once_have_it_stand(robot: Robot) -> None:
     assert robot.speed == 0.2
 
 
-def test_its_last_word_is_a_stop(robot: Robot) -> None:
+def test_the_node_ends_with_a_stop(robot: Robot) -> None:
     robot.order(0.3)
     robot.node.end()
     assert robot.speed == 0.0
@@ -156,7 +158,7 @@ def watched() -> tuple[VirtualClock, WatchedBridge, RosDriver]:
     return clock, bridge, driver
 
 
-def test_a_dispute_is_the_drivers_error(watched: Any) -> None:
+def test_a_dispute_of_two_servers_is_reported_by_the_driver(watched: Any) -> None:
     clock, bridge, driver = watched
     with driver:
         driver.send_action(Action.FORWARD)
@@ -170,7 +172,7 @@ def test_a_dispute_is_the_drivers_error(watched: Any) -> None:
         bridge.end()
 
 
-def test_without_its_sign_of_life_nothing_moves(watched: Any) -> None:
+def test_without_the_watchdogs_sign_of_life_nothing_moves(watched: Any) -> None:
     clock, bridge, driver = watched
     with driver:
         driver.send_action(Action.FORWARD)

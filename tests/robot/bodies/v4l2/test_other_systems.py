@@ -19,6 +19,6 @@ except CaptureError as error:
 """
 
 
-def test_where_linux_is_not_another_camera_is_named() -> None:
+def test_on_other_systems_another_camera_is_suggested() -> None:
     done = run(sys.executable, "-c", _WITHOUT_LINUX, encoding="utf-8")
     assert "--camera opencv" in done.stdout

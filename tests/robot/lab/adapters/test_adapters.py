@@ -55,7 +55,7 @@ def blobs(n: int = 300) -> tuple[np.ndarray, np.ndarray]:
     return rng.normal(size=(n, 5)) + 3.0 * np.eye(5)[ys], ys
 
 
-def test_predictions_on_many_threads_and_read_only_memory_are_those_of_one() -> None:
+def test_predictions_are_the_same_on_many_threads_and_in_read_only_memory() -> None:
     xs, ys = blobs()
     estimator = for_sklearn(max_nodes=16, penalty=1.0).fit(xs, ys)
     kept: list[Any] = []
@@ -68,7 +68,7 @@ def test_predictions_on_many_threads_and_read_only_memory_are_those_of_one() -> 
     np.testing.assert_array_equal(alone, together)
 
 
-def test_in_parts_is_as_at_once_and_a_class_may_come_late() -> None:
+def test_partial_fit_equals_fit_and_a_class_may_come_late() -> None:
     from sklearn.base import clone
 
     xs, ys = blobs()
@@ -120,7 +120,7 @@ def test_after_a_refused_example_scikit_learn_is_answered_as_before() -> None:
     assert estimator.predict([[0.1], [0.9]]).tolist() == ["night", "day"]
 
 
-def test_a_label_that_classes_did_not_name_is_refused_and_columns_stay() -> None:
+def test_a_label_outside_of_classes_is_refused_and_the_columns_stay() -> None:
     named = for_sklearn().partial_fit([[0.9]], ["day"], classes=["night", "dusk", "day"])
     before = named.predict_proba([[0.9]])
     for classes in (None, ["day", "dusk", "night"]):

@@ -18,7 +18,7 @@ from tests.kit.frames import frame_of, noisy_blocks
 MOVES = ("left", "right", "gas")
 
 
-def test_it_does_what_it_was_shown() -> None:
+def test_it_proposes_the_moves_that_it_was_taught() -> None:
     learner = DrivingLearner(MOVES)
     for i in range(60):
         learner.see(noisy_blocks(i // 5 % 3, i), 0.1 * i)
@@ -31,7 +31,7 @@ def test_it_does_what_it_was_shown() -> None:
         assert proposed == move
 
 
-def test_a_move_is_what_it_does_whatever_it_is_called() -> None:
+def test_a_move_is_known_by_its_effect_and_not_by_its_name() -> None:
     classic = ("left", "right", "forward", "brake")
     own = dict(zip(classic, ("wander", "bend", "hurry", "ease"), strict=True))
     declared = [
@@ -51,7 +51,7 @@ def test_a_move_is_what_it_does_whatever_it_is_called() -> None:
             learners[1].teach(own[taught])
 
 
-def test_it_is_the_learner_of_the_control_loop() -> None:
+def test_it_equals_the_learner_of_the_control_loop() -> None:
     rng = np.random.default_rng(5)
     own = DrivingLearner(MOVES)
     loop = OnlineLearning(
@@ -102,7 +102,7 @@ def test_bad_input_is_named_and_teaches_nothing() -> None:
     assert learner.see(noisy_blocks(1), 0.1).point == Point(-0.5, 0.5)
 
 
-def test_a_time_that_is_none_is_refused_and_undo_goes_on() -> None:
+def test_an_invalid_time_is_refused_and_undo_still_works() -> None:
     learner = DrivingLearner(MOVES)
     for i in range(20):
         learner.see(noisy_blocks(1, i), 0.1 * i)

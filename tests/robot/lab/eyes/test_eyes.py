@@ -36,7 +36,7 @@ def test_vector_is_pure_and_shows_its_thumbnail(features: EyesFeatures) -> None:
     assert np.abs(features.thumbnail(x).astype(int) - grey).max() <= 2
 
 
-def test_parts_lie_where_they_are_seen(features: EyesFeatures) -> None:
+def test_the_features_of_a_part_belong_to_its_place_in_the_picture(features: EyesFeatures) -> None:
     plain = np.full((120, 160, 3), 120, np.uint8)
     for row in range(2):
         for column in range(5):
@@ -109,7 +109,7 @@ def photograph(seed: int) -> NDArray[np.uint8]:
     return (120 + 30 * sum(layers)).clip(0, 255).astype(np.uint8)
 
 
-def test_it_sees_what_it_saw_when_it_was_made() -> None:
+def test_its_outputs_equal_those_of_the_original_network() -> None:
     """At that time plain numpy, layer by layer, had the same outputs to 0.002."""
     outputs = Network().run(photograph(1))
     assert outputs.shape == (CHANNELS, ROWS, COLUMNS)
@@ -122,7 +122,9 @@ def test_its_outputs_are_about_standardised() -> None:
     assert 0.5 < outputs.std() < 1.5
 
 
-def test_a_damaged_net_says_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_error_for_a_damaged_network_says_what_to_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(network, "_HERE", tmp_path)
     for name in ("usual.npy", "net.onnx"):
         with pytest.raises(ConfigurationError, match="install drivelesson again"):

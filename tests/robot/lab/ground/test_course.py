@@ -49,7 +49,7 @@ def learner() -> DrivingLearner:
     return DrivingLearner(Lamp.moves, "knn-1")
 
 
-def test_a_demonstration_is_the_teachers_alone(learner: DrivingLearner) -> None:
+def test_in_a_demonstration_only_the_teacher_drives(learner: DrivingLearner) -> None:
     course = Course(Lamp(), learner, "demonstration", seed=1)
     course.teach(90)
     assert (learner.n_examples, course.decisions, course.takeovers) == (90, 90, 0)
@@ -70,7 +70,7 @@ def test_a_world_that_is_driven_by_degrees_is_driven_as_the_teacher_meant() -> N
     assert {round(point.steering, 2) for point in driven} == {0.7, -0.4}
 
 
-def test_who_makes_no_mistakes_is_not_corrected(learner: DrivingLearner) -> None:
+def test_a_learner_without_mistakes_is_not_corrected(learner: DrivingLearner) -> None:
     course = Course(Lamp(), learner, "corrections", seed=1)
     course.teach(100)
     assert learner.n_examples == FIRST_EXAMPLES
@@ -78,7 +78,7 @@ def test_who_makes_no_mistakes_is_not_corrected(learner: DrivingLearner) -> None
     assert course.decisions > 10 * FIRST_EXAMPLES, "it had its chances"
 
 
-def test_who_is_always_wrong_is_corrected_until_it_has_all_its_examples() -> None:
+def test_a_learner_that_is_always_wrong_is_corrected_up_to_its_number_of_examples() -> None:
     class Turncoat(Lamp):
         """Wants the other side in every drive except the first ones."""
 
@@ -98,7 +98,7 @@ def test_who_is_always_wrong_is_corrected_until_it_has_all_its_examples() -> Non
     assert course.takeovers >= 1
 
 
-def test_the_interval_of_a_mean() -> None:
+def test_the_confidence_interval_of_a_mean_is_right() -> None:
     low, high = interval([0.0, 1.0] * 50)
     assert 0.35 < low < 0.45 < 0.55 < high < 0.65
     assert interval([2.0, 2.0]) == (2.0, 2.0)

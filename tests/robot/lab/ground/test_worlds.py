@@ -29,7 +29,7 @@ def name(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
 
-def test_the_teacher_can_do_it_and_the_same_seed_is_the_same_episode(name: str) -> None:
+def test_the_teacher_reaches_the_goal_and_a_seed_repeats_its_episode(name: str) -> None:
     with contextlib.closing(make_world(name)) as world:
         first = world.reset(11)
         assert first.dtype == np.uint8 and first.ndim == 3 and first.shape[2] == 3
@@ -43,7 +43,7 @@ def test_the_teacher_can_do_it_and_the_same_seed_is_the_same_episode(name: str) 
         assert world.score >= GOOD.get(name, 1.0)
 
 
-def test_a_run_says_what_was_taught_and_what_came_of_it(name: str) -> None:
+def test_a_run_reports_the_examples_and_the_result(name: str) -> None:
     if name.startswith("CarRacing") or name == "YMaze":
         pytest.skip("takes long, and differs from the others in nothing that is tested here")
     params = {"world": name, "way": "corrections", "seed": 3, "counts": [60], "drives": 1}

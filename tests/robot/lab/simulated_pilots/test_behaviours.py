@@ -64,7 +64,7 @@ def test_the_pusher_brings_the_box_to_a_wall(seed: int) -> None:
     assert min(gaps) < 0.02
 
 
-def test_they_tolerate_what_they_would_do() -> None:
+def test_each_teacher_tolerates_its_own_moves() -> None:
     for world, teacher in (("corridor", WallFollower()), ("follow", Follower())):
         for situation in drive(world, teacher, 5.0, 0):
             assert teacher.tolerates(situation, teacher.choose(situation))

@@ -36,13 +36,13 @@ CASES = {
 
 
 @pytest.mark.parametrize(("habits", "wishes", "held"), CASES.values(), ids=CASES)
-def test_a_hand_follows_what_is_wished(
+def test_a_hand_follows_the_wanted_move(
     habits: dict[str, float], wishes: list[Action | None], held: str
 ) -> None:
     assert "".join(held_over_time(replace(STEADY, **habits), wishes)) == held
 
 
-def test_a_stick_is_held_as_it_was_wished_and_a_slip_hits_a_button() -> None:
+def test_a_stick_is_held_as_wanted_and_a_slip_hits_a_button() -> None:
     for config, steering in ((STEADY, -0.4), (replace(STEADY, tremors_per_min=1e6), None)):
         hand = HumanDelayModel(config, (F,), "0")
         hand.wish(L, 1.0, Point(-0.4, 0.5))

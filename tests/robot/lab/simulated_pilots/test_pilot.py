@@ -43,7 +43,7 @@ CASES = {
 @pytest.mark.parametrize(
     ("mode", "takeover", "doing", "proposed", "held"), CASES.values(), ids=CASES
 )
-def test_it_takes_the_wheel_and_returns_it(
+def test_the_pilot_takes_the_wheel_and_returns_it(
     mode: Mode, takeover: TakeoverPolicy, doing: str, proposed: str, held: str
 ) -> None:
     """Tick by tick: the robot's moves, its proposals, and the moves that the pilot holds."""
@@ -80,7 +80,7 @@ def looks(hand: HumanDelayConfig, rate_hz: int) -> list[float]:
 
 
 @crossed(rate_hz=[5, 10, 15, 30], looks_hz=[5.0, 7.0, 8.0, 10.0])
-def test_it_looks_as_often_whatever_the_camera_s_rate(rate_hz: int, looks_hz: float) -> None:
+def test_the_pilot_looks_equally_often_at_any_frame_rate(rate_hz: int, looks_hz: float) -> None:
     seen_s = looks(HumanDelayConfig(looks_hz=looks_hz), rate_hz)
     assert len(seen_s) == pytest.approx(20 * looks_hz, abs=2)
     ages_s = [i / looks_hz - at_s for i, at_s in enumerate(seen_s)]

@@ -53,7 +53,7 @@ def situation(
     )
 
 
-def test_what_is_seen_is_what_is_there() -> None:
+def test_the_teacher_sees_the_true_distances() -> None:
     simulation = Simulation(load_world("box"), 0, is_noisy=False)
     simulation.pose = Pose(x_m=0.5, y_m=0.575, heading_rad=0.0)
     seen = observe(simulation, 3, 1.5)
@@ -64,7 +64,7 @@ def test_what_is_seen_is_what_is_there() -> None:
     assert seen.turn_needed_rad(1, 5.0) == math.pi
 
 
-def test_who_steers_by_degrees_steers_the_more_the_nearer_something_is() -> None:
+def test_a_teacher_by_degrees_steers_more_near_an_obstacle() -> None:
     teacher, steered = Steerer((L, R)), []
     for tick in range(40):
         wall_m = 0.8 - 0.02 * tick
@@ -109,7 +109,7 @@ def test_in_a_narrow_place_less_is_enough_after_a_long_turn() -> None:
     assert teacher.choose(situation(wall_m=0.4, at_s=8.1)) is F
 
 
-def test_what_is_tolerated() -> None:
+def test_the_teacher_tolerates_moves_that_do_no_harm() -> None:
     teacher = Wanderer((L, R), TeacherParams(turn_at_m=0.2, go_at_m=0.5, danger_m=0.06))
     assert teacher.tolerates(situation(wall_m=1.0), F)
     assert not teacher.tolerates(situation(wall_m=0.05), F)

@@ -60,7 +60,7 @@ def robot(tmp_path: Path) -> Iterator[KeptRobot]:
     robot.rig.stop()
 
 
-def test_what_the_turn_under_way_taught_is_saved(robot: KeptRobot) -> None:
+def test_examples_of_the_current_tick_are_saved(robot: KeptRobot) -> None:
     """Autosave is stopped before the loop has reported the tick that taught."""
     taught, go_on = threading.Event(), threading.Event()
 
@@ -106,7 +106,7 @@ def test_a_loaded_model_counts_as_saved_until_something_is_learned(robot: KeptRo
     assert robot.autosave.has_unsaved
 
 
-def test_a_disk_that_refused_is_tried_again(robot: KeptRobot) -> None:
+def test_saving_is_tried_again_after_a_disk_error(robot: KeptRobot) -> None:
     robot.disk.is_full = True
     robot.teach_now(1)
     robot.autosave.save_if_changed()

@@ -178,7 +178,7 @@ def _wrong(learner: str) -> Iterator[tuple[str, dict[str, Any], Arrays]]:
 
 
 @pytest.mark.parametrize("learner", [*LEARNERS, "default-32", *installed("without-linear-4")])
-def test_every_model_of_ours_is_let_in_drives_and_learns(tmp_path: Path, learner: str) -> None:
+def test_every_model_of_ours_is_accepted_drives_and_learns(tmp_path: Path, learner: str) -> None:
     store = ModelStore(Storage(tmp_path))
     for lessons in (0, 1, 3, 40):
         data = good(learner, lessons)
@@ -191,7 +191,7 @@ def test_every_model_of_ours_is_let_in_drives_and_learns(tmp_path: Path, learner
     policy.learn(x, Action.LEFT, 99.0)
 
 
-def test_what_is_refused_is_refused_before_it_is_unpacked(tmp_path: Path) -> None:
+def test_models_are_refused_before_they_are_unpacked(tmp_path: Path) -> None:
     """A packed file of zeros, and a header that claims more data than there is."""
     store = ModelStore(Storage(tmp_path))
     bomb, claim = io.BytesIO(), io.BytesIO()

@@ -192,6 +192,6 @@ def test_a_crafted_model_is_refused_or_drives(tenth: int) -> None:
     n_examples=[0, 1, 5, 44, 119],
     n_views=[1, 2, 120],
 )
-def test_a_real_one_drives(learner: str, n_examples: int, n_views: int) -> None:
+def test_a_real_model_drives(learner: str, n_examples: int, n_views: int) -> None:
     """A robot that stands sees the same picture again and again."""
     assert outcome(lambda: real(learner, n_examples, n_views)) == "drives"

@@ -70,7 +70,7 @@ def damage(folder: Path, rng: random.Random) -> str:
 
 
 @pytest.mark.parametrize("seed", range(SEEDS))
-def test_what_was_written_survives_ten_kills_and_damage(tmp_path: Path, seed: int) -> None:
+def test_written_changes_survive_ten_kills_and_damage(tmp_path: Path, seed: int) -> None:
     """Every life is killed; between two lives one file is damaged and the clock is set anywhere."""
     rng = random.Random(seed)
     wall_s = [1.7e9]
@@ -135,7 +135,9 @@ def test_a_body_with_moves_of_its_own_comes_back_as_it_was(
 
 
 @pytest.mark.parametrize("learner", ["published-4", "default-6"])
-def test_who_deleted_the_last_image_starts_again_with_none(tmp_path: Path, learner: str) -> None:
+def test_after_the_last_image_was_deleted_the_next_start_has_none(
+    tmp_path: Path, learner: str
+) -> None:
     first = Life(tmp_path, [0.0], random.Random(1), learner)
     first.teach()
     for image in images(first.policy):
@@ -146,7 +148,7 @@ def test_who_deleted_the_last_image_starts_again_with_none(tmp_path: Path, learn
     assert same(Life(tmp_path, [0.0], random.Random(1), learner).state(), first.state())
 
 
-def test_a_position_rests_on_no_clock(tmp_path: Path) -> None:
+def test_the_position_in_the_journal_does_not_depend_on_the_clock(tmp_path: Path) -> None:
     """Thirty days back, as on an EV3 without a clock of its own."""
     wall_s, rng = [1.7e9], random.Random(1)
     for keep in (Life.save, Life.write):
@@ -256,7 +258,7 @@ def check_a_disk_whose_flush_hangs_holds_up_no_record(
 
 
 @crossed(how=["remove", "empty", "cut", "rubbish"], seed=range(5))
-def test_where_both_files_of_a_part_are_lost_the_saved_model_is_left(
+def test_if_both_files_of_a_part_are_lost_the_saved_model_is_used(
     tmp_path: Path, seed: int, how: str
 ) -> None:
     """The third source: changes since the last save may be lost, but no older state returns."""

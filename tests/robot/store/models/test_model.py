@@ -52,7 +52,7 @@ def test_the_file_opens_with_numpy_alone() -> None:
         assert any(name.startswith("state.") for name in arrays.files)
 
 
-def test_a_cut_and_each_damaged_byte_are_noticed() -> None:
+def test_a_truncation_and_each_damaged_byte_are_noticed() -> None:
     data = encode_model(some_model())
     whole = decode_model(data)
     for length in (0, 1, 100, 5000):

@@ -65,7 +65,7 @@ def test_a_damaged_version_is_set_aside_and_the_one_before_is_used(store: ModelS
     assert store.load("kitchen").summary.n_examples == 40
 
 
-def test_the_next_best_model_serves_where_the_last_one_is_lost(store: ModelStore) -> None:
+def test_if_the_last_model_is_lost_the_next_best_is_used(store: ModelStore) -> None:
     store.save("hall", some_model())
     store.save("kitchen", some_model()).write_bytes(b"")
     store.current = "kitchen"
@@ -144,7 +144,7 @@ def test_a_full_disk_leaves_the_version_before(
     assert store.load("kitchen").summary.n_examples == 40
 
 
-def test_halves_that_a_power_cut_left_are_swept_away(store: ModelStore) -> None:
+def test_incomplete_files_of_a_power_cut_are_removed(store: ModelStore) -> None:
     storage = store._storage
     half = store.save("kitchen", some_model()).with_name(".00002.npz.123.part")
     half.write_bytes(b"half")
@@ -185,7 +185,7 @@ def set_aside(store: ModelStore, name: str) -> None:
         version.rename(version.with_name(f"{version.name}.damaged"))
 
 
-def test_versions_that_an_older_program_set_aside_come_back(
+def test_versions_that_an_older_program_set_aside_are_restored(
     store: ModelStore, told: list[tuple[str, str]]
 ) -> None:
     for count in (50, 52, 54):
@@ -204,7 +204,7 @@ def test_versions_that_an_older_program_set_aside_come_back(
     assert broken.read_bytes() == b"broken"
 
 
-def test_a_version_that_comes_back_is_used_where_the_one_in_use_is_older(store: ModelStore) -> None:
+def test_a_version_that_is_readable_again_is_used_if_it_is_newer(store: ModelStore) -> None:
     store.save("old", model_of(3))
     store.save("robot", model_of(54))
     set_aside(store, "robot")
