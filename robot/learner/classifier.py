@@ -218,9 +218,9 @@ class BSOCClassifier(Stateful, Learner):
     def _owners(self) -> NDArray[np.int64]:
         """Return the label with the most votes of each node, shape (n,); -1 without votes."""
         counts = self._histograms[: self.cluster.n_nodes_]
-        if not counts.size:  # nothing was learned
-            return np.full(len(counts), -1)
-        return np.where(counts.any(axis=1), counts.argmax(axis=1), -1)
+        owners = counts.argmax(axis=1) if counts.size else np.zeros(len(counts), np.int64)
+        owners[~counts.any(axis=1)] = -1
+        return owners
 
     def _know(self, y: Label) -> int:
         """Return the column of a label; add a column for a new label."""
