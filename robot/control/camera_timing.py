@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from itertools import accumulate
 
 USUAL_PERIOD_S = 1 / 30
-"""Camera period that the link's limits assume, in seconds. For a slower camera the difference is
-added to the limits."""
+"""Camera period that the link's limits assume, in seconds. If a camera's period is longer, the
+difference is added to the limits."""
 SLOW_PERIOD_S = 0.75
 """A camera with this period or a longer one is reported as too slow, in seconds. Webcams usually
 deliver ten to thirty pictures a second, and nobody can steer by so few."""

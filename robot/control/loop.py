@@ -73,8 +73,8 @@ class LoopConfig:
 
 
 class Mailbox:
-    """Requests that any thread queues, and that the loop's thread runs between two ticks. `wake` is
-    set when a request is due now."""
+    """Requests that any thread queues, and that the loop's thread runs between two ticks. The event
+    `wake` is set when a request must run now."""
 
     def __init__(self) -> None:
         self.wake = threading.Event()

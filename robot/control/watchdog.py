@@ -2,9 +2,9 @@
 
 The loop sends its orders to the body in its ticks. A tick may be late because of a busy computer, a
 slow learner, or a picture that takes long to read. So each order to the body has a deadline: the
-time at which the pilot counts as silent. Unless the loop has moved the deadline by then, this
-thread stops the body. The thread never waits for a tick, a picture, the network or an event loop.
-If the thread fails, the body stops by its own time limit, `robot.driver.ACTION_TIMEOUT_S`.
+time at which the pilot counts as silent. At the deadline this thread stops the body, unless the
+loop has moved the deadline. The thread never waits for a tick, a picture, the network or an event
+loop. If the thread fails, the body stops by its own time limit, `robot.driver.ACTION_TIMEOUT_S`.
 """
 
 from __future__ import annotations

@@ -100,7 +100,7 @@ class ConnectedDriver(Driver, Generic[_C]):
     def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
         """Send a move or STOP. `point` is only given to bodies that accept points.
 
-        The arguments have been checked.
+        The base class has checked the arguments.
         """
 
     def _sense(self) -> Sensors:

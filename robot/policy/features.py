@@ -129,7 +129,7 @@ class GradientFeatures(PictureFeatures):
     def alike(cls) -> NDArray[np.float64]:
         """Return the prior covariance of the linear part's weights, shape (384, 384).
 
-        The right move hardly depends on whether an edge lies in one cell or in the next. So the
+        The correct move hardly depends on whether an edge lies in one cell or in the next. So the
         weights of one direction are similar in nearby cells. With this prior an example also
         teaches slightly shifted views. Training on shifted copies of each view would have the same
         effect in twice the time.

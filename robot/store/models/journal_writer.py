@@ -99,13 +99,13 @@ class JournalWriter:
         self._try_again_s = 0.0
 
     def start(self, after: int = 0) -> None:
-        """Start writing. The number of this start is above `after`, which is a number from a
-        model's file."""
+        """Start writing. The number of this start is above `after`, the number of the run that
+        saved the model in use."""
         self.open_boot(after)
         self._thread.start()
 
     def open_boot(self, after: int = 0) -> None:
-        """Choose the number of this start; `write_waiting` may then be called on one thread."""
+        """Choose the number of this start; one thread may then call `write_waiting`."""
         self.boot = max([after, *(part.boot for part in list_parts(self._folder))]) + 1
 
     def stop(self) -> None:
