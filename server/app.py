@@ -8,6 +8,7 @@ from functools import cache
 
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
+from starlette.routing import BaseRoute
 
 from server.gateway.guard import Guard
 from server.gateway.rules import PUBLIC_PATHS
@@ -17,6 +18,9 @@ from server.routes.answers import describe_routes
 from server.routes.bodies import HANDLERS
 from server.services import Services
 
+_made: dict[tuple[int, ...], list[BaseRoute]] = {}
+"""The routes of routers. FastAPI makes them once, because they are the same in each application."""
+
 
 def create_app(services: Services) -> FastAPI:
     """Make the application for one robot.
@@ -25,19 +29,17 @@ def create_app(services: Services) -> FastAPI:
     Routes find all services through `services_of(request)`.
     """
     config = services.config
-    app = FastAPI(
-        title="Drivelesson",
-        docs_url=None,
-        redoc_url=None,
-        exception_handlers=HANDLERS,
-        strict_content_type=False,
-    )
+    app = FastAPI(title="Drivelesson", docs_url=None, redoc_url=None, exception_handlers=HANDLERS)
     app.state.services = services
     app.state.gateway = services.gateway
     extensions = list(services.extensions.values())
     parts = [*routers(), *(router for each in extensions for router in each.routers)]
-    for router in parts:
-        app.include_router(router)
+    if (key := tuple(map(id, parts))) not in _made:
+        alone = FastAPI(openapi_url=None, strict_content_type=False)
+        for router in parts:
+            alone.include_router(router)
+        _made[key] = alone.routes
+    app.router.routes.extend(_made[key])
     app.openapi = cache(lambda: describe_routes(app, parts))  # type: ignore[method-assign]
     app.mount("/", PageFiles(config.web), name="web")
 
@@ -56,11 +58,8 @@ def create_app(services: Services) -> FastAPI:
     gateway = services.gateway
     public = PUBLIC_PATHS.union(*(each.public_paths for each in extensions))
     opened = frozenset[str]().union(*(each.open_paths for each in extensions))
+    rules, clock = gateway.rules(public, opened), services.robot.clock
     app.add_middleware(
-        Guard,
-        rules=gateway.rules(public, opened),
-        refused=services.turned_away,
-        clock=services.robot.clock,
-        gateway=gateway,
+        Guard, rules=rules, refused=services.turned_away, clock=clock, gateway=gateway
     )
     return app

@@ -42,9 +42,9 @@ _BATCHES, _BATCH = 5, 20
 """Number of batches by which this computer is measured, and number of pictures in each batch. Only
 the fastest batch counts, because other programs can slow a batch down but not speed it up."""
 _MODULES = (
-    *("anyio._backends._asyncio", "cv2", "encodings.ascii", "encodings.idna"),
-    *("encodings.utf_8_sig", "fastapi.telemetry._runtime", "filelock", "google.protobuf"),
-    *("google.protobuf.descriptor_pb2", "google.protobuf.message_factory"),
+    *("anyio._backends._asyncio", "anyio._core._fileio", "cv2", "encodings.ascii"),
+    *("encodings.idna", "encodings.utf_8_sig", "fastapi.telemetry._runtime", "filelock"),
+    *("google.protobuf", "google.protobuf.descriptor_pb2", "google.protobuf.message_factory"),
     *("google.protobuf.timestamp_pb2", "mcap.reader"),
     *("mcap.writer", "numpy.ma", "numpy.random", "panda3d.core", "platformdirs.unix"),
     *("pydantic.dataclasses", "resource", "segno", "zeroconf", "zstandard"),
@@ -54,7 +54,8 @@ _MODULES = (
     *("server.coaching.gallery_routes", "server.coaching.routes", "server.coaching.word_routes"),
     *("server.hosting.serving", "server.hosting.starting_page", "server.integrations.fastpath"),
     *("server.integrations.metrics", "server.integrations.mjpeg", "server.integrations.unread"),
-    *("server.persistence", "server.recordings.retraining_routes", "server.recordings.routes"),
+    *("server.persistence", "server.recordings.options", "server.recordings.retraining_routes"),
+    *("server.recordings.routes", "server.adjustments.options", "server.board.options"),
 )
 """The modules that a robot of a class imports. If one is missing here, each robot imports it
 separately and keeps it in its own memory. A test finds missing modules of Drivelesson."""
@@ -237,15 +238,18 @@ def _run(world: str, life: int) -> None:
     for name in _MODULES:
         with contextlib.suppress(ImportError):
             importlib.import_module(name)
+    from robot.devices.rig import build_rig
     from robot.policy.registry import make_policy
+    from server.app import create_app
+    from server.config import Config
     from server.hosting.serving import websocket_protocol
-    from server.routes import routers
-    from server.services import installed
+    from server.services import make_services
 
     make_policy("default-32")  # this call and the next three fill caches that all robots share
     websocket_protocol()
-    installed()
-    routers()
+    app = create_app(make_services(Config(port=0), build_rig("sim")))
+    for route in app.routes:  # FastAPI completes the routes when it looks for the first address
+        route.matches({"type": "http", "method": "GET", "path": "/", "headers": []})
     gc.freeze()
     _say(picture_s=_measure_apart(world))
     clock = RealClock()

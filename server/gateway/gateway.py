@@ -11,13 +11,13 @@ import contextlib
 import socket
 import ssl
 from collections.abc import Callable, Mapping, Sequence
-from importlib.metadata import entry_points
 from typing import Any, ClassVar
 
 from starlette.responses import JSONResponse, Response
 from starlette.types import Scope
 
 from robot.clock import Clock
+from robot.entry_points import points
 from server.config import Config, Limits
 from server.gateway.roles import Refusal, Role, Session
 from server.gateway.rules import AccessRules
@@ -201,8 +201,7 @@ class Gateway:
 
 def gateway_type() -> type[Gateway]:
     """Return the gateway of an extension if one is installed, or else `Gateway`."""
-    found = [point.load() for point in entry_points(group=GATEWAY)]
-    return found[0] if found else Gateway
+    return next((point.load() for point in points(GATEWAY)), Gateway)
 
 
 def loopback_names(config: Config) -> list[str]:
