@@ -36,11 +36,11 @@ class Identity:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
             raise ConfigurationError("a robot's name must be text")
-        check_name(self.name)  # the robot's models get this name
+        check_name(self.name)  # models are named like the robot
         if len(self.name) > LONGEST_NAME:
-            raise ConfigurationError(f"a robot's name has at most {LONGEST_NAME} characters")
+            raise ConfigurationError(f"a robot's name may have at most {LONGEST_NAME} characters")
         if self.colour not in COLOURS:
-            raise ConfigurationError(f"a robot's colour is one of {', '.join(COLOURS)}")
+            raise ConfigurationError(f"a robot's colour must be one of {', '.join(COLOURS)}")
 
 
 class IdentityFile:

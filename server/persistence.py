@@ -149,14 +149,14 @@ class Persistence(StartStop):
         self.disk.start()
         try:
             self._recover()
-        except Exception as error:  # damaged files must not prevent the start
+        except Exception as error:  # the robot starts despite damaged files
             log.exception("nothing was recovered from the journal")
             self.announce("model_not_saved", detail=str(error))
 
     def _recover(self) -> None:
         self.models.retry_damaged()
         if self.models.set_failed_aside():
-            return  # the journal's model is the one that has failed
+            return  # the journal would restore the model that has failed
         recovered = recover(self.storage.journal, self.models, self._loop.history.declared)
         if recovered is not None:
             try_model(recovered.model)

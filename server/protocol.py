@@ -268,7 +268,7 @@ def parse_picture(message: bytes) -> VideoFrame:
         message
     )
     if kind != _FRAME or encoding >= len(_ENCODINGS):
-        raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "this is not a frame of a known encoding")
+        raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "unknown kind or encoding of a frame")
     return VideoFrame(
         frame_id=frame_id,
         captured_s=captured_ms / 1000,
@@ -292,7 +292,7 @@ def parse_acknowledgement(message: bytes) -> int:
         raise ProtocolError(code, "an acknowledgement must have 8 bytes")
     kind, _, _, frame_id = ACKNOWLEDGEMENT.unpack(message)
     if kind != _ACKNOWLEDGEMENT:
-        raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "this socket receives acknowledgements only")
+        raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "only acknowledgements are accepted here")
     return int(frame_id)
 
 

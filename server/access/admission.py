@@ -4,7 +4,7 @@ Clients are counted per session, or per address if they have none. A connection 
 the guard has read a session on it. Pending connections time out soon and have separate slots, so a
 new connection is accepted and read even when all other slots are taken, because it may be a STOP.
 If the pending slots are full too, the new connection evicts an idle connection. If none is idle, it
-evicts one that has sent nothing, or else one with an old request.
+evicts a connection that has sent nothing, or else one with an old request.
 
 When no slot is free, the person with the most connections loses one: an idle connection, or the
 least recently used. A flood therefore evicts itself. A connection of the owner, the pilot or the
@@ -181,7 +181,7 @@ class AdmissionControl:
         self.recognise: Callable[[bytes, str], Session | None] = lambda head, address: None
         """Returns the session that a request's first bytes and address show; None if unknown."""
         n_pending = min(limits.pending, max(1, capacity // 2))
-        # A new connection has no session yet, only an address, so no connection has priority.
+        # No pending connection has priority, because it has no session yet, only an address.
         self.pending = ConnectionLimiter(
             n_pending, limits.pending_per_address, lambda address: True
         )
@@ -210,7 +210,7 @@ class AdmissionControl:
     def arrive(self, peer: Peer, now_s: float, close: Callable[[], None]) -> None:
         """Add a new connection as pending; `close` is called if the connection is evicted."""
         self.expire(now_s)
-        if before := self.connections.get(peer):  # the port of an ended connection is reused
+        if before := self.connections.get(peer):  # the client's system has reused a port
             self.left(peer)
             before.close()
         # The word before the address keeps this name different from every session's name.
@@ -265,7 +265,7 @@ class AdmissionControl:
             admitted = take(answer_s=self.limits.idle_s)
             if admitted is None and lasts and (is_at_limit or self.keeps(session.name)):
                 admitted = take()
-            # the connection had the slot of another session, which was freed above
+            # the connection has lost its slot, which belonged to another session
             if admitted is None and not place.is_taken:
                 place.close()
                 return True

@@ -137,14 +137,14 @@ class Announcement:
         with contextlib.suppress(OSError):
             self._responder.send(question)  # the next call of this method reads the answers
         before = [other for other in others if own and _lowest([other]) < _lowest(own)]
-        self._next = max(2, 1 + len(before))  # so that no two robots try the same number first
+        self._next = max(2, 1 + len(before))  # no two robots then try the same number
         return bool(before)
 
     def close(self) -> None:
         """Withdraw the announcement; idempotent."""
         responder, self._responder = self._responder, None
         if responder is not None:
-            with contextlib.suppress(Exception):  # the network may already be gone
+            with contextlib.suppress(Exception):  # closing fails if the network is gone
                 responder.close()
 
 

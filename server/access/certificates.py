@@ -70,7 +70,7 @@ def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> C
             (x509.SubjectAlternativeName(_vouched_for(names, authority[0])), False),
             (issuer, False),
         ]
-        valid = now - _A_DAY, now + _MOST  # the robot's clock may be wrong
+        valid = now - _A_DAY, now + _MOST  # begin a day early: the clock may be wrong
         certificate = _sign("Drivelesson", key, authority, valid, extensions)
         write_whole(files.key, _key_pem(key), mode=0o600)
         write_whole(files.chain, _pem(certificate) + _pem(authority[0]), mode=0o600)

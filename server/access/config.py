@@ -30,7 +30,7 @@ class PublicAddress:
         try:
             parts = urlsplit(text.strip())
             port, name = parts.port, (parts.hostname or "").encode("idna").decode()
-        except ValueError:  # the port or the name of the host is invalid
+        except ValueError:  # the address has an invalid port or host
             port, name, parts = None, "", urlsplit("")
         prefix = parts.path.rstrip("/")
         is_plain = not (parts.query or parts.fragment or parts.username or parts.password)

@@ -125,7 +125,7 @@ class Pairing:
         self._unused = set(self._sessions)
         """Sessions that no browser has used since the server started; they are evicted first."""
         self._is_saved = file is not None
-        """True if the file is up to date. If it is not, the next pairing or unpairing writes it."""
+        """True if the sessions' file is up to date; if not, a later pairing writes it."""
         self.is_in_use: Callable[[str], bool] = lambda name: False
         self.tokens: dict[Role, str] = {role: _new_token() for role in browser_roles()}
         self._invitations: deque[tuple[str, float]] = deque(maxlen=_INVITATIONS)

@@ -153,7 +153,9 @@ def _add_routes(
             if (folder / f"{language}.md").is_file():
                 kind = "text/markdown; charset=utf-8"
                 return FileResponse(folder / f"{language}.md", media_type=kind)
-        raise HTTPException(404, f"The lessons are written in {', '.join(LANGUAGES)}.")
+        raise HTTPException(
+            404, f"There are lessons only in these languages: {', '.join(LANGUAGES)}."
+        )
 
     @app.get("/api/lesson")
     async def show_lesson() -> dict[str, str]:
@@ -216,7 +218,7 @@ def _add_routes(
         """Draw the QR code that pairs a phone with a robot; with `printed`, the permanent one."""
         address = board.robot(number).page_address(printed=printed)
         if address is None:
-            raise HTTPException(409, "There is no code while the robot is away.")
+            raise HTTPException(409, "There is no QR code of a robot that does not answer.")
         import segno
 
         out = io.BytesIO()

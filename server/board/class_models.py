@@ -108,7 +108,7 @@ class ClassModels:
         """Undo the last order. If some robots do not answer, a further call undoes it on them."""
         async with self._lock:
             if not self._done:
-                raise NotFoundError("there is nothing to undo")
+                raise NotFoundError("there is no order that can be undone")
             last = self._done[-1]
             waiting = [robot for robot in self._robots() if last.steps.get(robot.number)]
             tried = [self._try(robot, last, self._undo) for robot in waiting]

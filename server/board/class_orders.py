@@ -70,7 +70,7 @@ def _ask(order: str, board: str) -> dict[str, Any]:
         with error:
             detail = error.read().decode("utf-8", "replace")
         if error.code == 404 and "undo" in detail:
-            raise ConfigurationError("there is nothing to undo") from None
+            raise ConfigurationError("there is no order that can be undone") from None
         raise ConfigurationError(
             f"{board} is not a board, or it refused (status {error.code}): name the board's port "
             "with --port"

@@ -89,7 +89,7 @@ def serve_board(
             if not listed:
                 event_loop = asyncio.get_running_loop()
 
-                def found(address: RobotAddress) -> None:  # called on another thread
+                def found(address: RobotAddress) -> None:  # runs on the thread that listens
                     with contextlib.suppress(RuntimeError):  # the board's event loop has just ended
                         event_loop.call_soon_threadsafe(board.announce, address)
 

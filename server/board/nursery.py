@@ -179,7 +179,7 @@ def _fork(work: Callable[[], int]) -> int:
         with contextlib.suppress(Exception):
             sys.stdout.flush()
             sys.stderr.flush()
-        os._exit(status)  # unlike `sys.exit`, does not run the exit handlers of the parent
+        os._exit(status)  # `sys.exit` would run the exit handlers of the nursery
 
 
 def measure_picture_s(world: str) -> float:
@@ -278,7 +278,7 @@ def _run(world: str, life: int) -> None:
 
 
 def _say(**words: Any) -> None:
-    with contextlib.suppress(OSError):  # the class has ended
+    with contextlib.suppress(OSError):  # nobody reads any more
         sys.stdout.write(json.dumps(words) + "\n")
         sys.stdout.flush()
 

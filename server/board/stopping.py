@@ -98,7 +98,7 @@ class RobotStop:
             self.is_release_refused = self.stage is not None
             self._on_change()
             return
-        if self._pressing is not None:  # the request of this STOP would arrive after the release
+        if self._pressing is not None:  # a later request would stop it again
             self._pressing.cancel()
         self.stage, self.is_release_refused = None, False
         words = json.dumps({"type": "release", "stop_number": self.number})
@@ -108,7 +108,7 @@ class RobotStop:
     def refuse_release(self) -> None:
         """Report that a release came after a newer STOP, so the robot is still stopped."""
         self.is_release_refused = True
-        if self.stage is None:  # the robot refused the release
+        if self.stage is None:  # the board took it for released
             self.stage, self._is_shown = Stopping.STOPPED, True
         self._on_change()
 
@@ -127,7 +127,7 @@ class RobotStop:
     async def send_again(self, channel: Any) -> None:
         """On a new connection, send a stop that was not released, before anything else."""
         self._is_shown = False
-        # the robot may have restarted, and counts from the start
+        # forget the number, because a robot that has restarted counts from the start
         self.number = self._confirmed = None
         if self.stage is not None:
             await self.send(channel)

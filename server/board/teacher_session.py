@@ -82,13 +82,15 @@ class TeacherSession:
         offer = answer.json()
         robot_nonce, proof = (str(offer.get(name, ""))[:_LONGEST] for name in ("nonce", "proof"))
         if not self.key.accepts(proof, "robot", nonce, robot_nonce, place.endpoint):
-            raise WrongClassError(Status.NOT_OURS, "the robot has another class key")
+            raise WrongClassError(Status.NOT_OURS, "the robot has the key of another class")
         own = self.key.prove("board", nonce, robot_nonce, place.endpoint)
         words = {"board_nonce": nonce, "nonce": robot_nonce, "proof": own}
         answer = await self.send("POST", "/api/class/join", words)
         secret = answer.json().get("secret")
         if answer.status != 200 or not isinstance(secret, str):
-            raise WrongClassError(Status.NOT_OURS, "the robot does not admit this board")
+            raise WrongClassError(
+                Status.NOT_OURS, "the robot does not accept this board's proof of the class key"
+            )
         self._secret = secret
 
     async def ask(self, method: str, path: str, body: Any = None) -> HttpAnswer:

@@ -204,10 +204,10 @@ async def within(patience_s: float | None = 5.0) -> AsyncIterator[None]:
     except TimeoutError as error:
         raise UnreachableError("the robot does not answer in time") from error
     except http.client.IncompleteRead as error:
-        raise UnreachableError("the robot's answer ended in the middle") from error
+        raise UnreachableError("the robot's answer is incomplete") from error
     except _ENDS as error:
         number = getattr(error, "errno", None) or 0
         words = getattr(error, "strerror", None) or str(error) or type(error).__name__
         if number > 0 and not isinstance(error, ssl.SSLError):
-            words = os.strerror(number)  # asyncio names the failed call, but not the cause
+            words = os.strerror(number)  # asyncio's own text lacks the cause
         raise UnreachableError(words.lower()) from error

@@ -119,12 +119,12 @@ def correction(measured: float, expected: float, unit: str) -> float:
     """
     if expected <= 0:
         raise ConfigurationError(
-            f"the wheels measured {expected:.3g} {unit}: check --left-port, --right-port and "
+            f"the wheels counted {expected:.3g} {unit}: check --left-port, --right-port and "
             "--reversed-motors"
         )
     if not 1 / LARGEST_CORRECTION < measured / expected < LARGEST_CORRECTION:
         raise ConfigurationError(
-            f"{measured:.3g} {unit} do not match the wheels, which measured {expected:.3g}; "
+            f"{measured:.3g} {unit} do not match the wheels, which counted {expected:.3g}; "
             "measure again"
         )
     return measured / expected

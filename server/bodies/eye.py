@@ -65,7 +65,9 @@ def parse_frame(message: bytes) -> EyeFrame:
         ProtocolError: If the picture is not valid; the error says why.
     """
     if len(message) <= HEADER.size:
-        raise ProtocolError(ErrorCode.MALFORMED, "a picture is a header of 16 bytes, then a JPEG")
+        raise ProtocolError(
+            ErrorCode.MALFORMED, "a picture must be a header of 16 bytes and then a JPEG"
+        )
     kind, flags, _, seq, taken_ms = HEADER.unpack_from(message)
     if kind != _EYE_FRAME:
         raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "a binary message must be a picture")

@@ -255,7 +255,7 @@ def _make_loop_config(settings: Settings) -> LoopConfig:
 
 def has_screen(system: str, environment: Mapping[str, str]) -> bool:
     """True if a browser can open a window; a text browser would take over the terminal."""
-    if "SSH_CONNECTION" in environment:  # the person sits at another machine
+    if "SSH_CONNECTION" in environment:  # the person is at another machine
         return False
     has_display = bool(environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
     return system in ("win32", "darwin") or has_display

@@ -16,7 +16,7 @@ class Lease:
     """
 
     def __init__(self) -> None:
-        self._line: list[str] = []  # the owner first, then the waiting clients in order
+        self._line: list[str] = []  # the owner, then the clients that wait, in order
         self._renewed_s = -math.inf
 
     @property

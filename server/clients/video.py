@@ -143,7 +143,7 @@ class VideoHub:
         self._viewers.pop(viewer, None)
         self._on_viewers()
         if not self.viewers:
-            self.newest = None  # the frame will be too old for the next viewer
+            self.newest = None  # it would be too old for a later viewer
 
     def show(self, frame: Frame, nonce: int = 0) -> None:
         """Make `frame` the newest, and send it with `nonce` to each viewer whose window allows."""

@@ -160,7 +160,7 @@ class Guard:
 
         try:
             await self.app(scope, _limited(receive, self._most_bytes(scope)), send_guarded)
-        except ClientDisconnect:  # the client left before the body's end, or the body was too long
+        except ClientDisconnect:  # the body was too long, or the client left before its end
             await _refuse(scope, receive, send, _TOO_LARGE, self.gateway)
 
 

@@ -86,5 +86,5 @@ def start_logging(*, verbose: bool) -> None:
 
 def _write(records: SimpleQueue[Any], out: TextIO) -> None:
     while (record := records.get()) is not None:
-        with contextlib.suppress(OSError, ValueError):  # standard error is closed
+        with contextlib.suppress(OSError, ValueError):  # standard error may be closed
             print(record.msg, file=out, flush=True)

@@ -51,7 +51,7 @@ def open_socket(host: str, port: int) -> socket.socket:
             listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
         listener.bind((host, port))
         listener.listen(_BACKLOG)
-    except (OSError, TypeError) as error:  # raises TypeError if the text cannot be a name
+    except (OSError, TypeError) as error:  # TypeError: the text cannot be a host's name
         listener.close()
         why = getattr(error, "strerror", None) or "there is no such host"
         is_taken = getattr(error, "errno", None) in (errno.EADDRINUSE, errno.EADDRNOTAVAIL)

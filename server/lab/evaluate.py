@@ -80,7 +80,9 @@ def _learners(names: str | None) -> list[str]:
     if names is not None:
         learners = list(dict.fromkeys(name.strip() for name in names.split(",") if name.strip()))
         if not learners:
-            raise ConfigurationError("--learners names no learner")
+            raise ConfigurationError(
+                "--learners is empty: give it the name of at least one learner"
+            )
         return learners
     if importlib.util.find_spec("sklearn") is not None:
         return [*OURS, *BASELINES]

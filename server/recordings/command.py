@@ -229,7 +229,7 @@ def edit(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> int
         if args.first_s is None and args.last_s is None:
             return _delete(store, episode_ids)
         if len(episode_ids) != 1:
-            raise ConfigurationError("--from and --to are for one episode")
+            raise ConfigurationError("--from and --to can be used with only one episode")
         [episode_id] = episode_ids
     else:
         episode_id = find_id(store, args.episode)

@@ -63,7 +63,7 @@ def add_several(parser: argparse.ArgumentParser) -> None:
 def find_ids(store: EpisodeStore, args: argparse.Namespace) -> list[str]:
     """Return the ids of the episodes that the command line names, searches for, or all."""
     if sum(map(bool, (args.episodes, args.search, args.all))) > 1:
-        raise ConfigurationError("give names of episodes, --search or --all, but not two of these")
+        raise ConfigurationError("give only one of these: names of episodes, --search, or --all")
     if args.episodes:
         return list(dict.fromkeys(find_id(store, name) for name in args.episodes))
     if not args.all and not args.search:

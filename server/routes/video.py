@@ -45,7 +45,7 @@ async def video(websocket: WebSocket) -> None:
             if not pace.allows(now_s):
                 raise ProtocolError(ErrorCode.TOO_FAST, "too many acknowledgements a second")
             if isinstance(message, str):
-                raise ProtocolError(ErrorCode.MALFORMED, "acknowledgements are bytes, not text")
+                raise ProtocolError(ErrorCode.MALFORMED, "acknowledgements must be bytes")
             hub.video.acknowledge(viewer, parse_acknowledgement(message), now_s)
         except ProtocolError as error:
             hub.refused[error.code] += 1

@@ -44,7 +44,7 @@ def check_body(body: Any, condition: Condition) -> None:
     file = os.path.realpath(place)  # the condition may give the world's file instead of its name
     place = next((name for name, at in worlds.items() if os.path.realpath(at) == file), place)
     if here not in (None, place):
-        do = f"choose {place!r} under Settings, Place, while no session is on"
+        do = f"choose {place!r} under Settings, Place, while no session is running"
         if place not in worlds:
             do = (
                 "this place is not offered under Settings: start the robot with --world and its "
@@ -96,7 +96,7 @@ class Conductor(StartStop):
     def start(self) -> None:
         try:
             self._models.put_away()
-        except (RobotError, OSError, TimeoutError) as error:  # the robot can start nevertheless
+        except (RobotError, OSError, TimeoutError) as error:  # the robot starts nevertheless
             log.warning("a session's model is still in use: %s", error)
 
     def stop(self) -> None:
@@ -150,7 +150,7 @@ class Conductor(StartStop):
             if self._is_on(study, participant):
                 return self.session
             raise ConfigurationError(
-                f"the session of {self.session.participant} is on; leave that session first"
+                f"the session of {self.session.participant} is running; leave that session first"
             )
         text, plan = self.folder.plan_text(study), self.folder.plan(study)
         path = self.folder.log_path(study, participant)
@@ -163,7 +163,9 @@ class Conductor(StartStop):
                 )
             session = follow_log(plan, participant, events)
             if session.step is SessionStep.DONE:
-                raise ConfigurationError(f"{participant} has finished; take the next code")
+                raise ConfigurationError(
+                    f"the session of {participant} is finished; use the next participant's code"
+                )
         else:
             free = self.folder.free_slots(study, plan)
             if not free:
@@ -217,8 +219,8 @@ class Conductor(StartStop):
         check_body(self._rig.driver, condition)
         if not (self.is_simulated or confirmed):
             raise ConfigurationError(
-                f"confirm that the robot stands in the place {condition.world!r}: only you can "
-                "see this"
+                f"confirm that the robot stands in the place {condition.world!r}; the program "
+                "cannot see this"
             )
         checker = "simulator" if self.is_simulated else "researcher"
         self._models.put_away()
@@ -252,7 +254,9 @@ class Conductor(StartStop):
                 self._happen("answer", name=name, value=value)
         if is_done:
             if missing:
-                raise ConfigurationError(f"there is no answer to {', '.join(missing)} yet")
+                raise ConfigurationError(
+                    f"these questions have no answer yet: {', '.join(missing)}"
+                )
             self._happen("answered")
             if self._session().step is SessionStep.DONE:
                 self._happen("session_ended")
@@ -287,7 +291,9 @@ class Conductor(StartStop):
     def withdraw(self, study: str, participant: str) -> list[str]:
         """Permanently delete all data of a participant; see `StudyFolder.withdraw`."""
         if self._is_on(study, participant):
-            raise ConfigurationError("this participant's session is on; leave the session first")
+            raise ConfigurationError(
+                "this participant's session is running; leave the session first"
+            )
         return self.folder.withdraw(study, participant, self._kept.run)
 
     # Ticks ------------------------------------------------------------------------------------
@@ -322,7 +328,7 @@ class Conductor(StartStop):
 
     def _session(self) -> StudySession:
         if self.session is None:
-            raise ConfigurationError("no session is on; begin one on the study's screen")
+            raise ConfigurationError("no session is running; begin one on the screen of studies")
         return self.session
 
     def _tell(self) -> None:

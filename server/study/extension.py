@@ -257,4 +257,4 @@ class StudyExtension(Extension):
     def require_free_model(self) -> None:
         """Raise ConfigurationError while a participant's session is running."""
         if self.conductor is not None and self.conductor.session is not None:
-            raise ConfigurationError("A participant's session is on; leave the session first.")
+            raise ConfigurationError("A participant's session is running; leave the session first.")

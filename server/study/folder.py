@@ -75,7 +75,7 @@ class StudyFolder:
         """
         name = check_name(name)
         if len(name) > LONGEST_NAME:
-            raise ConfigurationError(f"a study's name has at most {LONGEST_NAME} characters")
+            raise ConfigurationError(f"a study's name may have at most {LONGEST_NAME} characters")
         if fold(name) in {fold(other) for other in self.names()}:
             raise ConfigurationError(f"there is already a study {name!r}; choose another name")
         refuse_same_columns(parse_plan(plan_text))

@@ -41,7 +41,7 @@ test('strangers are told apart from the robots of the class', () => {
   const link = new ClassLink('ws://board/ws/board');
   const told = [];
   for (const name of ['news', 'strangers']) link.addEventListener(name, ({ detail }) => told.push([name, detail]));
-  const stranger = { address: 'http://10.0.0.9:80', status: 'not_ours', detail: 'the robot has another class key' };
+  const stranger = { address: 'http://10.0.0.9:80', status: 'not_ours', detail: 'the robot has the key of another class' };
   link.hear(JSON.stringify({ type: 'strangers', count: 1, some: [stranger] }));
   link.hear(JSON.stringify({ type: 'robots', robots: [{ number: 1 }] }));
   assert.deepEqual(told, [['strangers', { count: 1, some: [stranger] }], ['news', [{ number: 1 }]]]);

@@ -87,7 +87,9 @@ class ServerUnderTest:
         try:
             return self._line.recv()
         except EOFError:
-            raise ConfigurationError("a process of the benchmark ended; see above") from None
+            raise ConfigurationError(
+                "the measured server has ended; its error is shown above"
+            ) from None
 
     def __enter__(self) -> Self:
         return self

@@ -120,7 +120,7 @@ class VirtualNetwork:
         data = b"".join(exchange.chunks)
         if fault == "half":
             if path.endswith("/file") and method == "GET":
-                raise UnreachableError("the robot's answer ended in the middle")
+                raise UnreachableError("the robot's answer is incomplete")
             data = data[: len(data) // 2]
         return HttpAnswer(exchange.status or 500, data)
 

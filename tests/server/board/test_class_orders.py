@@ -33,7 +33,7 @@ def test_the_command_gives_an_order_to_the_board_or_fails_with_one_sentence() ->
         assert port is not None
         for order in ("keep", "reset", "hand-over"):
             assert give_order(order, port) == (False, ["the board has no robots"])
-        with pytest.raises(ConfigurationError, match="nothing to undo"):
+        with pytest.raises(ConfigurationError, match="no order that can be undone"):
             give_order("undo", port)
     with socket.socket() as nobody:
         nobody.bind(("127.0.0.1", 0))

@@ -21,7 +21,7 @@ from .classroom_world import KEY, VirtualNetwork
 
 STEPS = {"save": "source", "get": "source", "put": "target", "load": "target"}
 FAULTS = {
-    "gone": UnreachableError("the robot's answer ended in the middle"),
+    "gone": UnreachableError("the robot's answer is incomplete"),
     "late": TimeoutError(),
     "refused": HttpAnswer(409, b'{"detail": "Stop the robot first."}'),
     "empty": HttpAnswer(200, b"[]"),

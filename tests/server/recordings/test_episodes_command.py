@@ -153,7 +153,7 @@ def test_the_budget_offers_recordings_for_deletion_but_deletes_nothing(
         ("episodes show nobody", "no episode of this name"),
         ("episodes trim last --from 90 --to 91", "no pictures between"),
         ("episodes delete", "name at least one episode"),
-        ("episodes delete last --all", "but not two of these"),
+        ("episodes delete last --all", "give only one of these"),
         ("episodes zip --search kitchen", "no episode has 'kitchen'"),
         ("episodes restore 17", "no longer in the trash"),
         ("episodes list --data /proc/x", "cannot be used"),

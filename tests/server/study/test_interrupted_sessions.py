@@ -82,7 +82,7 @@ def test_a_session_that_is_left_leaves_no_model_and_can_be_resumed(
     there = session(server)
     for method, path, body in CHANGES_THE_MODEL:
         refused = ask(server, method, path, json=body)
-        assert refused.status_code == 409 and "session is on" in refused.text, path
+        assert refused.status_code == 409 and "session is running" in refused.text, path
     assert session(server) == there
     taught = dict(server.rig.loop.state.taught)
     ask(server, "DELETE", "/api/session")

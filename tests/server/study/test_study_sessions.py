@@ -55,7 +55,7 @@ def test_the_place_of_a_real_robot_is_confirmed_and_that_of_a_simulated_one_chec
 def test_no_step_is_possible_out_of_turn_and_every_refusal_gives_the_reason(
     server: VirtualServer, tmp_path: Path
 ) -> None:
-    assert "no session is on" in refused(server, "/api/session/drive")
+    assert "no session is running" in refused(server, "/api/session/drive")
     post(server, "/api/studies", name="walk", plan=PLAN)
     assert "there is already a study" in refused(server, "/api/studies", name="Walk", plan=PLAN)
     broken = PLAN.replace('kind = "alone"', 'kind = "alon"')
@@ -69,8 +69,8 @@ def test_no_step_is_possible_out_of_turn_and_every_refusal_gives_the_reason(
     )
     post(server, "/api/session", study="walk", participant="P01")
     assert "waits for 'consent'" in refused(server, "/api/session/drive", confirmed=True)
-    assert "P01 is on" in refused(server, "/api/session", study="walk", participant="P02")
-    assert "P01 is on" in refused(server, "/api/session", trial=1, teach_s=90)
+    assert "P01 is running" in refused(server, "/api/session", study="walk", participant="P02")
+    assert "P01 is running" in refused(server, "/api/session", trial=1, teach_s=90)
     post(server, "/api/session/consent", language="en")
     assert "waits for 'ready'" in refused(server, "/api/session/answers", answers=TRUST)
     assert ask(server, "DELETE", "/api/studies/walk/sessions/P01").status_code == 409
