@@ -12,11 +12,11 @@ from typing import Any
 
 
 class Disk:
-    """Counts the calls that change a folder; from one of them on, it does as it is told.
+    """Counts the calls that change a folder; one of them, or all from it on, can fail or kill.
 
     Attributes:
-        is_failing: True while calls may fail: what is not kept must be said.
-        calls: Number of calls since it was told what to do.
+        is_failing: True while calls may fail; the robot must then say what is not saved.
+        calls: Number of calls since `fail` or `kill` was called.
     """
 
     def __init__(self, root: Path) -> None:

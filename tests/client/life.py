@@ -67,7 +67,7 @@ TOUCHED = (
 )
 """The parts of the state that a request may change, by the beginning of its path."""
 SPOKEN_OF = {"drive_fault": "driver", "camera_fault": "camera", "loop_fault": "sleep"}
-"""Reasons that are false unless this happened."""
+"""For each reason of a stop, the event without which the robot must not give this reason."""
 PEOPLE = ("owner", "pupil", "viewer")
 Tell = Callable[[dict[str, Any]], None]
 

@@ -61,7 +61,7 @@ def later(kind: str, *kinds: str, **client: Any) -> Case:
 
 
 def _freeze(cluster: Cluster, victim: Process) -> None:
-    """Like a laptop that falls asleep, perhaps before its answer was fetched."""
+    """Freeze a worker, like a laptop that falls asleep, perhaps before its answer was fetched."""
     time.sleep(1.5)
     victim.freeze()
 

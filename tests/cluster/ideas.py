@@ -11,7 +11,7 @@ from robot.types import DEFAULT_MOVES
 
 
 class Straight(BaseLearner):
-    """It has learned to go forward."""
+    """A learner that always goes forward."""
 
     def learn_one(self, x: Any, y: Any) -> None:
         pass

@@ -23,7 +23,7 @@ def faults(page: Any, measure: str = MEASURE, usual: tuple[str, ...] = ()) -> li
     Args:
         page: As it is now.
         measure: A function of the page, which returns a list.
-        usual: Parts of faults that are none on this page.
+        usual: Parts of descriptions of faults that are not faults on this page.
     """
     script = _WHEN_LAID_OUT.replace("MEASURE", measure)
     for _ in range(_LOOKS):

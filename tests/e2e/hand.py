@@ -21,7 +21,7 @@ Way = tuple[float, float]
 """Distance from a control's middle to the right and upwards, as shares of its width and height."""
 MIDDLE: Way = (0.0, 0.0)
 _LET_GO = 25
-"""A page that was checked this number of times without a held move has let go."""
+"""Number of checks in a row without a held move after which the page counts as having let go."""
 
 
 class Fingers:

@@ -14,7 +14,7 @@ _BURST = 700 * (bytes([0x81, 0x80 | len(_PING), 0, 0, 0, 0]) + _PING)
 
 
 class Greedy:
-    """Opens everything at once, again and again."""
+    """A client that opens every kind of connection at once, again and again."""
 
     def __init__(self, port: int, cookie: str) -> None:
         self._port, self._cookie = port, cookie

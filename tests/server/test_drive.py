@@ -66,8 +66,7 @@ def test_when_the_pilot_leaves_the_other_client_gets_the_wheel_and_the_robot_sta
 
 
 def test_the_pilot_sees_a_request_for_the_wheel_while_somebody_waits(server: VirtualServer) -> None:
-    """The earlier pilot was told once; neither the requester's departure nor the next pilot was
-    announced."""
+    """Before, the next pilot did not see the request, and nobody saw that the requester left."""
     with server.pilot() as first, server.pilot() as second:
         with server.pilot() as third:
             for asks in (second, third):

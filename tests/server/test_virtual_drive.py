@@ -50,7 +50,7 @@ def test_a_robot_with_a_slow_camera_is_driven_slowly_and_stands_when_it_freezes(
 async def test_a_client_that_keeps_reconnecting_does_not_increase_the_rate_of_states(
     world: ServedWorld,
 ) -> None:
-    """A pupil with eight pages caused five hundred states a second to all clients."""
+    """Before, a pupil with eight pages caused five hundred states a second for all clients."""
 
     pilot, pupil = await world.pilot(), await world.pilot()
     before = len(pilot.messages)
@@ -82,8 +82,7 @@ def test_repeated_requests_for_the_wheel_do_not_flood_the_pilots_page() -> None:
 
 @in_virtual_time(Config(web=WEB, limits=Limits(refused_before_closing=20)))
 async def test_a_pilot_on_a_slow_link_is_not_disconnected(world: ServedWorld) -> None:
-    """A client that pressed start once a second on such a link was disconnected after five
-    minutes."""
+    """Before, a client that pressed start once a second was disconnected after five minutes."""
 
     pilot = await world.pilot(sees=True)
     world.link.conditions = LinkConditions(delay_s=0.16, jitter_s=0.05)

@@ -26,7 +26,7 @@ ASKED_S = 0.5
 
 
 class TimedPilot(Pilot):
-    """Knows when it sent its last message."""
+    """A pilot that remembers when it sent its last message."""
 
     sent_s = 0.0
 

@@ -16,7 +16,7 @@ from robot.testing import VirtualClock
 
 
 class DoubleMotor:
-    """Behaves like LEGO's library and motor."""
+    """A double motor with the methods of LEGO's library."""
 
     BUTTON_STATE_PRESSED = 1
     MOTOR_END_STATE_BRAKE = 1
@@ -53,7 +53,7 @@ class DoubleMotor:
         self._take(ms / 1000)
 
     def movement_set_end_state(self, *_: int) -> None:
-        """Settings have no effect here."""
+        """Accept a setting that has no effect here."""
 
     movement_set_acceleration = movement_set_turn_steering = movement_set_end_state
 

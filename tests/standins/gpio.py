@@ -67,7 +67,7 @@ class MockPins:
             self._motors.stand()
 
     def tick(self) -> None:
-        """The keeper checks the time."""
+        """Let the keeper check the time."""
         if self._motors is not None:
             self._motors.tick(self._now_ms())
 

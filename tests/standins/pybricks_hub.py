@@ -118,7 +118,7 @@ class FakeHub:
         self.report_status()
 
     def freeze(self) -> None:
-        """The program hangs; the firmware continues."""
+        """Let the program hang, while the firmware goes on."""
         assert self.process is not None
         self.process.send_signal(signal.SIGSTOP)
 

@@ -38,7 +38,7 @@ RNG = np.random.default_rng(1)
 
 
 def hung(pixels: np.ndarray, mounting: CameraCorrection) -> np.ndarray:
-    """Return what a camera sees that is mounted so: a mirror is before its turned sensor."""
+    """Return the picture of a camera with a turned sensor and perhaps a mirror before it."""
     seen = pixels[:, ::-1] if mounting.is_mirrored else pixels
     return np.ascontiguousarray(np.rot90(seen, mounting.turn_deg // 90))
 

@@ -27,7 +27,7 @@ class Body:
     """Drives until another order. Each subclass has one habit of a real library."""
 
     fails: ClassVar[str] = "an_action_ends_by_itself"
-    """The contract suite's verdict without a watchdog."""
+    """The name of the contract test that this body fails without a watchdog."""
     is_acknowledged = True
 
     def __init__(self, clock: VirtualClock, seed: int) -> None:
@@ -46,7 +46,7 @@ class Body:
         self.changes.append((self.clock.now_s() + after_s, is_move))
 
     def close(self) -> None:
-        """The wheels turn on: these libraries do not stop them."""
+        """Close the connection; the wheels turn on, as with these libraries."""
         self.is_open = False
 
     def is_moving(self) -> bool:
@@ -80,7 +80,7 @@ class WaitsInsideAMove(Body):
 
 
 class DrivesOnAfterClose(Body):
-    """Its own thread repeats the last order until the process ends."""
+    """A library whose own thread repeats the last order until the process ends."""
 
     fails = "leaving_the_context_stops_the_body"
     is_acknowledged = False

@@ -11,7 +11,7 @@ from robot.types import Action
 
 @pytest.fixture(scope="module", autouse=True)
 def _rivals() -> None:
-    """The libraries take two seconds to import, so only the worker that runs these tests does."""
+    """Import the libraries only in the worker that runs these tests; it takes two seconds."""
     for library in ("minisom", "minigng", "sklearn"):
         pytest.importorskip(library, reason="NOT TESTED: the extra rivals is not installed")
 

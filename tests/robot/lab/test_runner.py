@@ -78,7 +78,7 @@ def run_edit(params: Params) -> Result:
 
 
 def test_a_run_during_which_its_idea_was_changed_counts_for_neither(tmp_path: Path) -> None:
-    """The result was saved under the new version's name."""
+    """Before, the result was saved under the name of the idea's new version."""
     idea, store = tmp_path / "idea.py", Store(tmp_path / "runs")
     idea.write_text("a = 1")
     task = Task(run_edit, {"learner": f"{idea}:Name", "files": [str(idea)], "mark": 1})
@@ -91,7 +91,7 @@ def test_a_run_during_which_its_idea_was_changed_counts_for_neither(tmp_path: Pa
 def test_an_idea_that_is_changed_after_its_runs_changes_none_of_their_figures(
     tmp_path: Path,
 ) -> None:
-    """The call ended in a traceback after all runs."""
+    """Before, the call ended in a traceback after all runs."""
     idea = tmp_path / "idea.py"
     idea.write_text("a = 1")
     mine = Task(run_edit, {"learner": f"{idea}:Name", "files": [], "mark": 1})
@@ -150,7 +150,7 @@ IDEAS = Path(__file__).parents[2] / "cluster" / "ideas.py"
 def test_an_error_in_an_idea_ends_the_run_with_its_own_traceback(
     tmp_path: Path, name: str, error: str
 ) -> None:
-    """The loop continued without the learner, and a table with an SSD of 359.59 was saved."""
+    """Before, the loop went on without the learner, and a table with an SSD of 359.59 was saved."""
     store, (task,) = Store(tmp_path), tasks(1)
     task = replace(task, params={**task.params, "learner": f"{IDEAS}:{name}"})
     with pytest.raises(TrialError) as caught:
@@ -235,7 +235,7 @@ class NeverFetched:
 
 
 def test_the_task_of_a_worker_that_is_lost_before_its_answer_was_fetched_goes_to_another() -> None:
-    """The client waited without end: Dask tries again, but on the same worker only."""
+    """Before, the client waited forever, because Dask tries again only on the same worker."""
     run = _Run(None, "tcp://here", {"key": Task(run_die, {})}, lambda count, change: None)
     run._todo.clear()
     run._workers["lost"] = worker = _Worker("lost", 0.0, future=NeverFetched(), key="key")
@@ -252,7 +252,7 @@ def test_the_task_of_a_worker_that_is_lost_before_its_answer_was_fetched_goes_to
 def test_a_silent_worker_is_reported_and_its_task_goes_to_another(
     silent_s: float, told: list[str]
 ) -> None:
-    """It was reported once, and its task waited for Dask's 300 s."""
+    """Before, the worker was reported once, and its task waited for Dask's 300 s."""
     said: list[str] = []
     run = _Run(None, "tcp://here", {}, lambda count, change: said.append(change))
     worker = _Worker("a", 0.0, heard=1.0, future=NeverFetched(), key="key", is_used=True)

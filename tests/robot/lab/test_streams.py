@@ -11,7 +11,7 @@ pytestmark = pytest.mark.filterwarnings("ignore")
 
 @pytest.fixture(scope="module")
 def streams() -> ModuleType:
-    """The libraries take two seconds to import, so only the worker that runs these tests does."""
+    """Import the libraries only in the worker that runs these tests; it takes two seconds."""
     for library in ("sklearn", "river"):
         pytest.importorskip(library, reason="NOT TESTED: the extra learners is not installed")
     return pytest.importorskip("robot.lab.streams")

@@ -26,7 +26,7 @@ def picture(wall: str, seed: int) -> np.ndarray:
 
 
 def one_sided(policy, n: int = 30):
-    """All walls were on the left, so the robot was steered to the right."""
+    """A policy that was taught only walls on the left, and therefore only turns to the right."""
     xs = []
     for i in range(n):
         wall, label = ("none", F) if i % 2 else ("left", R)

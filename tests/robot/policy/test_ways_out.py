@@ -27,8 +27,8 @@ WHOLE_CIRCLE_S = 19.5
 """Time of a turn about one wheel through 360 degrees (`robot.lab.metrics`)."""
 
 
-class RateLimit(PilotPace):
-    """A pilot with these known values."""
+class KnownPace(PilotPace):
+    """What is known of the pilot, as a policy would have measured it."""
 
     patience_s = STUCK_S
 
@@ -40,7 +40,7 @@ class RateLimit(PilotPace):
 
 
 class Body:
-    """A robot of which only this is known: whether driving straight has an effect."""
+    """A robot that stands at a wall, or not: driving straight has an effect or none."""
 
     def __init__(self, rate_hz: float, longest_debt_s: float = 4.0, patience_s: float = STUCK_S):
         self.filter = ActionFilter(KINDS)
@@ -48,7 +48,7 @@ class Body:
         self.now_s = 100.0
         self.shift = 0.0
         self.doing: Action | None = Action.STOP
-        self.pace = self.filter.pace = RateLimit(longest_debt_s, patience_s)
+        self.pace = self.filter.pace = KnownPace(longest_debt_s, patience_s)
         self.sent: list[tuple[Action, bool]] = []
         self._rng = np.random.default_rng(1)
         self._wall = self._rng.integers(0, 200, 400, np.uint8)

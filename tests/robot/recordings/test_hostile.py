@@ -24,7 +24,7 @@ MAGIC = b"\x89MCAP0\r\n"
 
 @pytest.fixture(autouse=True)
 def _little_memory() -> Iterator[None]:
-    """Code that trusts an absurd length now runs out of memory."""
+    """Limit the memory, so that code that trusts an absurd length runs out of it."""
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + 600 * 2**20, hard))
@@ -55,7 +55,7 @@ def beginning(folder: Path) -> bytes:
 
 
 def is_damaged(folder: Path, record: bytes) -> str:
-    """Return what is said of a recording that goes on with this record."""
+    """Return the damage that is reported of a recording whose next record is this one."""
     path = folder / "x.mcap"
     path.write_bytes(beginning(folder) + record)
     assert read_summary(path).damage

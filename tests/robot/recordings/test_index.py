@@ -152,7 +152,7 @@ def test_a_false_index_raises_only_our_own_errors(
 
 
 def test_the_recorder_keeps_the_columns_of_a_section(tmp_path: Path) -> None:
-    """Each picture took 490 bytes, for sets of numbers and a table of examples."""
+    """Before, the recorder kept 490 bytes for each picture, in sets and a table of examples."""
     writer = begin((tmp_path / "one.mcap").open("xb"), section_frames=150)
     teach(writer, 1, 300)
     gc.collect()

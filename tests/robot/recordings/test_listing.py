@@ -29,7 +29,7 @@ def store(tmp_path: Path) -> EpisodeStore:
 
 @pytest.fixture
 def read(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """The recordings that were opened."""
+    """A list of the recordings that were opened since the beginning of the test."""
     opened: list[str] = []
     real = store_module.read_summary
 

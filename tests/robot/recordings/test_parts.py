@@ -194,7 +194,7 @@ def test_a_start_moves_no_file_of_a_recording(
 
 @pytest.fixture
 def left(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """The number of files that can still be moved before the program is killed; it may be set."""
+    """How many files can still be moved before the program is killed; the test sets it."""
     left = [MANY]
 
     def moving(one: Path, target: Path) -> None:

@@ -31,7 +31,7 @@ def pictures(seed: int, count: int = 60) -> list[bytes]:
 
 
 def test_a_picture_leaves_no_state_behind() -> None:
-    """Each new pose leaked two to four transform states: 2.6 kB."""
+    """Before, each new pose leaked two to four transform states, 2.6 kB."""
     world = load_world("push")
     renderer = Renderer(world)
 
@@ -46,7 +46,7 @@ def test_a_picture_leaves_no_state_behind() -> None:
 
 
 def test_a_closed_world_is_freed_when_the_next_is_drawn() -> None:
-    """Each world that was opened and closed leaked its floor, 1 MB."""
+    """Before, each world that was opened and closed leaked its floor, 1 MB."""
     first, second = Renderer(load_world("box")), Renderer(load_world("box"))
     first.render(pose(0))
     first.render_large()

@@ -11,7 +11,7 @@ from robot.store.records import read_regular
 
 
 def test_a_small_file_takes_no_buffer_for_a_large_one(tmp_path: Path) -> None:
-    """On Windows this buffer alone took a second for each model in a list."""
+    """Before, such a buffer took a second on Windows for each model in a list."""
     path = tmp_path / "model"
     path.write_bytes(bytes(range(256)))
     tracemalloc.start()

@@ -204,8 +204,7 @@ def test_no_answer_is_cut_short_for_the_request_of_somebody_else() -> None:
 
 
 def test_a_newcomer_waits_for_an_idle_place_before_it_takes_a_busy_one() -> None:
-    """A class whose pages load at once: with few slots, newcomers ended connections that others
-    needed."""
+    """Before, when a class loaded its pages at once, newcomers evicted connections in use."""
     crowd = Crowd(NetworkLimits(pending=6, connections_each=6), 16)
     for port in range(16):
         crowd.come(port, f"page {port % 4}", lasts=port == 10)

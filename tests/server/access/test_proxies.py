@@ -86,8 +86,7 @@ def test_no_open_quote_of_a_client_hides_what_the_proxy_adds(begun: str) -> None
 @pytest.mark.timeout(60)
 @pytest.mark.parametrize("letters", ["a", "a-", "a ", 'a="', "a=,", '"', "\\"])
 def test_no_header_takes_long_to_read(letters: str) -> None:
-    """A header of 8,000 letters, which nginx passes on, held up the robot for more than a
-    second."""
+    """Before, a header of 8,000 letters, which nginx passes on, blocked the robot for a second."""
     seen(forwarded=letters * (100_000 // len(letters)))
 
 

@@ -83,7 +83,7 @@ def _pair(server: VirtualServer, role: Role) -> dict[str, str]:
 
 
 LINK = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "navigate"}
-"""A person follows a link on another site."""
+"""The headers of a request by which a person follows a link on another site."""
 
 
 @pytest.mark.parametrize(
@@ -205,7 +205,7 @@ def test_when_all_slots_are_taken_a_newcomer_evicts_the_person_with_the_most(
 
 
 def test_uploads_that_never_end_use_the_memory_of_only_two(tmp_path: Path) -> None:
-    """One pupil could open as many uploads as connections, each of 64 MB, for any time."""
+    """Before, one pupil could keep an upload of 64 MB open on each connection."""
     config = NetworkConfig(port=0, web=WEB, lan=True, data=tmp_path)
     with VirtualServer(config, pairing=Pairing(3), data=tmp_path) as server:
         owner, *pupils = (_pair(server, Role.PILOT) for _ in range(4))
@@ -360,7 +360,7 @@ def test_a_viewer_can_change_only_its_own_pairing(lan: VirtualServer) -> None:
 
 
 CLASS_PATHS = {"/api/class/hello", "/api/class/join"}
-"""A board is not a browser: it proves its identity in its requests."""
+"""Paths without a session, because a board proves its identity in these requests."""
 
 
 @pytest.mark.parametrize(

@@ -128,7 +128,7 @@ def test_the_newest_phone_is_the_eye(robot: VirtualServer) -> None:
 def test_a_phone_that_comes_back_before_its_old_line_has_ended_is_the_eye_again(
     robot: VirtualServer, gone: Exception
 ) -> None:
-    """A phone was refused permanently, and so was every later phone."""
+    """Before, such a phone was refused permanently, and so was every later phone."""
     camera: Any = robot.rig.camera
     with phone(robot.address) as first:
         first.wait_for("hello")
@@ -149,7 +149,7 @@ def test_a_phone_that_comes_back_before_its_old_line_has_ended_is_the_eye_again(
 def test_stop_counts_at_once_while_the_connection_of_the_phone_before_is_closing(
     robot: VirtualServer,
 ) -> None:
-    """Closing a dead connection takes seconds, and the phone is back before."""
+    """It takes seconds to close a dead connection, but the phone is back sooner."""
     camera: Any = robot.rig.camera
     with phone(robot.address) as first:
         first.wait_for("hello")

@@ -132,7 +132,7 @@ def acknowledge(
     skipped: int = 0,
     n_sent: int = 1,
 ) -> None:
-    """Send frames side by side, skip some that do not fit, and have the last one acknowledged.
+    """Send frames at the same time, skip some that do not fit, and acknowledge the last one.
 
     Without `at_s` they are sent at time 0, so that their delay is exactly `delay_s`.
     """

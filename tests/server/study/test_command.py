@@ -18,8 +18,7 @@ from tests.server.study.sessions import PLAN
 def test_a_question_with_the_name_of_another_column_is_refused_in_a_new_plan(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
-    """The answers were written into that column, and replaced the score or the participant's
-    code."""
+    """Before, its answers replaced what that column holds: a score or the participant's code."""
     text = f'{PLAN}[[question]]\nname = "{name}"\ntext = "Well?"\n'
     plan = tmp_path / "plan.toml"
     plan.write_text(text)

@@ -52,7 +52,7 @@ class Conducted:
 def test_an_event_that_happens_after_its_timeout_is_in_the_log_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """After a short suspension of the computer the session continued, but its log did not."""
+    """Before, after a short suspension of the computer only the session went on, not its log."""
     with Conducted(tmp_path) as world:
         submit = world.rig.loop.submit
 
@@ -73,7 +73,7 @@ def test_an_event_that_happens_after_its_timeout_is_in_the_log_too(
 def test_a_session_cannot_be_left_while_its_events_cannot_be_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A participant's answers were lost without a message."""
+    """Before, a participant's answers were lost without a message."""
 
     def refuse(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -93,7 +93,7 @@ def test_a_session_cannot_be_left_while_its_events_cannot_be_written(
 def test_a_request_sent_twice_at_once_is_done_once_and_every_page_learns_of_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Answers from a phone and a tablet skipped a condition, and one start counted twice."""
+    """Before, answers from two devices skipped a condition, and one start counted twice."""
     clock = VirtualClock(100.0)
     rig = Rig(FakeDriver(clock=clock), FakeCamera(clock), make_policy("published-8"), clock)
     kept = Persistence(Storage(tmp_path), rig)

@@ -4,7 +4,7 @@ STA_IF = 0
 
 
 class WLAN:
-    """Is connected at once."""
+    """A Wi-Fi interface that is connected immediately."""
 
     def __init__(self, kind):
         pass

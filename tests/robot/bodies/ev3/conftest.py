@@ -14,14 +14,14 @@ from tests.robot.bodies.ev3.virtual_agent import VirtualAgent
 
 @pytest.fixture
 def brick(tmp_path: Path) -> Iterator[FakeBrick]:
-    """In virtual time, because brick and driver are one process here."""
+    """A brick in virtual time, because brick and driver are in one process."""
     with FakeBrick(tmp_path / "brick", clock=VirtualClock(100.0)) as fake:
         yield fake
 
 
 @pytest.fixture
 def real_brick(tmp_path: Path) -> Iterator[FakeBrick]:
-    """For agents and servers in other processes."""
+    """A brick in real time, for agents and servers in other processes."""
     with FakeBrick(tmp_path / "brick") as fake:
         yield fake
 

@@ -19,13 +19,13 @@ from tests.robot.bodies.ev3.running_agent import SECRET
 
 ADDRESS = "brick:8765"
 _HOLDS_BYTES = 65_536
-"""The waiting bytes in one direction of a connection, like a socket's buffer."""
+"""Maximum number of unread bytes in one direction of a connection, like a socket's buffer."""
 _TICK_S = 0.0002
 """The duration of the agent's tick, so that a busy agent does not block others forever."""
 
 
 class Net:
-    """Every waiter on a connection is woken whenever anything happens on any connection."""
+    """The agent's connections; an event on any of them wakes all who wait."""
 
     def __init__(self, clock: Clock) -> None:
         self.clock = clock

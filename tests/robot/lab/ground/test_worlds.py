@@ -16,7 +16,7 @@ from tests.kit.sizes import IS_FULL
 CARS = [name for name in WORLDS if name.startswith("CarRacing")]
 LIBRARY = {"ViZDoom": "vizdoom", **dict.fromkeys(CARS, "Box2D")}
 GOOD = {"YMaze": 0.0, "ViZDoom": 1900.0, **dict.fromkeys(CARS, 25.0)}
-"""The least score of a teacher's drives; it may lose its way in the maze of three arms."""
+"""The least score of a teacher's drives, by world; in a maze a teacher may lose its way."""
 
 pytestmark = [pytest.mark.filterwarnings("ignore"), pytest.mark.slow]
 
