@@ -59,6 +59,6 @@ def test_a_number_that_is_not_one_is_refused(server: VirtualServer, since: str) 
 def test_no_real_robot_is_carried_elsewhere(server: VirtualServer) -> None:
     url = f"{server.address}/api/world"
     refused = httpx.put(url, json={"name": "box"})
-    assert (refused.status_code, "simulator" in refused.json()["detail"]) == (409, True)
+    assert (refused.status_code, "simulated" in refused.json()["detail"]) == (409, True)
     for body in ({}, {"name": 3}, {"name": "x" * 999}, []):
         assert httpx.put(url, json=body).status_code == 400, body
