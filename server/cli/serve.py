@@ -83,8 +83,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--config", type=Path, help="TOML file of settings")
     packages = (point.module.rpartition(".")[0] for point in points(EXTENSIONS))
     for package in filter(None, dict.fromkeys(packages)):  # the extensions are imported later
-        if find_spec(f"{package}.options"):
-            importlib.import_module(f"{package}.options").configure(parser)
+        if find_spec(name := f"{package}.options"):  # a plugin may name a module of its own so
+            getattr(importlib.import_module(name), "configure", lambda _: None)(parser)
     add("-v", "--verbose", action="store_true", help="log more")
 
 

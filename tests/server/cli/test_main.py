@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -138,6 +140,25 @@ print("fastapi" in sys.modules)
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert done.stdout.split() == ["True", "False", "True"], done.stderr
+
+
+def test_a_plugin_may_have_a_module_named_options_that_declares_none(tmp_path: Path) -> None:
+    """`drivelesson serve` imports the module `options` of each extension's package."""
+    package, installed = tmp_path / "lamp", tmp_path / "lamp-1.dist-info"
+    for folder in (package, installed):
+        folder.mkdir()
+    (package / "__init__.py").touch()
+    (package / "options.py").write_text("BRIGHTNESS = 0.5\n")
+    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: lamp\nVersion: 1\n")
+    (installed / "entry_points.txt").write_text("[drivelesson.services]\nlamp = lamp.routes:Lamp\n")
+    done = subprocess.run(
+        [sys.executable, "-m", "server", "serve", "--help"],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "--class-key" in done.stdout
 
 
 def test_the_overview_names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
