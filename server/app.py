@@ -53,7 +53,7 @@ def create_app(services: Services) -> FastAPI:
                 started.push_async_callback(run_in_threadpool, extension.stop)
             yield
 
-    # NOTE: set here, because FastAPI has the argument `lifespan` only since 0.93.
+    # NOTE: `lifespan` is set here, because FastAPI has such an argument only since 0.93.
     app.router.lifespan_context = lifespan
     gateway = services.gateway
     public = PUBLIC_PATHS.union(*(each.public_paths for each in extensions))

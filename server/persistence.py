@@ -183,7 +183,7 @@ class Persistence(StartStop):
         """Record that the learner in use failed, so that the next start sets it aside."""
         why, name = self._loop.learning.failure, self.autosave.name
         if why is not None and why != self._noted_failure and name is not None:
-            with contextlib.suppress(OSError, RobotError):  # the next call tries again
+            with contextlib.suppress(OSError, RobotError):  # the next check tries again
                 self.models.note_failure(name, why)
                 self._noted_failure = why
 

@@ -107,7 +107,7 @@ class Announcement:
         """Return the addresses of other machines that answer to a name."""
         import zeroconf
 
-        if not hasattr(zeroconf, "AddressResolver"):  # zeroconf before 0.133 lacks this class
+        if not hasattr(zeroconf, "AddressResolver"):  # zeroconf has this class since 0.133
             return set()
         asked = zeroconf.AddressResolver(f"{name}.local.")
         asked.request(self._responder, PROBE_MS)

@@ -60,7 +60,7 @@ class AdmissionListener(socket.socket):
         super().__init__(listener.family, listener.type, listener.proto, fileno=listener.detach())
         self.admission, self.clock = admission, clock
         self._spare: int | None = os.open(os.devnull, os.O_RDONLY)
-        # None marks the end of each batch of connections.
+        # Accepted connections that `accept` has not yet returned; None ends each batch.
         self._waiting: deque[_Connection | None] = deque()
 
     def accept(self) -> tuple[socket.socket, Any]:

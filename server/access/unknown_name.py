@@ -8,18 +8,18 @@ from html import escape
 _WORDS = {
     "en": (
         "This robot has another address",
-        "It does not know itself by the name {name}. Open it here:",
-        "Is the name right? Start the robot with {option}.",
+        "It does not answer to the name {name}. Open it here:",
+        "If the name is right, start the robot with {option}.",
     ),
     "es": (
         "Este robot tiene otra dirección",
-        "No se reconoce por el nombre {name}. Ábrelo aquí:",
-        "¿El nombre es correcto? Inicia el robot con {option}.",
+        "No responde al nombre {name}. Ábrelo aquí:",
+        "Si el nombre es correcto, inicia el robot con {option}.",
     ),
     "zh": (
         "这个机器人的地址不同",
-        "它不认识名称 {name}。请从这里打开：",
-        "名称没有错？请用 {option} 启动机器人。",
+        "它不使用名称 {name}。请从这里打开：",
+        "如果名称没有错，请用 {option} 启动机器人。",
     ),
 }
 

@@ -118,7 +118,7 @@ def create_board_app(
         finally:
             await board.close()
 
-    # NOTE: set here, because FastAPI has the argument `lifespan` only since 0.93.
+    # NOTE: `lifespan` is set here, because FastAPI has such an argument only since 0.93.
     app.router.lifespan_context = lifespan
     app.add_middleware(
         Guard,

@@ -189,7 +189,7 @@ class ClassroomExtension(Extension):
     def take_signed_out(self, key: str) -> Sessions:
         """Return the sessions of a key and forget them; raises NotFoundError for another key."""
         if key not in self._signed_out:
-            raise NotFoundError("these phones signed in again, or were signed out too long ago")
+            raise NotFoundError("this sign-out was already undone, or was too long ago")
         return self._signed_out.pop(key)
 
     def start(self) -> None:

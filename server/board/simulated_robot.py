@@ -41,7 +41,7 @@ _AT_A_TIME = 4
 because a starting robot spends four fifths of the time waiting until its name is announced."""
 RATE_HZ, PER_CORE_HZ = 30, 150
 """Maximum frame rate of one robot, and of all robots together per CPU core, in Hz."""
-_FLAGS = sum(  # these flags exist only on Windows
+_FLAGS = sum(  # `subprocess` has these flags only on Windows
     getattr(subprocess, name, 0)
     for name in ("CREATE_NEW_PROCESS_GROUP", "BELOW_NORMAL_PRIORITY_CLASS")
 )

@@ -170,7 +170,7 @@ def _open(url: str, headers: dict[str, str], options: dict[str, Any]) -> Any:
     try:
         from websockets.asyncio.client import connect
     except ImportError:
-        import websockets  # websockets before version 13 lacks this module
+        import websockets  # an older client, before websockets 13
 
         return websockets.connect(url, extra_headers=headers, **options)
     return connect(url, additional_headers=headers, proxy=None, **options)

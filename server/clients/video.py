@@ -56,7 +56,7 @@ class Encoder:
         if frame.encoding is Encoding.JPEG:
             return frame.data
         if self._compress is None:
-            raise MissingExtraError("JPEG from a camera of another format", "camera")
+            raise MissingExtraError("converting this camera's pictures to JPEG", "camera")
         if self._last is None or self._last[0] is not frame:
             self._last = frame, self._compress(to_rgb(frame))
         return self._last[1]

@@ -90,7 +90,7 @@ class Guard:
         except asyncio.CancelledError:
             if SLOT not in scope or scope[SLOT].is_taken:
                 raise
-            await _close(scope, send)  # the slot was given to another client
+            await _close(scope, send)  # the slot was evicted for another client
         finally:
             self.gateway.leave(scope)
 

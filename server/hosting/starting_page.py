@@ -23,7 +23,7 @@ _PAGE = """<!doctype html><html><head><meta charset="utf-8"><title>Drivelesson</
 <meta name="viewport" content="width=device-width"><meta http-equiv="refresh" content="1">
 </head><body style="font:1.2em sans-serif;margin:3em;text-align:center">
 <p lang="en">Still starting: {0}.</p>
-<p lang="es">Aún se inicia: {1}.</p>
+<p lang="es">Todavía se está iniciando: {1}.</p>
 <p lang="zh">正在启动：{2}。</p>
 </body></html>
 """
@@ -34,11 +34,11 @@ class StartingPart(Enum):
 
     PROGRAM = "the program", "el programa", "程序"
     ROBOT = "the robot and its camera", "el robot y su cámara", "机器人和摄像头"
-    MODEL = "what it has learned", "lo que ha aprendido", "学到的内容"
+    MODEL = "the robot's model", "el modelo del robot", "机器人的模型"
 
 
 class StartingPage(StartStop):
-    """Answers on listening sockets until `stop`; connections that come later reach the server.
+    """Answers requests on listening sockets until `stop`; the server gets all later connections.
 
     Attributes:
         part: The part that is still starting.

@@ -112,7 +112,7 @@ def _open(file: int) -> socket.socket | None:
 def _peer_of(connection: socket.socket) -> tuple[str, int] | None:
     try:
         host, port = connection.getpeername()[:2]
-    except (OSError, ValueError):  # the socket is listening, or is not a network socket
+    except (OSError, ValueError):  # not a TCP connection
         return None
     return host, port
 

@@ -207,7 +207,7 @@ def list_episodes(request: Request) -> Response:
         undo=max(part.episodes.trash(), default=None),
         days=TRASH_DAYS,
     )
-    # NOTE: encoded here, because FastAPI would need a second for a list of 2,000 episodes.
+    # NOTE: The list is encoded here, because FastAPI would need a second for 2,000 episodes.
     return Response(json.dumps(found, default=vars, allow_nan=False), media_type="application/json")
 
 

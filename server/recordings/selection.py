@@ -61,7 +61,7 @@ def add_several(parser: argparse.ArgumentParser) -> None:
 
 
 def find_ids(store: EpisodeStore, args: argparse.Namespace) -> list[str]:
-    """Return the ids of the episodes that the command line names, searches for, or all."""
+    """Return the ids of the episodes that the command line chooses: by name, search, or --all."""
     if sum(map(bool, (args.episodes, args.search, args.all))) > 1:
         raise ConfigurationError("give only one of these: names of episodes, --search, or --all")
     if args.episodes:

@@ -52,7 +52,7 @@ class EventLog(DiskThread):
                 return
             size = min(self._size, self._path.stat().st_size)
             with self._path.open("ab") as file:
-                file.truncate(size)  # remove the part that a failed write left
+                file.truncate(size)  # remove an incomplete line of a failed write
                 size += file.write(write_events(events).encode())
                 file.flush()
                 os.fsync(file.fileno())

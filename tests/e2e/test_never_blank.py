@@ -49,7 +49,7 @@ def test_a_lost_file_is_fetched_again_and_a_stop_is_repeated_until_answered(
     context.route("**/api/stop", lambda route: route.abort())
     page = first(context, world, "did not arrive")
     page.locator("#first button").tap()
-    page.locator("#first p", has_text="I keep asking").wait_for()
+    page.locator("#first p", has_text="Asking it again to stop").wait_for()
     context.unroute("**/api/stop")
     page.locator("#first p", has_text="has been stopped").wait_for()
     assert world.rig.loop.state.emergency

@@ -8,7 +8,7 @@ const READ_MS = 6000;
 /** @type {Record<string, Record<string, string>>} in each language */
 const WORDS = {
   en: {
-    title: 'Let this browser in',
+    title: 'Pair this browser with the robot',
     ask: 'Type the token from the robot’s terminal, or from the robot’s card.',
     token: 'Token',
     pair: 'Pair',
@@ -16,10 +16,10 @@ const WORDS = {
     wrong: 'This token is wrong or already used. The terminal shows the newest token.',
     not_kept: 'Paired, but the robot could not save this: after a restart of the robot, pair again.',
     later: 'Too many wrong tokens. Wait a minute, then try again.',
-    away: 'The robot does not answer. Is the phone on the same network?',
+    away: 'The robot does not answer. Is this device on the robot’s network?',
   },
   es: {
-    title: 'Dar acceso a este navegador',
+    title: 'Vincular este navegador con el robot',
     ask: 'Escribe el código que muestra el terminal del robot o su tarjeta.',
     token: 'Código',
     pair: 'Vincular',
@@ -27,10 +27,10 @@ const WORDS = {
     wrong: 'Este código es incorrecto o ya se ha usado. El terminal muestra el más reciente.',
     not_kept: 'Vinculado, pero el robot no pudo guardarlo: si el robot se reinicia, vincúlalo de nuevo.',
     later: 'Demasiados códigos erróneos. Espera un minuto y vuelve a intentarlo.',
-    away: 'El robot no responde. ¿Está el teléfono en la misma red?',
+    away: 'El robot no responde. ¿Está este dispositivo en la red del robot?',
   },
   zh: {
-    title: '允许此浏览器进入',
+    title: '将此浏览器与机器人配对',
     ask: '请输入机器人终端上或卡片上的配对码。',
     token: '配对码',
     pair: '配对',
@@ -38,7 +38,7 @@ const WORDS = {
     wrong: '配对码不正确或已被使用。终端上显示的是最新的配对码。',
     not_kept: '已配对，但机器人的磁盘无法写入：机器人重启后请重新配对。',
     later: '错误次数过多。请等一分钟后再试。',
-    away: '机器人没有回应。手机是否在同一网络中？',
+    away: '机器人没有回应。此设备是否在机器人的网络中？',
   },
 };
 

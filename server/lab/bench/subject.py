@@ -169,7 +169,7 @@ def _memory() -> dict[str, int]:
     """
     gc.collect()
     blocks = sys.getallocatedblocks()
-    with contextlib.suppress(AttributeError):  # the C libraries of some systems lack this function
+    with contextlib.suppress(AttributeError):  # some C libraries lack `malloc_trim`
         ctypes.CDLL(None).malloc_trim(0)
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     return {"blocks": blocks, "resident_bytes": pages * os.sysconf("SC_PAGE_SIZE")}

@@ -30,7 +30,7 @@ def check_it_names_what_is_still_starting_and_then_lets_the_server_answer() -> N
         page.part = StartingPart.ROBOT
         assert b"the robot and its camera" in ask(listener)
         page.part = StartingPart.MODEL
-        assert b"what it has learned" in ask(listener)
+        assert b"the robot's model" in ask(listener)
         with socket.create_connection(listener.getsockname()):
             pass  # a client that leaves at once delays nobody
         assert b"Retry-After" in ask(listener, b"\x16\x03\x01 no HTTP at all")
