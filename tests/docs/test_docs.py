@@ -29,6 +29,15 @@ def test_every_relative_link_leads_somewhere() -> None:
     assert [(str(page), link) for page, link in links if not (page.parent / link).exists()] == []
 
 
+def test_every_line_of_a_quotation_begins_with_its_mark() -> None:
+    """The page of a lesson shows the quotations only to the teacher."""
+    quoted = {page: re.findall(r"^>.*\n(.+)", page.read_text("utf-8"), re.M) for page in PAGES}
+    assert any(quoted.values())
+    assert {
+        page.name: line for page, lines in quoted.items() for line in lines if line[0] != ">"
+    } == {}
+
+
 def test_every_word_of_the_protocol_is_documented() -> None:
     page = (ROOT / "docs/reference/protocol.md").read_text("utf-8")
     assert [word for word in WORDS if f"`{word}`" not in page] == []
