@@ -112,7 +112,7 @@ class Persistence(StartStop):
             part.keep_run()
 
     def note_options(self, options: Mapping[str, Any]) -> None:
-        """End the run; save these options with later runs. Call it on the loop's thread."""
+        """End the run; save `options` with all later runs. Call it on the loop's thread."""
         self.options.update({name: str(value) for name, value in options.items()})
         for part in self._parts.values():
             part.end_run()

@@ -146,7 +146,7 @@ class VideoFrame(Frame):
 def parse_message(
     text: str, moves: Collection[Action], *, takes_points: bool = False
 ) -> ClientMessage:
-    """Parse one message of `/ws/drive` for a robot with these moves, which may accept points.
+    """Parse one message of `/ws/drive`; the robot has these `moves`, and may accept points.
 
     Raises ProtocolError if the message is invalid; the error names the field and the reason. All
     functions of this module that parse raise this error.

@@ -66,7 +66,7 @@ class Services:
         return {name: value for part in parts for name, value in part.shown().items()}
 
     def show(self) -> None:
-        """Send this data to all clients after a change. May be called on any thread."""
+        """Send the data of `shown` to all clients when it has changed. Any thread may call this."""
         self.hub.announce("shown", shown=self.shown())
 
     async def change_learner(self, change: Callable[[TrainingHistory], _T]) -> tuple[_T, bool]:

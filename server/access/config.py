@@ -77,9 +77,9 @@ class NetworkLimits(Limits):
     pending_per_address: int = 384
     """Maximum number of pending connections of one address (for IPv6, of one /64 network)."""
     pending_s: float = 20.0
-    """Time without a complete request after which a pending connection is closed, in seconds. It is
-    long enough for a busy laptop to make the TLS handshakes of a whole class. If a new connection
-    needs the slot, a pending connection is closed earlier."""
+    """Time without a complete request after which a pending connection is closed, in seconds. The
+    time is long enough for a busy laptop to make the TLS handshakes of a whole class. If a new
+    connection needs the slot, a pending connection is closed earlier."""
     pairing_failures: int = 10
     """Number of wrong tokens per minute after which one address has to wait. The right token is
     accepted even during that wait."""

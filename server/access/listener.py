@@ -167,7 +167,7 @@ class _Connection(socket.socket):
     def refuse(self) -> None:
         """Answer that this session opens too many connections, and close.
 
-        The request is read first. If it were not, the system would reset the connection, and the
+        The request is read first, because the system would otherwise reset the connection, and the
         client would not see the answer.
         """
         with contextlib.suppress(BlockingIOError):

@@ -48,7 +48,8 @@ LONGEST_TEXT = 2000
 """Maximum length of the text read as a token, in characters; the text may be a whole address."""
 _SESSIONS = 192
 """Maximum number of sessions with the same role that were paired in the same way (by the terminal
-or by a class's board). It exceeds the number of websockets, so not all of them can be in use."""
+or by a class's board). There are more sessions than websockets, so not all sessions can be in
+use."""
 INVITATION_S = 300.0
 """How long a token on a class's board is valid, in seconds; any number of phones can use it."""
 _INVITATIONS = 16
@@ -87,7 +88,8 @@ def cookie_name(config: NetworkConfig) -> str:
     """Return the name of the session cookie.
 
     The name contains the public address, or else the port, because browsers send a cookie to every
-    port of a host. Its prefix makes browsers reject a cookie set without TLS or for another path.
+    port of a host. The prefix of the name makes browsers reject a cookie set without TLS or for
+    another path.
     """
     public = config.public[0] if config.public else None
     place = re.sub(r"\W+", "-", f"{public.host}{public.prefix}") if public else config.port

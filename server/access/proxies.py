@@ -40,8 +40,8 @@ class Proxies:
     Args:
         public: The addresses that people open.
         trusted: The networks whose proxies are believed.
-        admits_all: True if the server needs no pairing. It then refuses a request that an unknown
-            proxy forwarded, because anybody may have sent it.
+        admits_all: True if the server needs no pairing. Such a server refuses requests that an
+            unknown proxy forwarded, because anybody may have sent them.
     """
 
     def __init__(

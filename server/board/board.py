@@ -63,8 +63,7 @@ class Board:
         self.at_leisure = asyncio.Event()
         """Cleared from the press of STOP until the stop is confirmed or reported as failed.
 
-        Meanwhile no pictures or news are sent, so that the stop has the computer and the network
-        to itself.
+        While it is cleared, the board sends no pictures or news, so that the stop is not delayed.
         """
         self.at_leisure.set()
 

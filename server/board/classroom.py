@@ -99,7 +99,7 @@ class Classroom:
         return hmac.new(self._own_secret, text, hashlib.sha256).hexdigest()[:32]
 
     def lock(self, names: Sequence[str]) -> None:
-        """Set these locks and remove all others; if an error is raised, the old locks remain."""
+        """Replace the locks by those in `names`; if an error is raised, the old locks remain."""
         locks = frozenset(names)
         if not locks <= LOCKS.keys():
             raise ConfigurationError(f"'locks' may contain only these: {', '.join(LOCKS)}")

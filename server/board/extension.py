@@ -91,7 +91,7 @@ async def describe_class(request: Request) -> dict[str, Any]:
 
 @router.put("/locks", dependencies=[ONLY_TEACHER])
 async def lock(request: Request, body: ClassLocks) -> dict[str, Any]:
-    """Set these locks and remove all others."""
+    """Replace the locks by those in the request."""
     classroom = _classroom(request)
     await do(classroom.lock, body.locks)
     services_of(request).hub.announce("locked", locks=sorted(classroom.locks))

@@ -3,8 +3,8 @@
 Thirty robots that import their modules separately take 30 CPU seconds to start, and share no
 memory. Here one process imports the modules, and its forks share its memory. Each robot is still a
 separate process, so a crash of one robot does not affect the others. The nursery reads lines of
-JSON on its standard input and answers on its standard output. It runs only on Linux, because on
-other systems a process with these libraries must not be forked.
+JSON on its standard input and answers on its standard output. The nursery runs only on Linux,
+because on other systems a process that has loaded such libraries must not be forked.
 """
 
 from __future__ import annotations

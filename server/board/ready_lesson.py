@@ -1,7 +1,7 @@
 """Makes the model of the lesson "left turns only", which was never taught a right turn.
 
-The model is taught in the simulator when a class needs it. It therefore always fits the learner of
-this version, and no model file has to be shipped.
+The model is taught in the simulator when a class needs it. The model therefore always fits the
+learner of this version, and no model file has to be shipped.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The board's connection to one robot, which stays open so that a stop takes one message.
 
-The board is a client of the robot's server, as a page is. It receives the robot's state on
-`/ws/drive`, and pictures on `/ws/video` while a page of the board shows them. Each robot has its
-own tasks, so a slow or missing robot does not delay the others.
+The board is a client of the robot's server, as a page is. The board receives the robot's state on
+`/ws/drive`, and pictures on `/ws/video` while a page shows them. Each robot has its own tasks, so a
+slow or missing robot does not delay the others.
 """
 
 from __future__ import annotations

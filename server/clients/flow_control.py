@@ -131,7 +131,7 @@ class VideoWindow:
 class PictureSize:
     """Decides whether a viewer gets larger pictures, which it must be able to draw in time.
 
-    If it cannot, the next attempt waits four times as long as the last.
+    If a viewer draws them late, the next attempt waits four times as long as the last.
     """
 
     _GOOD_S, _LATE_S = 0.06, 0.12

@@ -48,7 +48,7 @@ class ImageAnswer:
 
 @dataclass
 class ImageList:
-    """The learned images, in the learner's own order."""
+    """The learned images, in the order in which the learner stores them."""
 
     moves: list[str]
     max_nodes: int

@@ -24,7 +24,7 @@ from server.services import services_of
 router = APIRouter(route_class=Route)
 _VLC_WAITS_FOR, _VLC_ADDS = 15 * 1024, 5 * 1024
 """VLC 3 looks for the end of a picture once it has received the first number of bytes, and again
-after each further second number of bytes. It ignores the length in a part's header."""
+after each further second number of bytes. VLC ignores the length in a part's header."""
 _VLC_END = 12
 """Number of bytes after a picture's end that VLC must have received when it looks for the end. The
 next boundary begins in them, but no byte of the next picture may be among them."""

@@ -21,8 +21,8 @@ _PATIENCE = 2048
 """Number of calls of `is_there` after which a viewer that seems not to read gets a frame anyway; a
 power of two. Before the next such frame, the number doubles."""
 _REPORTED = 256
-"""Number of calls of `is_there` after which the client's system has reported its window again. It
-does so once a second."""
+"""Number of calls of `is_there` after which the client's system has reported its window again. The
+system reports it once a second."""
 
 Measure = Callable[[], tuple[int, int] | None]
 """Returns the number of bytes in flight and the client's window, both in bytes; None if unknown."""

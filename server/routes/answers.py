@@ -36,7 +36,7 @@ _WHY = {
 
 
 def media(*kinds: str) -> dict[str, Any]:
-    """Return the options of a route whose answer has one of these media types instead of JSON."""
+    """Return the options of a route whose answer is not JSON but has one of some media types."""
     content: dict[str, Any] = {kind: {} for kind in kinds}
     return {"responses": {200: {"content": content}}, "response_class": Response}
 

@@ -3,7 +3,7 @@
 A participant's model is among the robot's models only while the session is driven. Afterwards it is
 put away, beside the session's log, and the robot uses its previous model again. A file on disk
 (`StudyFolder.active`) names the session's model, so that the next start after a power cut can put
-it away.
+the model away.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ class SessionModels:
     ) -> bool:
         """Use the participant's saved model of this condition, or an empty one.
 
-        Returns True if the model is empty, because `anew` is True or none was saved. If it raises
-        ConfigurationError or OSError, the robot keeps its previous model.
+        Returns True if the model is empty, because `anew` is True or none was saved. After a
+        ConfigurationError or OSError the robot still has its previous model.
         """
         path = self._folder.model_path(study, participant, position)
         kept = path.read_bytes() if not anew and path.is_file() else None

@@ -1,8 +1,8 @@
 """Measures how much greedy viewers in a class slow down the control loop while a pilot drives.
 
 The greedy viewers, each a separate process, request every address as fast as the server answers.
-They run and are paused (by SIGSTOP) in turns, so that other load on the machine affects both cases
-alike. A pilot drives throughout.
+The viewers run and are paused (by SIGSTOP) in turns, so that other load on the machine affects both
+cases alike. A pilot drives throughout.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The server with which the link benchmark compares ours: uvicorn's plain websocket.
 
-It sends ready bytes: it makes no pictures, reads no acknowledgements and has no limits. It runs in
-a separate process, in turns with our server.
+This server sends ready bytes: it makes no pictures, reads no acknowledgements and has no limits. It
+runs in a separate process, in turns with our server.
 """
 
 from __future__ import annotations
