@@ -23,9 +23,7 @@ from server.protocol import encode_acknowledgement, parse_picture
 from server.services import make_services
 
 from .live_robot import WEB
-from .routes_read_once import read_routes_once
 
-read_routes_once()
 _T = TypeVar("_T")
 BEAT_S = 0.1
 
