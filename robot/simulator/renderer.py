@@ -51,15 +51,20 @@ in a task of its application object, which this program does not use. With `garb
 class _Window:
     """A buffer of a fixed `size` (width, height), into which any camera's view is drawn."""
 
-    def __init__(self, core: Any, engine: Any, pipe: Any, size: tuple[int, int]) -> None:
+    def __init__(
+        self, core: Any, engine: Any, pipe: Any, size: tuple[int, int], *shared: Any
+    ) -> None:
+        """Make the buffer; `shared` is the state of another window, which then uses the same copies
+        of textures."""
         properties = core.FrameBufferProperties()
         properties.setRgbColor(True)
         properties.setDepthBits(16)
         refuse = core.GraphicsPipe.BFRefuseWindow
         self._engine, self._size = engine, size
         self._buffer = engine.makeOutput(
-            pipe, f"{size[0]} px", 0, properties, core.WindowProperties.size(*size), refuse
+            pipe, f"{size[0]} px", 0, properties, core.WindowProperties.size(*size), refuse, *shared
         )
+        self.state = self._buffer.getGsg()
         self._texture = core.Texture()
         self._buffer.addRenderTexture(self._texture, core.GraphicsOutput.RTMCopyRam)
         self._region = self._buffer.makeDisplayRegion()
@@ -92,7 +97,8 @@ class _Engine:
         engine = self.core.GraphicsEngine(pipe)
         self.nowhere = self.core.NodePath()
         self.small = _Window(self.core, engine, pipe, (WIDTH_PX, HEIGHT_PX))
-        self.large = _Window(self.core, engine, pipe, (LARGE_WIDTH_PX, LARGE_HEIGHT_PX))
+        size, state = (LARGE_WIDTH_PX, LARGE_HEIGHT_PX), self.small.state
+        self.large = _Window(self.core, engine, pipe, size, state)
 
 
 _engine = cache(_Engine)
@@ -158,6 +164,7 @@ class Renderer:
         texture = core.Texture("floor")
         texture.setup2dTexture(_FLOOR_PX, _FLOOR_PX, core.Texture.TUnsignedByte, core.Texture.FRgb)
         texture.setRamImageAs(pixels.tobytes(), "RGB")
+        texture.setKeepRamImage(False)  # both windows draw with the renderer's own copy
         width_m, depth_m = world.width_m, world.depth_m
         floor = ((0, 0, 0), (width_m, 0, 0), (width_m, depth_m, 0), (0, depth_m, 0))
         node = self._add_shape(self._root, [(floor, (255, 255, 255))])
