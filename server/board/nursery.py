@@ -241,13 +241,15 @@ def _run(world: str, life: int) -> None:
     from robot.devices.rig import build_rig
     from robot.policy.registry import make_policy
     from server.app import create_app
+    from server.cli.main import make_parser
     from server.config import Config
     from server.hosting.serving import websocket_protocol
     from server.services import make_services
 
     make_policy("default-32")  # this call and the next three fill caches that all robots share
     websocket_protocol()
-    app = create_app(make_services(Config(port=0), build_rig("sim")))
+    usual = vars(make_parser("serve", is_extended=False).parse_args([]))  # plugins' options, too
+    app = create_app(make_services(Config(port=0), build_rig("sim"), options=usual))
     for route in app.routes:  # FastAPI completes the routes when it looks for the first address
         route.matches({"type": "http", "method": "GET", "path": "/", "headers": []})
     gc.freeze()

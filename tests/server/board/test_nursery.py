@@ -23,9 +23,39 @@ pytestmark = [
 ]
 
 
+OPTIONS = """
+def configure(parser):
+    parser.add_argument("--brightness", type=float, default=0.5)
+"""
+EXTENSION = """
+from server.services import Extension
+
+class Lamp(Extension):
+    def __init__(self, services, options):
+        self.brightness = options["brightness"]
+"""
+INSTALLED = """[drivelesson.services]
+lamp = lamp.extension:Lamp
+"""
+
+
+def install_a_plugin_that_reads_an_option_of_its_own(folder: Path) -> None:
+    for name, text in {
+        "lamp/__init__.py": "",
+        "lamp/options.py": OPTIONS,
+        "lamp/extension.py": EXTENSION,
+        "lamp-1.dist-info/METADATA": "Metadata-Version: 2.1\nName: lamp\nVersion: 1\n",
+        "lamp-1.dist-info/entry_points.txt": INSTALLED,
+    }.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(text)
+
+
 def test_each_robot_can_end_separately_and_all_end_with_the_class(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    install_a_plugin_that_reads_an_option_of_its_own(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *sys.path]))
     monkeypatch.setenv("PYTHONPROFILEIMPORTTIME", "1")  # each import writes a line
     nursery = Nursery(tmp_path, "box")
     assert nursery.picture_s is not None and 0 < nursery.picture_s < 1
