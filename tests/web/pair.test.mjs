@@ -1,14 +1,18 @@
 import assert from 'node:assert/strict';
+import { readFileSync } from 'node:fs';
 import { test } from 'node:test';
 
-test('an address with another token is redeemed on a page that is open already', async () => {
+test('an address with another token is redeemed on a page that is open already, whose sentences do not change', async () => {
+  const html = readFileSync(new URL('../../web/pair/index.html', import.meta.url), 'utf8');
+  const written = [...html.matchAll(/data-say="(\w+)">([^<]+)</g)].map(([, key, words]) => ({ key, words }));
+  const shown = written.map(({ key }) => ({ getAttribute: () => key, textContent: '' }));
   /** @type {Record<string, () => void>} */
   const heard = {};
   /** @type {string[]} */
   const sent = [];
   const element = { textContent: '', addEventListener() {}, focus() {} };
   Object.assign(globalThis, {
-    document: { documentElement: {}, querySelector: () => element, querySelectorAll: () => [] },
+    document: { documentElement: {}, querySelector: () => element, querySelectorAll: () => shown },
     location: { hash: '', pathname: '/pair' },
     history: { replaceState: () => (globalThis.location.hash = '') },
     addEventListener: (name, act) => (heard[name] = act),
@@ -20,6 +24,7 @@ test('an address with another token is redeemed on a page that is open already',
   if (!('navigator' in globalThis)) globalThis.navigator = { languages: ['en'] };
   await import('../../web/pair/pair.js');
   assert.deepEqual(sent, [], 'nothing was behind the #');
+  assert.deepEqual(shown.map(({ textContent }) => textContent), written.map(({ words }) => words));
   for (const token of ['AAAA', 'BBBB']) {
     globalThis.location.hash = `#${token}`;
     heard.hashchange();
