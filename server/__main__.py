@@ -37,7 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     from server.cli.main import main as run
 
     for stream in (sys.stdout, sys.stderr):
-        # A pipe on Windows can by default encode only few characters, so set UTF-8.
+        # By default a pipe on Windows can encode only few characters; replace the others.
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
     try:
