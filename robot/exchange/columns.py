@@ -209,7 +209,7 @@ def _meanings(
         if len(found) > 1 and role != "time" and not _are_equal(found, rows):
             told = " and ".join(repr(header[i].strip()) for i in found)
             raise UnclearColumnsError(
-                f"{told} may both be the {role}: choose one with --columns {role}=NAME"
+                f"cannot tell which of {told} is the {role}: choose one with --columns {role}=NAME"
             )
         if found:
             columns[role] = min(found, key=lambda i: known.index(names[i]) if role == "time" else i)
@@ -230,7 +230,7 @@ def _with_labels(header: Cells, rows: list[Row], reading: Reading) -> tuple[Cell
         return header, rows
     if {moves[i] for i in there} <= {Action.LEFT, Action.RIGHT}:
         if any(not row.count("0") and "" not in row for row in cells):
-            return header, rows  # a picture has only one move: these two columns must be wheels
+            return header, rows  # some row has two values other than 0, so these are wheels
         told = " and ".join(repr(header[i].strip()) for i in there)
         raise UnclearColumnsError(
             f"{told} may be moves or wheels: rename them to left_wheel and right_wheel, or replace "
@@ -321,8 +321,8 @@ def _by_content(
     elif numeric or texts:
         told = " and ".join(str(i + 1) for i in sorted((*numeric, *texts)))
         raise UnclearColumnsError(
-            f"no line names the columns, and columns {told} may each be the steering: choose "
-            "one with --columns steering=NUMBER"
+            f"no line names the columns, so it is unclear which of columns {told} is the steering: "
+            "choose one with --columns steering=NUMBER"
         )
 
 

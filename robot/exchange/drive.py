@@ -1,5 +1,4 @@
-"""A drive from another program, and its conversion to an episode, through which every import
-passes.
+"""A drive from another program, and its conversion to an episode. Every import uses this module.
 
 A reader supplies the location and the label of each picture. This module skips and lists unusable
 pictures, makes a time line of the pictures' times, and reads the pictures one at a time.
@@ -33,7 +32,7 @@ _MOST_PLACES, _MOST_REASONS = 3, 12
 """Maximum number of locations that the report lists for one reason, and maximum number of reasons
 that it lists. All others are only counted."""
 _ENOUGH_TO_HINT = 10
-"""Least number of examples of a drive that gets a hint if it has no examples to one side."""
+"""A drive with this number of examples or more gets a hint if it has no examples to one side."""
 _LEAST_TRIM = 0.01
 
 
@@ -94,10 +93,10 @@ class FrameEvent:
     """Time in seconds, by any clock. A value that is not a number counts as missing."""
     label: Action | None
     point: Point | None = None
-    """The label's point, if the pilot steered by degrees."""
+    """The steering and throttle of the pilot, if the pilot steered by degrees."""
     does: Point | None = None
-    """The steering and throttle that the label means on the body that drove, if the source states
-    them."""
+    """The steering and throttle at which the robot that drove makes the labelled move, if the
+    source states them."""
     steering: float | None = None
     """The steering as written, as a share of full lock; None if it is missing."""
     is_intervention: bool = False

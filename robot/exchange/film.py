@@ -32,7 +32,7 @@ SUFFIXES = (".mp4", ".mov", ".mkv")
 H264, AV1 = "libx264", "libsvtav1"
 """FFmpeg's names of the encoders for H.264 and AV1."""
 AV = ("av", "writing films", "export")
-"""PyAV, its purpose here, and the extra that installs it: arguments of `need`."""
+"""Arguments of `need`: the library PyAV, its purpose here, and the extra that installs it."""
 
 
 def write_film(
@@ -242,7 +242,7 @@ def _captioned(picture: Pixels, moment: EpisodeFrame) -> Any:
 
 def _planes(frame: Any) -> list[Pixels]:
     """Return the brightness and the two colour differences of a video frame, shape (rows,
-    columns), to read and to write."""
+    columns), as arrays that share the frame's memory."""
     return [
         np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)[:, : plane.width]
         for plane in frame.planes

@@ -80,7 +80,7 @@ class Form:
 
 
 def refusing(path: Path, why: str) -> Source:
-    """Return a source that is recognised but cannot be imported, for this reason."""
+    """Return a source that is recognised but cannot be imported, for the reason `why`."""
 
     def read(reading: Reading, report: ImportReport) -> Drive:
         raise RecordingError(f"{path} {why}")
@@ -134,7 +134,7 @@ def _find_recording(path: Path) -> list[Source] | None:
     if path.suffix.lower() != ".mcap" or not path.is_file() or not is_own(path):
         return None
     if is_part(path):
-        return None  # the import of the recording's first file includes this part
+        return None  # imported together with the first file of the recording
     refused = refusing(path, "is a recording of this program; it is copied")
     return [Source(path.name, refused.read, partial(copy_recording, path))]
 

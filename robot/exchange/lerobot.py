@@ -54,8 +54,8 @@ TASK = "Drive as the pilot taught."
 _FILES_A_CHUNK = 1000
 _FILMS = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 _KEY_EVERY = 2
-"""Number of pictures per key frame. Loaders read frames in random order, and each time decode from
-the key frame before.
+"""Number of pictures per key frame. Loaders read frames in random order, and decode each frame from
+the key frame before it.
 """
 _AS_LEROBOT: dict[str, Any] = {"codec": AV1, "crf": 30, "preset": "12"}
 """The settings with which LeRobot 0.6 encodes films. Datasets can be merged only if their films

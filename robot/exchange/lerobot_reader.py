@@ -48,7 +48,7 @@ _VELOCITIES: dict[tuple[str, str], Pair] = {
     ("linear_velocity", "angular_velocity"): (1.0, 1.0),
     ("x.vel", "theta.vel"): (FULL_MPS, FULL_TURN_DEG_S),
 }
-"""Names of the actions ahead and to the left of lerobot's driving robots, with their values at full
+"""Names of the action's elements for speed ahead and for turning left, and their values at full
 speed: shares for the EarthRover Mini, metres and degrees per second for LeKiwi."""
 
 
@@ -276,8 +276,8 @@ class LerobotDataset:
 
 
 def _is_depth(feature: Record) -> bool:
-    """True for a depth camera. Version 0.6 of lerobot renamed the field that says so; the
-    description of the film may contain the old or the new name."""
+    """True for a depth camera. Version 0.6 of lerobot renamed the field that marks depth cameras;
+    the description of the film may contain the old or the new name."""
     said = [feature, *(feature.get(name) for name in ("info", "video_info"))]
     names = "is_depth_map", "video.is_depth_map"
     return any(of.get(name) is True for of in said if isinstance(of, dict) for name in names)

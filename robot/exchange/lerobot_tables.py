@@ -21,7 +21,7 @@ ROBOT = "drivelesson"
 """The type of robot that datasets state. The package for LeRobot (docs/examples/lerobot) states the
 same type."""
 PYARROW = ("pyarrow", "reading and writing LeRobot datasets", "export")
-"""The library pyarrow, its purpose here, and the extra that installs it: arguments of `need`."""
+"""Arguments of `need`: the library pyarrow, its purpose here, and the extra that installs it."""
 _PARQUET = ("pyarrow.parquet", *PYARROW[1:])
 _MOST_TABLE_BYTES = 2**30
 _ROWS = 10_000

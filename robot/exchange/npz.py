@@ -1,9 +1,9 @@
 """`.npz` recordings for the evaluation: JPEG frames in time order, each with a label.
 
 Frames may also have the steering (`angle`) and the `throttle`; if these are NaN, only the label
-counts. Because people steer by tapping, a recording may also contain the mean angle over a moment
-(`angle_mean`), from which its labels were made. If there is an `angle_mean`, it counts instead of
-`angle`.
+counts. A pilot who steers by short taps makes the angle jump, so a recording may also contain the
+mean angle over a moment (`angle_mean`), from which its labels were made. If there is an
+`angle_mean`, it counts instead of `angle`.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def load_recording(path: Path | str, report: ImportReport | None = None) -> Driv
 
 
 def is_example(moment: EpisodeFrame) -> bool:
-    """True if `write_npz` writes this moment: its label is one of the format's three."""
+    """True if `write_npz` writes this moment, which needs one of the format's three labels."""
     return not moment.is_deleted and moment.label in DEFAULT_MOVES
 
 

@@ -1,4 +1,4 @@
-"""Imports a recording of this program from another robot: the file is copied unchanged."""
+"""Imports a recording that this program made on another robot: the file is copied unchanged."""
 
 from __future__ import annotations
 

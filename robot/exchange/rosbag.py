@@ -1,7 +1,7 @@
 """Reads bags of ROS 1 and 2: pictures of a camera, and the robot's velocity commands.
 
-A bag states by the same clock when it received pictures and velocities. A velocity is valid until
-the next velocity. The library `rosbags` reads the bags; it does not need ROS.
+A bag states, by one clock, when it received each picture and each velocity. A velocity is valid
+until the next velocity. The library `rosbags` reads the bags; it does not need ROS.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from robot.exchange.reading import Reading
 from robot.exchange.steering import FULL_MPS, FULL_TURN_RAD_S, at_velocity, read_number
 
 ROSBAGS = ("rosbags.highlevel", "reading ROS bags", "rosbags")
-"""The library `rosbags`, its purpose here, and the extra that installs it: arguments of `need`."""
+"""Arguments of `need`: the library `rosbags`, its purpose here, and the extra that installs it."""
 _COMPRESSED, _RAW = "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image"
 _TWISTS = ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped")
 _AS_IT_IS = "RGB"

@@ -64,8 +64,8 @@ def _asctime(text: str) -> datetime:
 
 def _written(text: str) -> datetime | None:
     """Read a date of digits. In a date with slashes the first number is the month, unless it is too
-    large for a month. Only the differences between times are used, so a wrong guess does harm only
-    in a drive that goes on after midnight."""
+    large for a month. Only the differences between times are used, so day and month in the wrong
+    order do harm only in a drive that goes on after midnight."""
     found = _WRITTEN.fullmatch(text)
     if found is None:
         return None

@@ -24,10 +24,10 @@ _STANDING = 0.02
 spinning."""
 _STEERED = "the angle", "the throttle"
 LabelAndPoint = tuple[Action | None, Point | None]
-"""The label of a picture, and the label's point if known."""
+"""The label of a picture, and the steering and throttle of the label if known."""
 LabelAndPoints = tuple[Action | None, Point | None, Point | None]
-"""The label of a picture, its point if the pilot steered by degrees, and its steering and throttle
-if known."""
+"""The label of a picture, the pilot's steering and throttle if the pilot steered by degrees, and
+the steering and throttle of the label if known."""
 
 
 def read_meant(
@@ -41,8 +41,8 @@ def read_meant(
     A car has only FORWARD, LEFT and RIGHT, so standing or backing up is not an example.
 
     `written` are the values that a program wrote under `names`: the angle (full lock to the left is
-    -1) and the throttle. If there is only the angle, the move has no point. An angle beyond the
-    threshold is a turn. Raises ValueError if a value is not a number in its range.
+    -1) and the throttle. If there is only the angle, the returned point is None. An angle beyond
+    the threshold is a turn. Raises ValueError if a value is not a number in its range.
     """
     reading = reading or Reading()
     is_whole = len(written) == 2
@@ -71,7 +71,7 @@ def read_point(written: Sequence[object], names: Sequence[str] = _STEERED) -> Po
 
 
 def point_or_none(written: Sequence[object], names: Sequence[str] = _STEERED) -> Point | None:
-    """Return the point like `read_point`, but None if the values are missing or invalid."""
+    """Return the result of `read_point`, or None if the values are missing or invalid."""
     with contextlib.suppress(ValueError):
         return read_point(written, names)
     return None
@@ -104,13 +104,13 @@ def _turning(point: Point, reading: Reading) -> LabelAndPoint:
 
 
 def _clipped(share: float) -> float:
-    return min(max(share, -1.0), 1.0) + 0.0  # the sum is 0.0 even if the steering is -0.0
+    return min(max(share, -1.0), 1.0) + 0.0  # adding 0.0 turns -0.0 into 0.0
 
 
 def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Point | None]:
-    """Return the action at a picture (the pilot's label, or else the action sent) and its point.
+    """Return the action at a picture: the pilot's label, or else the action that was sent.
 
-    The point is the steering by degrees, else the point of the move; None if the move has no point.
+    Also return the steering and throttle: those driven by degrees, else those of the move, or None.
     """
     by_degrees = moment.point if moment.label else moment.sent_point
     done = moment.label or Action(moment.sent or Action.STOP)

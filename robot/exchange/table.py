@@ -34,13 +34,13 @@ a table only if it names pictures."""
 ENDINGS = (".csv", ".tsv", ".jsonl", LIST)
 
 _FULL_SPEEDS = (1.0, 100.0, 255.0, 1023.0, 32767.0)
-"""Values at which different programs drive a motor at full speed. For each table, the lowest of
-these values that no value of the table exceeds is used."""
+"""Values at which different programs drive a motor at full speed. In a table, full speed is the
+lowest of these values that no value in the table exceeds."""
 _MOVES = 0.05
-"""Speed, in any unit, above which a car moves. Simulators write small speeds for standing cars."""
+"""Speed, in any unit, above which a car counts as moving. Simulators write small speeds for
+standing cars."""
 _UNIT_SHARE = 10
-"""If at least one in this number of values is beyond 1, the unit of the steering is not full
-lock."""
+"""The steering is in degrees or another unit if at least one in this many values is beyond 1."""
 _TOLD_NAMES = 3
 
 

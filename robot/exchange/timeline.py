@@ -91,8 +91,8 @@ def make_timeline(stamps_s: Sequence[object]) -> Timeline:
 
 
 def _plain(stamps_s: NDArray[np.float64]) -> Timeline | None:
-    """Return the time line of stamps that need no repair, without the time and memory that an
-    object for each stamp takes; None if they need a repair."""
+    """Return the time line of stamps that need no repair; None if they need a repair. This saves
+    the time and memory that an object for each stamp takes."""
     steps_s = np.diff(stamps_s)
     is_plain = len(steps_s) > 0 and bool(np.all((steps_s > 0) & (steps_s <= _LONGEST_PAUSE_S)))
     if not is_plain or max(-stamps_s[0], stamps_s[-1]) >= _MOST_S:

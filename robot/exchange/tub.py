@@ -126,8 +126,8 @@ def _written(record: Record, reading: Reading) -> float | None:
 
 
 def _time(record: Record) -> float | None:
-    """Return the time of a record, from its first valid field. Version 2 states it in milliseconds
-    since 1970, version 1 in milliseconds since the tub's start, as a date, or not at all."""
+    """Return the time of a record, from its first valid field. Version 2 states milliseconds
+    since 1970; version 1 states milliseconds since the tub's start, a date, or nothing."""
     stamps_ms = (_seconds(record.get(name)) for name in ("_timestamp_ms", "milliseconds"))
     known = next((stamp for stamp in stamps_ms if stamp is not None), None)
     return seconds_of(record.get(_WRITTEN_TIME)) if known is None else known
@@ -149,8 +149,8 @@ def write_tub(episode: Episode, notes: Notes, folder: Path, *, taught_only: bool
 
     Pictures are written without loss, as their JPEG bytes or as PNG. Each record also contains the
     label, the frame id and whether the label corrected the robot, so that importing the tub yields
-    the same examples at any threshold. If the pilot steered by degrees, the record says so, and
-    angle and throttle are the pilot's; otherwise they are those that the move declares. If the
+    the same examples at any threshold. If the pilot steered by degrees, the record says so and
+    contains the pilot's angle and throttle; other records contain those of the move. If the
     robot has a move without steering and throttle, such as `push`, the tub has no columns for angle
     and throttle, because a zero would teach a car to stand. The robot's proposal is in
     `pilot/angle` and `pilot/throttle`. `taught_only` leaves out frames that were not taught.
@@ -221,8 +221,8 @@ def _write_records(
 
 
 def _done(moment: EpisodeFrame, pointed: Callable[[str], Point | None]) -> Point | None:
-    """Return the point that was driven at a picture, like `done_at`; `pointed` returns the point of
-    a move."""
+    """Return the steering and throttle that were driven at a picture, as `done_at` does; `pointed`
+    returns those of a move."""
     by_degrees = moment.point if moment.label else moment.sent_point
     return by_degrees or pointed(moment.label or moment.sent or Action.STOP)
 

@@ -39,8 +39,8 @@ _FRAME = np.dtype(
     ]
 )
 _NOT_PLAIN = 255
-"""Stored in place of the label's number for all events except plain examples of recorded pictures.
-"""
+"""Stored in place of a label's number for each event that is not a plain example of a recorded
+picture."""
 _NO_VECTOR, _NO_POINT = np.zeros(0), Point(nan, nan)
 
 
@@ -188,7 +188,7 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
         self._label = array("B")
         self._is_intervention = array("B")
         self._at_s = array("d")
-        # Few robots are taught with points, so these columns have no values after the last point.
+        # Few robots are taught by degrees, so these columns end at the last example by degrees.
         self._steering, self._throttle = array("d"), array("d")
         self._labels: list[Action] = []
         self._others: dict[int, HistoryEvent] = {}
@@ -206,8 +206,8 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
             self._add(now_s, json.loads(text))
 
     def _add_plain(self, times_s: Sequence[float], plain: Sequence[Fields]) -> bool:
-        """Add the examples if they have the common form, in which either all or none have points;
-        if they do not, add none and return False."""
+        """Add the examples if all have the usual form, and if all of them or none of them state
+        steering and throttle; otherwise add none and return False."""
         try:
             frames = [fields["frame"] for fields in plain]
             labels = [fields["label"] for fields in plain]
@@ -269,7 +269,7 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
         self._at_s.append(at_s)
 
     def _fill_points(self) -> None:
-        """Give each example so far an entry in the columns of points. NaN means no point."""
+        """Lengthen the columns of steering and throttle to one entry per example, with NaN."""
         for column in (self._steering, self._throttle):
             column.extend([nan] * (len(self) - len(column)))
 

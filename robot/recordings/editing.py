@@ -27,7 +27,7 @@ from robot.types import Action, Point
 
 _SOON_S = 0.5
 """Longest time from a picture to a message that belongs to the picture, in seconds. If the next
-message comes later, the robot stood still in between."""
+message comes later, the robot stood still until then."""
 _LATE_S = 2.0
 """Longest time from a picture to the policy's proposal on it, in seconds; a computer may be
 slow."""
@@ -43,7 +43,7 @@ ABOUT = Topic.DECISION, Topic.SENSORS, Topic.PREDICTION
 class EpisodeFrame:
     """One picture with its data. `at_s` counts from the recording's beginning.
 
-    The points are set only if the pilot taught by degrees or the robot drove by degrees.
+    The points (steering and throttle) are set only for a pilot or a robot that drove by degrees.
     """
 
     frame_id: int
@@ -297,9 +297,9 @@ def write_edited(episode: Episode, notes: Notes, file: BinaryIO, *, is_part: boo
     """Write a copy of the recording with the edits applied.
 
     Undone examples and deleted frames are left out; relabelled frames have their new label. Frame
-    ids and predictions are unchanged. Edits of learned images are copied, since a later recording
-    may undo them, but not if `is_part`, because the recording from which this part was split
-    contains them.
+    ids and predictions are unchanged. Edits of learned images are copied, because a later
+    recording may undo them. With `is_part` they are not copied, because the recording from which
+    this part was split contains them.
     """
     run = {**episode.run, "format": str(FORMAT), **({EDITED: "1"} if notes.edits else {})}
     writer = EpisodeWriter(file, run, episode.attachments.get(MODEL_BEFORE))

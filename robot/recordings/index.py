@@ -3,8 +3,8 @@
 A recording with an index is opened without reading its chunks. Each section (`SECTION_FRAMES`
 pictures) has its own attachment, so the recorder holds the columns of only one section in memory. A
 section contains its own position in the file and the position of the previous section. If another
-program has moved the chunks, it has moved the attachments, too; their positions are then wrong, so
-the index is not used.
+program has moved the chunks, it has also moved the sections, whose positions then differ from the
+stated ones, so the index is not used.
 """
 
 from __future__ import annotations

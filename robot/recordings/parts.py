@@ -55,7 +55,7 @@ def part_paths(path: Path) -> dict[int, Path]:
 
 
 def is_part(path: Path) -> bool:
-    """True for every file of a recording except its first file, if that first file exists."""
+    """True for the second and each further file of a recording whose first file exists."""
     folder = path.parent
     return bool(
         _FILE.fullmatch(path.name)
@@ -82,7 +82,7 @@ def has_ended(path: Path) -> bool:
     last = list(part_paths(path).values())[-1]
     if not has_end(last):
         return False
-    with contextlib.suppress(RecordingError, OSError):  # a damaged file is complete
+    with contextlib.suppress(RecordingError, OSError):  # a damaged file grows no more
         return CONTINUES not in read_metadata(last).get(SUMMARY, {})
     return True
 

@@ -71,8 +71,8 @@ class MessageChannel(NamedTuple):
 
 
 class Message(NamedTuple):
-    """One message. `place` names its chunk, and where the message's data begins and ends in the
-    chunk."""
+    """One message. `place` states its chunk, and where in this chunk the message's data begins and
+    ends."""
 
     channel: MessageChannel
     log_ns: int
@@ -297,7 +297,7 @@ def _summary(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
 
 
 def _chunk_group(file: BinaryIO, offsets_at: int, end_at: int) -> tuple[int, int]:
-    """Return where the chunk index begins and ends; 0 and 0 if the summary does not say so."""
+    """Return where the chunk index begins and ends; 0 and 0 if the summary does not tell."""
     if 0 < offsets_at < end_at:
         file.seek(offsets_at)
         for _, kind, body in _records(file, _MOST_SUMMARY_BYTES):

@@ -35,7 +35,7 @@ from robot.store.models.model import Model, take_model
 from robot.types import Action, Frame, Mode
 
 _KEPT_IDS = 512
-"""An example's picture is looked up among this number of the latest recorded pictures."""
+"""Number of recorded pictures, the latest ones, among which an example's picture is looked up."""
 
 
 class RecordingQueue:
@@ -290,13 +290,13 @@ class Recorder:
             self._lead.popleft()
 
     def _is_over(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> bool:
-        """Return True after a pause, and also if an undo removed examples of an earlier
-        recording."""
+        """True if the recording must end: after a pause, and when an undo removed examples of an
+        earlier recording."""
         for event in events:
             self._n_taught += isinstance(event, Taught)
             if isinstance(event, Undone):
                 self._n_taught -= len(event.frame_ids)
-        reached_back = self._n_taught < 0  # an undo drops the last examples
+        reached_back = self._n_taught < 0  # more undone than this recording taught
         is_pause = tick.now_s - self._moved_s >= self._config.pause_s and not events
         return reached_back or is_pause
 

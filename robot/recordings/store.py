@@ -60,7 +60,7 @@ class EpisodeStore:
     ) -> None:
         self._storage, self._write = storage, write
         self._recording = recording or (lambda: None)
-        self._is_recorder = recording is not None  # if False, another program may be recording now
+        self._is_recorder = recording is not None  # else another program may be recording
         self.budget_bytes = DEFAULT_BUDGET_BYTES
         """Total size of all episodes above which the oldest unprotected episodes are offered for
         deletion."""
@@ -239,8 +239,8 @@ class EpisodeStore:
     def new_path(self, name: str) -> Path:
         """Reserve a free path by an empty file, because another program may also look for a path.
 
-        The name of a deleted recording whose notes still exist is not free, because the notes would
-        edit the new recording.
+        The name of a deleted recording whose notes still exist is not free, because the edits in
+        the notes would then apply to the new recording.
         """
         require_present(self._storage.folder(NAME))
         names = (path.name for path in paths_in(self._storage.folder(NAME)))

@@ -98,8 +98,8 @@ def _labelled_late(episode: Episode, notes: Notes) -> Iterator[Taught]:
 
 def surviving(episodes: Sequence[EditedEpisode]) -> list[NDArray[np.intp]]:
     """Return for each recording the indices of its events that were undone neither while driving
-    nor by a later recording of the same run. Undo events that concern recordings before `episodes`
-    are kept."""
+    nor by a later recording of the same run. An undo event is kept if it concerns a recording
+    that is earlier than all `episodes`."""
     counts = [np.ones(len(episode.events), bool) for episode, _ in episodes]
     frames = [episode.events.frames for episode, _ in episodes]
     for place, (episode, _) in enumerate(episodes):
@@ -123,8 +123,8 @@ def surviving(episodes: Sequence[EditedEpisode]) -> list[NDArray[np.intp]]:
 def _undo_edit(
     episodes: Sequence[EditedEpisode], counts: list[NDArray[np.bool_]], place: int, row: int
 ) -> int:
-    """Mark the last edit of a learned image before an event as undone; return the number of edits
-    marked."""
+    """Mark an edit of a learned image as undone, the last one that precedes an event; return the
+    number of edits marked."""
     for earlier in range(place, -1, -1):
         for edited in reversed(episodes[earlier][0].events.rows_of(Edited)):
             if counts[earlier][edited] and (earlier < place or edited < row):

@@ -73,7 +73,7 @@ def describe_run(
         "declared_moves": to_text(declared_moves),
         "options": json.dumps(dict(options or {}), default=str),
         "source": source,
-        "timed": "1",  # each example states when it was taught
+        "timed": "1",  # means that each example states when it was taught
     }
 
 

@@ -1,8 +1,7 @@
 """The simulated body: its motion by wheels, and its collisions. Pure.
 
-Speeds are the paper's: 16 cm/s forward. In a turn one wheel drives backward at a quarter of this
-speed and the other stands still. So the robot turns about the standing wheel, by 18.5 degrees a
-second.
+Speeds are the paper's: 16 cm/s forward. In a turn one wheel drives backward at 4 cm/s and the other
+stands still. So the robot turns about the standing wheel, by 18.5 degrees a second.
 """
 
 from __future__ import annotations

@@ -15,18 +15,18 @@ from robot.simulator.renderer import HEIGHT_PX, LARGE_HEIGHT_PX, LARGE_WIDTH_PX,
 from robot.types import Encoding, Frame
 
 _LONGEST_GAP_S = 0.25
-"""Longest step of the world after a pause, in seconds. So after the machine was suspended the world
-continues almost from where it was."""
+"""Longest step of the world after a pause, in seconds. So the world continues almost from where it
+was, even after the machine was suspended."""
 
 _USUAL_FRAMES = 10
-"""Number of pictures over which their lateness, and the time that they take, are averaged."""
+"""Number of pictures over which the shortest period between pictures is averaged."""
 _PER_TAKING, _PER_TAKING_S = 2, 0.1
 _USUALLY_LATE_S, _PER_LATENESS, _LONGEST_PERIOD_S = 0.01, 8, 0.2
-"""Constants of the shortest period between pictures, which grows when the computer is busy. It is
-the sum of `_PER_TAKING` times the time from when a picture is due until it is taken, at most
-`_PER_TAKING_S`, and of `_PER_LATENESS` times the lateness beyond `_USUALLY_LATE_S`; this sum is at
-most `_LONGEST_PERIOD_S`. `_USUALLY_LATE_S` allows for the timers of some systems, which are 8 ms
-late on average. All robots of a computer see the same lateness, so all take the same number of
+"""Constants of the shortest period between pictures, which grows when the computer is busy. This
+period is the sum of `_PER_TAKING` times the time from when a picture is due until it is taken, at
+most `_PER_TAKING_S`, and of `_PER_LATENESS` times the lateness beyond `_USUALLY_LATE_S`; this sum
+is at most `_LONGEST_PERIOD_S`. `_USUALLY_LATE_S` allows for the timers of some systems, which are 8
+ms late on average. All robots of a computer see the same lateness, so all take the same number of
 pictures. The lateness then stays near 20 ms, which matters because a command passes several
 threads."""
 _RESTING_STEP_S = 1.0
@@ -97,7 +97,7 @@ class SimCamera(WorldCamera[SimDriver]):
                 encoding=Encoding.JPEG,
                 data=data,
             )
-            # Set the large picture first, because the frame's listeners may request it.
+            # Set the large picture before the frame is published: its listeners may request it.
             self._large = self.mounting.upright(taken)
         return self._show(jpeg, Encoding.JPEG, captured_s)
 

@@ -54,8 +54,8 @@ class _Window:
     def __init__(
         self, core: Any, engine: Any, pipe: Any, size: tuple[int, int], *shared: Any
     ) -> None:
-        """Make the buffer; `shared` is the state of another window, which then uses the same copies
-        of textures."""
+        """Make the buffer; `shared` is the state of another window, if both are to use the same
+        copies of textures."""
         properties = core.FrameBufferProperties()
         properties.setRgbColor(True)
         properties.setDepthBits(16)

@@ -43,7 +43,7 @@ class Simulation:
         drift_share: Standard deviation of a slow drift of the wheels on straight moves, as a share
             of their speed: one wheel turns faster, the other slower. 0 means no drift.
         action: The current move.
-        point: The current point; None if the move is not driven by degrees.
+        point: The current steering and throttle; None if the robot is not driven by degrees.
         first_world: The initial state of the world. Any thread may set `first_world` to another
             world. The world changes at the next step, because `world` and the renderer change only
             on the thread that steps and renders.
@@ -85,7 +85,7 @@ class Simulation:
         self._contacts_rad = []
         self.action, self.point = Action.STOP, None
         self.pose = self._start_pose()
-        # set last, because `shown_world` reads this attribute on another thread
+        # set after `world`, because `shown_world` reads both on another thread
         self._entered = first_world
 
     @property

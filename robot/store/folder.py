@@ -137,8 +137,8 @@ def fold(name: str) -> str:
 
 
 def free_name(wanted: str, taken: set[str]) -> str:
-    """Return `wanted`, or `wanted (2)` and so on: the first name that no file system treats as a
-    name in `taken`."""
+    """Return `wanted`, or `wanted (2)` and so on: the first name that differs from all names
+    in `taken` on every file system."""
     folded = set(map(fold, taken))
     candidate, number = wanted, 2
     while fold(candidate) in folded:
@@ -266,8 +266,8 @@ class Storage:
     """The data folder. The constructor creates the folder and its subfolders.
 
     Raises ConfigurationError if the folder cannot be written. With `must_be_usable` False the
-    reason is set as `fault` instead, so that a server can drive without storage. A full disk does
-    not count as a fault.
+    reason is set as `fault` instead, because a robot can also be driven without storage. A full
+    disk does not count as a fault.
     """
 
     def __init__(self, root: Path, *, must_be_usable: bool = True) -> None:
@@ -398,7 +398,7 @@ class Storage:
         for old in (path.name.removesuffix(ending) for path in found):
             names[old] = free_name(old, taken)
             taken.add(names[old])
-        for path in sorted(paths_in(place), key=found.__contains__):  # recordings after their parts
+        for path in sorted(paths_in(place), key=found.__contains__):  # parts before recordings
             owners = [old for old in names if path.name == old or path.name.startswith(f"{old}.")]
             old = max(owners, key=len, default="")
             move(path, folder / (names.get(old, "") + path.name[len(old) :]))

@@ -3,7 +3,7 @@ to one file loses no record.
 
 A record is a magic word, the length and the CRC-32 of the payload, and the payload. After damage a
 reader searches for the next magic word. So a flipped byte destroys one record of one file, and a
-truncation the records after the cut.
+truncation destroys the records after the cut.
 """
 
 from __future__ import annotations

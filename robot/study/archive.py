@@ -1,7 +1,7 @@
 """A study's data in one zip. Any machine can rebuild the study's table from the zip.
 
-Only `rebuild` computes the table. The server packs the table that it returns, and `drivelesson
-study report` calls it again and compares the two.
+Only `rebuild` computes the table. The server packs the table that `rebuild` returns, and
+`drivelesson study report` calls `rebuild` again and compares the two tables.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from robot.study.table import Cell
 from robot.types import Action, DrivenBy, Mode
 
 QUESTIONS = "questions"
-"""The name and the kind that the row with the answers has in the columns of phases."""
+"""What the row with the answers has in the columns `phase` and `kind`."""
 DRIVE_COLUMNS = (
     *("participant", "slot", "position", "condition", "attempt", "phase", "kind", "is_complete"),
     *("world", "place_checked_by", "learner", "moves", "began_at", "planned_s", "driven_s"),

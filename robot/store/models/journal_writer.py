@@ -163,7 +163,7 @@ class JournalWriter:
             self._longest_bytes = self._writer.written_bytes + PART_BYTES
             self._remove_old_parts()
         elif self._writer.written_bytes > self._longest_bytes:
-            self._try_again_s = 0.0  # set first: the loop may read the time in between
+            self._try_again_s = 0.0  # set before `_needs_checkpoint`: the loop reads both
             self._needs_checkpoint = True
 
     def _begin_part(self) -> None:

@@ -23,8 +23,8 @@ from robot.types import Action
 _MACHINE = RealClock()
 
 TRIAL_S = 2.0
-"""Time for showing pictures, in seconds. At least one picture is shown on a slow computer, and a
-valid model is never refused for lack of time."""
+"""Time for showing pictures, in seconds. A slow computer shows fewer pictures, at least one, and
+refuses no valid model because of the time."""
 _PICTURES = 6
 _STEP_S = 0.15
 _MOST_MOVES = 32
@@ -68,7 +68,7 @@ def _drive(policy: Policy) -> None:
         policy.learn(x, policy.moves[i % len(policy.moves)], at_s)
         if _MACHINE.now_s() > until_s:
             break
-    for node in policy.learner.nodes():  # all, because the page shows all nodes
+    for node in policy.learner.nodes():  # check every node, because the page shows every node
         policy.features.thumbnail(node.image)
         _demand(set(node.votes) <= set(policy.moves), "an image has votes for unknown moves")
     policy.reset()

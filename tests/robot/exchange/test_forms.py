@@ -60,9 +60,9 @@ def table_of(folder: Path, text: str, *names: str) -> Path:
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("a.jpg,0.5,0.3\nb.jpg,0.1,0.3\n", "columns 2 and 3 may each be the steering"),
+        ("a.jpg,0.5,0.3\nb.jpg,0.1,0.3\n", "which of columns 2 and 3 is the steering"),
         ("a.jpg,b.jpg,0.5\n", "2 columns name pictures"),
-        ("file,angle,steering\na.jpg,0.5,0.1\n", "'angle' and 'steering' may both be"),
+        ("file,angle,steering\na.jpg,0.5,0.1\n", "which of 'angle' and 'steering' is the"),
         (
             "file,label\na.jpg,3\n",
             "'3' is not a move; assign it to a move with --moves, for example --moves 3=left",
