@@ -35,7 +35,7 @@ class EarlyEnds:
     """Follows the control loop, and saves on the disk whether a drive has just begun.
 
     Attributes:
-        count: Number of early ends in a row, up to this start.
+        count: Number of early ends in a row before this start of the program.
     """
 
     def __init__(self, file: Path, on_strong: Callable[[], None] = lambda: None) -> None:
@@ -58,7 +58,7 @@ class EarlyEnds:
         return self.count >= ENOUGH
 
     def start(self, loop: ControlLoop) -> None:
-        """Follow a loop: its changes of mode, and all its ticks while a drive has just begun. Write
+        """Follow a loop: its changes of mode, and all its ticks at the beginning of a drive. Write
         markers on a separate thread, so that a slow disk does not block the loop."""
 
         def work() -> None:

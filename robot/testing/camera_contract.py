@@ -80,8 +80,8 @@ class CameraContract:
         assert to_grey(frame).shape == (frame.height, frame.width)
 
     def test_it_can_be_mounted_on_its_side(self, camera_case: CameraCase) -> None:
-        """A camera that is mounted on its side turns all its pictures; only a camera of recorded
-        pictures refuses. Skipped if the extension that corrects cameras is not installed."""
+        """A camera that is mounted on its side turns all its pictures; a camera of recorded
+        pictures refuses to. Skipped if the extension that corrects cameras is not installed."""
         corrections = pytest.importorskip("robot.adjustments.corrections")
         camera, on_its_side = camera_case.camera, corrections.CameraCorrection(turn_deg=90)
         if not camera.can_be_turned:

@@ -20,18 +20,18 @@ class DriverCase:
         is_moving: Returns whether the body moves now. The function must read the body's state, not
             the driver's. None if unknown; tests that need the function are skipped.
         cut_link: Cuts the connection to the body, in both directions; None if there is no
-            connection. If only a new order stops the body, the function also stops the motors of
-            the stand-in.
+            connection. If the body has no timeout of its own, the function also stops the motors
+            of the stand-in.
         now_s: The clock by which requests are timed; None means the machine's clock.
         budget_s: Longest duration of a request, in seconds; None means the contract's limit. A busy
             machine needs a higher limit.
         restore_link: Makes the body reachable again, by a new connection if the old one is lost;
             None if this is not possible.
-        drives: Returns how the body turns and drives now, as a point in any scale, positive to the
-            right and ahead; None if unknown. The function must read the body's state, not the
-            driver's.
-        ramp_s: Longest time that the body takes from one point to any other, in seconds; 0 if there
-            is no ramp.
+        drives: Returns how the body turns and drives now, as steering and throttle in any scale,
+            positive to the right and ahead; None if unknown. The function must read the body's
+            state, not the driver's.
+        ramp_s: Longest time in which the body changes its steering and throttle, in seconds; 0 if
+            there is no ramp.
     """
 
     driver: Driver

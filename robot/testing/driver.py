@@ -17,8 +17,8 @@ class FakeDriver(Driver):
 
     Attributes:
         sent: Every action sent, with its speed scale.
-        takes_points: True for a body that is driven by degrees; tests set this.
-        point: The point that was sent last; None after a move, or if no order was sent.
+        takes_points: True for a body that accepts steering and throttle; tests set this.
+        point: The steering and throttle sent last; None after a move, or if no order was sent.
         changes: The times (seconds of `clock`) at which the action changed, with the new actions.
         moved_s: The time at which the last move was received.
         stops: Number of calls of `stop`.

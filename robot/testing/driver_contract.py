@@ -135,7 +135,7 @@ class DriverContract:
             _check_stays(driver_case, "the body moves after orders that were refused")
 
     def test_every_point_counts_as_a_move_and_drives(self, driver_case: DriverCase) -> None:
-        """Points can be sent to any body; a body that does not accept points drives the moves."""
+        """A body that does not accept steering and throttle drives the move that fits them best."""
         with driver_case.driver as driver:
             for point in POINTS:
                 move = driver.move_of(point)
@@ -167,8 +167,8 @@ class DriverContract:
             driver.send_point(Point(0.0, 0.5))
 
     def test_right_is_positive_and_so_is_ahead(self, driver_case: DriverCase) -> None:
-        """More steering never makes the body turn less, and a move's point has the same effect as
-        the move."""
+        """More steering never makes the body turn less. The steering and throttle of a move have
+        the same effect as the move."""
         driver, drives = driver_case.driver, driver_case.drives
         with driver:
             if not driver.takes_points:
@@ -233,8 +233,8 @@ class DriverContract:
     def test_a_point_that_changes_quickly_is_driven_within_the_ramp(
         self, driver_case: DriverCase
     ) -> None:
-        """After `ramp_s` the body drives the last point. Before that, its steering and throttle
-        stay between the values that it reaches at the `CORNERS`."""
+        """After `ramp_s` the body has reached the last steering and throttle. Before that, both
+        stay between the values that the body reaches at the `CORNERS`."""
         driver, drives = driver_case.driver, driver_case.drives
         with driver:
             if not driver.takes_points:
@@ -384,7 +384,7 @@ def _comes(case: DriverCase, is_so: Callable[[], bool]) -> bool:
     """Wait until `is_so` is true, for at most the body's budget; return whether it became true.
 
     An order without acknowledgement may still be on its way when its call returns. The budget is
-    shorter than a move, so an order that arrived in time is still obeyed.
+    shorter than a move, so a move that arrived in time has not ended yet.
     """
     return _comes_within(case, is_so, min(_obeys_within_s(case), REMOTE_BUDGET_S))
 
@@ -495,7 +495,7 @@ def _hold(case: DriverCase, send: Callable[[], object], seconds: float) -> None:
 
 
 def _settle(case: DriverCase) -> None:
-    """Wait until the body drives in the same way at two successive looks, because an order may
+    """Wait until the body drives in the same way at two successive checks, because an order may
     consist of several messages, such as one for each wheel."""
     assert case.drives is not None
     looks = [case.drives()]

@@ -134,7 +134,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
         self._reckoning = DeadReckoning(options.track_m)
 
     def wheels_mps(self, action: Action, point: Point | None = None) -> Pair:
-        """Return the speeds of the left and right wheel at full speed."""
+        """Return the speeds of the left and right wheel for a `speed_scale` of 1."""
         if action is Action.STOP:
             return 0.0, 0.0
         return self._in_m(*self._wheels.at(point or CLASSIC_POINTS[action], self._top_dps))
@@ -142,7 +142,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
     def drive(
         self, action: Action, point: Point | None = None, *, speed_scale: float = 1.0
     ) -> Action:
-        """See `Driver`. The pose is estimated from the order before its correction."""
+        """See `Driver`. The pose is estimated from the uncorrected order."""
         sent = super().drive(action, point, speed_scale=speed_scale)
         left_mps, right_mps = self.wheels_mps(sent, point)
         speeds_mps = speed_scale * left_mps, speed_scale * right_mps

@@ -18,7 +18,7 @@ from robot.bodies.v4l2.device import VideoFrame
 SECRET = "the secret of a fake brick"
 PERIOD_S = 0.1
 AGE_S, AGE_SPREAD_S = 0.095, 0.05
-"""Least age of a C270's picture when an EV3 receives it, and how much higher the age may be, in
+"""Least age of a C270's picture when an EV3 receives it, and the most that is added to it, in
 seconds."""
 
 

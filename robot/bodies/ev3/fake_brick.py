@@ -20,7 +20,7 @@ from robot.types import StartStop
 POLL_S = 0.002
 _SEEN_NS = 0
 """The modification time that marks a command as obeyed. Times of two commands cannot be compared,
-because both may be written within one tick of file times."""
+because both files may get the same time."""
 MAX_SPEED = 1050
 """Maximum speed of a large motor, in counts a second. The kernel refuses a higher speed."""
 DEFAULTS = {

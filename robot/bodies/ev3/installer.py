@@ -75,7 +75,7 @@ def pack(file: Path, files: Files) -> None:
 
 
 def install_packed(target: str, file: Path) -> str:
-    """Install the server on a brick from a file made by `pack`, with the script in the file."""
+    """Install the server on a brick by running the script in a file made by `pack`."""
     wrong = (OSError, tarfile.TarError, ValueError)
     with (
         told_as(ConfigurationError, f"cannot read {file}", *wrong),

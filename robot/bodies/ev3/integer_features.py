@@ -17,8 +17,8 @@ from robot.types import Frame
 Integers = NDArray[np.int64]
 N_BINS = 8
 _EDGES = (1, 2, 3, 4, 6, 9, 14, 21, 32, 48, 72)
-"""Lower bounds of a gradient's magnitude steps, in half grey levels. A smaller gradient counts as
-zero. Each bound is about 1.5 times the previous bound."""
+"""Lower bounds of the steps into which magnitudes of gradients are divided, in half grey levels. A
+smaller gradient counts as zero. Each bound is about 1.5 times the previous bound."""
 _N_STEPS = len(_EDGES) + 1
 _BEYOND = 108
 _SCALE = 4
@@ -36,13 +36,13 @@ class IntegerGradientFeatures:
     These features are like `GradientFeatures`, but take a tenth of the time on a processor without
     a floating-point unit. The gradients are computed on the small picture, in 5x4 cells of 6x10
     pixels. A pixel's two differences are the index into a table of direction and magnitude, and one
-    count over all pixels yields the histograms of all cells. A cell is divided by the sum of its
-    3x3 neighbourhood; the square root is also taken from a table. The result is the same on every
-    machine.
+    call of `bincount` yields the histograms of all cells. Each histogram is divided by the sum of
+    its cell's 3x3 neighbourhood; the square root is also taken from a table. The result is the same
+    on every machine.
 
-    A gradient byte is a multiple of 4, because `IntegerRidge` uses only the upper six bits. In the
-    grey picture every second pixel of every second line comes first, because these pixels are
-    enough to compare pictures.
+    The bytes of the histograms are rounded to multiples of 4, because `IntegerRidge` ignores the
+    lower two bits. The grey picture begins with every second pixel of every second line, because
+    these pixels are enough to compare pictures.
     """
 
     name = "integer-gradient"
@@ -51,7 +51,7 @@ class IntegerGradientFeatures:
     n_compared = n_gradients + THUMBNAIL_HEIGHT * THUMBNAIL_WIDTH // 4
 
     def extract(self, frame: Frame) -> Vector:
-        """Return shape (1360,), uint8: 5x4 cells of 8 bins, then 30x40 pixels halved."""
+        """Return shape (1360,), uint8: 5x4 cells of 8 bins, then 30x40 pixels at half contrast."""
         half = _small_at_half_contrast(frame)
         picture = half.astype(np.uint8)
         even, odd = picture[::2], picture[1::2]
@@ -145,7 +145,7 @@ def _tables() -> _Tables:
 
 
 def _direction(across: int, down: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the nearest of 8 directions: 0 is right, 2 down, 4 left, 6 up, odd numbers between."""
+    """Return the nearest of 8 directions: 0 right, 2 down, 4 left, 6 up; odd ones between."""
     width, height = abs(across), np.abs(down)
     # tan 22.5 degrees is about 12 / 29
     is_level, is_upright = 29 * height <= 12 * width, 29 * width <= 12 * height
@@ -161,7 +161,7 @@ def _small_at_half_contrast(frame: Frame) -> NDArray[np.int16]:
 
     In a picture of 160x120, the middle four pixels of each 4x4 block are averaged. Averaging all
     sixteen pixels would take four times as long, with no better results
-    (docs/explanation/learner.md). In other sizes, whole areas are averaged.
+    (docs/explanation/learner.md). In pictures of other sizes, whole areas are averaged.
     """
     grey = image.to_grey(frame)
     if grey.shape != (4 * THUMBNAIL_HEIGHT, 4 * THUMBNAIL_WIDTH):

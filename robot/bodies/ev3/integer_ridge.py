@@ -20,7 +20,7 @@ from robot.learner.values import WHOLE
 from robot.learner.votes import Floats
 
 _ONE = 1 << 24
-"""The score 1 in whole numbers: the target for the label of a frame."""
+"""The whole number that stands for the score 1, the target for a frame's label."""
 _SHIFT = 2
 """Number of low bits that are dropped from each value, so that a value takes six bits and a product
 of two values twelve bits."""
@@ -34,17 +34,17 @@ _PENALTY = 3 * _TOP**2
 STEPS = 4
 """Number of coordinates that are improved after each frame."""
 _ROWS = 128
-"""Number of rows of products that are computed at a time, because the whole matrix would take 0.6
+"""Number of rows of `products` that are computed at a time. A copy of all rows would take 0.6
 MB."""
 
 
 class IntegerRidge(LinearPart):
     """A linear score per label, from the first `n_features` values of a vector of bytes.
 
-    A few steps after each frame approach the solution of `RecursiveRidge`. Every operation is exact
-    in whole numbers, so all machines agree bit for bit and errors do not accumulate: `residual`
-    always equals `moments - weights @ products`. Here `products` is the sum of z z' (with the
-    penalty on the diagonal), and `moments` is the sum of target z.
+    The weights approach the solution of `RecursiveRidge` by a few steps after each frame. Every
+    operation is exact in whole numbers, so all machines agree bit for bit and errors do not
+    accumulate: `residual` always equals `moments - weights @ products`. For inputs z, `products` is
+    the sum of z z' (with the penalty on the diagonal), and `moments` the sum of targets times z.
 
     A frame costs n_features ** 2 additions and multiplications, and each step a few times
     n_features. Angles are not learned: on a brick only the images decide the steering.
@@ -140,8 +140,7 @@ class IntegerRidge(LinearPart):
         return z
 
     def _mean_input(self, x: Vector) -> Floats:
-        """Return the input (see `_input`) for the mean of some frames; a mean is not a whole
-        number."""
+        """Return the input for the mean of some frames; `_input` would round the mean."""
         return np.append(np.asarray(x[: self.n_features], np.float64) / (1 << _SHIFT), _TOP)
 
     def faults(self) -> Iterator[str]:

@@ -27,8 +27,8 @@ SILENCE_S = 0.4
 a second, and ends its last move within this time."""
 GONE_S = PATIENCE_S + 1.0
 """Time of silence after which a brick is joined again, in seconds. A brick takes less time than
-this to open its body. Without a new connection, TCP would retry only once a minute after a minute
-of silence."""
+this to open its body. A new connection is made because TCP, after a minute of silence, retries only
+once a minute on the old one."""
 PING_S = 0.1
 REJOIN_S = 0.5
 
@@ -46,7 +46,7 @@ class BrickLink:
 
     Args:
         address: Host, or host:port.
-        secret: The secret shared with the agent; by default the saved one of this host.
+        secret: The secret shared with the agent; by default the secret saved for this host.
         clock: The clock that times silence.
         dial: Opens the connection.
 
@@ -113,7 +113,7 @@ class BrickLink:
         self.send(do, **rest)
 
     def release(self, *keys: str) -> None:
-        """Forget the named held commands, and close the connection when no command is held any
+        """Forget the named commands, and close the connection when no command is held any
         more. Idempotent."""
         for key in keys:
             self._held.pop(key, None)
@@ -125,8 +125,8 @@ class BrickLink:
         self._thread = None
 
     def send(self, do: str, **rest: Any) -> None:
-        """Send one command, even if the brick is silent, because its messages may be merely
-        delayed. Raises DriveError if the connection is lost; then the brick stops by itself."""
+        """Send one command, even if the brick is silent, because its reports may only be
+        late. Raises DriveError if the connection is lost; then the brick stops by itself."""
         lost = self._lost  # read once: the thread may reset this value when it joins again
         if lost is not None:
             raise DriveError(lost)
@@ -208,7 +208,7 @@ class BrickLink:
         elif "fault" in message:
             self.report = {**self.report, "fault": message["fault"]}
         else:
-            # The agent failed to open its body, which answers no request. The next ping retries.
+            # A failure to open the body does not answer a request. The next ping tries again.
             if self._opens_again and "failed" in message:
                 raise OSError(message["failed"])
             self._opens_again = self._opens_again and "opened" not in message

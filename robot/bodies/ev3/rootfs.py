@@ -10,11 +10,11 @@ from pathlib import Path
 from robot.errors import ConfigurationError, RobotError
 
 PYTHON_VERSIONS = {"bookworm": (3, 11), "trixie": (3, 13)}
-"""The Debian releases that are known to work, with their Python. Trixie is the last release for
-armel."""
+"""The Debian releases that are known to work, with their versions of Python. Trixie is the last
+release for armel."""
 DEFAULT_RELEASE = "bookworm"
-"""Default release. Its pydantic 1 takes 14 MB less than trixie's pydantic 2, and half the time to
-import."""
+"""Default release. Bookworm's pydantic 1 takes 14 MB less than trixie's pydantic 2, and half the
+time to import."""
 PACKAGES = (
     "python3",
     "python3-numpy",
@@ -54,7 +54,7 @@ def build_userland(folder: Path, release: str = DEFAULT_RELEASE, mirror: str = "
         folder: The target folder.
         release: Name of the Debian release.
         mirror: Address of a mirror, for example http://deb.debian.org/debian; if empty, this
-            machine's mirror is used, or Debian's. Old releases move to
+            machine's mirror is used, or else Debian's. Old releases move to
             http://archive.debian.org/debian.
 
     Raises:

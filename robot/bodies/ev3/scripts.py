@@ -112,7 +112,7 @@ ENVIRONMENT = {
 }
 """The environment variables of the server on a brick, which save memory. By default, the C library
 keeps free memory for each thread in an arena; one arena is enough, because Python's threads take
-turns. The fixed threshold prevents gaps in the heap that the learner's snapshots would leave."""
+turns. The fixed mmap threshold prevents gaps in the heap that the learner's snapshots leave."""
 _ENV = " \\\n  ".join(f"{name}={value}" for name, value in ENVIRONMENT.items())
 UNIT = f"""\
 [Unit]

@@ -104,7 +104,7 @@ def outlive(work: Callable[[], None]) -> None:
 
 def main() -> None:
     # Ignore these signals, because they are meant for the robot's program.
-    # When that program has ended, this process stops the motors and then ends itself.
+    # When the robot's program has ended, this process stops the motors and then ends itself.
     for quiet in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
         signal.signal(quiet, signal.SIG_IGN)
     # Import the module before forking, so that each child starts immediately.

@@ -20,7 +20,7 @@ class PinMotor(Protocol):
 
 
 Build = Callable[[Point, float], Pair]
-"""Returns the values of both motors, each at most 1, for a point and a share of full speed."""
+"""Returns the values of both motors, each at most 1, for a `Point` and a share of full speed."""
 
 
 def tracked(straight_speed: float, turn_speed: float) -> Build:

@@ -2,7 +2,7 @@
 
 There is no standard: Atari and NES have `get_action_meanings()`, MiniGrid and MiniWorld an
 enumeration `actions`, highway-env a dictionary in `action_type`, Stable-Retro a list `buttons`, and
-ViZDoom the buttons of its game with a table of the pressed ones.
+ViZDoom the buttons of its game, and a table of the buttons that each action presses.
 """
 
 from __future__ import annotations

@@ -140,7 +140,7 @@ def moves_of(name: str, env: Any, table: str = "") -> dict[Move, Any]:
 
 
 def steering_of(table: Mapping[Move, Any], space: Any) -> Callable[[Point], Any] | None:
-    """Return the function from a point to an action, for a box of fractions; None for other spaces.
+    """Return the function from a `Point` to an action, for a box of fractions; else None.
 
     Steering interpolates between the move ahead and the turns. Throttle interpolates between
     coasting and the moves ahead and back. The result is also None if the table has no move ahead,
@@ -150,7 +150,7 @@ def steering_of(table: Mapping[Move, Any], space: Any) -> Callable[[Point], Any]
         return None
     known = {
         (side_of(move.point.steering), side_of(move.point.throttle, 0.0)): np.asarray(action, float)
-        # reversed, so that of two moves with equal points the first counts
+        # reversed, so that the first of two moves with equal points counts
         for move, action in reversed(list(table.items()))
         if move.point is not None
     }

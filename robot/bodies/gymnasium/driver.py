@@ -1,4 +1,4 @@
-"""Makes any Gymnasium environment with pictures a robot, whose moves are the environment's
+"""Makes a robot of any Gymnasium environment with pictures; the moves are the environment's
 actions."""
 
 from __future__ import annotations

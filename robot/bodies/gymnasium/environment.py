@@ -25,8 +25,8 @@ from robot.types import Game
 
 PICTURES = ("auto", "observed", "rendered")
 _LEAST_OBSERVED = (120, 160)
-"""Minimum height and width of an observation that is shown, in pixels. Of an environment with
-smaller observations, the rendering is shown instead."""
+"""Minimum height and width of an observation that is shown, in pixels. If an environment
+has smaller observations, the rendering is shown instead."""
 _RENDER_MODES = ("rgb_array", "rgb_array_list", None)
 """The render modes to try in turn; None for environments without this argument."""
 _LARGEST_REWARD = 1e12
@@ -141,7 +141,7 @@ class Environment:
         self.game = Game(number=before + 1, score=0.0, reward=0.0, is_over=False)
 
     def step(self, action: Any) -> None:
-        """Make one step of the game; does nothing after its end."""
+        """Make one step of the game; does nothing after the game's end."""
         if self.game.is_over:
             return
         with self._as_camera_error("failed in a step"):

@@ -49,8 +49,8 @@ class _Found(NamedTuple):
 def picture_in(seen: Any, space: Any = None) -> Pixels | None:
     """Return the picture in an observation; None if there is none.
 
-    Of several pictures, one with colours is preferred, then one with a picture's name, then the
-    largest.
+    If there are several pictures, one with colours is preferred, then one with a picture's name,
+    then the largest.
 
     Args:
         seen: An observation, or a rendering; in a list of frames the newest counts.

@@ -203,7 +203,7 @@ class LegoEducationDriver(ConnectedDriver[Any]):
 
 
 def _as_found(device: Any) -> Found:
-    """Return the name and the address of the library's device; older versions have no address."""
+    """Return a device's name and address; older versions of the library give no address."""
     name = str(getattr(device, "name", "") or "")
     return Found(name, str(getattr(device, "address", "") or name))
 

@@ -23,12 +23,12 @@ this picture was cut off."""
 _TYPE = re.compile(rb"content-type:[ \t]*([\w/.+-]+)", re.IGNORECASE)
 _SOI, _EOI, _SOS = 0xD8, 0xD9, 0xDA
 _KEPT_BYTES = 256
-"""Number of bytes outside pictures that are kept, because they may be an incomplete head."""
+"""Number of bytes kept while no picture begins, because they may be an incomplete head."""
 
 
 class Answer(HTTPResponse):
-    """A camera's response, which may lack a status line or a head. Lengths that it states are
-    ignored.
+    """A camera's response, which may lack a status line or a head. Lengths that its head
+    states are ignored.
 
     Chunks may violate HTTP, so bytes without a chunk's length are passed on, too.
     """

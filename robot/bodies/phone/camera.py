@@ -29,7 +29,7 @@ class PhoneCamera(WatchedCamera):
     name: ClassVar[str] = "phone"
     options_type: ClassVar[type[Any]] = PhoneOptions
     source: object | None = None
-    """The object that owns the phone's websocket, which sets this attribute itself."""
+    """The object that owns the phone's websocket; the object itself sets this attribute."""
     _captured_s = 0.0
     _reason: str | None = NOBODY
 
@@ -43,7 +43,7 @@ class PhoneCamera(WatchedCamera):
         Args:
             picture: The picture; the caller has checked its header.
             captured_s: The time of exposure on `clock`. A time in the future is replaced by the
-                present, and a time before the previous picture's by the previous picture's.
+                present, and a time before the previous picture's time by that time.
             covered: True if the phone's camera sees only black.
         """
         now_s = self.clock.now_s()

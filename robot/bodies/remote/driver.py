@@ -33,7 +33,7 @@ GONE_S = 0.5
 _CONNECT_S = 3.0
 _CONNECT_TRIES = 20
 """Least number of unanswered requests after which a robot counts as silent. A time limit is not
-enough, because a computer that paused has sent too few requests within it."""
+enough, because a computer that paused has sent too few requests in that time."""
 
 
 class MessageLine(Protocol):

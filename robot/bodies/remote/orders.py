@@ -27,7 +27,7 @@ from MicroPython's json, also `ovf` from Arduino's print."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BodyReport:
-    """A robot's report: the robot, its current start, and the values of its sensors.
+    """A robot's report: the last order that it obeyed, and the values of its sensors.
 
     `nonce` is new at each start of the robot, and empty if nobody else can send on the transport.
     `seq` is the number of the last obeyed order, and `ms` the time on the robot's clock.

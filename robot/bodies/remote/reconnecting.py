@@ -20,7 +20,7 @@ _MOST_WAITING = 20
 class ReconnectingConnection(ABC):
     """A connection that a separate thread maintains, and opens again after a loss.
 
-    A message under way during a loss is not sent again, because a late order must not move a robot.
+    A message that a loss interrupts is not sent again, because a late order must not move a robot.
 
     Attributes:
         trouble: The reason for the last loss; empty if there was none.

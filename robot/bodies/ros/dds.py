@@ -59,8 +59,8 @@ may request no acknowledgement for seconds."""
 _LAST_ANSWER_S = 0.2
 """How long `close` waits for the acknowledgement of the last order, in seconds."""
 _SETTLED_S = 1.0
-"""Time after which a topic of the robot that does not match this program's counts as refused, in
-seconds."""
+"""Time after which a topic counts as refused, in seconds, if DDS does not match the robot's
+subscriber with this program's publisher."""
 _BLOCKED_S = 0.1
 _TAKEN = 16
 _MOST_WARNINGS = 100

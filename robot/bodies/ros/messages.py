@@ -2,7 +2,7 @@
 named `rt/...`.
 
 Fields and their order: github.com/ros2/common_interfaces, rcl_interfaces (builtin_interfaces).
-In this module annotations are types, not strings: cyclonedds 11.0.1 does not find `str` in strings.
+This module's annotations are types, not strings, as cyclonedds 11.0.1 cannot resolve "str".
 """
 
 import functools

@@ -52,11 +52,11 @@ DISCRETE = 1
 
 
 class CaptureError(Exception):
-    """A camera is missing or refuses. The message names the camera and the remedy."""
+    """A camera is missing or refuses a request. The message names the camera and the remedy."""
 
 
 class Video:
-    """One streaming camera. Ready to `read` when its `fileno` is readable."""
+    """One streaming camera. A picture can be `read` when its `fileno` is readable."""
 
     def __init__(self, device: str, width: int, height: int, rate: int, encoding: str) -> None:
         self.path = (list_cameras() or ["/dev/video0"])[0] if device == AUTO else device

@@ -35,8 +35,8 @@ class OpencvCamera(WatchedCamera):
     """Reads frames by OpenCV, reduces them and encodes them as JPEG.
 
     OpenCV keeps returning the last frame of an unplugged camera, and a read may block for seconds.
-    So exact repetitions of a frame are ignored, and a second thread watches the time. A film starts
-    again at its end.
+    So exact repetitions of a frame are ignored, and a second thread notices if no new frame
+    comes. A film starts again at its end.
     """
 
     name: ClassVar[str] = "opencv"

@@ -25,8 +25,8 @@ JOIN_S = 1.0
 ACCEPT_PAUSE_S = 0.2
 """Pause after an error of `accept`, such as a lack of descriptors or memory, in seconds."""
 LARGEST_OUTBOX = 1 << 20
-"""Maximum number of bytes that wait to be sent to a controller. A controller that reads so slowly
-that more would wait is dropped."""
+"""Maximum number of bytes that wait to be sent to a controller. If more would wait, the
+controller reads too slowly and is dropped."""
 
 
 class Caller:
@@ -104,7 +104,7 @@ class CallerLimiter:
 
     def __init__(self, listener: socket.socket, note: Callable[[str], None]) -> None:
         listener.setblocking(False)
-        # Limit the kernel's buffer for each unauthenticated client; commands are short.
+        # Limit the kernel's buffer for each unauthenticated client; short commands fit into it.
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 16384)
         self.listener = listener
         self._note = note
@@ -117,7 +117,7 @@ class CallerLimiter:
         return now_s >= self._closed_until_s
 
     def accept(self, now_s: float) -> None:
-        """Accept one connection. If too many connections have not joined then, or if the system has
+        """Accept one connection. If too many connections have not joined yet, or if the system has
         no room for a new one, drop one that has not joined."""
         try:
             line, address = self.listener.accept()

@@ -11,8 +11,8 @@ from robot.bodies.v4l2.device import CaptureError, describe_camera, list_cameras
 
 
 def inspect_brick(root: str) -> Dict[str, Any]:
-    """Return the state of ports, battery, memory, card, cameras and clock, and the versions;
-    unknown values are None."""
+    """Return the versions of the software, and the state of ports, battery, memory, card, cameras
+    and clock; unknown values are None."""
     return {
         "release": RELEASE,
         "python": platform.python_version(),

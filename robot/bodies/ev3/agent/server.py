@@ -20,8 +20,8 @@ SILENCE_S = 1.5
 seconds."""
 STALE_S = 0.4
 """Age of a report, in seconds by the brick's clock, above which the agent drops a move that names
-this report. Each move names the newest report that the controller had received. The agent sends a
-report every 0.1 s, so a dropped move was delayed by at least 0.3 s."""
+this report. Each move names the newest report that the controller had received. Without delays
+this report is at most 0.1 s old, so a dropped move was delayed by at least 0.3 s."""
 REPORT_S = 0.1
 
 

@@ -67,7 +67,7 @@ class Seal:
 
 
 def pack(kind: bytes, body: bytes, seal: Optional[Seal] = None) -> bytes:
-    """Return an encoded message, sealed once both sides have proved their identity."""
+    """Return an encoded message, which ends in a MAC if `seal` is given."""
     head = HEAD.pack(kind, len(body))
     return head + body + (seal.mac(head, body) if seal is not None else b"")
 

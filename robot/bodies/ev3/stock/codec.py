@@ -75,24 +75,24 @@ def reset(ports: int) -> bytes:
 
 
 def device_type(port: int, at: int) -> bytes:
-    """Read which device is at a port. The result is two bytes from `at`: type and mode."""
+    """Read which device is at a port. The result is two bytes at offset `at`: type and mode."""
     return b"\x99" + number(0x05) + number(0) + number(port) + result(at) + result(at + 1)
 
 
 def sensor(port: int, kind: int, at: int) -> bytes:
-    """Read a sensor in its mode 0, in SI units. The result is four bytes from `at`, a float."""
+    """Read a sensor in its mode 0, in SI units. The result is a float at offset `at`."""
     asked = b"".join(map(number, (0x1D, 0, port, kind, 0, 1)))
     return b"\x99" + asked + result(at)
 
 
 def motor_count(port: int, at: int) -> bytes:
-    """Read the angle of a motor (0 is A), in degrees. The result is four bytes from `at`, an
-    integer."""
+    """Read the angle of a motor (0 is A), in degrees. The result is an integer of four
+    bytes at offset `at`."""
     return b"\xb3" + number(0) + number(port) + result(at)
 
 
 def battery(at: int) -> bytes:
-    """Read the battery's charge, in percent. The result is one byte from `at`."""
+    """Read the battery's charge, in percent. The result is one byte at offset `at`."""
     return b"\x81" + number(0x12) + result(at)
 
 

@@ -303,7 +303,7 @@ def find_usb(wanted: str = "", root: Path | None = None) -> Path:
 
 
 def _usb_bricks(root: Path | None = None) -> dict[str, Path]:
-    """Return the bricks at USB cables by serial number, or by USB socket if it is unknown."""
+    """Return the bricks at USB cables by serial number, or by USB socket if none is known."""
     bricks: dict[str, Path] = {}
     for entry in sorted((root or _HIDRAW).glob("hidraw*")):
         with contextlib.suppress(OSError):
