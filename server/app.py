@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from functools import cache
 
-from fastapi import FastAPI
+from fastapi import APIRouter, FastAPI
 from starlette.concurrency import run_in_threadpool
 from starlette.routing import BaseRoute
 
@@ -18,8 +18,8 @@ from server.routes.answers import describe_routes
 from server.routes.bodies import HANDLERS
 from server.services import Services
 
-_made: dict[tuple[int, ...], list[BaseRoute]] = {}
-"""The routes of routers. FastAPI makes them once, because they are the same in each application."""
+_made: dict[tuple[int, ...], tuple[list[APIRouter], list[BaseRoute]]] = {}
+"""Routers and their routes, by the routers' ids. They are the same in each application."""
 
 
 def create_app(services: Services) -> FastAPI:
@@ -38,8 +38,8 @@ def create_app(services: Services) -> FastAPI:
         alone = FastAPI(openapi_url=None, strict_content_type=False)
         for router in parts:
             alone.include_router(router)
-        _made[key] = alone.routes
-    app.router.routes.extend(_made[key])
+        _made[key] = parts, alone.routes
+    app.router.routes.extend(_made[key][1])
     app.openapi = cache(lambda: describe_routes(app, parts))  # type: ignore[method-assign]
     app.mount("/", PageFiles(config.web), name="web")
 
