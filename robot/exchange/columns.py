@@ -17,7 +17,7 @@ from robot.types import Action
 
 Cells = list[str]
 Row = tuple[str, Cells]
-"""A row of a table: its location, which the import's report states, and its cells."""
+"""A row of a table: its location, for the import's report, and its cells."""
 
 NAMES: dict[str, tuple[str, ...]] = {
     "picture": (

@@ -29,8 +29,8 @@ from robot.types import DEFAULT_MOVES, Action, Example, Frame, PilotCommand, Poi
 
 _T = TypeVar("_T")
 _MOST_PLACES, _MOST_REASONS = 3, 12
-"""Maximum number of locations that the report lists for one reason, and maximum number of reasons
-that it lists. All others are only counted."""
+"""Maximum number of locations in the report for one reason, and maximum number of reasons in the
+report. All others are only counted."""
 _ENOUGH_TO_HINT = 10
 """A drive with this number of examples or more gets a hint if it has no examples to one side."""
 _LEAST_TRIM = 0.01

@@ -44,8 +44,8 @@ class Source(NamedTuple):
     """A drive that was found: its name for people, and the function that reads the drive.
 
     The function raises RecordingError if no picture can be used, or MissingExtraError. The pictures
-    themselves are read only when the drive is written. For recordings of this program `copy` is
-    set: it is used instead of the function, and writes the drive to a path.
+    themselves are read only when the drive is written. For recordings of this program `copy`
+    is set; in place of the function, `copy` writes the drive to a path.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Form:
         find: Returns the drives at a path, or None if the path does not have this format. The
             function must be quick; damage is reported when a drive is read.
         is_whole: True if the format describes a folder as a whole. The other formats are tried only
-            if no such format recognises the folder or a file in it.
+            if no format with `is_whole` recognises the folder or a file in it.
     """
 
     name: str

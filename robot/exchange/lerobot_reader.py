@@ -90,7 +90,7 @@ class LerobotDataset:
 
     @cached_property
     def _rows(self) -> dict[int, Record]:
-        """The rows of the table of episodes by the episode's number, without damaged parts."""
+        """The readable rows of the table of episodes, by the number of the episode."""
         rows: list[Any] = []
         if self._is_v3:
             for path in sorted(self.folder.glob("meta/episodes/*/*.parquet")):

@@ -18,8 +18,8 @@ taught."""
 DEGREES = "degrees"
 """Name of the column that is true if the pilot steered by degrees instead of by a move."""
 ROBOT = "drivelesson"
-"""The type of robot that datasets state. The package for LeRobot (docs/examples/lerobot) states the
-same type."""
+"""The type of robot in the datasets that this program or its package for LeRobot
+(docs/examples/lerobot) writes."""
 PYARROW = ("pyarrow", "reading and writing LeRobot datasets", "export")
 """Arguments of `need`: the library pyarrow, its purpose here, and the extra that installs it."""
 _PARQUET = ("pyarrow.parquet", *PYARROW[1:])

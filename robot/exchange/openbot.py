@@ -32,7 +32,7 @@ _FRAMES, _CONTROLS = "rgbFrames.txt", "ctrlLog.txt"
 _MATCHED = "matched_frame_ctrl_cmd_processed.txt", "matched_frame_ctrl_cmd.txt"
 Fields = list[str]
 Row = tuple[str, Fields]
-"""A line of a log: its location, which the import's report states, and its fields."""
+"""A line of a log: its location, for the import's report, and its fields."""
 
 
 def is_openbot(folder: Path) -> bool:

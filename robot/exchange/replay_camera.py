@@ -20,8 +20,8 @@ from robot.exchange.timeline import make_timeline
 from robot.types import Frame
 
 _LONGEST_PAUSE_S = 0.15
-"""Longest pause between two pictures that is replayed, in seconds: shorter than the 0.2 s after
-which the loop misses a frame."""
+"""Longest pause between two pictures that is replayed, in seconds. After 0.2 s the loop would stop
+the robot for lack of a frame."""
 _LAST_FRAME_S = 0.05
 """Time for which the last frame of a recording is shown before the next recording begins, in
 seconds."""

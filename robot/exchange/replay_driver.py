@@ -11,7 +11,7 @@ from robot.types import Action, Point, Sensors
 
 
 class ReplayDriver(ConnectedDriver[bool]):
-    """A body without motors and sensors. The camera's options name the recording."""
+    """A body without motors and sensors. The recording is chosen by the camera's options."""
 
     name: ClassVar[str] = "replay"
     default_camera: ClassVar[str] = "replay"

@@ -17,8 +17,8 @@ _LONGEST_PAUSE_S = 60.0
 """Longest pause within a session, in seconds. A longer pause means that a new session began or that
 the clock was set."""
 _CUT_PAUSE_S = 2.0
-"""Length to which a pause of more than `_LONGEST_PAUSE_S` is cut, in seconds. The shortened pause
-still counts as a gap."""
+"""A pause of more than `_LONGEST_PAUSE_S` is shortened to this length, in seconds. The shortened
+pause still counts as a gap."""
 _USUAL_S = 1 / 20
 _MOST_S = 1e11
 
@@ -33,7 +33,7 @@ class Timeline:
 
     @property
     def gap_s(self) -> float:
-        """Time between two pictures above which films and datasets are cut, in seconds."""
+        """Films and datasets are cut where two pictures are further apart, in seconds."""
         return max(_SHORTEST_GAP_S, 3 * self.usual_s)
 
     @property
@@ -42,8 +42,8 @@ class Timeline:
         return min(max(round(1 / self.usual_s), 1), 60)
 
     def evenly(self, fps: int) -> list[NDArray[np.intp]]:
-        """Return the stretches without a gap. A stretch is the indices, in order, of the pictures
-        that are nearest to evenly spaced times at this rate."""
+        """Return, for each stretch without a gap, the indices in order of the pictures that are
+        nearest to evenly spaced times at this rate."""
         times_s = np.array(self.times_s)
         begins = [0, *(np.flatnonzero(np.diff(times_s) > self.gap_s) + 1)]
         stretches = [times_s[a:b] for a, b in pairwise([*begins, len(times_s)])]

@@ -18,13 +18,13 @@ from robot.exchange.files import parse, read_text
 
 IMAGE = "cam/image_array"
 MOVES, RESULTS = "drivelesson_moves", "drivelesson_results"
-"""Keys that only this program writes in a manifest: the moves, by which damaged labels are
-recognised, and the results of extensions."""
+"""Keys that only this program writes in a manifest: the moves, which reveal damaged labels,
+and the results of extensions."""
 _MOST_LINE_CHARS = 2**20
 _DECODER = json.JSONDecoder()
 Record = dict[str, Any]
 Placed = tuple[str, Record]
-"""A record of a tub: its location, which the import's report states, and its fields."""
+"""A record of a tub: its location, for the import's report, and its fields."""
 
 
 def is_tub(folder: Path) -> bool:
@@ -123,7 +123,7 @@ def _records(text: str, place: str, report: ImportReport) -> Iterator[Record]:
 
 
 def own_name(name: str) -> str:
-    """Return the last part of an absolute path of any operating system, because a tub that was
-    moved still names its old place."""
+    """Return the last part of an absolute path of any operating system, because a tub still
+    contains its old path after it was moved."""
     is_absolute = name.startswith(("/", "\\")) or re.match(r"[A-Za-z]:[\\/]", name)
     return re.split(r"[\\/]", name)[-1] if is_absolute else name

@@ -70,7 +70,7 @@ class Tally:
         return {"frames": self.frames, "taught": taught, "first_ns": self.first_ns}
 
     def next(self) -> Tally:
-        """Return the tally of the recording's next file. Do not use this tally any more."""
+        """Return the tally of the recording's next file. Do not use this tally after the call."""
         tally = Tally(self.counts)
         tally._label_of, tally._labels = self._label_of, self._labels
         return tally

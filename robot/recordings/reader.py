@@ -88,7 +88,7 @@ class Message(NamedTuple):
 class Block(NamedTuple):
     """The messages of one chunk: its offset, its unpacked bytes, and a row for each message.
 
-    A row has `channel`, `sequence`, `log_ns`, and where the message begins and ends in `data`.
+    A row has `channel`, `sequence`, `log_ns`, and the message's beginning and end in `data`.
     """
 
     offset: int
@@ -362,7 +362,7 @@ def _records(
 
 
 def _parse(kind: str, body: bytes) -> Any:
-    """Parse a record by the class of the library `mcap` that has this name."""
+    """Parse a record by the class of this name in the library `mcap`."""
     from mcap import records
     from mcap.data_stream import ReadDataStream
 

@@ -43,7 +43,7 @@ class EpisodeSummary:
     is_readable: bool = True
     damage: str | None = None
     is_copy: bool = False
-    """True if the file was recorded under another name, such as a sync tool's conflict copy."""
+    """True if the file was recorded under another name, like a conflict copy of a sync tool."""
 
     def matches(self, text: str) -> bool:
         """True if each word of `text` occurs in the name, title, date, labels, robot or learner of

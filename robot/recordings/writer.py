@@ -206,7 +206,7 @@ class EpisodeWriter:
             for block in self._follower.blocks(data, offset):
                 self._columns.add(block)
         except UNREADABLE:
-            # a message of the copied file is damaged, which its reader reports
+            # without an index, a reader checks every message and reports the damaged one
             self._columns = None
             return
         if self._columns.pictures >= self._section_frames:

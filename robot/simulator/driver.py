@@ -53,7 +53,7 @@ class SimDriver(Driver):
         self._is_connected = False
 
     def enter(self, name: str) -> None:
-        """Move the robot to the start of one of its `worlds`; the caller has stopped the robot.
+        """Move the robot to the start of one of its `worlds`. Stop the robot before this call.
         Raises ConfigurationError if there is no world with this name."""
         if name not in self.worlds:
             known = sorted(self.worlds)

@@ -24,7 +24,7 @@ class FolderLock(StartStop):
         self._lock: Any = None
 
     def start(self) -> None:
-        """Lock the folder. The error names the process that holds the lock, or the fault."""
+        """Lock the folder. The error names the fault, or the process that holds the lock."""
         if self._lock is not None:
             return
         from filelock import FileLock, Timeout

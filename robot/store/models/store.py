@@ -250,7 +250,7 @@ def _age_of(summary: ModelSummary | None) -> tuple[int, int, float]:
 
 
 def _marked(marker: Path) -> tuple[str, str]:
-    """Return a marker's name and checksum; a truncated name could otherwise be another model's."""
+    """Return the name in a marker, and the checksum, which reveals a truncated name."""
     with contextlib.suppress(OSError, UnicodeDecodeError):
         name, _, checksum = read_regular(marker, 4096).decode().strip().partition("\n")
         return name, checksum
