@@ -39,8 +39,8 @@ class EarlyEnds:
     """
 
     def __init__(self, file: Path, on_strong: Callable[[], None] = lambda: None) -> None:
-        """Read the previous run's marker. `on_strong` is called if the battery seemed weak, but has
-        now lasted a drive of `SOON_S`."""
+        """Read the previous run's marker. `on_strong` is called when a battery that seemed weak
+        has lasted a drive of `SOON_S`."""
         self._file, self._on_strong = file, on_strong
         self.count = _read(file)
         self._is_marked = False

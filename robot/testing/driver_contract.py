@@ -448,7 +448,7 @@ def _check_sent(sent: object, asked: Action, by: str) -> None:
 
 
 def _check_points_as_moves(case: DriverCase, points: Iterable[Point]) -> None:
-    """Check that a driver that accepts no points returns the move that each point counts as."""
+    """Check that `send_point` returns the move that each point counts as."""
     for point in points:
         sent = case.driver.send_point(point)
         _check_sent(sent, case.driver.move_of(point), f"send_point({tuple(point)})")

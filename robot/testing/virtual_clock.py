@@ -75,7 +75,7 @@ class VirtualClock(Clock):
         return self._now_s if event_loop is None else max(self._now_s, event_loop.now_s)
 
     def advance(self, seconds: float) -> None:
-        """Jump ahead by this time although no thread waits for it, as when a computer wakes up."""
+        """Jump ahead by this time without running other threads, as when a computer wakes up."""
         if seconds < 0:
             raise ValueError(f"a clock cannot go back by {-seconds} s")
         self._ahead_s += seconds

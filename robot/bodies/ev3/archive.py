@@ -35,7 +35,7 @@ Files = Sequence[tuple[str, Path | bytes]]
 
 
 def agent_sources() -> dict[str, Path]:
-    """Return the agent's modules: maps the name in the archive to the local file."""
+    """Return the agent's modules: the local file of each name in the archive."""
     top = Path(next(iter(robot.__path__)))
     return {
         f"robot/{name}": top / name

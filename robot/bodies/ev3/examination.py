@@ -20,7 +20,7 @@ WHEEL_PART_S = 2.5
 ROLL_OUT_S = 0.3
 WHEEL_DPS = 180.0
 OPTIONS = ChassisOptions()
-"""The robot as `docs/howto/ev3.md` describes it, which the doctor expects."""
+"""The robot that the doctor expects, as `docs/howto/ev3.md` describes it."""
 
 
 def measure(link: BrickLink, may_turn_wheels: Callable[[], bool]) -> BrickFacts:

@@ -113,7 +113,7 @@ class IntegerRidge(LinearPart):
         self._improve(self.n_features)
 
     def _improve(self, steps: int) -> None:
-        """Minimise the error in single weights, beginning with the weight of the largest effect."""
+        """Minimise the error by one weight at a time, each time the one with the largest effect."""
         weights, residual, products = self._weights, self._residual, self._products
         for _ in range(steps):
             label, i = divmod(int(np.abs(residual).argmax()), self.size)
@@ -125,7 +125,7 @@ class IntegerRidge(LinearPart):
             residual[label] -= change * products[i].astype(np.int64)
 
     def _halve(self) -> None:
-        """Halve the weight of all frames so far; the scores do not change."""
+        """Halve the influence of all frames so far; the scores do not change."""
         moments = self._residual + self._weights.dot(self._products.astype(np.int64))
         self._products >>= 1
         np.fill_diagonal(self._products, self._products.diagonal() + _PENALTY // 2)

@@ -74,7 +74,7 @@ def make(name: str, options: Mapping[str, Any]) -> Any:
         options: Options for the environment's constructor.
 
     Raises:
-        ConfigurationError: If there is no such environment, or it is of another kind. The error
+        ConfigurationError: If there is no such environment, or it is not for one player. The error
             contains Gymnasium's message.
         MissingExtraError: If Gymnasium is not installed.
     """

@@ -228,8 +228,8 @@ def _offered_sizes(fd: int, code: bytes) -> List[str]:
 
 
 def _offered(fd: int, request: int, asked: bytes) -> Iterator[bytes]:
-    """Yield the entries of a list of the driver, which are queried by their numbers until one is
-    refused."""
+    """Yield the entries of one of the driver's lists; query one number after the other, until the
+    driver refuses one."""
     for index in range(64):
         try:
             yield fcntl.ioctl(fd, request, struct.pack("=I", index) + asked)

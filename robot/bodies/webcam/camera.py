@@ -88,7 +88,7 @@ class OpencvCamera(WatchedCamera):
         return None
 
     def _read(self, capture: Any) -> None:
-        """Read until the end; if the pictures stop, open the source again after a pause."""
+        """Read until the camera stops; if no pictures come, reopen the source after a pause."""
         while not self._ending.is_set():
             if capture is not None:
                 self._read_out(capture)

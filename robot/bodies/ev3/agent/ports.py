@@ -39,8 +39,8 @@ class DevicePort:
         return str(text).partition("\n")[0]
 
     def write(self, name: str, value: object) -> None:
-        """Set an attribute. A newline is appended, as by `echo`, so that the rest of a longer old
-        value in a plain file is not read as part of the new value."""
+        """Set an attribute. A newline is appended, as by `echo`, because a plain file keeps the end
+        of a longer old value."""
         text = "{}\n".format(value)
         self._files[name] = self._device.set_attr_raw(self._files.get(name), name, text)
 

@@ -200,8 +200,8 @@ class Agent:
                 self._drop(caller, "it fell silent")
 
     def _send_picture(self, now_s: float) -> None:
-        """Send the newest picture once the controller has received the last one; pictures in
-        between are dropped."""
+        """Send the newest picture if the controller has received the previous one; all pictures
+        between the two are dropped."""
         if self._reader is None or self._controller is None:
             return
         picture = self._reader.poll(now_s)

@@ -209,7 +209,7 @@ def choose_brick(heard: Iterable[tuple[float, Beacon | None]], wanted: str = "")
     """Return the wanted brick, or the only brick if none was named; None if no such brick announces
     itself.
 
-    If no brick was named, the announcements of all bricks have to be received first. When the first
+    If no brick was named, all bricks must announce themselves before one is chosen. When the first
     brick announces itself again, every other brick has announced itself, too, and the search ends.
 
     Args:
