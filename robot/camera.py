@@ -30,9 +30,9 @@ class Camera(StartStop):
 
     Attributes:
         fault: The camera's fault, as a sentence for the page; None if all is well.
-        source_age_s: Age of the pictures at the other computer that the camera is plugged into, as
-            that computer reports it, in seconds. Waiting and transit are not included. None if the
-            camera is plugged in here, or if no age is reported.
+        source_age_s: For a camera that is plugged into another computer: the age of a picture when
+            it reaches that computer, in seconds, without the time until it is sent and received.
+            None if the camera is plugged in here, or if no age is reported.
 
     Example:
         >>> from robot.testing import VirtualClock
@@ -68,7 +68,7 @@ class Camera(StartStop):
 
         @property
         def device(self) -> str:
-            """The device that a search found, such as `C270 (serial number A17)`, or empty."""
+            """The device that a search found, such as `C270 (serial number A17)`, else empty."""
     else:
         device = ""  # not a property: a plugin may set an attribute of this name
 
@@ -150,7 +150,7 @@ class Camera(StartStop):
         return frame
 
     def _report_fault(self, sentence: str) -> None:
-        """Set the fault, and wake the listener if it is new. The next frame clears the fault."""
+        """Set the fault; a new fault wakes the listener. The next frame clears the fault."""
         if sentence != self.fault:
             self.fault = sentence
             self._on_frame()

@@ -65,4 +65,4 @@ class Clock:
 
 
 RealClock = Clock
-"""The name of `Clock` in code that works only in real time."""
+"""Another name for `Clock`, for code that works only in real time."""

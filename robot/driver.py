@@ -17,10 +17,10 @@ from robot.types import DEFAULT_MOVES, Action, Mode, Point, Prediction, Sensors
 
 ACTION_TIMEOUT_S = 0.4
 """Duration of one `send_action`, in seconds. The body stops by itself unless the next call comes
-before its end, so motors stop even if Python dies. The gate's timeout, 0.3 s, is just below."""
+before its end, so motors stop even if Python dies. The gate's timeout, 0.3 s, is shorter."""
 _LONGEST_LABEL, _LONGEST_ICON, _LONGEST_MEANING = 24, 16, 200
 TURNS_BEYOND = 0.2
-"""A move or a point counts as driving straight up to this steering, as a share of full lock."""
+"""Most steering of a move or point that counts as driving straight, as a share of full lock."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,7 +227,7 @@ class Driver(ABC):
 
         @property
         def device(self) -> str:
-            """The device that a search found, such as `'Anna' (00:16:53:00:00:01)`, or empty."""
+            """The device that a search found, such as `'Anna' (00:16:53:00:00:01)`, else empty."""
     else:
         device = ""  # not a property: a plugin may set an attribute of this name
 
@@ -244,7 +244,7 @@ class Driver(ABC):
 
     @property
     def takes_advice(self) -> bool:
-        """True for a body that passes on the learner's predictions, even while the pilot drives."""
+        """True for a body that gets the learner's predictions, even while the pilot drives."""
         return False
 
     @property
@@ -280,7 +280,7 @@ class Driver(ABC):
         """
 
     def send_point(self, point: Point, *, speed_scale: float = 1.0) -> Action:
-        """Drive at a point for at most `ACTION_TIMEOUT_S`; return the move that it counts as.
+        """Drive for at most `ACTION_TIMEOUT_S`; return the move that the point counts as.
 
         The point of a declared move drives like this move; a point between two moves drives in
         between. A body that does not accept points drives the move.

@@ -87,7 +87,7 @@ class RecordingError(RobotError, ValueError):
 
 
 UNREADABLE = (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
-"""Errors that reading malformed data may raise: `RecordingError`, which is a ValueError, and
+"""Errors that reading malformed data can raise: `RecordingError`, which is a ValueError, and
 Python's own."""
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from robot.devices.rig import Rig
 
 MOST_TRIM = 0.3
-"""Largest trim. If a robot needs a larger trim, a motor or a wheel is broken."""
+"""Largest trim. A robot that needs a larger trim has a broken motor or wheel."""
 REVERSED = ("none", "left", "right", "both")
 TURNS_DEG = (0, 90, 180, 270)
 _JPEG_QUALITY = 90
@@ -34,7 +34,7 @@ _NOT_CORRECTED = {
     "swap_sides": "it has no moves that steer left and right",
     "trim": "it is not steered by degrees",
 }
-"""For each correction, the reason why a body may not support it."""
+"""For each correction, the reason to give if a body does not support it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,8 +108,8 @@ class BodyCorrection(Correction):
         return Point(-steering if self.swap_sides else steering, throttle)
 
     def motors(self, values: Pair) -> Pair:
-        """Return the corrected values for both motors, apart from swapped sides, which `point`
-        corrects."""
+        """Return the values for both motors with their signs corrected; `point` corrects swapped
+        sides."""
         return values[0] * self.signs[0], values[1] * self.signs[1]
 
     def wheels(self, turned: Pair) -> Pair:
@@ -198,8 +198,8 @@ class CameraCorrection(Mounting):
         return _made(picture, turned.tobytes(), turned)
 
     def _yuyv(self, picture: Frame) -> Frame:
-        """Turn a YUYV picture. Two neighbours in a row share a colour; after a turn by 90 degrees
-        other pixels are neighbours in a row."""
+        """Turn a YUYV picture. Two neighbours in a row share a colour, and a turn by 90 degrees
+        changes which pixels are neighbours in a row."""
         rows, columns = picture.height, picture.width
         packed = np.frombuffer(picture.data, np.uint8).reshape(rows, columns, 2)
         colours = packed[:, :, 1].reshape(rows, columns // 2, 2).repeat(2, axis=1)
@@ -233,7 +233,7 @@ def check_mounting(camera: Camera, mounting: CameraCorrection) -> None:
     """Check that this camera's pictures can be turned.
 
     Raises:
-        ConfigurationError: If this camera's pictures must not be turned.
+        ConfigurationError: If this camera's pictures cannot be turned.
         MissingExtraError: If turning needs OpenCV, and OpenCV is not installed.
     """
     if mounting.is_upright:

@@ -48,7 +48,7 @@ class Score:
         self._start: Pose | None = None
         self._stretches: list[_Stretch] = []
         self._run: list[_Stretch] = []
-        """The stretches of the current straight run, of which the first counts only if a second one
+        """The stretches of the current straight run; the first counts only if a second one
         follows."""
         self._backward_m = 0.0
 

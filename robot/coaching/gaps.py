@@ -13,7 +13,7 @@ class GapKind(StrEnum):
 
     TOO_SHORT = "too_short"  # more teaching is needed
     RARE_MOVE = "rare_move"  # this move was begun too few times
-    UNFORESEEN = "unforeseen"  # the robot would not have changed to this move as the pilot did
+    UNFORESEEN = "unforeseen"  # the pilot changed to this move, and the robot would not have
     CORRECTED = "corrected"  # the pilot took the wheel here
     PUSHED = "pushed"  # the robot drove against an obstacle here
     HELPLESS = "helpless"  # the robot tried without success here

@@ -121,7 +121,8 @@ class Lesson:
         self._was = tick.decision.driven_by
 
     def _note_takeover(self, tick: Tick) -> None:
-        """Record a correction by the pilot, who may begin with the robot's current move."""
+        """Record the pilot's first move that differs from the robot's, once the pilot took the
+        wheel."""
         if self._was is DrivenBy.ROBOT:
             self._begin_trial()
             self._is_taken = True

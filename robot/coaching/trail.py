@@ -33,7 +33,7 @@ class Event(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Waypoint:
-    """One point of the trail. `driven_by` drove to this point, and the `events` began here."""
+    """One point of the trail. `driven_by` tells who drove here, and the `events` began here."""
 
     pose: Pose
     driven_by: DrivenBy

@@ -20,8 +20,8 @@ USUAL_PERIOD_S = 1 / 30
 """Camera period that the link's limits assume, in seconds. If a camera's period is longer, the
 difference is added to the limits."""
 SLOW_PERIOD_S = 0.75
-"""A camera with this period or a longer one is reported as too slow, in seconds. Webcams usually
-deliver ten to thirty pictures a second, and nobody can steer by so few."""
+"""A camera with this period or a longer one is reported as too slow, in seconds. Nobody can steer
+by so few pictures; webcams usually deliver ten to thirty a second."""
 _LEAST_SCALE = 0.05
 """Lower bound of the speed scale: bodies refuse 0, and no camera needs a lower scale than this."""
 
@@ -35,10 +35,10 @@ class CameraTimingConfig:
     cm. If the camera's period exceeds `full_speed_s`, the excess is added to this limit. The robot
     then drives slower, so the distance stays within 8 cm."""
     full_speed_s: float = 0.3
-    """Age of the newest picture up to which the robot drives at full speed; 5 cm at 0.16 m/s. With
-    older pictures the robot slows down, so that it travels no further on one picture."""
+    """Largest age of the newest picture at full speed: the robot then travels 5 cm at 0.16 m/s.
+    With older pictures it slows down, so that it travels no further on one picture."""
     growth_s_per_s: float = 0.05
-    """How fast an estimate may grow while the robot may move; without limit if it stands still."""
+    """Most growth of an estimate while the robot may move; no limit while it stands still."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -81,7 +81,7 @@ class Gate:
     def silent_at_s(self) -> float:
         """The time from which the pilot counts as silent without a command; infinite when stopped.
 
-        A robot that drives by itself only needs supervision, whose time limit is a little longer.
+        A robot that drives by itself needs only supervision, which has a longer time limit.
         """
         if self.mode is Mode.STOPPED:
             return math.inf
@@ -100,8 +100,8 @@ class Gate:
 
         A move that the pilot held before does not count in the new mode. If the newest picture is
         too old (the camera paused or the computer is busy), the robot stands still in the new mode
-        until a fresh picture comes, for `start_patience_s` at most. `proven_s` is a time before
-        which the request cannot have been sent; None means now.
+        until a fresh picture comes, for `start_patience_s` at most. The request cannot have been
+        sent before `proven_s`; None means now.
         """
         if mode is Mode.STOPPED:
             self.trip(StopReason.PILOT_ASKED)

@@ -57,7 +57,7 @@ class LinkState:
     age_s: float | None = None
     """Age of the picture that the pilot acts upon; None if the age is unknown."""
     is_busy: bool = False
-    """True if the computer is late, so that the link is not the cause."""
+    """True if this computer is late, whatever the link."""
     must_stop: bool = False
     may_learn: bool = True
     """True if labels belong to the right pictures, so the robot may learn."""

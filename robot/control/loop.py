@@ -68,8 +68,8 @@ class LoopConfig:
     longest_wait_s: float = 0.05
     """Longest time between two ticks, even if the camera sends no pictures."""
     stall_s: float = 0.3
-    """Gap between two ticks after which the robot stops, because commands received in the gap are
-    stale: the computer slept, or the process was held up."""
+    """Gap between two ticks after which the robot stops: the computer slept or the process was held
+    up, so commands received in the gap are stale."""
 
 
 class Mailbox:
@@ -95,7 +95,7 @@ class Mailbox:
         return future
 
     def note(self, request: Callable[[], None], *, is_news: bool) -> None:
-        """Queue a request without an answer, which must not raise. If `is_news` is False, the
+        """Queue a request without an answer; the request must not raise. If `is_news` is False, the
         request does not wake the loop, and runs in the next tick, at most 50 ms later."""
         self._requests.append((None, request))
         if is_news:
@@ -184,7 +184,7 @@ class ControlLoop:
     def subscribe(
         self, listener: Callable[[Tick], None], *, modes_only: bool = False
     ) -> Callable[[], None]:
-        """Call `listener`, which must be quick, after each tick, or with `modes_only` after each
+        """Call `listener`, which must be quick, after each tick; with `modes_only`, only after a
         change of mode. Return a function that ends the calls."""
         key = object()
         self._listeners[key] = listener, modes_only
@@ -243,9 +243,9 @@ class ControlLoop:
     ) -> Future[bool]:
         """Choose a mode, also to start after a stop. The future is True if the mode was accepted.
 
-        `proven_s` is a time before which the request cannot have been made; None means now. The
-        loop checks this age when it runs the request, so time in the queue counts. `frame_id` is
-        the frame that the pilot sees.
+        The request cannot have been made before `proven_s`; None means now. The loop checks this
+        age when it runs the request, so time in the queue counts. `frame_id` is the frame that the
+        pilot sees.
         """
         asked_s = self.clock.now_s() if proven_s is None else proven_s
         epoch, self._asked = self._epoch, None

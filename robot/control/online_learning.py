@@ -43,7 +43,7 @@ class Agreement:
 
     @property
     def share(self) -> float | None:
-        """Share of the examples that were predicted correctly; None before the first."""
+        """Share of the examples that were predicted correctly; None before the first example."""
         return self._n_right / len(self._examples) if self._examples else None
 
     def add(self, at_s: float, *, is_right: bool) -> None:
@@ -60,7 +60,7 @@ class Agreement:
 
 
 class Labeller:
-    """Turns the pilot's commands of one drive into labels of frames, each frame once."""
+    """Makes labels from the pilot's commands of one drive; each frame gets at most one label."""
 
     def __init__(self) -> None:
         self._previous: PilotCommand | None = None
@@ -74,7 +74,7 @@ class Labeller:
     def label(
         self, command: PilotCommand, known_frame_ids: Iterable[int]
     ) -> Iterator[tuple[int, Action, Point | None]]:
-        """Yield the frames that a new command labels, with their move and point, oldest first.
+        """Yield the frames that get a label from a new command, with move and point, oldest first.
 
         `known_frame_ids` are the remembered frames, ascending; no other frame can be labelled.
         """
@@ -220,7 +220,7 @@ class OnlineLearning:
     def learn(
         self, commands: Sequence[PilotCommand], *, is_intervention: bool, may_learn: bool
     ) -> None:
-        """Learn the frames that the commands label; if `may_learn` is False, skip them."""
+        """Learn the frames that the commands give a label; if `may_learn` is False, skip them."""
         lessons: list[tuple[Example, Vector, float]] = []
         for command in commands:
             for frame_id, label, point in self._labeller.label(command, self._seen):
@@ -250,7 +250,7 @@ class OnlineLearning:
     def times_of(
         self, frame_id: int | None, seen_id: int | None = None
     ) -> tuple[tuple[float, float], float] | None:
-        """Return three times: when the frame `frame_id` was taken, when it reached the loop, and
+        """Return three instants: when the frame `frame_id` was taken, when it reached the loop, and
         when the older of the frames `frame_id` and `seen_id` reached the loop. A frame that is no
         longer remembered gets the times of the oldest remembered frame. None before the first
         frame, and if no frame is named."""

@@ -22,7 +22,7 @@ class Tick:
 
     `frame` is set if there is a new frame; `frame_id` and `frame_captured_s` belong to the newest
     frame. `source_age_s` is explained in `Camera`. `commands` are the commands that the gate
-    accepted; it `refused` commands that were too old or named no frame.
+    accepted; `refused` holds the commands that were too old or named no frame.
     """
 
     now_s: float

@@ -81,7 +81,7 @@ class Abilities:
     """Capabilities of a learner beyond learning and predicting.
 
     Attributes:
-        images: The learner stores images that `nodes` lists and that can be relabelled and deleted.
+        images: The learner stores images (`nodes`), which can be relabelled and deleted.
         pinning: An image can be pinned, so that it is not merged.
         novelty: `Evidence.novelty` measures how far a view is from all learned views.
         contexts: The prediction can depend on the current move: `learn_in`, `explain_in`.
@@ -193,8 +193,8 @@ class Learner(Protocol):
     def get_state(self) -> State:
         """Return a copy of the state; after `set_state` with it all predictions are the same.
 
-        Saving and undo need an exact copy: a learner restored from it and the original learn the
-        same from further examples, bit for bit.
+        Saving and undo need an exact copy: after the same further examples a restored learner and
+        the original are equal, bit for bit.
         """
 
     @abstractmethod
@@ -227,7 +227,7 @@ class Learner(Protocol):
         raise ValueError(f"a {type(self).__name__} stores no images to edit")
 
     def reflect(self, mirror: Mirror, on: bool) -> None:
-        """Also learn the mirror image of every example, past and future; `on` False ends this.
+        """Also learn the mirror image of every example, past and future; end this if not `on`.
 
         Raises:
             ValueError: If the learner cannot mirror examples.

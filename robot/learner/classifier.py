@@ -56,8 +56,8 @@ class BSOCClassifier(Stateful, Learner):
         cluster: The clustering; if None, a label-aware `BSOC`.
         balance: Extra weight of rare labels, from 0 to 1 (`votes.rarity`).
         novelty_margin: Distance beyond the usual distances at which a view is novel (`Novelty`).
-        forgets: True to follow a pilot who relabels the same views (`votes.ChangeOfMind`). The
-            argument has no effect with a clustering that measures no novelty.
+        forgets: True to follow a pilot who relabels the same views (`votes.ChangeOfMind`); no
+            effect with a clustering that measures no novelty.
 
     Example:
         >>> learner = BSOCClassifier(max_nodes=2)

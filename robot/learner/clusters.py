@@ -140,7 +140,7 @@ class Clusters(Stateful, ABC):
         """Exclude one node from all merges, or include it again.
 
         Raises:
-            ValueError: If too many nodes would be pinned, and new frames could not be merged.
+            ValueError: If so many nodes would be pinned that new frames could not be merged.
         """
         edges = self._edges
         others = edges.n_pinned - bool(edges.pinned[node])

@@ -14,16 +14,16 @@ from robot.learner.part import Array
 
 _INT32 = 2**31
 _MOST_STEPS, _FEWEST_STEPS = 256, 16
-"""Upper and lower bound of the steps between two grey levels in `IntegerImages`."""
+"""Most and fewest steps between two successive grey levels in `IntegerImages`."""
 
 
 class IntegerImages(Images):
     """Images that are compared in integers only, for machines without a floating-point unit.
 
     Vectors are integers from 0 to 255. A row stores the exact sum of its frames, so precision does
-    not depend on the number of frames. Frames are compared with the mean in steps of 1/16 to 1/256.
-    The step is as fine as 32 bits allow for products of two vectors, because with 64 bits such a
-    processor takes twice as long.
+    not depend on the number of frames. Frames are compared with the mean in steps of 1/16 to 1/256
+    of a grey level. The step is as fine as 32 bits allow for products of two vectors, because with
+    64 bits such a processor takes twice as long.
 
     Args:
         max_nodes: Number of rows.

@@ -185,8 +185,8 @@ class Stateful:
     def parts(self) -> Sequence[tuple[str, Stateful]]:
         """Return the contained parts, with their names.
 
-        A part's values are saved in a table of the part's name, and the names of its arrays begin
-        with this name. A part with an empty name is saved among its owner's values and arrays.
+        A part's values are saved in a table with its name, and the names of its arrays begin with
+        this name. A part with an empty name is saved among its owner's values and arrays.
         """
         return ()
 
@@ -197,7 +197,7 @@ class Stateful:
         """Compute the derived values after loading."""
 
     def faults(self) -> Iterator[str]:
-        """Yield a sentence for each contradiction between fields; all are within their bounds."""
+        """Yield a sentence for each contradiction between fields that are within bounds."""
         return iter(())
 
     def save(self) -> tuple[Params, Arrays]:
@@ -227,7 +227,7 @@ class Stateful:
         Args:
             params: The plain values.
             arrays: The arrays; they are copied.
-            names: Maps the labels or moves that the values may name to the parts' own names.
+            names: Maps each allowed label or move to the part's own name for it.
             sizes: Known lengths, by name.
 
         Raises:

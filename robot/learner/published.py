@@ -25,7 +25,7 @@ class PublishedBSOC(Clusters):
     vector, once for a merged node.
 
     With `integer`, vectors and images are bytes; a merged image is rounded to nearest, as in the
-    authors' program, and pixels need no floating-point operations. Without `integer` images are
+    authors' program, and pixels need no floating-point operations. Without `integer`, images are
     exact means. Pinning is not in the paper; the page needs it.
     """
 

@@ -1,7 +1,7 @@
 """Online ridge regression from features to labels: exact after every frame, without a matrix solve.
 
 Source: recursive least squares, Haykin, "Adaptive Filter Theory", with a forgetting factor of 1.
-After any number of frames the weights are those of batch ridge regression on all of them.
+After any number of frames the weights are those of batch ridge regression on all these frames.
 
 The inverse is large, and most of the time of a frame is spent on reading and writing it. So the
 ridge stores the inverse in single precision (`_ROUNDED` bounds the error), and keeps the latest
@@ -339,7 +339,7 @@ class ContextRidge(RecursiveRidge):
     def restored(self) -> None:
         super().restored()
         for i, ridge in enumerate(self._ridges):
-            for field in ridge.fields:  # check before copying, which would hide bad values
+            for field in ridge.fields:  # check before copying: a copy would hide bad values
                 field.check(ridge)
             if ridge.is_indefinite:  # the other context's frames were subtracted
                 self._ridges[i] = self._copy()

@@ -22,7 +22,7 @@ Distances = NDArray[np.float32] | NDArray[np.float64]
 
 
 def nearest_nodes(distances: Distances, histograms: NDArray[np.int64], n_voters: int) -> Floats:
-    """Return the labels' shares among the `n_voters` nearest nodes, weighted by nearness.
+    """Return each label's share of the votes of the `n_voters` nearest nodes, weighted by nearness.
 
     With one voter the result is the paper's vote.
 
@@ -120,7 +120,7 @@ def rarity(counts: NDArray[np.int64] | Floats, power: float) -> Floats:
 
 
 def shares(votes: Floats) -> Floats:
-    """Return `votes` divided by their sum; equal shares if there are none."""
+    """Return `votes` divided by their sum; equal shares if there are no votes."""
     total = float(votes.sum())
     return votes / total if total > 0 else np.full(votes.size, 1.0 / max(votes.size, 1))
 
@@ -212,9 +212,9 @@ APART = 1.3
 """An example's label differs clearly from another label if the other label's images are at least
 this many times as far away as the images of its own label."""
 ENOUGH = 20.0
-"""A label is overruled by this number of examples against it, minus those that confirm it."""
+"""A label is overruled if this many more examples contradict it than confirm it."""
 MOST_A_TURN = 10.0
-"""A single turn adds at most this many examples against a label, because it may be a mistake."""
+"""A single turn, which may be a mistake, adds at most this many examples against a label."""
 CONFIRMED = 4.0
 """One example of the label at its old views cancels this many examples against the label."""
 LATER = 200
@@ -229,9 +229,9 @@ class ChangeOfMind(Stateful):
     A label that the pilot no longer uses is no evidence: a pilot who turns round and drives back
     has not changed his mind about the way there. A single contradiction is no evidence either: at
     the beginning of a turn the same view can have the labels of the turn and of driving straight.
-    So an example contradicts another label only if it is clearly nearer to that label's images than
-    to the images of driving straight, and its own label's images are no nearer. After a change of
-    mind most examples contradict the old label; in a lesson in the opposite direction few do.
+    So an example contradicts another label only if it is at least as near to that label's images as
+    to those of its own label, and clearly nearer than to those of driving straight. After a change
+    of mind most examples contradict the old label; in a lesson in the opposite direction few do.
 
     If a label was contradicted often enough, it loses most of its votes at a view in two cases.
     Either the label's nearest image was last taught before the contradictions began, or another
@@ -314,7 +314,7 @@ class ChangeOfMind(Stateful):
         owners: NDArray[np.int64],
         taught: NDArray[np.int64],
     ) -> Floats:
-        """Return the labels' shares of a view, shape (n_labels,), corrected for relabelling."""
+        """Return each label's share of the votes, shape (n_labels,), corrected for relabelling."""
         usual = int(self._taken_up.argmax())
         nearest: dict[int, tuple[float, int]] = {}  # for each label: (distance, time taught)
         for label in range(len(shares)):
@@ -350,7 +350,7 @@ class ChangeOfMind(Stateful):
 
     @property
     def _kept_taken_up(self) -> NDArray[np.int64]:
-        """How often each label began, and then the last label plus 1, or 0 without a last label."""
+        """The number of starts of each label, then the last label's number plus 1 (0 if none)."""
         return np.append(self._taken_up, self._last + 1)
 
     @_kept_taken_up.setter

@@ -8,7 +8,7 @@ Every constant is a time or a share of votes, never a number of frames.
    votes. If the pilot drives by degrees, a turn goes on until a turn to the other side has clearly
    more votes.
 3. A straight move without effect is given up (`StallDetector`).
-4. Turning for longer than the pilot's longest turns loses votes (`Headway`).
+4. A turn loses votes once the robot has turned for longer than the pilot ever did (`Headway`).
 5. If the robot alternates between left and right faster than its pilot did, it turns only to one
    side for a while.
 6. If no way out helps, the robot stops and asks for help.

@@ -39,7 +39,7 @@ class Edited:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Undone:
-    """Examples that were undone. Without frame ids, the pilot undid the last edit."""
+    """Examples that were undone, or, without frame ids, the last edit that was undone."""
 
     frame_ids: tuple[int, ...]
 

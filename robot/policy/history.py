@@ -22,7 +22,7 @@ from robot.policy.replay import make, replay
 from robot.types import Action, Example
 
 SNAPSHOT_EVERY_S = 10.0
-"""Teaching time between snapshots, in seconds: an undo relearns at most this much more."""
+"""Teaching time between snapshots, in seconds: an undo relearns at most this much."""
 UNDO_HORIZON_S = 35.0
 """Teaching time that can be undone, in seconds."""
 _LONGEST_STEP_S = 0.5
@@ -70,7 +70,7 @@ class TrainingHistory:
             type(part).__module__.startswith("robot.") for part in (policy.learner, policy.features)
         )
         self.batch = 64 if self._is_ours else 1
-        """Most examples for `teach_all`: only one for a plugin, which may refuse examples."""
+        """Most examples for one `teach_all`: 1 for a plugin, because it can refuse an example."""
         policy.kinds.describe(self.declared)
         self.taught = taught
         self._is_drive_new = True

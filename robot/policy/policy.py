@@ -105,7 +105,7 @@ class Policy(Stateful):
         return self.learner.n_nodes_
 
     def usual_point(self, move: Action) -> Point | None:
-        """Return a move's usual point, at any view; None before the first lesson by degrees."""
+        """Return a move's usual steering and throttle; None before the first lesson by degrees."""
         return self._degrees.usual(move)
 
     def extract(self, frame: Frame) -> Vector:

@@ -192,7 +192,7 @@ class Recognition(PolicyPart):
         self.taught: dict[int, int] = {}
 
     def on_frame(self, seen: Seen) -> None:
-        if seen.context is None:  # a plugin may override only one of the two
+        if seen.context is None:  # a plugin can override one of the two methods alone
             seen.evidence = self._learner.explain_one(seen.x)
         else:
             seen.evidence = self._learner.explain_in(seen.x, seen.context)

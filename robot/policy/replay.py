@@ -34,7 +34,7 @@ def replay(
 
 
 def make(policy: Policy, event: LogEvent) -> None:
-    """Make one change. Raises LookupError if its image does not exist, and ValueError if the policy
+    """Make one change. Raises LookupError if the image does not exist, and ValueError if the policy
     refuses or the edit is unknown."""
     if isinstance(event, Taught):
         example, at_s = event.example, event.at_s if event.at_s >= 0.0 else None
