@@ -23,10 +23,10 @@ from robot.types import Action, Mode, Point, Sensors
 SENSE_EVERY_S = 0.1
 """Period at which the sensors are read, in seconds, even if actions wait to be sent."""
 STALE_S = 0.25
-"""Age above which an action is no longer sent, in seconds, because the loop was held up."""
+"""Age of a waiting action, in seconds, above which the body is stopped: the loop was held up."""
 SILENT_S = 0.5
-"""Duration above which a request counts as a fault, in seconds. The body's own time limit has then
-ended the move."""
+"""Duration above which a request counts as a fault, in seconds. By then the body's own time
+limit has ended the move."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ class DriverThread(Driver):
             self._thread = self._clock.start_thread(self._run, "driver")
 
     def disconnect(self) -> None:
-        """End the thread, stop the body and disconnect it. Waits for the request in progress."""
+        """End the thread after the request in progress, stop the body and disconnect it."""
         self._ending = True
         self._due.set()
         if self._thread is not None:
@@ -147,7 +147,7 @@ class DriverThread(Driver):
     def correct(self, correction: Correction) -> None:
         """Apply a correction before any further action; waiting actions are dropped.
 
-        Some bodies are then connected again; if that fails, the next `drive` raises the error.
+        Some bodies are connected again; if the connection fails, the next `drive` raises the error.
         """
         if self._thread is None:
             self.driver.correct(correction)
@@ -159,8 +159,8 @@ class DriverThread(Driver):
     # On the thread -----------------------------------------------------------------------------
 
     def step(self) -> bool:
-        """Do the most urgent request: stop, drive, sense or show. Return False if none is
-        waiting."""
+        """Do the most urgent request: stop, drive, sense or show. Return False if no request
+        waits."""
         now_s = self._clock.now_s()
         with self._lock:
             request = self._choose(now_s)
@@ -181,8 +181,8 @@ class DriverThread(Driver):
         """Remove and return the most urgent request: stop comes first, then sense or drive, then
         show.
 
-        A new action is sent before the sensors are read, unless this reading has been due for
-        `SENSE_EVERY_S`. A renewed action is sent after the reading. STOP is always sent first.
+        STOP is sent before a reading of the sensors, and so is a new action unless the reading has
+        been due for `SENSE_EVERY_S`. A renewed action waits for a reading that is due.
         """
         order, since_s = self._order, now_s - self._sensed_s
         is_new = order is not None and order.action is not self._driven

@@ -59,7 +59,7 @@ def option(
     range: tuple[float, float] | None = None,
     secret: bool = False,
 ) -> Any:
-    """Declare a field of an options' dataclass."""
+    """Declare one option, as a field of a dataclass."""
     about = {"help": help, "choices": choices, "range": range, "secret": secret}
     return field(default=default, metadata=about)
 

@@ -99,7 +99,7 @@ def reader(kind: Any, declared: Any, base: type[BaseModel] = BaseModel) -> Calla
 
 
 def plain_type(hint: Any) -> type[Any]:
-    """Return X for the annotation `X | None`, because an optional value still has one type."""
+    """Return the type of an optional value: X for the annotation `X | None`."""
     if get_origin(hint) in (UnionType, Union):
         hint = next(part for part in get_args(hint) if part is not type(None))
     return hint if isinstance(hint, type) else str
@@ -138,7 +138,7 @@ def _description(kind: type[BaseModel], name: str) -> str | None:
 
 
 def _is_same(given: Any, read: Any) -> bool:
-    """True if pydantic 1 only converted integers to floats. False if a text has lone surrogates."""
+    """True if only integers were converted, to floats. False if a text has lone surrogates."""
     if isinstance(given, list):
         return all(map(_is_same, given, read))
     if isinstance(given, str):

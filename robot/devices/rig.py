@@ -55,7 +55,7 @@ class Rig(StartStop):
             with self._eye.named("start"):
                 self.camera.start()
         except BaseException:
-            with contextlib.suppress(RobotError):  # the error of connect or start is reported
+            with contextlib.suppress(RobotError):  # raise the first error, not that of stop
                 self.stop()
             raise
         if self._thread is None:

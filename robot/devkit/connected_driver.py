@@ -24,8 +24,8 @@ _BROKEN = OSError, EOFError
 
 
 class _Shown:
-    """An attribute for subclasses to read. A subclass may use the name for its own attribute,
-    because the base class itself does not read the attribute."""
+    """An attribute that subclasses may read. They may also define their own attribute with its
+    name, because the base class itself does not read the attribute."""
 
     def __init__(self, name: str) -> None:
         self.name = f"_ConnectedDriver__{name}"
@@ -43,8 +43,8 @@ class ConnectedDriver(Driver, Generic[_C]):
     without a connection, makes `connect` and `disconnect` idempotent, and stops the body after each
     `_begin`.
 
-    A body that answers orders needs no more. If a body does not acknowledge orders but sends
-    reports, set `gone_after_s`, and call `heard` whenever data came from the body.
+    If the body answers each order, nothing else is needed. If the body does not acknowledge orders
+    but sends reports, set `gone_after_s`, and call `heard` whenever data came from the body.
 
     Attributes:
         gone_after_s: Time without a call of `heard` after which the body counts as gone, in
@@ -183,7 +183,7 @@ class ConnectedDriver(Driver, Generic[_C]):
         self.__reach()
         try:
             return request()
-        except RobotError:  # such an error is already reported; DriveError is also an OSError
+        except RobotError:  # raised unchanged, although DriveError is also an OSError
             raise
         except _BROKEN as error:
             raise self.__lose(f"does not answer: {_words(error)}") from error

@@ -45,8 +45,7 @@ class DeadReckoning:
         return self._pose
 
     def _roll(self, now_s: float) -> None:
-        """Add the distances that the wheels have rolled since the last call, as the last command
-        says."""
+        """Add the distances that the wheels rolled since the last call, at the commanded speeds."""
         until_s = min(now_s, self._told_s + ACTION_TIMEOUT_S)
         seconds = max(until_s - max(self._rolled_s, self._told_s), 0.0)
         left_m, right_m = self._told_m

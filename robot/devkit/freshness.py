@@ -8,7 +8,7 @@ STILL_S = 0.35
 """A camera counts as broken after its period plus this time without a new picture, in seconds. A
 fault is therefore detected within 500 ms plus the camera's period."""
 LONGEST_PERIOD_S = 1.2
-"""Period of a camera up to which its time limit grows with its period, in seconds."""
+"""Upper bound for the period that a camera is assumed to have, in seconds."""
 _BURST_S = 0.02
 """Gap below which two pictures count as sent together, in seconds, so that the gap is not taken for
 the camera's period."""
@@ -24,8 +24,8 @@ class Freshness:
         self._period_s = None  # type: Optional[float]
 
     def is_new(self, data: bytes, now_s: float) -> bool:
-        """Record a picture. Return False for an exact repetition, because a working sensor has
-        noise."""
+        """Record a picture. Return False if it equals the last picture exactly, because the noise
+        of a working sensor makes any two pictures differ."""
         self._seen_s = now_s
         if data == self._last:
             return False
@@ -47,8 +47,8 @@ class Freshness:
         return STILL_S + (self._period_s or 0.0)
 
     def continue_from(self, before: "Freshness") -> None:
-        """Take over the last picture from before the camera was opened again, because the camera
-        may still repeat it."""
+        """Keep the last picture that came before the camera was opened again, because the camera
+        may still repeat this picture."""
         self._last = before._last
 
     def fault(self, now_s: float) -> Optional[str]:

@@ -18,8 +18,7 @@ DRIVEN_BY_PX = 1280 * 960
 """Number of pixels of the largest picture that is passed on. The learner uses only a few hundred
 pixels, and larger pictures reach the pilot later."""
 _SHARES = (2, 4, 8)
-"""Factors by which a decoder can reduce a JPEG, which takes a fraction of the time of decoding it
-in full size."""
+"""Factors by which a decoder can reduce a JPEG, in a fraction of the time that full size takes."""
 _READABLE_SOF = (0xC0, 0xC1, 0xC2)
 """Kinds of JPEG that decoders read: baseline, extended and progressive, but not the lossless kind
 0xC3."""

@@ -1,9 +1,9 @@
 """Identifies the robot's USB camera, so that only the camera that was opened first is used.
 
-Linux assigns new numbers to cameras that are plugged in again, so a number is no identity. A camera
-is identified by its make and serial number. If the serial number is not unique, as with many cheap
-cameras, the socket identifies the camera. Written for Python 3.5, because the agent on a brick
-includes this module.
+Linux assigns new numbers to cameras that are plugged in again, so a number does not identify a
+camera. A camera is identified by its make and serial number. If the serial number is not unique, as
+with many cheap cameras, the socket identifies the camera. Written for Python 3.5, because the agent
+on a brick includes this module.
 """
 
 import os
@@ -70,7 +70,7 @@ class SameCamera:
         self._look_for_twins(cameras)
 
     def lost(self) -> None:
-        """Note that the lost camera is none of the identical cameras that are plugged in now."""
+        """Record that the camera is lost: an identical one that is plugged in is another camera."""
         self._look_for_twins(list_usb_cameras(self._root))
 
     @property

@@ -1,7 +1,7 @@
 """Converts steering and throttle to the wheel speeds of a differential drive. Pure.
 
-Bodies differ only in the speeds of their moves, whose points are those of `robot.driver.CLASSIC`.
-Between the points of two moves the speeds are interpolated.
+Bodies differ only in the speeds of their moves. The steering and throttle of each move are those in
+`robot.driver.CLASSIC`. Between two moves the speeds are interpolated.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ class TwoWheels:
     def at(self, point: Point, most: Pair | None = None) -> Pair:
         """Return the speeds of the wheels.
 
-        Ahead, the robot drives slower with more steering, and full lock is a turn. Without throttle
-        the robot spins. Backward, the inner wheel is slower, as in a car.
+        A robot that drives ahead is slower with more steering, and full lock is a turn. Without
+        throttle the robot spins. When it drives backward, the inner wheel is slower, as in a car.
 
         Args:
             point: Steering and throttle.

@@ -55,7 +55,7 @@ class WorldCamera(ThreadedCamera, Generic[_D]):
 
     @abstractmethod
     def _live(self) -> None:
-        """Advance the world and take pictures, until `_ending`."""
+        """Advance the world and take pictures until `_ending` is set."""
 
     @abstractmethod
     def _leave(self) -> None:

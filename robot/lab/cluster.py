@@ -56,7 +56,7 @@ def run_on_cluster(
 ) -> Iterator[tuple[str, Outcome, str]]:
     """Yield each finished task's key, its outcome and the name of its worker.
 
-    ConfigurationError if the cluster cannot be reached, is lost, or has no usable worker.
+    Raises ConfigurationError if the cluster cannot be reached, is lost, or has no usable worker.
     """
     distributed = need("distributed", "the backend dask", "dask")
     if scheduler is None:
@@ -112,7 +112,7 @@ class _Worker:
     """The key of the worker's task; empty while the worker is being identified."""
     is_used: bool = False
     said_s: float = 0.0
-    """Time for which the worker had been silent when this was last reported, in seconds."""
+    """Duration of the worker's silence when it was last reported, in seconds."""
 
 
 class _Run:

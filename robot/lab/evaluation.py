@@ -32,7 +32,7 @@ Vectors = dict[tuple[type[Features], str, str, float], list[Vector]]
 learners with the same features."""
 Seen = Sequence[tuple[Vector, Action, Point | None]]
 """A drive in the form in which a learner gets it: for each frame the vector, the label, and the
-label by degrees."""
+label's steering and throttle; these are None if unknown."""
 
 
 class Pair(NamedTuple):
@@ -205,7 +205,7 @@ def teach(policy: Policy, drive: Seen, lesson: FramesToLearn = WHOLE_DRIVE) -> i
 def _angles(
     truth: Sequence[Point | None], proposed: Sequence[Point | None]
 ) -> dict[str, float | None]:
-    """Return the mean error, the correlation and the step of the angle; None if unknown."""
+    """Return the angle's mean error, correlation and RMS change per frame; None if unknown."""
     known = [(t.steering, p.steering) for t, p in zip(truth, proposed, strict=True) if t and p]
     found = dict.fromkeys(("angle_error", "angle_correlation", "angle_step"))
     if known:
@@ -218,8 +218,8 @@ def _angles(
 
 
 def calibration_error(confidences: Sequence[float], right: Sequence[bool]) -> float:
-    """Return the mean over all frames of |confidence - accuracy|, each in the frame's bin of
-    confidence."""
+    """Return the mean over all frames of |confidence - accuracy|; both are means over the
+    frame's bin of confidence."""
     values, hits = np.array(confidences), np.array(right, float)
     tenths = np.minimum((values * 10).astype(int), 9)
     gaps = [abs(float((values - hits)[tenths == tenth].sum())) for tenth in range(10)]

@@ -77,8 +77,8 @@ def run_cycles(params: Params) -> Result:
 
 
 def _pictures(rig: Rig, loop: ControlLoop) -> Generator[int]:
-    """Yield the number of each new picture. The wheels of a real robot turn meanwhile, so put it on
-    a stand."""
+    """Yield the number of each new picture. The wheels of a real robot turn during the measurement,
+    so put the robot on a stand."""
     driver, camera, last = rig.driver, rig.camera, 0
     if isinstance(driver, SimDriver) and isinstance(camera, SimCamera):
         driver.connect()

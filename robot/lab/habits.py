@@ -60,7 +60,7 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
 def _tables(runs: Runs) -> list[Table]:
     """Return a table of the release criteria, then a table by rate, one by habit and one by place.
 
-    The tables are about lessons of 90 s. With `--quick` there are no such lessons.
+    The tables are about lessons of 90 s. With `--quick` there are no lessons of 90 s.
     """
     tables = [_gate(runs)]
     for name in ("rate_hz", "habit", "world"):
@@ -164,7 +164,7 @@ def run_habit(params: Params) -> Result:
 
 
 def taught_by(habit: Habit, name: str, params: Params) -> Trial:
-    """Return a trial with a pilot of this habit. `name` is the seed of the random numbers."""
+    """Return a trial with a pilot of this habit. `name` seeds the pilot's random numbers."""
     policy, rate_hz = make_learner(params["learner"], habit.moves), params["rate_hz"]
     world, seed, pilot = params["world"], params["seed"], habit.pilot(name)
     return Trial(world, seed, policy, pilot, rate_hz=rate_hz, drift=DRIFT_SHARE)
@@ -175,7 +175,7 @@ def beside_pilot(
 ) -> dict[str, Any]:
     """Return the figures of a robot's minute, and of its pilot's minute from the same start.
 
-    The pilot's pushes during the lesson also count, because the robot learned from them to push.
+    The pilot's longest push may be one in the lesson, because the robot learned from the lesson.
     """
     minutes = [
         drive_by_hand(

@@ -44,8 +44,8 @@ def make_learner(name: str, moves: tuple[Action, ...]) -> Policy:
         moves: The moves that the policy may propose.
 
     Raises:
-        ConfigurationError: If the name is unknown, or the call returns neither. The error names the
-            file and the reason.
+        ConfigurationError: If the name is unknown, or the call returns neither a `Policy` nor a
+            `Learner`. The error names the file and the reason.
     """
     made = _make_idea(name, "drivelesson.learners")
     if made is None:

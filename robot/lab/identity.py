@@ -36,8 +36,8 @@ def identify_all() -> dict[str, str]:
 
 
 def differences(ours: Mapping[str, str], theirs: Mapping[str, str]) -> list[str]:
-    """Describe in words how another process differs from this one; the most important comes
-    first."""
+    """Describe in words how another process differs from this one; the most important
+    difference comes first."""
     if theirs["drivelesson"] == MISSING:
         return ["it does not have Drivelesson"]
     names = dict.fromkeys((*ours, *theirs))

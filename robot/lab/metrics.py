@@ -39,7 +39,7 @@ class DriveSample:
     is_touching: bool = False
     is_pushing: bool = False
     point: Point | None = None
-    """The point that the robot drove; None if it drove a move."""
+    """Steering and throttle that the robot drove; None if it drove a move."""
     asks_pilot: bool = False
     proposed: Action | None = None
     wanted: Action | None = None
@@ -173,8 +173,8 @@ def _per_minute(amount: float, log: DriveLog) -> float:
 
 
 def _spans(log: DriveLog) -> Iterator[tuple[DriveSample, float]]:
-    """Yield each tick with the time until the next tick, or with the mean time for the last
-    tick."""
+    """Yield each tick with its duration: the time until the next tick, or the mean of these times
+    for the last tick."""
     yield from ((moment, following.now_s - moment.now_s) for moment, following in pairwise(log))
     if log:
         yield log[-1], log.seconds / len(log)
@@ -192,8 +192,8 @@ def steering_per_s(steering: ArrayLike, at_s: ArrayLike) -> float:
 
 
 RARE_SHARE = 0.05
-"""Share of ticks below which a move is rare. If rare moves counted, one slip of a hand could add
-200 to the SSD."""
+"""Share of ticks below which a move is rare. If rare moves were included, one slip of a hand could
+add 200 to the SSD."""
 
 
 def move_shares(moves: Sequence[Action]) -> dict[Action, float]:

@@ -70,7 +70,7 @@ _COLUMNS: Columns = {
 
 BLOCKED_M = TEACHER_PARAMS["usual"].turn_at_m
 """Free distance ahead, in metres, below which both pilots turn. The experiment tests the robot on
-such views."""
+views with less free distance."""
 LOOKS_HZ = 10.0
 NEW_S, ASKED_S, ALONE_S = 30.0, 40.0, 60.0
 
@@ -79,7 +79,7 @@ def run_mind(params: Params) -> Result:
     """Teach a robot LEFT, then RIGHT twice; test it after each lesson; then let it drive unaided.
 
     Parameters: `world`, `learner`, `seed`, `old_s` (duration of LEFT), and `is_told`: whether the
-    pilot declares the change of mind in between.
+    pilot declares the change of mind before the first lesson with RIGHT.
     """
     world, seed = params["world"], params["seed"]
     rate_hz = (10.0, 30.0)[seed % 2]

@@ -15,8 +15,8 @@ from robot.lab.task import Params, Result, Task
 
 
 class TrialError(RobotError):
-    """A run raised an error. The message names the task, and has the traceback of foreign
-    errors."""
+    """A run raised an error. The message contains the task, and the traceback if the error was
+    unexpected."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +36,8 @@ class Outcome:
 
 
 Contents = Mapping[str, tuple[str, bytes]]
-"""The files that a task's parameters name: maps each such parameter's value to the path and the
-content of its file."""
+"""The files to which parameters of a task refer: maps the value of each such parameter to the path
+and the content of its file."""
 
 
 def contents_of(task: Task) -> Contents:
@@ -47,7 +47,7 @@ def contents_of(task: Task) -> Contents:
 def run_task(task: Task, contents: Contents | None = None) -> Outcome:
     """Run a task; never raises an Exception.
 
-    `contents` are the files that the task names, for a machine that does not have these files.
+    `contents` are the files that the task needs, for a machine that does not have these files.
     """
     try:
         return Outcome(result=task.run(_placed(task.params, contents or {})))

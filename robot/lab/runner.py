@@ -66,10 +66,10 @@ def run_all(
     Raises:
         MissingExtraError: If joblib or dask is not installed.
         TrialError: If a run raised an error; the message has its traceback.
-        ConfigurationError: If the cluster cannot be used; or if a file that a task names changes
-            during the run, because it would be unknown which version ran.
+        ConfigurationError: If the cluster cannot be used; or if a file of a task is changed during
+            the run, because it would be unknown which version ran.
     """
-    # Compute each key only once, because all files of its task are read for it.
+    # Compute each key only once, because each computation reads all files of the task.
     keys = [task.key() for task in tasks]
     done: dict[str, Result] = {}
     waiting: dict[str, Task] = {}

@@ -46,7 +46,7 @@ class Task:
 
     @property
     def files(self) -> dict[str, str]:
-        """Maps each parameter that names a file, such as `idea.py:Name`, to this file."""
+        """Maps each parameter that refers to a file, such as `idea.py:Name`, to the file's path."""
         found = {}
         for value in self.params.values():
             for file in (value, value.rpartition(":")[0]) if isinstance(value, str) else ():

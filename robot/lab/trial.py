@@ -81,7 +81,7 @@ class Trial(StartStop):
             until: The drive ends early, after the first tick for which this function returns True.
 
         Raises:
-            Exception: The learner's error, because without it the figures would be meaningless.
+            Exception: The learner's error, because all later figures would be meaningless.
             RobotError: If the loop stopped by itself, because the experiment is then invalid.
         """
         log = DriveLog()

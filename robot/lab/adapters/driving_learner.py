@@ -50,7 +50,7 @@ class DrivingLearner:
 
     @property
     def policy(self) -> Policy:
-        """The policy that learns. Change it only through the history."""
+        """The policy that learns. Change the policy only through `history`."""
         return self.history.policy
 
     @property
@@ -59,7 +59,7 @@ class DrivingLearner:
         return self.history.taught.total()
 
     def see(self, picture: NDArray[np.uint8], at_s: float, *, bumped: bool = False) -> Prediction:
-        """Return the decision on the next picture; its action is None before the first example.
+        """Return the decision on a picture; the decision's action is None before the first example.
 
         Args:
             picture: Pixels in RGB, shape (height, width, 3), uint8.
@@ -105,7 +105,7 @@ class DrivingLearner:
         Args:
             move: The person's move.
             is_correction: True if the learner was driving and the person overruled the learner.
-            point: The move by degrees, if the person steered by degrees.
+            point: Steering and throttle, if the person steered by degrees.
 
         Raises:
             ValueError: If the move is not one of `moves`, if a value of the point is not from -1 to
@@ -129,7 +129,6 @@ class DrivingLearner:
         return len(self.history.undo(seconds))
 
     def reset(self) -> None:
-        """Begin another drive. The learned examples stay; the state of the last drive is
-        dropped."""
+        """Begin another drive. Keep the learned examples, and drop the state of the last drive."""
         self.history.begin_drive()
         self._seen = self._under_way = None

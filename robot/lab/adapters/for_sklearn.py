@@ -123,7 +123,7 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         return self
 
     def predict_proba(self, X: ArrayLike) -> NDArray[np.float64]:  # noqa: N803
-        """Return each class's share, shape (n, classes), in the order of `classes_`."""
+        """Return the probability of each class, shape (n, classes), in the order of `classes_`."""
         check_is_fitted(self)
         xs = validate_data(self, X, reset=False)
         columns = np.searchsorted(self.classes_, np.asarray(self._came, self.classes_.dtype))

@@ -26,9 +26,9 @@ class Rival:
             (which counts neighbours, trees or hidden units, or is a penalty) and the number of
             examples.
         library: Module and class, and the extra that installs them.
-        features: The learner's features. A learner with gradients, as the default learner has them,
-            also gets the default learner's action filter, for a fair comparison. A learner with
-            grey values or colours gets no filter.
+        features: The learner's features. A learner whose features are gradients, like the default
+            learner's, also gets the default learner's action filter, for a fair comparison. A
+            learner with grey values or colours gets no filter.
         is_eager: True if the learner is fitted again after every example. If False, the learner is
             fitted again whenever there are a tenth more examples.
         is_angular: True if the learner learns only the angle, by regression.
@@ -49,7 +49,7 @@ _KNN = ("sklearn.neighbors", "KNeighborsClassifier", "evaluate")
 RIVALS = {
     "knn": Rival(make=_neighbours, library=_KNN, features=GreyFeatures, is_eager=True),
     "fair-knn": Rival(make=_neighbours, library=_KNN, is_eager=True),
-    # Extremely randomized trees (Geurts and others, 2006) are a strong learner in batch.
+    # Extremely randomized trees (Geurts and others, 2006) are a strong batch learner.
     "fair-trees": Rival(
         make=lambda make, number, n_examples: make(number, random_state=0, min_samples_leaf=2),
         library=("sklearn.ensemble", "ExtraTreesClassifier", "evaluate"),
@@ -95,7 +95,7 @@ RIVALS = {
 
 def make_baseline(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
     """Return the policy of the third-party learner with this name; a `Maker`. Raises
-    MissingExtraError if the rival's library is not installed."""
+    MissingExtraError if the learner's library is not installed."""
     kind = split_name(name)[0]
     rival, make = RIVALS[kind], None
     if rival.library is not None:

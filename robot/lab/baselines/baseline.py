@@ -119,8 +119,7 @@ def _tenth_parts(n_examples: int) -> int:
 
 
 class AngleBaseline(Baseline):
-    """A regression of another library, which learns the angles of the labels instead of the
-    labels."""
+    """A regression of another library, which learns steering angles instead of labels."""
 
     abilities = Abilities(angles=True)
     fields = (

@@ -160,8 +160,8 @@ class ConvolutionalNetwork:
         self._moments = [(np.zeros_like(w), np.zeros_like(w)) for w in self.weights]
 
     def _forward(self, xs: Floats) -> tuple[list[tuple[Floats, Floats]], Floats]:
-        """Return the layers, and then the outputs. A layer is its input, shape (n, values), and the
-        windows of this input, each with a one for the bias."""
+        """Return the inputs of the layers, and the outputs. Each input is given twice: as values,
+        shape (n, values), and as windows of these values, each window with a one for the bias."""
         layers: list[tuple[Floats, Floats]] = []
         values: Floats = xs
         for places, weights in zip(self._places, self.weights, strict=True):

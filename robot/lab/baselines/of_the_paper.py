@@ -19,7 +19,7 @@ Images = NDArray[Any]
 
 
 class Prototypes:
-    """A classifier on top of a clustering: each image counts the labels of its nearest examples.
+    """A classifier on top of a clustering: each image predicts the labels of its nearest examples.
 
     Args:
         cluster: Returns the images of a net, shape (n, d), that has seen the given frames once, in
@@ -77,8 +77,8 @@ def gng(make: Any, number: int, n_examples: int) -> Prototypes:
 
 
 KEPT, SHIFTS = 200, [shift for shift in range(-7, 8) if shift]
-"""Size of ALVINN's rotating set, and the shifts of its 14 variations, in pixels of a picture 40
-pixels wide."""
+"""Number of pictures in ALVINN's rotating set, and the shifts by which each frame is varied, in
+pixels of a picture that is 40 pixels wide."""
 
 
 class RotatingSet:

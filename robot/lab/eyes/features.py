@@ -38,7 +38,7 @@ class EyesFeatures(PictureFeatures):
     penalty = 0.2
     """Penalty of the linear part.
 
-    With few examples a smaller penalty drives better, with many a larger one.
+    After few examples robots drive better with a smaller penalty, after many with a larger one.
     """
     balance = 0.25
     """Extra weight of rare labels. The weight is low because few examples of a turn are enough with

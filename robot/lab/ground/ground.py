@@ -55,8 +55,8 @@ def _tables(runs: Runs) -> list[Table]:
 
 
 def _plots(runs: Runs) -> list[Plot]:
-    """Return two plots for each world: the score over the number of examples, and over
-    takeovers."""
+    """Return two plots for each world: the score over the number of examples, and over the
+    number of takeovers."""
     return [
         Plot(
             title=world,

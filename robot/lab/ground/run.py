@@ -20,14 +20,14 @@ HOLDS_FOR = 5
 """Least number of decisions for which the teacher keeps the wheel. After these decisions the
 teacher returns the wheel as soon as the robot would make the same move."""
 UNSURE = 0.6
-"""Confidence below which a robot that may ask does so. A robot that may ask also does so whenever
-Drivelesson's own loop would."""
+"""Confidence below which a robot asks, if it may ask at all. Such a robot also asks whenever
+Drivelesson's own loop would ask."""
 _PATIENCE = 20
 """Maximum number of decisions in which a robot must get one more example. A limit is needed,
 because a robot that makes no mistakes gets no corrections."""
 _ALONE_SEED = 1_000_000
 TEACHER = "teacher"
-"""The learner's name for drives of the scripted teacher itself."""
+"""Name that takes the place of a learner's name for drives of the scripted teacher itself."""
 
 
 def run_ground(params: Params) -> Result:

@@ -22,7 +22,7 @@ Picture = NDArray[np.uint8]
 STEP_S = 0.1
 """Time from one decision to the next, in seconds."""
 _HALF_WIDTH_M = 0.45
-"""Half the width of the lane that MiniWorld's agent, which is 80 cm wide, needs."""
+"""Half the width of the lane that MiniWorld's agent needs; the agent is 80 cm wide."""
 
 
 class ForeignWorld(ABC):
@@ -30,11 +30,12 @@ class ForeignWorld(ABC):
     true state.
 
     Attributes:
-        codes: The world's numbers of its moves.
+        codes: The world's number for each move.
         longest: Maximum number of decisions in an episode.
         frames: Number of the world's steps per decision.
         score: The score of the episode so far.
-        point: The teacher's `wanted` move by degrees, if the world can be driven by degrees.
+        point: Steering and throttle of the teacher's `wanted` move; None in a world that is driven
+            only by moves.
     """
 
     codes: Mapping[str, int]
@@ -58,8 +59,8 @@ class ForeignWorld(ABC):
         return self._picture(seen)
 
     def step(self, move: str, point: Point | None = None) -> tuple[Picture, bool]:
-        """Make a move, perhaps by degrees. Return the next picture, and whether it is the last
-        picture."""
+        """Make a move; `point` may give its steering and throttle. Return the next picture, and
+        whether it is the last picture."""
         self._n_steps += 1
         is_over = self._n_steps >= self.longest
         for frame in range(self.frames):
@@ -152,12 +153,12 @@ class MiniWorld(ForeignWorld):
 
 
 class CarRacing(ForeignWorld):
-    """A car on a race track. The score is the share of the track's tiles that it visited, in
-    percent.
+    """A car on a race track. The score is the percentage of the track's tiles that the car
+    visited.
 
-    The moves are the five of the world's discrete form. The teacher knows the track. The teacher
-    steers to a point ahead only if the point is well to one side, because a move that steers gives
-    no gas. The teacher drives slower in bends.
+    The moves are the five moves of the world's discrete form. The teacher knows the track. The
+    teacher steers to a point ahead only if the point is well to one side, because a move that
+    steers gives no gas. The teacher drives slower in bends.
 
     Args:
         names: The names of left, right, gas, brake and nothing.
@@ -227,13 +228,13 @@ CAR_MOVES = {
     "brake": Point(0.0, -0.8),
     "coast": Point(0.0, 0.0),
 }
-"""The five moves of the discrete form, as points of the continuous form."""
+"""Steering and throttle of the five discrete moves, in the continuous form."""
 
 
 class CarRacingByDegrees(CarRacing):
     """CarRacing in its continuous form, with the moves of the discrete form.
 
-    The teacher steers in proportion to the bearing, and accelerates at the same time.
+    The teacher steers in proportion to the bearing of a point ahead, and accelerates meanwhile.
     """
 
     def __init__(self) -> None:

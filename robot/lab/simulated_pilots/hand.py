@@ -1,7 +1,7 @@
 """Human delays and errors: reaction time, tremor and lapses.
 
-The hand follows a decision of the pilot `reaction_s` later. The command that it sends names the
-frame that is then on the screen.
+The hand carries out each decision `reaction_s` after the pilot made it. A command carries the id of
+the frame that is on the screen when the command is sent.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class HumanDelayModel:
         self._seq = 0
 
     def wish(self, action: Action | None, now_s: float, point: Point | None = None) -> None:
-        """Decide to hold `action`, perhaps by degrees, or nothing; the hand follows later."""
+        """Decide to hold `action`, or to let go if it is None; the hand follows later."""
         self._wishes.append((now_s + self.config.reaction_s, action, point))
 
     def send(self, frame_id: int | None, frame_age_s: float, now_s: float) -> PilotCommand:

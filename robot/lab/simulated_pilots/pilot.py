@@ -16,11 +16,11 @@ class TakeoverPolicy:
     """Rules for when a pilot takes the wheel from the robot, and when the pilot returns it."""
 
     patience_s: float = 0.5
-    """Time of moves that the teacher does not tolerate after which the pilot takes the wheel, in
+    """The pilot takes the wheel if the teacher tolerates no move of the robot for this time, in
     seconds."""
     shortest_hold_s: float = 0.8
     contented_s: float = 0.5
-    """Time of proposals that agree with the pilot after which the pilot returns the wheel, in
+    """The pilot returns the wheel if the robot's proposals agree with the pilot for this time, in
     seconds."""
     longest_hold_s: float = 8.0
     lenience: float = 0.5
@@ -72,7 +72,7 @@ class SimulatedPilot:
         return self._hand.send(situation.frame_id, 0.0, situation.at_s)
 
     def _look_until(self, end_s: float) -> None:
-        """Look at the screen at each due time, at the picture shown then.
+        """At each due time, look at the picture that is then on the screen.
 
         The times do not depend on the pictures. If each look waited for the next picture, a pilot
         who looks eight times a second would look only five times a second at a rate of ten pictures

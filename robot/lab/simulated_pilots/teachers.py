@@ -1,4 +1,4 @@
-"""Simulated teachers, which decide which moves they want.
+"""Simulated teachers, which choose the moves of simulated pilots.
 
 A teacher looks at a situation, chooses a move, and decides which moves of the robot it tolerates.
 Human delays and errors are in `hand.py`, and the takeover rules in `pilot.py`.
@@ -89,8 +89,8 @@ class Wanderer:
     """
 
     LONG_TURN_S = 8.0
-    """After turning in a narrow place for this time (150 degrees), the teacher drives on as soon as
-    the way is free at all, in seconds."""
+    """A teacher who has turned for this time, in seconds (150 degrees), is in a narrow place, and
+    drives on as soon as the way is free at all."""
     STUCK_S, STUCK_M = 13.0, 0.15
     """For this teacher, a robot that stays within `STUCK_M` metres for `STUCK_S` seconds is stuck,
     because turning round takes less time."""
@@ -159,7 +159,7 @@ class Wanderer:
 
 
 class Steerer(Wanderer):
-    """Drives in curves where there is room: steers slightly far from a thing, and hard near it.
+    """Drives in curves where there is room: steers slightly while things are far, hard near them.
 
     The side and the tolerated moves are chosen as by `Wanderer`; the hand moves smoothly.
 
@@ -167,7 +167,7 @@ class Steerer(Wanderer):
         is_cut: True if the body accepts only moves; the steering is then rounded to a move.
 
     Attributes:
-        point: The last chosen move by degrees; None if `is_cut`.
+        point: Steering and throttle of the last chosen move; None if `is_cut`.
     """
 
     FAR_M, NEAR_M = 0.45, 0.12
