@@ -18,7 +18,7 @@ so helper threads would waste 43 % of a taught robot's CPU time on waiting."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line; explain the conflict if Robot Framework is installed."""
+    """Run the command line, or say why it cannot run beside another project's package `robot`."""
     for name in (*_ONE_THREAD, "OPENCV_FOR_THREADS_NUM"):
         os.environ.setdefault(name, "1")
     try:

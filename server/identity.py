@@ -20,7 +20,7 @@ _NAMES = (
     " Rover Scout Tango Umi Vega Wren Yuki Ziggy"
 )
 NAMES = tuple(_NAMES.split())
-"""Names of which a robot gets one at its first start, if its owner has not given it a name."""
+"""A robot that has no name from its owner gets one of these names at its first start."""
 COLOURS = ("grey", "green", "purple", "pink", "brown", "teal")
 """Colours of robots. Amber, blue and red are left out: on the page they mean pilot, robot, stop."""
 LONGEST_NAME = 24

@@ -135,8 +135,8 @@ ClientMessage = DriveMessage | ModeMessage | ReleaseMessage | BareMessage | Ping
 class VideoFrame(Frame):
     """One message of `/ws/video` to a client.
 
-    A client does not acknowledge a `quiet` frame, but acknowledges a later frame. It returns
-    `nonce` in its next command, which proves that the command is newer than the frame; 0 if none.
+    A client does not acknowledge a `quiet` frame, but acknowledges a later frame. The client's next
+    command contains `nonce` (0: none), which proves that the command is newer than the frame.
     """
 
     quiet: bool = False
@@ -146,10 +146,10 @@ class VideoFrame(Frame):
 def parse_message(
     text: str, moves: Collection[Action], *, takes_points: bool = False
 ) -> ClientMessage:
-    """Parse one message of `/ws/drive`; the robot has these `moves`, and may accept points.
+    """Parse one message of `/ws/drive`; with `takes_points`, it may have steering and throttle.
 
     Raises ProtocolError if the message is invalid; the error names the field and the reason. All
-    functions of this module that parse raise this error.
+    parsing functions of this module raise this error.
     """
     if len(text.encode("utf-8", "replace")) > MAX_DRIVE_MESSAGE_BYTES:
         raise ProtocolError(

@@ -70,7 +70,7 @@ class Services:
         self.hub.announce("shown", shown=self.shown())
 
     async def change_learner(self, change: Callable[[TrainingHistory], _T]) -> tuple[_T, bool]:
-        """Make a change of the learner on the loop's thread; return its result and if it is saved.
+        """Change the learner on the loop's thread; return the result, and whether it is saved.
 
         A saved change is in the journal and survives a power cut. A change that could not be saved
         is made nevertheless; the answer to the client must say that it is not saved.
@@ -83,7 +83,7 @@ class Services:
 
 
 class Extension(StartStop):
-    """Base class of an extension's part in a server, which overrides the methods that it needs.
+    """Base class of an extension's part in a server; a subclass overrides the methods it needs.
 
     Attributes:
         public_paths: Paths that need no session.

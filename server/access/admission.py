@@ -1,16 +1,16 @@
 """Admission control: how many connections, sockets and requests each person may use.
 
 Clients are counted per session, or per address if they have none. A connection is *pending* until
-the guard has read a session on it. Pending connections time out soon and have separate slots, so a
-new connection is accepted and read even when all other slots are taken, because it may be a STOP.
-If the pending slots are full too, the new connection evicts an idle connection. If none is idle, it
-evicts a connection that has sent nothing, or else one with an old request.
+the guard has read a request that has a session. Pending connections time out soon and have separate
+slots, so a new connection is accepted and read even when all other slots are taken, because it may
+be a STOP. If the pending slots are full too, the new connection evicts an idle connection. If none
+is idle, it evicts a connection that has sent nothing, or else one with an old request.
 
 When no slot is free, the person with the most connections loses one: an idle connection, or the
 least recently used. A flood therefore evicts itself. A connection of the owner, the pilot or the
-teacher is evicted only for another of these three. An answer is never cut short for another
-request: if all connections are busy, that request is answered on a pending connection. Nothing here
-reads a clock: the time is an argument.
+teacher is evicted only for a connection of one of these three. An answer is never cut short for
+another request: if all connections are busy, that request is answered on a pending connection.
+Nothing here reads a clock: the time is an argument.
 """
 
 from __future__ import annotations
@@ -148,7 +148,7 @@ class ConnectionLimiter:
         place.close()
 
     def _giving(self, newcomer: str, before_s: float) -> list[Slot]:
-        """Return the slots of the person with the most slots that the newcomer may evict."""
+        """Return the most slots of one person who can lose a slot to the newcomer."""
         own = self._of.get(newcomer, [])
         yielding = [places for person, places in self._of.items() if not self._keeps(person)]
         if self._keeps(newcomer):
@@ -179,7 +179,7 @@ class AdmissionControl:
         self.keeps: Callable[[str], bool] = lambda person: False
         """Returns True for the owner, the pilot and the teacher."""
         self.recognise: Callable[[bytes, str], Session | None] = lambda head, address: None
-        """Returns the session that a request's first bytes and address show; None if unknown."""
+        """Returns a request's session, found by its first bytes and address; None if unknown."""
         n_pending = min(limits.pending, max(1, capacity // 2))
         # No pending connection has priority, because it has no session yet, only an address.
         self.pending = ConnectionLimiter(
@@ -198,7 +198,7 @@ class AdmissionControl:
         self._read_until_s = self._asked_s = self._expired_s = 0.0
 
     def has_room(self, now_s: float) -> bool:
-        """True if a new connection evicts none that the server did not yet have time to read."""
+        """False if a new connection would evict one that the server has not had time to read."""
         # Count only a part of a long gap between calls: a busy computer reads nothing meanwhile.
         self._read_until_s += min(now_s - self._asked_s, _READ_S / 8)
         self._asked_s = now_s

@@ -16,7 +16,7 @@ from server.config import Address, as_address
 
 log = logging.getLogger(__name__)
 PROBE_MS = 700
-"""How long other machines are asked whether they have a name, in ms; RFC 6762 asks for as long."""
+"""How long other machines are asked whether they have a name, in ms; about as RFC 6762 requires."""
 _HEARD_MS = 15_000.0
 """Age in milliseconds above which another robot's mDNS answer is ignored, because that robot may be
 gone. A robot asks every 10 s, so a robot that is still there has answered more recently."""

@@ -21,7 +21,7 @@ def greet_phones(addresses: Sequence[str], tokens: Mapping[Role, str], more: Seq
 
 
 def greet_next(address: str, role: Role, token: str) -> str:
-    """Return the text that says how to pair the next browser; a pilot's has a QR code."""
+    """Return the text that says how to pair the next browser; for a pilot, it has a QR code."""
     there = pairing_address(address, token)
     code = "\n" + draw_qr(there) if role is Role.PILOT else ""
     return f"A browser was paired. To pair another one that may {role.purpose}: {there}{code}"

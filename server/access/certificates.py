@@ -141,7 +141,7 @@ def _sign(
     valid: tuple[dt.datetime, dt.datetime],
     extensions: _Extensions,
 ) -> x509.Certificate:
-    """Return a certificate of `key`, signed by `authority`, or by `key` itself if that is None."""
+    """Return a certificate of `key`, signed by `authority`, or by `key` if `authority` is None."""
     subject = x509.Name([x509.NameAttribute(x509.oid.NameOID.COMMON_NAME, name)])
     builder = (
         x509.CertificateBuilder()

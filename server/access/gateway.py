@@ -298,7 +298,7 @@ class NetworkGateway(Gateway):
         return Session(Role.VIEWER, f"player {address}", is_crowd=True) if is_valid else _BAD_KEY
 
     def _recognise(self, head: bytes, address: str) -> Session | None:
-        """Return the session whose cookie is in the first bytes of a request; None if none is."""
+        """Return the session whose cookie is in a request's first bytes; None if there is none."""
         found = _COOKIES.search(head)
         is_proxy = self.config.public and self._proxies.is_proxy(address)
         if self.pairing is None or found is None or is_proxy:
@@ -362,7 +362,7 @@ class NetworkGateway(Gateway):
 
 
 def advise(name: str | None, address: str) -> str:
-    """Return what to do if the name in a refused request is right, or if a proxy forwarded it."""
+    """Return what to do if a refused request has a right name, or if it came through a proxy."""
     known = f" If this is its name, start it with --also-at {name}." if name is not None else ""
     return (
         f"{known} If a proxy forwarded this request, start the robot with --behind-proxy {address}"

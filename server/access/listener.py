@@ -67,8 +67,8 @@ class AdmissionListener(socket.socket):
         """Accept the next connection like `socket.socket.accept`; a STOP comes before the others.
 
         Raises:
-            BlockingIOError: If no connection waits. Also after each batch of connections, so that
-                the event loop reads from them before new connections can evict them.
+            BlockingIOError: If no connection waits, and after each batch of connections, so that
+                the event loop reads from the batch before new connections can evict it.
         """
         if not self._waiting:
             self._gather()

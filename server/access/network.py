@@ -19,7 +19,7 @@ _RESOLVER = Path("/etc/resolv.conf")
 _NAME = re.compile(r"[\w-]+(?:\.[\w-]+)*", re.ASCII)
 _PROBES = ((socket.AF_INET, "192.0.2.1"), (socket.AF_INET6, "2001:db8::1"))
 """Addresses reserved for documentation. Connecting a UDP socket to one of them sends nothing, but
-shows which of its own addresses the system would use."""
+shows which address of this machine the system would use."""
 
 
 def lan_addresses(config: NetworkConfig) -> list[str]:
@@ -67,7 +67,7 @@ def page_addresses(config: NetworkConfig, addresses: Sequence[str] | None = None
         hosts = [*own, f"{config.hostname}.local"]
     else:
         hosts = [config.host]
-    # Our certificates contain no public IP addresses, so list the name before them.
+    # List public IP addresses last, because our certificates do not contain them.
     if config.tls:
         hosts.sort(key=lambda host: not getattr(as_address(host), "is_private", True))
     scheme = "https" if config.tls else "http"
@@ -109,7 +109,7 @@ def names_in_network(
 
 
 def _domains(resolver: Path) -> list[str]:
-    """Return the search domains in a file such as /etc/resolv.conf; its last such line counts."""
+    """Return the search domains of a file like /etc/resolv.conf; its last line of them counts."""
     try:
         lines = resolver.read_text("utf-8", "replace").splitlines()
     except OSError:

@@ -21,7 +21,7 @@ from server.gateway.roles import Refusal
 from server.gateway.rules import host_name
 
 PEER = "drivelesson.peer"
-"""Key in a scope whose connection a proxy made: the proxy's address and port."""
+"""Key in the scope of a request that a proxy forwarded: the proxy's address and port."""
 SPOKEN = ("forwarded", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto")
 _PAIR = re.compile(r'(?<![\w-])([\w-]+)\s*=\s*("(?:[^"\\]|\\.)*"|[^;,"\s]*)|(,)')
 
@@ -140,7 +140,7 @@ def _hops(said: dict[str, str]) -> list[list[_Hop]]:
         clients, hosts, schemes = (
             [one.strip() for one in said.get(name, "").split(",")] for name in SPOKEN[1:]
         )
-        # A proxy may replace the host or scheme instead of appending its own: the list is shorter.
+        # If a proxy replaces the host or scheme instead of adding its own, that list is shorter.
         kinds.append(
             [
                 _hop(client, hosts[max(-n, -len(hosts))], schemes[max(-n, -len(schemes))])

@@ -72,7 +72,7 @@ class Surroundings:
         self.now = Place(config.hostname, found, machine=socket.gethostname())
         self._known = self._names_known()
         self.listeners: list[Callable[[Place, Place], None]] = []
-        """Functions that are called with the old and the new place whenever the place changes."""
+        """Functions that are called at each change of `now`, with its old and its new value."""
         self.ticks: list[Callable[[Place], None]] = []
         """Functions that are called at every check, because they also depend on the wall clock."""
         self._is_claimed = claim is None

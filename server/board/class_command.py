@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
     listener = open_socket(BOARD_HOST, args.port)
     file = args.data / "class.key"
     key = keep_class_key(file)
-    # The board, too, uses the address to which the QR codes lead the phones.
+    # The board connects to its robots at the address that the QR codes contain.
     here = next(iter(lan_addresses(NetworkConfig(host=args.host, lan=True))), "127.0.0.1")
 
     def make_model() -> tuple[str, bytes]:

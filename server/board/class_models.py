@@ -105,7 +105,7 @@ class ClassModels:
             return {"order": order.value, "robots": [asdict(one) for one in done.outcomes]}
 
     async def undo(self) -> dict[str, Any]:
-        """Undo the last order. If some robots do not answer, a further call undoes it on them."""
+        """Undo the last order. A further call undoes the order on robots that did not answer."""
         async with self._lock:
             if not self._done:
                 raise NotFoundError("there is no order that can be undone")
@@ -234,7 +234,7 @@ async def _set_aside(robot: RobotLink) -> tuple[str | None, bool]:
     if robot.state.get("lessons") == 0:
         listed = (await robot.ask("GET", "/api/models")).json()
         name = listed.get("current")
-        # the state may still be that of another model, if this one was loaded just now
+        # just after a model was loaded, the state may still be that of the model before
         if not name or not _lessons_in(listed, name):
             return name, True
     return name_in(await robot.ask("POST", "/api/models/save", {})), False

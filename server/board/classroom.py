@@ -28,14 +28,14 @@ from server.gateway.roles import Role
 log = logging.getLogger(__name__)
 
 TEACHER = Role(value="teacher", may_change=True, holds_stop=True)
-"""The role of a class's board: it may change the locks and all that a pilot may, but not drive."""
+"""The role of a class's board: it may change locks and what pilots may change, but not drive."""
 LOCKS: dict[str, tuple[str, ...]] = {
     "settings": ("/api/settings", "/api/world"),
     "models": ("/api/models", "/api/retraining", "/api/studies", "/api/session"),
     "gallery": ("/api/gallery",),
     "recordings": ("/api/episodes",),
 }
-"""The locks that a teacher can set, each with the paths below which it forbids changes."""
+"""The locks that a teacher can set. Each lock forbids changes at its paths and below them."""
 _NONCE = re.compile(r"[0-9a-f]{32}")
 _READS = ("GET", "HEAD", None)
 _SESSIONS = 8
@@ -108,7 +108,7 @@ class Classroom:
         self.locks = locks
 
     def is_locked(self, path: str, method: str | None) -> bool:
-        """True if a lock reserves such a request for the teacher."""
+        """True if a lock forbids such a request to everybody except the teacher."""
         return method not in _READS and any(
             path == prefix or path.startswith(prefix + "/")
             for name in self.locks

@@ -24,7 +24,7 @@ _KINDS = {"_http._tcp.local.": False, "_https._tcp.local.": True}
 _GROUP, _PORT = "224.0.0.251", 5353
 _LONGEST = 9000
 _ASK_EVERY_S = 60.0
-"""Longest time between two queries, in seconds; it starts at 1 s and doubles up to this."""
+"""Longest time between two queries, in seconds; at first it is 1 s, and then doubles."""
 
 
 def read_list(text: str) -> list[RobotAddress]:

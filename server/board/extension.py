@@ -57,7 +57,7 @@ class ClassLocks(RawValue):
 
 @router.post("/hello", responses={404: {}, 409: {}})
 async def hello(request: Request, body: ClassHello) -> dict[str, str]:
-    """Begin the handshake; the robot proves that it knows the key before the board does."""
+    """Begin the handshake; the robot is the first to prove that it knows the key."""
     now_s = services_of(request).robot.clock.now_s()
     nonce, proof = _classroom(request).challenge(body.nonce, _own(request), now_s)
     return {"nonce": nonce, "proof": proof}

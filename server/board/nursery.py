@@ -4,7 +4,7 @@ Thirty robots that import their modules separately take 30 CPU seconds to start,
 memory. Here one process imports the modules, and its forks share its memory. Each robot is still a
 separate process, so a crash of one robot does not affect the others. The nursery reads lines of
 JSON on its standard input and answers on its standard output. The nursery runs only on Linux,
-because on other systems a process that has loaded such libraries must not be forked.
+because on other systems a process that has loaded a robot's modules must not be forked.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ _MODULES = (
     *("server.persistence", "server.recordings.options", "server.recordings.retraining_routes"),
     *("server.recordings.routes", "server.adjustments.options", "server.board.options"),
 )
-"""The modules that a robot of a class imports. If one is missing here, each robot imports it
-separately and keeps it in its own memory. A test finds missing modules of Drivelesson."""
+"""The modules that a robot of a class imports. A module that is missing here is imported by each
+robot separately, into the robot's own memory. A test finds missing modules of Drivelesson."""
 
 _ARENAS = "1"
 """Number of heaps of glibc's allocator. By default each thread gets its own heap, and keeps some

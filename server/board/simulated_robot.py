@@ -174,8 +174,8 @@ def simulated_robots(
         data: The data folder of the class.
         world: The simulated world.
         key: The file of the class key.
-        make_model: Returns the name and the bytes of the model with which the robots begin. Called
-            after all ports were found free. None: the robots continue their last models.
+        make_model: Returns the name and the bytes of the model with which the robots begin. It is
+            called after all ports were found free. If it is None, the robots keep their models.
     """
     robots = [SimulatedRobot(i, port + i, data / "class" / f"{i:02d}") for i in range(1, count + 1)]
     for robot in robots:  # check that all ports are free before the first robot starts
@@ -238,7 +238,7 @@ def _end_with_input() -> None:
 
 
 if __name__ == "__main__":
-    # Set the handler, because a process inherits from its shell that SIGINT is ignored.
+    # Set the handler, because a shell may start this process with SIGINT ignored.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if hasattr(os, "nice"):
         os.nice(BELOW)

@@ -54,11 +54,11 @@ class RobotStop:
         self._number_before: int | None = None
         """The newest STOP that the robot had reported before this stop was pressed."""
         self._is_shown = False
-        """True if the robot has reported this stop in a state; earlier states are older than the
-        stop."""
+        """True once a state of the robot has shown this stop; states before it count as older than
+        the stop."""
         self._confirmed: int | None = None
-        """The stop's number if a request confirmed it; states with this number are newer than the
-        stop."""
+        """The number of this stop once a request has confirmed the stop; a state with this number
+        is newer than the stop."""
         self._session, self._clock = session, clock
         self._on_change = on_change
         self._pressing: asyncio.Task[None] | None = None
@@ -71,7 +71,7 @@ class RobotStop:
 
     @property
     def id(self) -> str:
-        """Identifies the newest STOP, of this board and of the robot; a release names it."""
+        """Identifies the newest STOP of this board and of the robot; a release contains this id."""
         return f"{self._press}.{self.number}"
 
     def press(self) -> None:
@@ -98,7 +98,7 @@ class RobotStop:
             self.is_release_refused = self.stage is not None
             self._on_change()
             return
-        if self._pressing is not None:  # a later request would stop it again
+        if self._pressing is not None:  # its next request would stop the robot again
             self._pressing.cancel()
         self.stage, self.is_release_refused = None, False
         words = json.dumps({"type": "release", "stop_number": self.number})
@@ -108,7 +108,7 @@ class RobotStop:
     def refuse_release(self) -> None:
         """Report that a release came after a newer STOP, so the robot is still stopped."""
         self.is_release_refused = True
-        if self.stage is None:  # the board took it for released
+        if self.stage is None:  # the board believed that the stop was released
             self.stage, self._is_shown = Stopping.STOPPED, True
         self._on_change()
 

@@ -19,7 +19,7 @@ from server.board.transport import (
 )
 
 _LONGEST = 300
-"""Maximum number of characters read of a robot's sentence, number or proof."""
+"""How many characters of a robot's sentence, number or proof are read at most."""
 
 
 class Status(StrEnum):

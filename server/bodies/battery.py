@@ -1,5 +1,5 @@
-"""Tells people to check the battery if the program has ended several times as the robot started to
-drive, because a weak battery then also cuts off the computer."""
+"""Tells people to check the battery after the program has ended several times just as a drive
+began. When the motors start, a weak battery can cut off the computer."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FILE = "drive-began.json"
 
 
 class BatteryExtension(Extension):
-    """Notes in the data folder when a drive starts; without a data folder, it does nothing."""
+    """Records in the data folder that a drive has begun; does nothing without a data folder."""
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
         self._services = services

@@ -27,7 +27,7 @@ phone drifts by milliseconds a minute."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EyeFrame:
-    """One picture of the phone, with the phone's number of it and the phone's time of capture."""
+    """One picture of the phone, with the number and the time of capture that the phone gave it."""
 
     seq: int
     taken_ms: float

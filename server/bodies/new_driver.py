@@ -1,4 +1,4 @@
-"""Write a driver package of three files for your own robot, which already passes its tests."""
+"""Write a driver package of three files for your own robot; the driver already passes its tests."""
 
 from __future__ import annotations
 

@@ -83,7 +83,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--config", type=Path, help="TOML file of settings")
     packages = (point.module.rpartition(".")[0] for point in points(EXTENSIONS))
     for package in filter(None, dict.fromkeys(packages)):  # the extensions are imported later
-        if find_spec(name := f"{package}.options"):  # a plugin may name a module of its own so
+        if find_spec(name := f"{package}.options"):  # a plugin's own module may have this name
             getattr(importlib.import_module(name), "configure", lambda _: None)(parser)
     add("-v", "--verbose", action="store_true", help="log more")
 
@@ -178,7 +178,7 @@ def _make_services(
 
 
 def _report_problems(moved: list[tuple[str, str]], fault: str | None, hub: Hub) -> None:
-    """Report on the page and in the log damaged files that were set aside, or a storage fault."""
+    """Report damaged files that were set aside, or a storage fault, on the page and in the log."""
     if moved:
         sentence = ", ".join(f"{name} -> {where}" for name, where in moved)
         log.warning("set aside in the data folder: %s", sentence)

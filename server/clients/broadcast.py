@@ -34,7 +34,7 @@ _ENDS = {"kept_again": "nothing_kept", "battery_bears": "check_battery"}
 
 
 class Broadcast:
-    """What the clients of one robot are sent. `clients` are those that are connected, by id."""
+    """Sends messages to the clients of one robot. `clients` has the connected clients by id."""
 
     def __init__(self, config: Config, robot: Rig) -> None:
         self.config = config

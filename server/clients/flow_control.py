@@ -24,13 +24,13 @@ class VideoWindow:
 
     If bandwidth is the limit, the window is one frame, because a second frame would only queue
     behind the first. If only the round trip is long, acknowledgements do not come later when more
-    frames are in flight, and the window is up to `LARGEST` frames. To find out, it grows by one
-    frame when frames had to be skipped. If acknowledgements then come later, it shrinks to one
-    frame, and the next attempt waits four times as long as the last.
+    frames are in flight, and the window is up to `LARGEST` frames. To find out which it is, the
+    window grows by one frame when frames had to be skipped. If acknowledgements then come later, it
+    shrinks to one frame, and the next attempt waits four times as long as the last.
 
-    On a fast link, acknowledgements arrive long before the next frame. There, only every third
-    frame requests an acknowledgement; the others are *quiet*. Quiet frames save both ends a third
-    of their work, and save a phone two of the three packets that it would have to send.
+    On a fast link, acknowledgements arrive long before the next frame. Then only every third frame
+    requests an acknowledgement; the others are *quiet*. Quiet frames save both ends a third of
+    their work, and save a phone two of the three packets that it would have to send.
     """
 
     LARGEST = 4

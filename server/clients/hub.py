@@ -29,7 +29,7 @@ from server.protocol import BareMessage, ErrorCode, ProtocolError, encode_messag
 log = logging.getLogger(__name__)
 _RECENT_S = 2.0
 """For this time after a STOP, in seconds, a start must prove that it was sent after the STOP. Pages
-repeat an unproven start for one second, so a start that comes later was sent after the STOP."""
+repeat a start for one second only, so after this time no start from before the STOP comes."""
 _UNWATCHED_S = 0.5
 """Interval of the timer in seconds while no client is connected."""
 

@@ -8,7 +8,7 @@ LAPSE_S = 1.5
 
 
 class Lease:
-    """The right to drive. At most one client, the owner, has it and renews it by its commands.
+    """The right to drive. At most one client has it: the owner, whose commands renew it.
 
     A lease lapses if it is not renewed for `LAPSE_S`. A client that requests the lease gets it when
     the owner yields it or when it has lapsed. Until another client requests a lapsed lease, the
@@ -29,7 +29,7 @@ class Lease:
         return len(self._line) > 1
 
     def join(self, client: str, now_s: float) -> bool:
-        """Return True if the client gets the wheel: it is free, or lapsed and no other is next."""
+        """Take the wheel and return True if it is free, or lapsed while no other client is next."""
         is_next = self._line[1:2] in ([], [client])
         if self._line and not (is_next and self._has_lapsed(now_s)):
             return False

@@ -14,12 +14,12 @@ from robot.types import Prediction
 
 STATE_EVERY_S = 0.1
 SOON_S = 0.05
-"""Interval of states in seconds while a robot with a slow camera moves. States carry nonces, too:
-with those of the few pictures only, a short pause of the Wi-Fi would look like an absent pilot."""
+"""Interval of states in seconds while a robot with a slow camera moves. States have nonces, too: if
+only the few pictures had one, a short Wi-Fi pause would look like an absent pilot."""
 
 
 def describe_state(state: Tick, now_ms: float, *, is_resting: bool = False) -> dict[str, Any]:
-    """Return the fields of a `state` message; a resting robot's camera pauses and has no age."""
+    """Return the fields of a `state` message; it has no frame while the robot rests."""
     decision, camera, sensors = state.decision, state.camera, state.sensors
     captured_s, source_s = state.frame_captured_s, state.source_age_s
     # The delay that the brick and its connection add to the delay of the camera.
@@ -74,7 +74,7 @@ def describe_body(driver: Driver) -> dict[str, Any]:
 
 
 def describe_devices(driver: Driver, camera: Camera) -> dict[str, str]:
-    """Return the bodies and cameras that the driver and the camera have found, for a choice."""
+    """Return the names of the body and the camera, if a search has found them."""
     found = {"device": driver.device, "camera_device": camera.device}
     return {name: device for name, device in found.items() if device and isinstance(device, str)}
 

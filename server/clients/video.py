@@ -23,8 +23,8 @@ _FREQUENT_S = 0.06
 the server soon notices if the pilot sees nothing."""
 
 _SELDOM_S, _EARLY_SHARE = 0.25, 0.95
-"""If every viewer wants pictures less often than `_SELDOM_S`, in seconds, a robot that stands may
-rest. A frame is due after `_EARLY_SHARE` of a viewer's interval: no camera's rate is exact."""
+"""A robot that stands may rest if no viewer wants a picture every `_SELDOM_S` seconds or more
+often. A frame is due after `_EARLY_SHARE` of a viewer's interval: no camera's rate is exact."""
 
 
 class Encoder:
@@ -210,7 +210,7 @@ class VideoHub:
 
     def watch(self, watcher: Callable[[], None]) -> Callable[[], None]:
         """Count a viewer that reads `newest` by itself, and call `watcher`, which must be quick,
-        for each new frame. Return a function that ends both."""
+        for each new frame. Return a function that removes the viewer."""
         self._watchers.append(watcher)
         self._on_viewers()
 

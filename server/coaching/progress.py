@@ -33,7 +33,7 @@ class Mark:
 
 
 class _Curve:
-    """Marks in ascending order, as columns, because an EV3 has 64 MB. Marks are only added, so one
+    """Marks in ascending order, stored as columns to save memory. Marks are only added, so one
     thread may add while others read."""
 
     def __init__(self) -> None:
@@ -51,7 +51,7 @@ class _Curve:
         self._episodes.append(mark.episode)
         self._at_s.append(mark.at_s)
         self._agreement.append(mark.agreement)
-        self._n_examples.append(mark.n_examples)  # the last column, which has the length
+        self._n_examples.append(mark.n_examples)  # last, because `__len__` reads this column
 
     def part(self, first: int, end: int) -> _Curve:
         """Return these marks as a new curve."""

@@ -40,7 +40,7 @@ EXPORTS: dict[str, tuple[Callable[..., int], str, tuple[str, ...]]] = {
     "npz": (write_npz, "examples", ()),
     "film": (write_look, "pictures", ("fps",)),
 }
-"""The export formats: the function that writes each, the unit of the number it returns, options."""
+"""The export formats, each with its function, the unit in which that counts, and its options."""
 FLAGS = {"fps": "--fps", "taught_only": "--all", "task": "--task", "plain": "--plain"}
 TIMED: dict[str, Callable[[EpisodeFrame], bool]] = {
     "film": lambda _: True,

@@ -1,7 +1,7 @@
 """Decides which connections and requests reach the application.
 
 This gateway serves only this computer. The extension `access` replaces it, by an entry point of
-`drivelesson.gateway`, with a gateway for networks that only admits browsers it can identify.
+`drivelesson.gateway`, with a gateway for networks, which admits only browsers that it can identify.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Gateway:
         show(self.addresses()[0])
 
     def serving(self, more: Callable[[], list[str]]) -> contextlib.AbstractContextManager[object]:
-        """While the `with` block runs, follow changes of the network; `greet` gets `more` lines."""
+        """While the `with` block runs, watch the network; `more` returns lines of extensions."""
         return contextlib.nullcontext()
 
     def use_tls(self, context: ssl.SSLContext) -> None:

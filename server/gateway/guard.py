@@ -47,7 +47,7 @@ def person_of(connection: HTTPConnection) -> str:
 
 
 def note_use(scope: Scope, now_s: float) -> None:
-    """Record that a websocket is in use; among one person's, the least used is evicted first."""
+    """Record that a websocket is in use; a person's least recently used one is evicted first."""
     if (slot := scope.get(SLOT)) is not None:
         slot.used_s = now_s
 
@@ -165,7 +165,7 @@ class Guard:
 
 
 def _limited(receive: Receive, most: int) -> Receive:
-    """Break off a body as soon as it is longer than `most` bytes, as no header can be trusted."""
+    """Break off a body after `most` bytes, because a header may state a wrong length."""
     total = 0
 
     async def receive_limited() -> Message:
@@ -180,7 +180,7 @@ def _limited(receive: Receive, most: int) -> Receive:
 
 
 def _headers(scope: Scope) -> dict[str, str]:
-    """Return a request's headers; of repeated headers the first counts, but cookies are joined."""
+    """Return a request's headers; the first of repeated headers counts, but cookies are joined."""
     headers = Headers(scope=scope)
     return {**headers, "cookie": "; ".join(headers.getlist("cookie"))}
 

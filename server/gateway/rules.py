@@ -18,7 +18,7 @@ PUBLIC_PATHS = frozenset({"/healthz", "/favicon.ico", "/manifest.webmanifest"})
 """Paths that need no session and reveal nothing about the robot; extensions add theirs."""
 NOT_ADMITTED = Refusal(401, "session", "This browser is not admitted.")
 READING = ("GET", "HEAD", None)
-"""Methods that change nothing. None stands for a websocket, which checks each message itself."""
+"""Methods that change nothing. None stands for a websocket, whose messages are checked later."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,7 +28,7 @@ class AccessRules:
     Args:
         names: Names that the robot answers to; they may change while the server runs.
         addresses: Returns the page's current addresses, to tell a client that used another name.
-        advise: Returns advice for a client that used another name (or None), and its address.
+        advise: Returns advice for a client that used this unknown name (or None) and this address.
         allows_addresses: Also accept every IP address as Host, because DNS rebinding needs a name.
         origins: Other origins of the robot's page, if a proxy serves the page.
         public: Paths that need no session.

@@ -15,7 +15,7 @@ from typing import Any, TextIO
 
 _MOST, _WINDOW_S = 5, 60.0
 _KINDS = 256
-"""Number of kinds of log lines of which the rate is remembered."""
+"""Number of kinds of log lines whose rates are remembered."""
 _END_S = 1.0
 """How long the program waits at its end until the terminal has read the last lines, in seconds."""
 

@@ -31,7 +31,7 @@ _DEAD_PEER_MS = 15_000
 _BACKLOG = 4096
 """Length of the accept queue; when it is full, a client's system retries only after a second."""
 _END_S = 1.0
-"""How long requests may take to finish when the server ends, and then to close, in seconds."""
+"""When the server ends, requests may take this long to finish, and as long again to close, in s."""
 
 
 def open_socket(host: str, port: int) -> socket.socket:
@@ -62,7 +62,7 @@ def open_socket(host: str, port: int) -> socket.socket:
 
 
 def open_sockets(host: str, port: int) -> list[socket.socket]:
-    """Listen on an address; for `::` (all addresses), on two sockets with the same port. The one
+    """Listen on an address; for `::` (all addresses), on two sockets with the same port. The socket
     for IPv4 gives IPv4 addresses in their usual form. On a machine without IPv4 or without IPv6,
     the other socket suffices."""
     if host != "::":
@@ -155,7 +155,7 @@ async def serve_until_told(server: Server, gateway: Gateway, *listeners: socket.
     upload or a handshake, and cancel requests that still wait, for example for a thread."""
     logging.getLogger("uvicorn.error").addFilter(_is_not_cancellation)
     serving = asyncio.ensure_future(server.serve(sockets=list(listeners)))
-    # Newer versions of uvicorn raise the signal again: read the error, or the loop would log it.
+    # Newer versions of uvicorn raise the signal again; asyncio logs an error that nobody reads.
     serving.add_done_callback(lambda done: done.cancelled() or done.exception())
     while not server.should_exit and not serving.done():
         gateway.expire()

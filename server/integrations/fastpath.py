@@ -136,7 +136,7 @@ def make_protocol() -> type[Any] | None:
             return message
 
         def shutdown(self) -> None:
-            # While the client leaves, uvicorn's method raises an error, and the app does not end.
+            # On a closing connection, uvicorn's method raises an error, and the app does not end.
             if not self.transport.is_closing():
                 super().shutdown()
 

@@ -23,8 +23,8 @@ from server.services import services_of
 
 router = APIRouter(route_class=Route)
 _VLC_WAITS_FOR, _VLC_ADDS = 15 * 1024, 5 * 1024
-"""VLC 3 looks for the end of a picture once it has received the first number of bytes, and again
-after each further second number of bytes. VLC ignores the length in a part's header."""
+"""VLC 3 first looks for the end of a picture after `_VLC_WAITS_FOR` bytes, and then again after
+every further `_VLC_ADDS` bytes. VLC ignores the length in a part's header."""
 _VLC_END = 12
 """Number of bytes after a picture's end that VLC must have received when it looks for the end. The
 next boundary begins in them, but no byte of the next picture may be among them."""
@@ -72,8 +72,8 @@ async def frames_of(
 ) -> AsyncGenerator[bytes, None]:
     """Yield the newest frames as JPEG, for viewers that cannot acknowledge.
 
-    `has_room` says whether the viewer has read the last frame, whose size is its argument. A viewer
-    that reads slowly misses frames, and then gets the newest.
+    `has_room` gets the size of the last frame, and says whether the viewer has read that frame. A
+    viewer that reads slowly misses frames, and then gets the newest.
     """
     shown, last_id, n_bytes = asyncio.Event(), 0, 0
     end = video.watch(shown.set)

@@ -1,7 +1,7 @@
 """Measures whether a viewer that cannot acknowledge frames has read the last frame.
 
-Unread bytes are either in flight or in the client's receive buffer. The latter make the TCP window
-smaller that the client's system offers. Only on Linux can the server read both numbers.
+Unread bytes are either in flight or in the client's receive buffer. Those in the buffer reduce the
+TCP window that the client's system offers. Only on Linux can the server read both numbers.
 """
 
 from __future__ import annotations

@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _learners(names: str | None) -> list[str]:
-    """Return the named learners, or without names, ours and the baselines that can run here."""
+    """Return the named learners; if `names` is None, ours and the baselines that can run here."""
     if names is not None:
         learners = list(dict.fromkeys(name.strip() for name in names.split(",") if name.strip()))
         if not learners:

@@ -45,7 +45,7 @@ _COLUMNS = {
     **{name: name for name in ("at_s", "label", "predicted", "confidence", "driven_by", "sent")},
     **{name: name for name in ("asks_pilot", "distance_m", "bumped", "pose")},
 }
-"""The columns of a timeline, each with the attribute of a picture from which it is filled."""
+"""The columns of a timeline, each with the name of the picture's attribute that it shows."""
 
 
 class EpisodeChange(RawValue):
@@ -102,7 +102,7 @@ class EpisodeAnswer:
 class EpisodeList:
     """All episodes, the newest first, and the state of the recording.
 
-    `offered` are the episodes that a person is offered to delete if the disk gets full. `undo` is
+    `offered` are the episodes that the page suggests for deletion if the disk gets full. `undo` is
     the key that restores the episodes deleted last. `trash_bytes` is the size of the trash, from
     which episodes are removed after `days`.
     """

@@ -76,7 +76,7 @@ def find_ids(store: EpisodeStore, args: argparse.Namespace) -> list[str]:
 
 
 def find_path(store: EpisodeStore, name: str) -> Path:
-    """Return the path `name` if there is such a file, or else the file of that episode."""
+    """Return the path `name` if there is such a file, or else the file of the episode `name`."""
     path = Path(name)
     is_file = path.suffix == ".mcap" and path.is_file()
     return path if is_file else store.path(find_id(store, name))

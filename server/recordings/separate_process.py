@@ -73,7 +73,7 @@ class SeparateWork(Iterator[_T]):
         raise StopIteration
 
     def close(self) -> None:
-        """Kill the process. Any thread may call this; if another waits in `next`, it gets an
+        """Kill the process. Any thread may call this; a thread that waits in `next` gets an
         error."""
         self._process.kill()
         self._process.wait()

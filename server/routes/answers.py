@@ -36,7 +36,7 @@ _WHY = {
 
 
 def media(*kinds: str) -> dict[str, Any]:
-    """Return the options of a route whose answer is not JSON but has one of some media types."""
+    """Return the options of a route whose answer is not JSON but has one of these media types."""
     content: dict[str, Any] = {kind: {} for kind in kinds}
     return {"responses": {200: {"content": content}}, "response_class": Response}
 
@@ -62,7 +62,7 @@ def attachment(data: bytes, kind: str, name: str) -> Response:
 
 
 def answer(kind: type[_T], source: Any, **own: Any) -> _T:
-    """Make an answer from the fields in `own`; the attributes of `source` are the other fields."""
+    """Make an answer from the fields in `own`; the other fields are the attributes of `source`."""
     names = (field.name for field in fields(kind) if field.name not in own)  # type: ignore[arg-type]
     return kind(**{name: getattr(source, name) for name in names}, **own)
 

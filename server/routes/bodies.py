@@ -75,7 +75,7 @@ HANDLERS: dict[Any, Any] = {
 
 
 def require_free_model(request: Request) -> None:
-    """Raise ConfigurationError while an extension needs the model in use to stay unchanged."""
+    """Raise ConfigurationError while an extension forbids changes of the model in use."""
     for extension in services_of(request).extensions.values():
         extension.require_free_model()
 

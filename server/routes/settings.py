@@ -142,7 +142,7 @@ def _choose(moves: list[str], request: Request) -> tuple[Action, ...]:
 
 @lru_cache(maxsize=8)
 def estimate_rates_hz(kind: str) -> dict[int, float]:
-    """Return how many pictures per second this machine can process with each of `SIZES` images.
+    """Return the possible pictures per second on this machine for each number of images in `SIZES`.
 
     Only two sizes are measured, because the time per picture grows linearly with the size.
     """

@@ -37,7 +37,7 @@ async def converse(
 
     `hear` gets each message as soon as it is decoded, even while the socket closes, so that a STOP
     of a client that is being disconnected still counts. If uvicorn is too old for this, messages
-    wait in a queue. So do binary messages if there is a `see`, which gets them and may take long.
+    wait in a queue. Binary messages wait if there is a `see`, which gets them and may take long.
     """
     heard_s = clock.now_s()
 

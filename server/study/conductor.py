@@ -108,12 +108,12 @@ class Conductor(StartStop):
 
     @property
     def is_simulated(self) -> bool:
-        """True if the robot is simulated; only then the program knows the robot's place."""
+        """True if the robot is simulated; only then does the program know the robot's place."""
         return name_of_world(self._rig.driver) is not None
 
     @property
     def is_driving(self) -> bool:
-        """True if the robot uses the session's own model; only then the phases' clocks run."""
+        """True if the robot uses the session's own model; only then do the phases' clocks run."""
         return self._models.in_use is not None
 
     @property

@@ -24,7 +24,7 @@ from server.lab.bench.report import TOO_BUSY, add_usual, percentiles, report
 from server.lab.bench.subject import ServerUnderTest
 
 _TURNS = 4
-"""Number of turns with greedy viewers; as many turns are without."""
+"""Number of turns with greedy viewers, and number of turns without them."""
 _ASKED_RATIO = 1.5
 
 

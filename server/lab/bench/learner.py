@@ -49,8 +49,8 @@ def _as_dict(cost: autosize.Cost) -> dict[str, float]:
 
 
 def _cluster(max_nodes: int) -> dict[str, float]:
-    """Time training steps, look-ups and bare matrix products in turns, so that all have the same
-    load."""
+    """Time training steps, look-ups and bare matrix products in turns, so that other programs slow
+    all three equally."""
     frames = _frames(600 if max_nodes < 512 else 300)
     learner = BSOC(max_nodes)
     rng = np.random.default_rng(1)

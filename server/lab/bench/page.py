@@ -28,7 +28,7 @@ LINKS: dict[str, dict[str, float]] = {
     "DevTools' 3G": {"latency": 562.5, "downloadThroughput": 180_000, "uploadThroughput": 84_375},
 }
 """Slow links, each with the latency of a request in milliseconds and the rates in bytes per second.
-The second is the preset of Chromium's DevTools, with a longer latency: it delays only requests."""
+The second is the preset of Chromium's DevTools; only requests have its latency, so it is longer."""
 PHONE = 4
 _WATCH = """window.usableMs = new Promise((done, fail) => {
   setTimeout(() => fail(new Error('a person cannot teach within 30 s')), 30000);

@@ -62,7 +62,7 @@ def in_turns(own: Sequence[float], peer: Sequence[float]) -> dict[str, Any]:
     """Compare measurements of two servers that were made in turns.
 
     Returns:
-        Both medians, and as `ratio` the median of the ratios of the turns. It is None if these
+        Both medians, and as `ratio` the median of the ratios of the turns. `ratio` is None if these
         ratios differ by more than their median, because the machine was then too busy.
     """
     ratios = [one / other for one, other in zip(own, peer, strict=True)]

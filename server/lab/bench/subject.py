@@ -41,7 +41,7 @@ class ServerUnderTest:
 
     Args:
         kind: `drivelesson`; `paired` for a server that also has pairing, its limits and a data
-            folder; or a number of bytes for the plain server of `peer.py` with such pictures.
+            folder; or for the plain server of `peer.py` the size of its pictures in bytes.
         rate_hz: The camera's frame rate, in Hz.
     """
 
@@ -61,8 +61,8 @@ class ServerUnderTest:
 
     def ask(self, word: str = "") -> Any:
         """Return the CPU times of the process and of its serving thread, and what loop and body
-        have noted. The word `forget` first drops all training and notes; the answer then also has
-        the memory in use."""
+        have noted. With the word `forget`, all training and notes are dropped first, and the answer
+        also has the memory in use."""
         self._line.send(word)
         return self._read()
 
