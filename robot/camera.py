@@ -109,8 +109,8 @@ class Camera(StartStop):
     def for_the_eye(self, frame: Frame) -> Frame:
         """Return a larger picture taken at the same moment as `frame`, or `frame` if there is none.
 
-        The larger picture is only shown to people; `frame` is learned and recorded. Never blocks.
-        A camera may take larger pictures only while they are requested.
+        The larger picture is only shown to people; `frame` is learned and recorded. Never blocks. A
+        camera need not take larger pictures while nobody requests them.
         """
         return frame
 
@@ -119,7 +119,7 @@ class Camera(StartStop):
 
         If 0, all pictures are needed, the next one immediately. If infinite, no picture is needed.
         A camera that renders pictures skips unneeded ones; a camera that relays a device's pictures
-        may ignore this.
+        can ignore the period.
         """
 
     def listen(self, on_frame: Callable[[], None] | None) -> None:

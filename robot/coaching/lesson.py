@@ -36,7 +36,7 @@ _FEWEST = 5
 CLEAN_S = 45.0
 """Time without mistakes after which the robot is ready, in seconds."""
 HARDLY_KNOWN = 0.8
-"""Novelty from which a view counts as hardly known. Above 1 the robot asks for help, and a robot
+"""Least novelty of a view that counts as hardly known. Above 1 the robot asks for help, and a robot
 that comes near to 1 in a trial will probably ask later."""
 PUSHED_S = 0.3
 BEFORE_S, AFTER_S = 0.5, 0.15
@@ -46,8 +46,8 @@ _LONGEST_STEP_S, _PAUSE_S = 0.25, 0.5
 _COVERED_S = 10.0
 _GAPS, _CHANGES = 6, 40
 FORGOTTEN_S = 2 * CLEAN_S
-"""Length of a trial above which its figures are halved, in seconds, because old driving says little
-about the robot's present abilities."""
+"""Once a trial is longer than this, in seconds, its figures are halved, because old driving says
+little about the robot's present abilities."""
 
 
 class Lesson:
@@ -121,8 +121,7 @@ class Lesson:
         self._was = tick.decision.driven_by
 
     def _note_takeover(self, tick: Tick) -> None:
-        """Record the pilot's first move that differs from the robot's, once the pilot took the
-        wheel."""
+        """After a takeover, record the pilot's first move that differs from the robot's."""
         if self._was is DrivenBy.ROBOT:
             self._begin_trial()
             self._is_taken = True

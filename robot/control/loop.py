@@ -52,7 +52,7 @@ _RESTS_AFTER_S = 1.0
 """Time for which a robot stands still unwatched before it rests, in seconds. In this time a person
 can reload the page, and the loop can measure the camera's rate."""
 _RESTING_SHARE = 0.9
-"""The next picture is taken after this share of the requested period, because cameras jitter."""
+"""The next picture is taken after this share of the requested period, as cameras can be early."""
 _RESTING_WAIT_S = 0.25
 """Longest time between two ticks at rest, in seconds. The time is below `ACTION_TIMEOUT_S`, so that
 a body's watchdog does not expire."""
@@ -356,7 +356,7 @@ class ControlLoop:
         return taken, [one for one, _ in commands if one not in taken]
 
     def _look(self, now_s: float) -> Frame | None:
-        """Process the newest frame; return the frame if it is new."""
+        """Process the camera's newest frame if it is new; return it, or None."""
         last, frame = self.state, self._camera.latest()
         if self._rest_every_s and not self._is_due(frame):
             return None

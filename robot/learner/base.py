@@ -135,7 +135,7 @@ class Learner(Protocol):
     sharpness: float = 1.0
     """The power to which shares of votes are raised to calibrate them; 1 calibrates nothing."""
     mirror: Mirror | None = None
-    """Set if left and right are alike: then each example is also learned mirrored in this way."""
+    """How each example is mirrored to be learned too, if left and right are alike; else None."""
     last_node_: int | None = None
     """Id of the image that the latest example was merged into; None if there is no such image."""
 
@@ -182,7 +182,8 @@ class Learner(Protocol):
         return
 
     def predict_one(self, x: Vector) -> Label:
-        """Return the most likely label, the first learned on a tie; errors as in `explain_one`."""
+        """Return the most likely label (on a tie, the first learned); errors as in
+        `explain_one`."""
         return self.explain_one(x).label
 
     def predict_proba_one(self, x: Vector) -> dict[Label, float]:

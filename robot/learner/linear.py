@@ -32,7 +32,7 @@ class LinearPart(Stateful, ABC):
 
     @abstractmethod
     def scores(self, x: Vector, context: int | None = None) -> Floats:
-        """Return one score per label, shape (n_labels,): about its probability, but not bounded."""
+        """Return one unbounded score per label, shape (n_labels,), close to its probability."""
 
     def angle(self, x: Vector) -> Floats | None:
         """Return angle and magnitude, shape (2,), not bounded; None if no angle is learned."""

@@ -94,9 +94,9 @@ class Array:
     Attributes:
         name: The array's name in a model.
         dtype: Type of the values, or a tuple of allowed types.
-        shape: The length of each dimension: a number, a range, or the name of one of the part's
-            attributes. Any other name stands for a length that all arrays of a model share.
-            `name+1` means this length plus 1.
+        shape: The length of each dimension: a number, a range, or the name of an attribute of the
+            part. Any other name stands for a length that all arrays of a model share. `name+1`
+            means this length plus 1.
         low: The smallest allowed value.
         high: The largest allowed value.
         attribute: The part's attribute that holds the array, or a dotted path; if empty, `_name`.

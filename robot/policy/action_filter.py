@@ -171,7 +171,7 @@ exceed the votes for the current move.
 People begin a turn late and end it late. So at the same view people still drive straight before a
 turn, and keep turning in a turn. Votes on single frames do not show this delay, and a robot without
 inertia ends its turns too early. Beginning a turn too late is worse than ending a turn too late, so
-turns have more inertia (docs/explanation/learner.md).
+straight moves have less inertia than turns (docs/explanation/learner.md).
 """
 ALLOWANCE = 1.3
 """Multiple of the pilot's longest debt above which the robot's turns lose votes."""

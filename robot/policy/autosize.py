@@ -34,7 +34,7 @@ class Cost:
     @property
     def frame_s(self) -> float:
         """Typical time of one taught frame. The time is a sum of medians, because the slowest ticks
-        depend on the machine's other tasks, for which `MARGIN` leaves time."""
+        depend on the machine's other tasks; `MARGIN` leaves time for these."""
         return self.extract_s + self.propose_s + self.learn_s
 
     @property

@@ -38,8 +38,7 @@ class Policy(Stateful):
             (`example_selection.py`).
         brighten: Returns a view with its grey values multiplied by a factor. If it is given, the
             policy scales views to the brightness of the lesson (`LightAdaptation`).
-        knows_repeats: True if the policy does not learn a view again that comes with the same label
-            as the last time.
+        knows_repeats: True if a view that comes again with its last label is not learned again.
 
     Attributes:
         kinds: The kinds of the moves (turns and straight moves); `describe` sets the kinds of a

@@ -128,8 +128,8 @@ class Degrees(PolicyPart):
 
 
 ANOTHER_LIGHT = 1.5
-"""Factor of brightness, up or down, from which the light counts as changed. Smaller differences in
-brightness come from the view, not from the light."""
+"""Least factor of brightness, up or down, for which the light counts as changed. Smaller
+differences in brightness come from the view, not from the light."""
 SECONDS = 3.0
 """Driving time over which the brightness is averaged, in seconds."""
 EXAMPLES = 600.0

@@ -28,7 +28,7 @@ VARIANTS = "drivelesson.variants"
 learners do not contain variants."""
 DEFAULT_NODES = 32
 MOST_NODES = 1024
-"""Maximum number of images of a learner, because its table of distances grows with the square."""
+"""Maximum number of images of a learner: the table of distances grows with its square."""
 
 Maker = Callable[[int, str, tuple[Action, ...], bool], Policy]
 """Makes a policy. The arguments are the number of nodes, the name, the moves, and whether to
