@@ -1,8 +1,8 @@
 """Reads pictures that are labelled by their folders (classes), or by the steering in their file
 names.
 
-Pictures that are labelled in these ways have no times. Sources: huggingface/datasets,
-folder_based_builder; the collision avoidance of NVIDIA-AI-IOT/jetbot; Teachable Machine's exports.
+Pictures with such labels have no times. Sources: huggingface/datasets, folder_based_builder;
+the collision avoidance of NVIDIA-AI-IOT/jetbot; Teachable Machine's exports.
 """
 
 from __future__ import annotations

@@ -282,7 +282,7 @@ def _are_equal(found: list[int], rows: list[Cells]) -> bool:
 def _by_content(
     columns: dict[str, int], sample: list[Cells], of_pictures: list[int], free: set[int]
 ) -> None:
-    """Find the meanings of the columns of a table without a header line, as far as they are
+    """Find the meanings of the columns of a table without a header line, if the meanings are
     unambiguous."""
     if "picture" not in columns and of_pictures:
         ahead = [i for i in of_pictures if not all(_SIDES.search(row[i]) for row in sample)]

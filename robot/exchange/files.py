@@ -62,7 +62,7 @@ def read_text(path: Path) -> str:
 
 
 def read_head(path: Path) -> str:
-    """Read the whole lines at the beginning of a text file, up to 256 kB; raises as `read_text`."""
+    """Read whole lines from the beginning of a text file, up to 256 kB; errors as in `read_text`."""
     with (
         told_as(RecordingError, f"{path} cannot be read", OSError, ValueError),
         path.open("rb") as file,
@@ -87,8 +87,8 @@ def read_picture_file(folder: Path, name: str) -> Picture:
 
 
 def _read_plain(folder: Path, name: str) -> bytes | None:
-    """Read a file that lies in this very folder and is no link, which takes a fifth of the time of
-    `_read_resolved`; return None for any other name or file."""
+    """Read a file that is no link and lies directly in this folder; return None for any other name
+    or file. This takes a fifth of the time of `_read_resolved`."""
     if not _OPENS_NO_LINK or any(sign in name for sign in _SIGNS_OF_PATHS):
         return None
     try:
@@ -110,8 +110,8 @@ def _read_resolved(folder: Path, name: str) -> bytes:
 
 
 class Pictures:
-    """A folder's pictures. Finds the pictures by paths that another computer wrote, of which only
-    the last parts must match."""
+    """A folder's pictures. Finds the pictures by paths that another computer wrote; only the
+    last parts of the paths must match."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder

@@ -80,7 +80,7 @@ def _encode(
     """Write video frames that all have the same even width and height; return their number."""
     av = need(*AV)
     count, stream = 0, None
-    # without this setting the AV1 encoder logs to the terminal
+    # without this setting the AV1 encoder writes its log to the terminal
     os.environ.setdefault("SVT_LOG", "1")
     path.parent.mkdir(parents=True, exist_ok=True)
     with av.open(str(path), "w", options={"movflags": "faststart"}) as container:

@@ -334,7 +334,7 @@ def _one_hot(record: Record, moves: list[Action | None]) -> Action | None:
 
 
 def _stored(folder: Path, camera: str, record: Record) -> Callable[[], Picture]:
-    """Return a function that reads a picture from the table, or from a file that it names."""
+    """Return a function that reads a picture from the table, or from a file named in the table."""
     stored = record.get(camera)
     if not isinstance(stored, dict):
         raise ValueError("the row has no picture")

@@ -1,5 +1,5 @@
-"""The settings that a person gives an import: the steering from which a turn begins, and the
-meanings of names."""
+"""The settings that a person gives an import: how much steering counts as a turn, and what names
+mean."""
 
 from __future__ import annotations
 

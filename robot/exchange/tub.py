@@ -62,7 +62,7 @@ _encode = json.JSONEncoder(allow_nan=False, sort_keys=True).encode
 def read_tub(folder: Path, reading: Reading, report: ImportReport) -> Drive:
     """Read a tub; its pictures are read when the drive is written.
 
-    Records that the autopilot drove, or whose driver is unknown, have no label. Raises
+    A record has no label if the autopilot drove, or if the driver is unknown. Raises
     RecordingError if no record can be used.
     """
     is_first = any(folder.glob("record_*.json")) and not (folder / "manifest.json").is_file()

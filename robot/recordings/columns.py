@@ -434,7 +434,7 @@ class Labels(Mapping[int, Example]):
 
 
 class Span:
-    """The times at which the messages of a recording begin and end, in nanoseconds since 1970."""
+    """The times of the first and last messages of a recording, in nanoseconds since 1970."""
 
     def __init__(self) -> None:
         self._ends: dict[str, tuple[int, int]] = {}

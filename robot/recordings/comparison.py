@@ -1,7 +1,7 @@
 """Measures what a person's edits of recordings change: one learner is trained with the edits,
 another one without.
 
-Each recording is split into fifty stretches, of which every fifth is held out. Both learners are
+Each recording is split into fifty stretches. Every fifth stretch is held out. Both learners are
 trained on the other stretches, and tested on the held-out frames against the edited labels.
 """
 

@@ -29,5 +29,5 @@ class RecorderConfig:
     """Time after which a recording continues in another file, in seconds. The limit bounds the
     memory of the recorder, and of a reader if a file has no index."""
     spare_bytes: int = 64 * 2**20
-    """Recording stops if fewer bytes are free on the disk. The recorder leaves these bytes for
-    models and the system."""
+    """Recording stops if fewer bytes than these are free on the disk. The recorder leaves these
+    bytes for models and the system."""

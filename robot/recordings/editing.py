@@ -321,8 +321,8 @@ def write_edited(episode: Episode, notes: Notes, file: BinaryIO, *, is_part: boo
 def _write_events(
     writer: EpisodeWriter, episode: Episode, notes: Notes, now_s: float, is_part: bool
 ) -> None:
-    """Write the examples to learn, and the undo events that concern an earlier recording's
-    examples."""
+    """Write the examples that were not undone, and the undo events that concern examples of an
+    earlier recording."""
     events = episode.events
     [rows] = surviving([(episode, notes)])
     undone = map(events.event, np.intersect1d(events.rows_of(Undone), rows).tolist())

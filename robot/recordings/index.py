@@ -32,7 +32,7 @@ from robot.recordings.reader import Attached, Block, Ends, MessageChannel, read_
 
 INDEX = "drivelesson.index"
 SECTION_FRAMES = 8192
-"""Number of pictures in a section: about five minutes of driving, whose columns take 0.6 MB."""
+"""Number of pictures in a section: about five minutes of driving, and 0.6 MB of columns."""
 _FORMAT = 1
 _MOST_RESULTS = 1000
 """Maximum number of results of extensions that the index holds: the latest of the recording."""

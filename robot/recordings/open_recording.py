@@ -96,8 +96,8 @@ class OpenRecording:
                 self._check_room()
 
     def end(self, model: Model | None = None, is_kept: bool = True) -> None:
-        """Complete the recording, or discard it. `model` is the learner's state at its end; None if
-        the state is unknown."""
+        """Complete the recording, or discard it. `model` is the learner's state at the end of
+        the recording; None if the state is unknown."""
         writer, self._writer = self._writer, None
         if writer is None:
             return
@@ -166,7 +166,7 @@ class OpenRecording:
             self._give_up(f"Recording stopped: the disk has only {free >> 20} MB left.")
 
     def _give_up(self, sentence: str) -> None:
-        """Stop recording until the robot starts again; the robot continues to drive."""
+        """Record nothing until the robot is started again; the robot drives on."""
         writer, self._writer = self._writer, None
         if writer is not None:
             with contextlib.suppress(Exception):  # the disk has already failed

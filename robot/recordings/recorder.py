@@ -158,7 +158,7 @@ class Recorder:
         self._base: Model | None = None
         self._is_open = False
         self._is_kept = False
-        """True if the learner changed or the robot moved. If False, the recording is discarded."""
+        """True if the learner changed or the robot moved; otherwise the recording is discarded."""
         self._mode = Mode.STOPPED
         self._moved_s = 0.0
         self._lead: deque[Frame] = deque(maxlen=self._config.lead_frames)

@@ -174,8 +174,8 @@ def _is_as_driven(policy: Policy, episode: Episode, notes: Notes) -> bool:
 
 
 def _seen_by(policy: Policy, episode: Episode, event: Taught) -> Taught | None:
-    """Return the example with the vector that this policy makes of its picture; None if the picture
-    was not recorded."""
+    """Return the example with this policy's vector of the picture; None if the picture was not
+    recorded."""
     frame_id, label = event.example.frame_id, event.example.label
     if label not in policy.moves:
         raise ConfigurationError(

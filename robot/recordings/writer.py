@@ -59,7 +59,7 @@ def describe_run(
 
     `started_at_s` is the wall-clock time in seconds since 1970. `origin_ns` is the zero of the
     run's clock, in nanoseconds since 1970. All recordings of one run of the program have the same
-    `run_id`, within which frame ids are unique.
+    `run_id`; frame ids are unique within a run.
     """
     return {
         "format": str(FORMAT),

@@ -39,7 +39,7 @@ trash/      deleted files: move them back, or delete them for good. After {days}
 All files can be copied and moved while the program does not run.{secrets}
 """
 FOLDERS = "drivelesson.folders"
-"""Group of the entry points for the folders of extensions. Each entry point is a `FolderKind`."""
+"""Extensions declare their folders by entry points of this group; each is a `FolderKind`."""
 
 TRASH_DAYS = 30
 """Time after which deleted items are removed from the trash, in days. Within a month a class
@@ -52,7 +52,7 @@ _NAME = re.compile(rf"[^\W_][\w .()+,-]{{0,{_LONGEST_NAME - 1}}}", re.UNICODE)
 _RESERVED = re.compile(r"(con|prn|aux|nul|(com|lpt)[\d¹²³]) *(\..*)?", re.IGNORECASE)
 _KEY = re.compile(r"0\d{19}", re.ASCII)
 SCRATCH = ".import-"
-"""Prefix of the folders in the trash in which an import unpacks archives."""
+"""An import unpacks archives in the trash, in folders whose names have this prefix."""
 _PART = re.compile(r"\..+\.\d+\.part", re.DOTALL)
 """Names of the temporary files of `whole_file`; other programs also write `.part` files."""
 _BUSY = (5, 32)
@@ -383,7 +383,7 @@ class Storage:
         """Move back what one deletion removed: the files with this ending, or the folder.
 
         Returns their names without the ending. An item whose old name is in use gets a new name.
-        Raises NotFoundError if they were restored, deleted for good, or belong to another folder.
+        Raises NotFoundError if the items were restored or deleted for good, or belong elsewhere.
         """
         place = self.trash / key
         if not _KEY.fullmatch(key) or not place.is_dir():

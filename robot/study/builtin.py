@@ -68,7 +68,7 @@ seconds = {{ teach = {teach}, correct = {correct} }}
 
 
 def paper_plan(trial: int = 1) -> str:
-    """Return the paper's protocol of one trial as TOML; the conditions are its teaching times."""
+    """Return the paper's protocol of one trial as TOML; each teaching time is a condition."""
     asked = ["nasa-tlx", "trust", "closing"]
     chosen = {"participants": 12, "questionnaires": asked, "result": "hidden"}
     return _write(trial, TIMES_S, **chosen, learner="default-32")

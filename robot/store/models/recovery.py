@@ -59,7 +59,7 @@ class _Run:
 
 
 def recover(folder: Path, store: ModelStore, declared: Iterable[Move] = ()) -> Recovered | None:
-    """Return the last state of the last run; None if it was saved or is not in the journal. The
+    """Return the last state of the last run, or None if it was saved or is not in the journal. The
     driver's `declared` moves are passed to the policy that learns the later changes."""
     parts = list_parts(folder)
     boots = sorted({part.boot for part in parts}, reverse=True)
@@ -168,7 +168,7 @@ def newest_boot(store: ModelStore) -> int:
 
 
 def _learn_on(model: Model, run: _Run, numbers: list[int]) -> Model:
-    """Make the changes with these numbers again on the model; return the resulting model."""
+    """Repeat the changes with these numbers on the model; return the resulting model."""
     policy, taught = model.to_policy(), Counter(model.summary.taught)
     policy.kinds.describe(run.declared)
     policy.restore(model.state)  # `set_state` would forget the state of the drive

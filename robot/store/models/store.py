@@ -164,7 +164,7 @@ class ModelStore:
         return max((one.saved_at_s for one in self._sound(name, decode_summary)), default=-1.0)
 
     def note_failure(self, name: str, why: str) -> None:
-        """Record that a model failed. The next start sets its newest version aside."""
+        """Record that a model failed. The next start sets the model's newest version aside."""
         write_whole(self._storage.models / self.require(name) / _FAILED, why.encode())
 
     def set_failed_aside(self) -> list[str]:
@@ -209,7 +209,7 @@ class ModelStore:
 
     def add_file(self, name: str, data: bytes) -> str:
         """Save an uploaded model under this name, or a similar free name; return the name."""
-        try_model(decode_model(data, max_bytes=len(data)))  # `max_bytes` refuses a compressed model
+        try_model(decode_model(data, max_bytes=len(data)))  # refuse a compressed model
         name = self.free_name(name)
         write_whole(self._storage.models / name / "00001.npz", data)
         return name
