@@ -60,8 +60,8 @@ NAMES: dict[str, tuple[str, ...]] = {
 }
 """The names that a column may have, by the column's meaning."""
 _MEANT = "label", "steering", "left_wheel", "linear"
-"""Meanings of columns from which a label can be computed. If a table has columns for several of
-these meanings, the first meaning in this list counts."""
+"""A label can be computed if a table has a column with one of these meanings. If a table has
+columns for several of these meanings, the first meaning in this list counts."""
 _PAIRS = ("left_wheel", "right_wheel"), ("linear", "angular")
 _SIDES = re.compile(r"(?:^|[\W_])(left|right)(?:$|[\W_])", re.IGNORECASE)
 _PEEK_ROWS = 50

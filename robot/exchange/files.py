@@ -62,7 +62,7 @@ def read_text(path: Path) -> str:
 
 
 def read_head(path: Path) -> str:
-    """Read whole lines from the beginning of a text file, up to 256 kB; errors as in `read_text`."""
+    """Read whole lines from the start of a text file, up to 256 kB; errors as in `read_text`."""
     with (
         told_as(RecordingError, f"{path} cannot be read", OSError, ValueError),
         path.open("rb") as file,

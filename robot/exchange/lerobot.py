@@ -314,7 +314,7 @@ def _moves(parts: Sequence[_Part]) -> list[str]:
 
 
 def _sensed(parts: Sequence[_Part]) -> Iterator[NDArray[np.float32]]:
-    """Yield for each part the sensors' last values at its pictures, shape (pictures, sensors).
+    """Yield, for each part, the sensors' last values at each picture, shape (pictures, sensors).
     Pictures before a sensor's first value get the first value, and all pictures get 0 if the sensor
     has no value."""
     for _, same in groupby(parts, key=lambda part: part.source):

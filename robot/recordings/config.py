@@ -21,7 +21,7 @@ class RecorderConfig:
     trail_s: float = 1.0
     """Time for which pictures are still recorded after the robot stopped, in seconds."""
     lead_frames: int = 15
-    """Number of pictures from before the start that are also recorded, because the pilot may label
+    """This number of pictures from before the start is also recorded, because the pilot may label
     them. These pictures fill at most a quarter of the queue."""
     part_bytes: int = 64 * 2**20
     """Size at which a recording continues in another file, in bytes."""

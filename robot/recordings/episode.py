@@ -164,7 +164,7 @@ class Episode:
             yield block
 
     def blocks_after(self, offset: int) -> Iterator[Block]:
-        """Yield the recording's chunks from the one at an offset on."""
+        """Yield the recording's chunks, beginning with the chunk at `offset`."""
         return blocks_after(self.path, offset, self.channels)
 
     def messages(self, topic: Topic) -> Iterator[tuple[float, Fields]]:

@@ -37,8 +37,8 @@ class FrameMarks:
         self._pages[page][index] = number
 
     def set_taught(self, frame_id: int, number: int, at_s: float) -> None:
-        """Set the number of an example of this teaching time. Forget examples that can no longer be
-        undone, so that memory does not grow with the recording."""
+        """Set the number of an example that was taught at `at_s`. Forget examples that can no
+        longer be undone, so that memory does not grow with the recording."""
         page = frame_id // _PAGE
         if page not in self._pages:
             for old in [p for p, newest_s in self._newest_s.items() if newest_s < at_s - _KEPT_S]:

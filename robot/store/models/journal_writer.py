@@ -117,8 +117,8 @@ class JournalWriter:
         """Wait until the change number `change` is written, so that a kill cannot lose it after the
         server has acknowledged it.
 
-        Waits at most two seconds. If the change is not written by then, or cannot be written at
-        all, returns False.
+        Waits at most two seconds. Returns False if the change is not written within this time, or
+        cannot be written at all.
         """
         until_s = self._clock.now_s() + _LONGEST_WAIT_S
         while self.boot and self._written < change and self._clock.now_s() < until_s:
