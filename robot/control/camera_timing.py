@@ -69,8 +69,8 @@ class CameraTiming:
     _WINDOW = 15
     _AGE_QUANTILE = 0.8
     _MISSED_PERIODS = 2.5
-    """Gap that counts as a lost picture, in periods: if one picture is lost, the next comes after
-    two periods, and half a period is jitter."""
+    """Gap that counts as a lost picture, in periods: two periods pass if one picture is lost, and
+    half a period allows for jitter."""
 
     def __init__(self, shortest_timeout_s: float, config: CameraTimingConfig | None = None) -> None:
         self.config = config or CameraTimingConfig()

@@ -404,8 +404,8 @@ class ControlLoop:
             return Sensors()
 
     def _decide(self, link: LinkState, world_s: float) -> tuple[Decision, float]:
-        """Choose who drives, at the lowest of all speed limits. Also return the time until which
-        the order is valid."""
+        """Choose who drives, at the lowest of all speed limits. Also return the time at which the
+        order expires."""
         frame, waits = self.learning.frame, self._camera.world_waits
         decision = self._gate.select(
             world_s,
@@ -500,7 +500,7 @@ class ControlLoop:
     # Requests, run on the loop's thread, and every way to stop ---------------------------------
 
     def _note(self, command: PilotCommand) -> None:
-        """Record a command; a command that comes too late still measures the link."""
+        """Record a command; the link is also measured by commands that come too late."""
         times = self.learning.times_of(command.frame_id, command.seen_id)
         proven_s = command.received_s if command.proven_s is None else command.proven_s
         received_s = self._world_s(command.received_s)

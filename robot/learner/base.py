@@ -236,7 +236,7 @@ class Learner(Protocol):
         raise ValueError("This learner cannot be told that left and right are alike.")
 
     def outdate(self) -> None:
-        """Give the examples taught from now on more weight than all earlier examples.
+        """Give more weight to examples taught after this call than to all earlier examples.
 
         Raises:
             ValueError: If the learner cannot tell old from new examples.

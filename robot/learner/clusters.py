@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from robot.learner.bsoc import Edges
 
 MOST_FRAMES = 10**9
-"""Upper bound of the frames in a model: more than a pilot teaches in three years."""
+"""Upper bound of the number of frames in a model: more than a pilot teaches in three years."""
 
 
 SHARED: tuple[Value | Array, ...] = (

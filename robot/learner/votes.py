@@ -304,7 +304,7 @@ class ChangeOfMind(Stateful):
                 self._against[label, new] = max(self._against[label, new] - CONFIRMED, 0.0)
 
     def outdate(self, now: int) -> None:
-        """Give the examples from `now` on more weight than all earlier examples."""
+        """Give more weight to examples from the time `now` on than to all earlier examples."""
         self._outdated_before = now
 
     def applied(

@@ -56,8 +56,8 @@ class TrainingHistory:
         self.declared = declared
         self._on_events = on_events or (lambda events: None)
         self.changes = 0
-        """Number of changes of the learner; it never decreases. Any thread may read this number,
-        because the history counts a change before the request that makes the change is answered."""
+        """Number of changes of the learner; it never decreases. Any thread can read this number,
+        because a change is counted before its request is answered."""
         self.edits = 0
         """Number of changes that are not examples; it never decreases."""
         self.drives = 0

@@ -93,8 +93,8 @@ def difference(picture: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
 PAYS_BACK = 4.0
 """Debt that one second of driving straight pays back, in seconds."""
 EFFECT_S = 0.2
-"""Time after which a straight move pays debt back, in seconds; only then the picture shows the
-move's effect."""
+"""Time after which a straight move pays debt back, in seconds; before that the picture does not
+show the move's effect."""
 STRAIGHT_S = 0.3
 """Time for which a robot must drive straight before turns are paid back, in seconds."""
 _LONGEST_STEP_S = 0.25

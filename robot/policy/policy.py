@@ -45,7 +45,7 @@ class Policy(Stateful):
             body's declared moves.
         n_seen: Number of learned examples.
         alike: True if the pilot says that left and right are alike here. The linear part then also
-            learns each example mirrored; the images do not.
+            learns each example mirrored; the images stay as they are.
         recognition: The part that records when each learned image was matched last.
     """
 
