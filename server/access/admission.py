@@ -84,7 +84,7 @@ class ConnectionLimiter:
         in_all: The total number of slots.
         each: The number of slots that one person may have; a crowd (`Session.is_crowd`) may have
             all.
-        keeps: Returns True for the persons whose slots only another such person can get.
+        keeps: Returns True for the persons who can lose a slot only to each other.
     """
 
     def __init__(self, in_all: int, each: int, keeps: Callable[[str], bool]) -> None:

@@ -90,7 +90,7 @@ class RenewedCertificates:
         self._context: ssl.SSLContext | None = None
 
     def use(self, context: ssl.SSLContext) -> None:
-        """Remember the TLS context of a running server, into which renewed certificates go."""
+        """Remember the running server's TLS context, to load renewed certificates into it."""
         self._context = context
 
     def renew(self, names: Sequence[str], now: dt.datetime) -> str | None:
@@ -174,7 +174,7 @@ def _key_usage(*, signs_certificates: bool) -> x509.KeyUsage:
 
 
 def _vouched_for(names: Sequence[str], authority: x509.Certificate) -> list[x509.GeneralName]:
-    """Return those of the names for which the authority's constraints permit a certificate."""
+    """Return the names that the authority's constraints permit in a certificate."""
     found = [_general_name(name) for name in names if name.isascii()]
     try:
         limits = authority.extensions.get_extension_for_class(x509.NameConstraints).value

@@ -172,7 +172,7 @@ class NetworkGateway(Gateway):
         self.clock.start_thread(lambda: self._tell(role, token), "next code")
 
     def _tell(self, role: Role, token: str) -> None:
-        """Print how to pair the next browser, because its predecessor has used up the old token."""
+        """Print how to pair the next browser, because the last one has used up the token."""
         address = self.addresses()[0]
         print(greet_next(address, role, token), flush=True)
         if role is Role.PILOT:

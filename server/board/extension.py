@@ -50,7 +50,7 @@ class ClassJoin(ClassHello):
 
 
 class ClassLocks(RawValue):
-    """A request's body: the locks, which are changes that pupils may not make."""
+    """A request's body: the locks; each names changes that pupils may not make."""
 
     locks: list[Short] = must_be(f"a list of some of {', '.join(LOCKS)}")
 

@@ -125,7 +125,7 @@ class RobotStop:
             self.stage, self._is_shown = Stopping.STOPPED, True
 
     async def send_again(self, channel: Any) -> None:
-        """On a new connection, send a stop that was not released, before anything else."""
+        """If the stop is not released, send it as the first message on a new connection."""
         self._is_shown = False
         # forget the number, because a robot that has restarted counts from the start
         self.number = self._confirmed = None

@@ -19,7 +19,7 @@ from server.board.teacher_session import Status, TeacherSession, WrongClassError
 from server.board.transport import RobotAddress, UnreachableError, within
 
 AT_ONCE = 32
-"""Maximum number of robots asked at the same time; the transport has threads for more."""
+"""Maximum number of robots asked at once; the transport's other threads stay free."""
 FORGOTTEN_S = 180.0
 """Time without an announcement after which a robot is forgotten, in seconds. The network is queried
 each minute."""

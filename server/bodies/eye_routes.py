@@ -65,7 +65,7 @@ class _Eye:
         """Serve the phone until it disconnects or another phone replaces it."""
         before, self._camera.source = self._camera.source, self
         ending: asyncio.Task[None] | None = None
-        # close the connection in a task, because a dead one takes seconds and STOP must not wait
+        # close in a task: a dead connection takes seconds to close, and STOP must not wait
         if isinstance(before, _Eye):
             ending = asyncio.create_task(before.give_way())
         try:

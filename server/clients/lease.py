@@ -51,7 +51,7 @@ class Lease:
     def give_up(self, client: str, now_s: float) -> bool:
         """Take the wheel from a client that yields or has disconnected, and give it to the next.
 
-        Return False if the client did not have the wheel; it then no longer waits for it.
+        Return False if the client did not have the wheel; the client then stops waiting.
         """
         was_owner = self.owner == client
         if client in self._line:

@@ -146,7 +146,7 @@ class VideoHub:
             self.newest = None  # it would be too old for a later viewer
 
     def show(self, frame: Frame, nonce: int = 0) -> None:
-        """Make `frame` the newest, and send it with `nonce` to each viewer whose window allows."""
+        """Make `frame` the newest; send it with `nonce` to each viewer with room in the window."""
         self.newest, self._nonce = frame, nonce
         self._pictures, self._messages = {}, {}
         self.captured_s[frame.frame_id] = frame.captured_s

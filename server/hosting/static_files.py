@@ -65,7 +65,7 @@ def _hashes(html: str) -> list[str]:
 
 
 def _compress(response: Response, scope: Scope) -> Response:
-    """Return a response of text compressed, if the client accepts that."""
+    """Return a text response, compressed if the client accepts that."""
     headers = response.headers
     if not headers.get("content-type", "").startswith(_TEXT):
         return response

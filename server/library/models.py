@@ -94,7 +94,7 @@ class ModelLibrary:
         store.save(name, stamp(store.load(name), place=place))
 
     def begin_like(self, policy: Policy, names: Sequence[str]) -> None:
-        """Let a new policy begin like earlier models, of places that its place may resemble.
+        """Let a new policy begin like earlier models, whose places may resemble the new one.
 
         See `Policy.begin_like`.
 

@@ -21,8 +21,8 @@ from server.persistence import Persistence, PersistencePart
 from server.recordings.separate_process import SeparateWork
 
 _SHORT = 5000
-"""Number of pictures up to which a recording is copied in this process. To copy more takes longer
-than to start a process."""
+"""Number of pictures up to which a recording is copied in this process. Copying more pictures takes
+longer than starting a process."""
 
 
 class Recordings(PersistencePart):

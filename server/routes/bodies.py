@@ -36,7 +36,7 @@ NAMED = Named()
 
 
 async def refuse_values(request: Request, error: Exception) -> JSONResponse:
-    """Answer which value is refused and what is allowed; 400 in a body, 422 in an address."""
+    """Say which value is refused and what is allowed; status 400 for a body, 422 for an address."""
     assert isinstance(error, RequestValidationError)
     first = error.errors()[0]
     place, *loc = first["loc"]
