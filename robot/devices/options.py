@@ -101,7 +101,7 @@ def options_of(options_type: type[Any]) -> list[Option]:
 
 
 def make_options(options_type: type[Any], given: Mapping[str, Any]) -> Any:
-    """Build the dataclass from values or their texts; options of other dataclasses are ignored.
+    """Build the dataclass from values or from text; options of other dataclasses are ignored.
 
     Raises:
         ConfigurationError: If a value has a wrong type, or is out of range.

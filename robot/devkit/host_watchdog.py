@@ -33,9 +33,9 @@ REPEATS = 5
 """Number of stops that are sent quickly to a body without acknowledgement; further stops are sent
 slowly. If one order in ten is lost, one stop in 100,000 is late."""
 REST_S = 0.2
-"""Period of further stops to a body without acknowledgement while nobody drives, in seconds. These
-stops are needed if a short loss of the link swallowed the first stops, so that the body still
-moves."""
+"""Period of the stops after the first `REPEATS` while nobody drives, in seconds, to a body without
+acknowledgement. These stops are needed if a short loss of the link swallowed the first stops, so
+that the body still moves."""
 PATIENCE_S = 0.02
 """Time for which a stop waits for a call that is still sending a move, in seconds."""
 LONGEST_LEAD_S = 0.15

@@ -20,8 +20,8 @@ from robot.study.table import Cell, Table
 
 KINDS = ("default", *VARIANTS, "published")
 NODES = {2: 32, 3: 128}
-"""Number of nodes of the learners in each trial of this project's simulator. In all other worlds
-learners have 32 nodes."""
+"""Number of nodes of the learners in each trial of this project's simulator. In third-party
+worlds and on footage, learners have 32 nodes."""
 WORLDS = {"Sidewalk": "miniworld", "CarRacing": "Box2D", "ViZDoom": "vizdoom"}
 """The third-party worlds of this experiment, each with the library that it needs."""
 EXAMPLES = 250

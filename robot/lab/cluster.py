@@ -88,8 +88,8 @@ def _tidy_up() -> None:
     """Free the memory that a trial leaves on a worker, so that it does not grow with each trial.
 
     A trial's objects have reference cycles and take some MB. In a process with as many objects as
-    Dask's, Python rarely collects such cycles. Dask also keeps samples of the stacks of the last
-    thousand seconds; versions of Dask without these samples are not changed.
+    Dask's, Python rarely collects such cycles. Dask may also keep samples of the stacks of the
+    last thousand seconds.
     """
     gc.collect()
     with contextlib.suppress(AttributeError, ValueError):

@@ -132,7 +132,7 @@ def evaluate(
 
 
 def seen_by(policy: Policy, drive: Drive, known: Vectors, light: float = 1.0) -> Seen:
-    """Return a drive as seen with the policy's features, with its brightness multiplied by
+    """Return a drive in the policy's features; the brightness of the drive is multiplied by
     `light`."""
     # Policies share vectors only if their features have no state.
     whose = policy.name if getattr(policy.features, "__dict__", True) else ""

@@ -81,7 +81,7 @@ def _drives(results: Iterable[Result], phases: Sequence[str] = ("before", "after
 
 
 def _share(drives: Sequence[Result], name: str) -> float:
-    """Return the robots' sum of a figure, divided by their teachers' sum; 0 if that sum is 0."""
+    """Return the robots' sum of a figure, divided by their teachers' sum; 0 if the latter is 0."""
     whole = float(sum(own["teacher"][name] for own in drives))
     return float(sum(own[name] for own in drives)) / whole if whole else 0.0
 

@@ -73,7 +73,7 @@ class DriveLog(list[DriveSample]):
 
 
 def collisions_per_minute(log: DriveLog) -> float:
-    """Return the number of new contacts per minute. A contact that lasts counts once."""
+    """Return the number of new contacts per minute. A contact of any length counts once."""
     flags = [moment.is_touching for moment in log]
     begun = sum(now and not before for before, now in pairwise([False, *flags]))
     return _per_minute(begun, log)

@@ -25,7 +25,7 @@ SAYS_SO = ", who is told"
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
-    """Plan every learner in every place, alternately at 10 and 30 frames a second."""
+    """Plan runs of every learner in every place, alternately at 10 and 30 frames a second."""
     learners = settings.learners or LEARNERS
     others = ((learners[0], 60.0, True), (learners[0], 0.0, False))
     cases = (

@@ -63,8 +63,8 @@ def som(make: Any, number: int, n_examples: int) -> Prototypes:
 
 
 def gng(make: Any, number: int, n_examples: int) -> Prototypes:
-    """Return a growing neural gas that reaches at most `number` images evenly while it sees the
-    examples."""
+    """Return a growing neural gas. The number of its images grows evenly, up to `number`, while the
+    gas sees the examples."""
 
     def cluster(xs: Images) -> Images:
         every = max(len(xs) // number, 1)

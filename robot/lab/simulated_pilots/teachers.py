@@ -75,8 +75,8 @@ class TeacherParams:
     """The teacher does not let the robot drive on if the free distance is less than this."""
     left_at: tuple[str, ...] = ()
     right_at: tuple[str, ...] = ()
-    """The teacher's habits: it turns left at the things in `left_at`, and right at those in
-    `right_at`. At all other things it turns the shorter way."""
+    """The teacher turns left at the things in `left_at`, right at those in `right_at`, and the
+    shorter way at all other things."""
 
 
 class Wanderer:
@@ -117,7 +117,7 @@ class Wanderer:
         return self._turning or Action.FORWARD
 
     def tolerates(self, situation: Situation, action: Action) -> bool:
-        """Reject standing, needless or wrong turns, and driving on in tight places."""
+        """Reject needless turns, wrong turns, standing still, and driving on in tight places."""
         if action is Action.STOP or self._is_stuck(situation):
             return False
         if action is Action.FORWARD:
