@@ -29,7 +29,7 @@ from server.routes.bodies import HANDLERS, Short, do
 from server.routes.sockets import end_with_either
 
 SEND_EVERY_S = 0.1
-"""How long news and pictures are collected until they are sent to a page together, in seconds."""
+"""How long news and pictures are collected before they are sent to a page together, in seconds."""
 LANGUAGES = ("en", "es", "zh")
 """The languages of the lessons."""
 PICTURE_HEADER = struct.Struct("<HI")

@@ -36,7 +36,7 @@ _LASTING = (ConfigurationError, MissingExtraError, NotFoundError, PluginError, R
 GROUP = "drivelesson.commands"
 FIRST = "serve"
 _DRIVE = ("drive", "run", "start", "teach")
-"""Words that people type as a command to drive a robot, although no command has this name."""
+"""Words that people type as a command to drive a robot, although none of them is a command."""
 
 
 def commands() -> dict[str, str]:

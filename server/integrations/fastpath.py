@@ -48,7 +48,7 @@ def make_protocol() -> type[Any] | None:
         Texts bypass all queues, so a burst does not delay later messages.
         """
         _read_s = -math.inf
-        """The time at which all frames read so far would have come at the limit's rate, in s."""
+        """The time at which the newest frame would have come at the limit's rate, in s."""
         _is_held = False
         _written: ClassVar[tuple[bytes, bytes]] = b"", b""
         """The last message written to any viewer, and its frame, which all viewers share."""

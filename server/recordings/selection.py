@@ -36,8 +36,7 @@ def add_data(parser: argparse.ArgumentParser) -> None:
 
 
 def find_id(store: EpisodeStore, name: str) -> str:
-    """Return the id of the episode with this name, or of the only one that begins with this
-    name."""
+    """Return the id of the episode with this name, or of the only one that begins with it."""
     ids = store.ids()
     if not ids:
         raise NotFoundError("nothing is recorded yet")

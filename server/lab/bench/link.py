@@ -172,7 +172,7 @@ async def _read_all(pilot: Any, seen: dict[str, int]) -> None:
 
 
 Watched = list[tuple[float, float]]
-"""For each frame the time at which it reached a viewer, and its age at that time, in seconds."""
+"""For each frame: the time at which it reached a viewer, and its age at that time, in seconds."""
 
 
 def ages_since(start_s: float, watched: Watched) -> list[float]:
