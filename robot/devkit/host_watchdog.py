@@ -48,9 +48,9 @@ class MoveEnder:
     """Serialises the calls to one body, and ends its moves from a separate thread.
 
     A stop is sent `ACTION_TIMEOUT_S` after the last move, minus the latency of stops, and is
-    repeated until it succeeds. A stop never waits for a move. If a move's call does not return, the
-    stop is called at the same time on another thread, and once more after that call has returned. A
-    move, however, waits until a stop has ended.
+    repeated until it succeeds. A stop never waits for a move. If the call for a move does not
+    return, `send_stop` is called meanwhile on another thread, and once more after the move's call
+    has returned. A move, however, waits until a stop has ended.
 
     Args:
         send_stop: Stops the body, or raises an error.

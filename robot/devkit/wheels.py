@@ -40,8 +40,8 @@ class TwoWheels:
     def at(self, point: Point, most: Pair | None = None) -> Pair:
         """Return the speeds of the wheels.
 
-        A robot that drives ahead is slower with more steering, and full lock is a turn. Without
-        throttle the robot spins. When it drives backward, the inner wheel is slower, as in a car.
+        A robot that drives ahead is slower with more steering, and full lock is a turn. At
+        throttle 0 the robot spins. When it drives backward, the inner wheel is slower, as in a car.
 
         Args:
             point: Steering and throttle.

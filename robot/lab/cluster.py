@@ -40,8 +40,8 @@ _SILENT_S = 20.0
 _FROZEN_S = 60.0
 """Time after which the task of a silent worker is reassigned, in seconds; Dask waits for 300 s."""
 _FETCH_S = 3.0
-"""Longest time to fetch an answer, in seconds. Without a limit, the answer of a worker that was
-killed meanwhile would never come.
+"""Longest time to fetch an answer, in seconds. The limit ends the wait for the answer of a worker
+that was killed.
 """
 _MOST_LOSSES = 3
 """Number of workers that may be lost while they run a task, before the task is given up."""

@@ -57,8 +57,8 @@ class Task:
     def key(self) -> str:
         """Return the key under which the result is saved: a fingerprint of task and program.
 
-        If the program, a library, an idea's file or a recording changes, the key changes too, so
-        that a result of the old version is not reused.
+        The key also depends on the libraries, and on the contents of the task's files, so that a
+        result of an older version is not reused.
         """
         text = json.dumps([self.kind, dict(self.params), identity()], sort_keys=True)
         digest = hashlib.sha256(text.encode())

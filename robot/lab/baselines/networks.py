@@ -134,8 +134,8 @@ class ConvolutionalNetwork:
 
     def slopes(self, xs: Floats, targets: Floats) -> list[Floats]:
         """Return the gradient of the mean loss with respect to each weight. The loss is the cross
-        entropy if there is a softmax, otherwise half the squared error. With respect to the outputs
-        both losses have the same gradient."""
+        entropy if there is a softmax, otherwise half the squared error. Both losses have the same
+        gradient with respect to the outputs."""
         layers, outputs = self._forward(xs)
         error: Floats = outputs - targets
         error /= len(xs)

@@ -169,8 +169,8 @@ class CarRacing(ForeignWorld):
     frames = 4
     look_ahead = 6
     _zoom_frames = 50
-    """Length of the zoom at the start of an episode, in frames. During the zoom moves have no
-    effect."""
+    """Length of the zoom at the start of an episode, in frames. Moves have no effect during
+    the zoom."""
 
     def __init__(self, names: Collection[str], *, is_continuous: bool = False) -> None:
         self.codes = dict(zip(names, (2, 1, 3, 4, 0), strict=True))

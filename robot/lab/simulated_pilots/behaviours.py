@@ -20,7 +20,7 @@ class WallFollower:
     NEAR_M, GOOD_M, FAR_M = 0.45, 0.62, 0.85
     AHEAD_NEAR_M, AHEAD_FREE_M = 0.30, 0.60
     ONWARDS_S = 0.8
-    """Time for which the teacher drives on after a turn before turning to the wall, in seconds.
+    """Time for which the teacher drives on after a turn, before it turns to the wall, in seconds.
     Without this time, the teacher would alternate between left and right forever at a gap in the
     wall."""
 

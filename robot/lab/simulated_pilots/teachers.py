@@ -161,7 +161,7 @@ class Wanderer:
 class Steerer(Wanderer):
     """Drives in curves where there is room: steers slightly while things are far, hard near them.
 
-    The side and the tolerated moves are chosen as by `Wanderer`; the hand moves smoothly.
+    The side and the tolerated moves are those of a `Wanderer`; the hand moves smoothly.
 
     Args:
         is_cut: True if the body accepts only moves; the steering is then rounded to a move.
