@@ -133,7 +133,7 @@ class LinkGovernor:
         return self.config.stop_s + slack_s - (now_s - self._seen_s)
 
     def note_age(self, age_s: float, now_s: float, slack_s: float = 0.0) -> None:
-        """Record an age. The level rises immediately, and falls once ages were better for
+        """Record an age. The level rises immediately, and falls once ages are good for
         `recovery_s`.
 
         `slack_s` is the part of the age that is due to the camera's period.

@@ -14,7 +14,7 @@ Example:
     ({'n': 3}, {})
     >>> Counter().load({"n": -1}, {})
     Traceback (most recent call last):
-    ValueError: n is -1
+    ValueError: n is not valid: -1
 """
 
 from __future__ import annotations
