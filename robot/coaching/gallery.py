@@ -13,7 +13,7 @@ from robot.policy.policy import Policy
 from robot.types import Action
 
 _COMPARED = 128
-"""Maximum number of learned images with which a view is compared. If there are more images, the
+"""Maximum number of learned images that are compared with a view. If there are more images, the
 view is compared with an evenly spaced sample of them."""
 
 

@@ -1,6 +1,6 @@
 """Reacts to a slow link or computer: warn, slow down, stop learning, stop. Pure.
 
-The measure is the age of the picture that the pilot acts upon. The level rises immediately, and
+The measure is the age of the picture that the pilot reacts to. The level rises immediately, and
 falls only after the link has been clearly better for a while (hysteresis).
 """
 
@@ -55,7 +55,7 @@ class LinkState:
 
     level: LinkLevel = LinkLevel.GOOD
     age_s: float | None = None
-    """Age of the picture that the pilot acts upon; None if the age is unknown."""
+    """Age of the picture that the pilot reacts to; None if the age is unknown."""
     is_busy: bool = False
     """True if this computer is late, whatever the link."""
     must_stop: bool = False
@@ -133,8 +133,7 @@ class LinkGovernor:
         return self.config.stop_s + slack_s - (now_s - self._seen_s)
 
     def note_age(self, age_s: float, now_s: float, slack_s: float = 0.0) -> None:
-        """Record an age. The level rises immediately, and falls once ages are good for
-        `recovery_s`.
+        """Record an age. The level rises immediately, and falls after `recovery_s` of lower ages.
 
         `slack_s` is the part of the age that is due to the camera's period.
         """

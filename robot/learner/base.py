@@ -182,8 +182,7 @@ class Learner(Protocol):
         return
 
     def predict_one(self, x: Vector) -> Label:
-        """Return the most likely label (on a tie, the first learned); errors as in
-        `explain_one`."""
+        """Return the most likely label (on a tie, the oldest); errors as in `explain_one`."""
         return self.explain_one(x).label
 
     def predict_proba_one(self, x: Vector) -> dict[Label, float]:

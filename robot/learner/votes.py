@@ -129,7 +129,7 @@ HELD_OUT = 20
 """Number of the latest examples whose nodes are left out when the next example's novelty is
 measured, because successive frames are almost the same. At ten examples a second this is 2 s."""
 _FEWEST, _MEMORY = 30, 600
-"""Least and largest number of the latest examples with which a view is compared."""
+"""Least and largest number of the latest examples that are compared with a view."""
 _SCALE = 3
 _RENEWED_EVERY = 20
 _BORDER = 98
