@@ -183,6 +183,7 @@ class Plugin(PolicyPart):
 def test_an_example_that_a_plugin_refuses_leaves_no_trace_and_undo_is_exact(done: int) -> None:
     policy, untouched = make_policy("default-8"), TrainingHistory(make_policy("default-8"))
     plugin, history = Plugin(policy, done), TrainingHistory(policy)
+    assert history.batch == 1, "a plugin may refuse an example"
     for number, x in enumerate(5 * vectors(policy, 26)):
         example = Example(frame_id=number, label=MOVES[number // 20 % 3], is_intervention=False)
         plugin.refuses = number in {5, 6, 28, 110, 125}
@@ -305,6 +306,7 @@ def test_each_change_is_counted_and_reported_once() -> None:
     assert told[-3:-1] == [Undone(frame_ids=(2,)), Undone(frame_ids=())]
     assert told[-1] == Replaced(policy_name="published-4")
     assert history.changes == len(told)
+    assert history.edits == len(told) - 3, "all but the examples"
 
 
 def test_an_exchanged_policy_keeps_its_training_which_cannot_be_undone() -> None:
