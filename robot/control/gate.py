@@ -202,7 +202,7 @@ class Gate:
     def _robot_drives(self, prediction: Prediction | None) -> Decision:
         if prediction is None or prediction.action is None:
             return self.stand(DrivenBy.ROBOT, asks_pilot=True)
-        # Asking for help is not a trip: the robot goes on as soon as the pilot steers.
+        # Asking for help does not trip the gate: the robot goes on as soon as the pilot steers.
         if prediction.needs_help:
             asks = self.stand(DrivenBy.ROBOT, asks_pilot=True)
             return replace(asks, stop_reason=StopReason.NEEDS_HELP)

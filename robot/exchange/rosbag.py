@@ -47,7 +47,7 @@ _CONVERTED = {
     "bayer_gbrg8": "BayerGR2RGB",
     "bayer_grbg8": "BayerGB2RGB",
 }
-"""OpenCV's names for the conversions of ROS's encodings to colours."""
+"""For each of ROS's encodings, OpenCV's name for the conversion from it to a colour picture."""
 _CHANNELS = {_AS_IT_IS: 3, "BGR2RGB": 3, "RGBA2RGB": 4, "BGRA2RGB": 4}
 Order = tuple[int, float, float]
 """A velocity command: its time in nanoseconds, speed ahead (m/s) and turn to the left (rad/s)."""

@@ -259,7 +259,7 @@ class ChangeOfMind(Stateful):
     )
 
     def __init__(self) -> None:
-        self._against = np.zeros((0, 0))  # examples by which the second label contradicts the first
+        self._against = np.zeros((0, 0))  # examples of the second label that contradict the first
         self._since = np.zeros((0, 0), np.int64)
         self._taken_up = np.zeros(0, np.int64)
         self._last = -1

@@ -64,7 +64,7 @@ class ChangeMeter:
 
     @property
     def is_known(self) -> bool:
-        """True as soon as enough changes of a straight drive were measured."""
+        """True once the change from picture to picture was measured often enough on straights."""
         return len(self._changes) >= _FEWEST_CHANGES
 
     def is_still(self, change: float) -> bool:

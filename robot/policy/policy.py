@@ -285,7 +285,7 @@ class Policy(Stateful):
                 break
 
     def begin_like(self, earlier: Sequence[State]) -> int:
-        """Expect this place to resemble the places of earlier policies; return how many were used.
+        """Begin with weights of policies from earlier places; return how many of them were used.
 
         From the first example on, the learner also uses the weights of the earlier policies, but
         its own examples count more. Call this method before the first example.
@@ -303,8 +303,8 @@ class Policy(Stateful):
 
     @property
     def can_be_alike(self) -> bool:
-        """True if this policy supports `set_alike`. Learner and features must be able to mirror,
-        and one turn must have a counterpart."""
+        """True if this policy supports `set_alike`. The learner and the features must be able to
+        mirror an example, and at least one turn must have an opposite turn."""
         return self._mirror() is not None
 
     def set_alike(self, alike: bool) -> None:

@@ -188,7 +188,7 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
         self._label = array("B")
         self._is_intervention = array("B")
         self._at_s = array("d")
-        # Few robots are taught by degrees, so these columns end at the last example by degrees.
+        # Few examples have steering and throttle, so these columns end at the last one that has.
         self._steering, self._throttle = array("d"), array("d")
         self._labels: list[Action] = []
         self._others: dict[int, HistoryEvent] = {}

@@ -40,8 +40,8 @@ the counts of the files before it."""
 CONTINUES = "continues"
 """Key in the metadata at the end of a file, if another file of the recording follows."""
 EDITED = "edited"
-"""Key in the metadata at the beginning of a recording whose edits were applied. Edits of learned
-images have no effect in such a recording."""
+"""Key in the metadata at the beginning of a recording, if its edits were applied to it. Edits of
+learned images have no effect in such a recording."""
 MODEL_BEFORE, MODEL_AFTER = "model_before.npz", "model_after.npz"
 """Names of the attachments: the learner's model at the beginning and at the end."""
 
@@ -156,7 +156,7 @@ def describe_tick(
     """Return the messages of one tick.
 
     Args:
-        events: The changes of the learner to record.
+        events: The learner's changes, which are to be recorded.
         lost: Ids of taught frames whose pictures are not recorded. The vectors of the lost frames
             are recorded instead.
         is_shown: True if the recording contains the tick's picture.

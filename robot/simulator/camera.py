@@ -26,7 +26,7 @@ _USUALLY_LATE_S, _PER_LATENESS, _LONGEST_PERIOD_S = 0.01, 8, 0.2
 period is the sum of `_PER_TAKING` times the time from when a picture is due until it is taken, at
 most `_PER_TAKING_S`, and of `_PER_LATENESS` times the lateness beyond `_USUALLY_LATE_S`; this sum
 is at most `_LONGEST_PERIOD_S`. `_USUALLY_LATE_S` allows for the timers of some systems, which are 8
-ms late on average. All robots of a computer see the same lateness, so all take the same number of
+ms late on average. All robots of a computer are equally late, so all take the same number of
 pictures. The lateness then stays near 20 ms. A larger lateness would delay commands too much,
 because a command passes several threads."""
 _RESTING_STEP_S = 1.0

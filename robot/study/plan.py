@@ -73,7 +73,7 @@ class _Plan(PlanTable):
             if name not in questionnaires():
                 hint = did_you_mean(name, questionnaires())
                 there = ", ".join(questionnaires())
-                raise ValueError(f"'questionnaires' has {name!r}{hint}; choose from: {there}")
+                raise ValueError(f"no questionnaire is named {name!r}{hint}; choose from: {there}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

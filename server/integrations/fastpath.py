@@ -136,7 +136,7 @@ def make_protocol() -> type[Any] | None:
             return message
 
         def shutdown(self) -> None:
-            # On a closing connection, uvicorn's method raises an error, and the app does not end.
+            # If the connection is closing, uvicorn's method raises an error, so the app never ends.
             if not self.transport.is_closing():
                 super().shutdown()
 

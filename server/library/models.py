@@ -104,7 +104,9 @@ class ModelLibrary:
             RecordingError: If a model is damaged.
         """
         if len(names) > MOST_EARLIER:
-            raise ConfigurationError(f"a new model can begin like at most {MOST_EARLIER} models")
+            raise ConfigurationError(
+                f"a new model can begin with at most {MOST_EARLIER} earlier models"
+            )
         # `to_policy` checks the model, because an uploaded file can contain anything.
         states = [self._store.load(name).to_policy().get_state() for name in names]
         if policy.begin_like(states) < len(names):

@@ -121,7 +121,7 @@ class EpisodeList:
 class DeletedEpisodes:
     """The result of a deletion: the deleted episodes, and why others were kept, by id.
 
-    `undo` is the key that restores the deleted episodes together within `days`.
+    `undo` is the key that restores all deleted episodes at once. It can be used for `days` days.
     """
 
     undo: str | None

@@ -168,7 +168,7 @@ class StudyFolder:
         )
 
     def outcomes(self, name: str, code: str) -> list[dict[str, Any]]:
-        """Return for each driven condition, in order, how similarly participant and robot drove."""
+        """Return how similarly participant and robot drove, for each condition that was driven."""
         return [outcome(log) for log in condition_logs(self.plan(name), code, self.log(name, code))]
 
     def withdraw(self, name: str, code: str, recording: str | None) -> list[str]:

@@ -66,7 +66,11 @@ FAULTS = [
     ('kind = "choice"', 'kind = "scale"', r"unknown field 'options'; known:"),
     ('name = "again"', 'name = "tlx_mental"', r"two of the questions are called 'tlx_mental'"),
     ("title =", 'learner = "defalt-32"\ntitle =', r"'learner' is 'defalt-32', which is unknown"),
-    ("title =", 'questionnaires = ["tlx"]\ntitle =', r"'questionnaires' has 'tlx'.*choose from: "),
+    (
+        "title =",
+        'questionnaires = ["tlx"]\ntitle =',
+        r"no questionnaire is named 'tlx'.*choose from: ",
+    ),
     (
         '= "You may stop at any time."',
         '= { english = "x" }',
