@@ -91,7 +91,7 @@ def test_images_can_be_edited_or_the_learner_says_that_it_has_none(kind: str) ->
             lambda: policy.learner.delete_node(0),
             lambda: policy.learner.pin_node(0),
         ):
-            with pytest.raises(ValueError, match="keeps no images"):
+            with pytest.raises(ValueError, match="stores no images"):
                 edit()
         return
     first, second = (image.node_id for image in images(policy)[:2])
@@ -189,7 +189,7 @@ def test_undoing_an_edit_brings_the_image_back(kind: str) -> None:
         history.teach(example, history.policy.extract(view(i % 9, i)), captured_s=i * STEP_S)
     before = history.policy.get_state()
     if not history.policy.learner.abilities.images:
-        pytest.skip("it says that it keeps no images")
+        pytest.skip("it says that it stores no images")
     history.edit("delete", images(history.policy)[0].node_id)
     assert not same_state(history.policy.get_state(), before)
     assert history.undo_edit()
