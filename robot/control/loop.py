@@ -208,7 +208,11 @@ class ControlLoop:
         """Set how often a picture is needed while the robot stands. If `seconds` is 0, all pictures
         are needed; if `seconds` is infinite, nobody looks. A robot that may move takes all pictures
         in any case."""
-        return self.submit(lambda: setattr(self, "_enough_every_s", seconds))
+
+        def need() -> None:
+            self._enough_every_s = seconds
+
+        return self.submit(need)
 
     @property
     def wait_s(self) -> float:

@@ -237,7 +237,9 @@ def test_a_game_that_ends_in_black_shows_the_picture_before(
         for _ in range(99):
             body.send_action(Action("right"))
             body.advance(0.1)
-            if body.sense().game.is_over:  # type: ignore[union-attr]
+            game = body.sense().game
+            assert game is not None
+            if game.is_over:
                 break
             before = body.picture().copy()
         assert not array.any() and before.any()
