@@ -54,8 +54,8 @@ _MODULES = (
     *("server.coaching.gallery_routes", "server.coaching.routes", "server.coaching.word_routes"),
     *("server.hosting.serving", "server.hosting.starting_page", "server.integrations.fastpath"),
     *("server.integrations.metrics", "server.integrations.mjpeg", "server.integrations.unread"),
-    *("server.persistence", "server.recordings.options", "server.recordings.retraining_routes"),
-    *("server.recordings.routes", "server.adjustments.options", "server.board.options"),
+    *("server.persistence", "server.recordings.retraining_routes"),
+    *("server.recordings.routes",),
 )
 """The modules that a robot of a class imports. A module that is missing here is imported by each
 robot separately, into the robot's own memory. A test finds missing modules of Drivelesson."""
