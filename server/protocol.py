@@ -238,7 +238,7 @@ def _read(numbers: list[_Check], message: dict[str, Any], seq: int | None) -> di
 def _check_point(numbers: dict[str, Any], may_be: bool, seq: int | None) -> None:
     for name, other in (("steering", "throttle"), ("throttle", "steering")):
         if name in numbers and not may_be:
-            raise _bad_field(name, "left out if no move is held or the body takes no points", seq)
+            raise _bad_field(name, "absent if no move is held or the robot has only buttons", seq)
         if name in numbers and other not in numbers:
             raise _bad_field(other, f"a number when {name} is given", seq)
 

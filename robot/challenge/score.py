@@ -80,7 +80,7 @@ class Score:
             self._add_stretch(_Stretch(start.x_m + x_m / 2, start.y_m + y_m / 2, way_rad, length_m))
             return
         self._run = []
-        # a stretch is shorter while the body turns, so half a stretch counts here
+        # half of `STRETCH_M` is enough here, because the body drives less far while it turns
         if aside_rad > math.pi / 2 and length_m >= STRETCH_M / 2:
             self._backward_m += length_m
 

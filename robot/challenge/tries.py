@@ -90,7 +90,7 @@ class Challenge:
         step_s = min(max(step_s, 0.0), _LONGEST_STEP_S)
         self._last_s = tick.now_s
         if any(isinstance(event, Replaced) for event in tick.history_events):
-            self.cancel()  # with another model this is another robot, so the try does not count
+            self.cancel()  # the model was replaced during the try, so the try does not count
             self.tries, self.best_m, self.is_shown = (), None, False
         is_alone = tick.decision.driven_by is DrivenBy.ROBOT
         if self.is_armed and is_alone and tick.sensors.pose is not None:

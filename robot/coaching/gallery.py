@@ -88,7 +88,8 @@ def explain(policy: Policy, x: Vector, node_id: int | None) -> Explanation | Non
     others = [features.cells(view - np.asarray(node.image, np.float64)) for node in some]
     usual = np.mean(others, axis=0)
     here = features.cells(view - np.asarray(decides.image, np.float64))
-    # In a cell where the view hardly differs from any image, similarity means little.
+    # If the view differs little from all images in a cell, this cell says little about which
+    # image decided.
     weight = np.maximum(usual, usual.mean())
     alike = np.zeros_like(here)
     np.divide(usual - here, weight, out=alike, where=weight > 0.0)

@@ -13,7 +13,7 @@ class GapKind(StrEnum):
 
     TOO_SHORT = "too_short"  # more teaching is needed
     RARE_MOVE = "rare_move"  # this move was begun too few times
-    UNFORESEEN = "unforeseen"  # the pilot changed to this move, and the robot would not have
+    UNFORESEEN = "unforeseen"  # the pilot changed to this move where the robot proposed another
     CORRECTED = "corrected"  # the pilot took the wheel here
     PUSHED = "pushed"  # the robot drove against an obstacle here
     HELPLESS = "helpless"  # the robot tried without success here

@@ -219,7 +219,7 @@ class DriverThread(Driver):
         self._sensed_s = now_s
         self._sensors = self.driver.sense()
         button = self.driver.take_button()
-        # A start button that was pressed while the body did not answer no longer counts.
+        # Ignore a start button that was pressed while the body did not answer.
         if button is BodyButton.STOP or (button is not None and "sense" not in self._faults):
             self._button = button
 

@@ -85,8 +85,8 @@ class ConnectedDriver(Driver, Generic[_C]):
             if inspect.isfunction(ours) and name != "__init__" and not _takes_calls(theirs, ours):
                 given = str(inspect.signature(theirs)) if callable(theirs) else f" = {theirs!r}"
                 raise TypeError(
-                    f"{cls.__name__}.{name}{given} has the name of a method that Drivelesson calls "
-                    f"as {name}{inspect.signature(ours)}; choose another name"
+                    f"{cls.__name__}.{name}{given} replaces a method that Drivelesson calls with "
+                    f"arguments {inspect.signature(ours)}; choose another name for yours"
                 )
 
     @abstractmethod

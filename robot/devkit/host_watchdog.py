@@ -177,8 +177,8 @@ class HostWatchdog(ConnectedDriver[_C]):
         )
         if taken:
             raise TypeError(
-                f"{cls.__name__}.{taken[0]} would bypass the HostWatchdog, which stops the body; "
-                "remove it: `_drive` is called with Action.STOP instead"
+                f"{cls.__name__}.{taken[0]} replaces a method with which HostWatchdog stops the "
+                "body; remove it, and stop the body in `_drive` when the action is Action.STOP"
             )
 
     def connect(self) -> None:

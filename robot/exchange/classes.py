@@ -85,8 +85,8 @@ def read_project(folder: Path, reading: Reading, report: ImportReport) -> Drive:
             classes.setdefault(name, []).append(path)
     if not classes:
         raise RecordingError(
-            f"{folder} is a project of Teachable Machine without pictures: only a project of "
-            "pictures can be imported"
+            f"{folder} is a project of Teachable Machine that contains no pictures; only image "
+            "projects can be imported"
         )
     return _read(folder, classes, "Teachable Machine project", reading, report)
 
@@ -106,8 +106,8 @@ def _read(
         told = ", ".join(f"{name[:40]} ({len(classes[name])} pictures)" for name in unknown[:8])
         asked = ",".join(f"{name[:40]}=MOVE" for name in unknown[:3])
         raise RecordingError(
-            f"{folder} has classes that are not named like a move: {told}; assign each class to a "
-            f'move, or to stop if it is no move, with --moves "{asked}"'
+            f"{folder} has classes whose names are not moves: {told}; say which move each class "
+            f'means with --moves "{asked}" (stop for pictures without a move)'
         )
 
     def read(place: str, of: tuple[Path, Action | None]) -> FrameEvent:
@@ -195,7 +195,7 @@ def _divides(folder: Path, names: list[re.Match[str]]) -> bool:
     if all(float(match[3]) == 0 for match in names):
         return True
     raise RecordingError(
-        f"the pictures' names in {folder} all have one dash before the steering, as in "
-        f"{names[0].string}: the dash may be a minus sign or only a separator; import a table of "
-        "the pictures and their steering"
+        f"in {folder} every picture's name has a dash before the steering, as in "
+        f"{names[0].string}; the dash may be a minus sign or a separator, so the direction is "
+        "unknown; import a table of the pictures and their steering"
     )

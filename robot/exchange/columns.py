@@ -230,11 +230,12 @@ def _with_labels(header: Cells, rows: list[Row], reading: Reading) -> tuple[Cell
         return header, rows
     if {moves[i] for i in there} <= {Action.LEFT, Action.RIGHT}:
         if any(not row.count("0") and "" not in row for row in cells):
-            return header, rows  # some row has two values other than 0, so these are wheels
+            # a robot cannot turn left and right at once, so these are the speeds of two wheels
+            return header, rows
         told = " and ".join(repr(header[i].strip()) for i in there)
         raise UnclearColumnsError(
-            f"{told} may be moves or wheels: rename them to left_wheel and right_wheel, or replace "
-            "them with a column named label"
+            f"the columns {told} may be moves or the speeds of two wheels; for wheels, rename them "
+            "to left_wheel and right_wheel; for moves, replace them with one column named label"
         )
     labels = [
         " and ".join(
@@ -311,18 +312,17 @@ def _by_content(
         [column] = numeric
         if all(row[column].strip().isdecimal() for row in sample):
             raise UnclearColumnsError(
-                f"no line names the columns, and the whole numbers in column {column + 1} may "
-                f"be classes or the steering: choose with --columns label={column + 1} or "
-                f"--columns steering={column + 1}"
+                f"the table has no header, so column {column + 1} may be a class or the steering; "
+                f"choose with --columns label={column + 1} or --columns steering={column + 1}"
             )
         columns["steering"] = column
     elif len(texts) == 1 and not numeric:
         columns["label"] = texts[0]
     elif numeric or texts:
-        told = " and ".join(str(i + 1) for i in sorted((*numeric, *texts)))
+        told = " or ".join(str(i + 1) for i in sorted((*numeric, *texts)))
         raise UnclearColumnsError(
-            f"no line names the columns, so it is unclear which of columns {told} is the steering: "
-            "choose one with --columns steering=NUMBER"
+            f"the table has no header, so the steering may be in column {told}; choose one with "
+            "--columns steering=NUMBER"
         )
 
 

@@ -114,7 +114,7 @@ def _find_tables(path: Path) -> list[Source] | None:
         is_table = path.suffix.lower() in ENDINGS and _is_no_other_text(path)
         return [Source(path.name, partial(read_table, path))] if is_table else None
     tables = [file for file in files_ending(path, *ENDINGS) if _is_no_other_text(file)]
-    # this program wrote the folder, so this table only repeats labels of `frames.csv`
+    # Drivelesson exported this folder: `frames.csv` has everything that the other tables have
     if path / TABLE in tables:
         tables = [path / TABLE]
     if len(tables) > 1 or (tables and (are_classes(path) or are_steered(path))):

@@ -146,8 +146,8 @@ def _check_unit(table: ColumnTable, reading: Reading) -> None:
     beyond = [value for value in found if abs(value) > 1.0]
     if reading.full_lock == 1.0 and len(beyond) * _UNIT_SHARE >= len(found) > 0:
         raise RecordingError(
-            f"the steering in {table.name('steering')!r} is not a number from -1 to 1, but goes "
-            f"from {min(found):g} to {max(found):g}; set its value at full lock with --full-lock"
+            f"the steering in {table.name('steering')!r} goes from {min(found):g} to {max(found):g}"
+            ", not from -1 to 1; give the value that means full steering with --full-lock"
         )
 
 

@@ -43,7 +43,8 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
         {"habit": habit, "world": world, "rate_hz": rate_hz, "teach_s": teach_s}
         for habit, world, (rate_hz, teach_s) in product(HABITS, WORLDS, times_s)
     ]
-    # Shuffle the runs, so that the finished runs are a sample of all runs at any time.
+    # Run the cases in random order. If the experiment is interrupted, the cases already run are
+    # then a random sample of all cases.
     random.Random(0).shuffle(chosen)
     chosen *= max(1, settings.n_seeds // 10)
     for number, case in enumerate(QUICK if settings.quick else chosen):

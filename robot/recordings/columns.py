@@ -188,7 +188,8 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
         self._label = array("B")
         self._is_intervention = array("B")
         self._at_s = array("d")
-        # Few examples have steering and throttle, so these columns end at the last one that has.
+        # Few examples have steering and throttle. These two columns therefore end at the last
+        # example that has them.
         self._steering, self._throttle = array("d"), array("d")
         self._labels: list[Action] = []
         self._others: dict[int, HistoryEvent] = {}
@@ -285,7 +286,7 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
         count, before = int(about["count"]), len(self)
         sizes = [count * column.itemsize for column in self._columns]
         if sum(sizes) != len(data):
-            raise RecordingError("the columns differ in length from their description")
+            raise RecordingError("the columns are longer or shorter than their header says")
         numbers = [self._number(label) for label in about["labels"]]
         if _NOT_PLAIN in numbers:
             raise RecordingError("there are too many labels")

@@ -86,7 +86,7 @@ def _copy_what_is_left(
         if isinstance(record, Cut):
             cut = record
         elif isinstance(record, Metadata) and record.name == SUMMARY:
-            # a file that ends within its summary lacks only repetitions of other records
+            # nothing is lost if the file ends inside its summary, which repeats other records
             summary = record.values
         elif isinstance(record, Metadata) and record.name == RUN:
             run = check_run(record.values)

@@ -82,7 +82,7 @@ def has_ended(path: Path) -> bool:
     last = list(part_paths(path).values())[-1]
     if not has_end(last):
         return False
-    with contextlib.suppress(RecordingError, OSError):  # a damaged file grows no more
+    with contextlib.suppress(RecordingError, OSError):  # a damaged file is no longer written to
         return CONTINUES not in read_metadata(last).get(SUMMARY, {})
     return True
 

@@ -296,7 +296,7 @@ class Recorder:
             self._n_taught += isinstance(event, Taught)
             if isinstance(event, Undone):
                 self._n_taught -= len(event.frame_ids)
-        reached_back = self._n_taught < 0  # more undone than this recording taught
+        reached_back = self._n_taught < 0  # the undo removed examples of an earlier recording
         is_pause = tick.now_s - self._moved_s >= self._config.pause_s and not events
         return reached_back or is_pause
 

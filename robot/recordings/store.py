@@ -215,7 +215,7 @@ class EpisodeStore:
             before, after = kept[kept < frame_id].tolist(), kept[kept >= frame_id].tolist()
             if not before or not after:
                 raise ConfigurationError(
-                    "a recording cannot be split there: no picture would be on one side of the cut"
+                    "a recording cannot be split there: one of the two parts would have no pictures"
                 )
             second = notes.with_edit(trim(episode.frames, after[0], after[-1]))
             with self.new_file(f"{episode_id[:60]}-2") as new:

@@ -285,7 +285,7 @@ class Storage:
                 write_whole(self.root / "README.txt", _readme().encode())
             if must_be_usable:
                 self._try_longest()
-            else:  # without `must_be_usable`, a trash and long paths are not required
+            else:  # only check that files can be written
                 write_whole(self.root / ".probe", b"")
                 (self.root / ".probe").unlink(missing_ok=True)
         except OSError as error:
@@ -427,7 +427,7 @@ class Storage:
         for place in places:
             with contextlib.suppress(ConfigurationError):
                 if place.name.startswith("."):
-                    FolderLock(place).start()  # an import holds this lock while it unpacks there
+                    FolderLock(place).start()  # fails while an import is unpacking into this folder
                 shutil.rmtree(place, ignore_errors=True)
         return size - size_below(self.trash)
 

@@ -83,7 +83,7 @@ def unpack(path: Path) -> tuple[str, dict[str, bytes], dict[str, bytes]]:
     strange = [code for code in logs if not CODE.fullmatch(code)]
     if strange:
         raise ConfigurationError(
-            f"{path}: {EVENTS}{strange[0][:40]} is not named by a participant's code"
+            f"{path}: the name of {EVENTS}{strange[0][:40]} does not end in a participant's code"
         )
     files.pop("README.txt", None)
     return plan_text, logs, files

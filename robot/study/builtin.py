@@ -77,7 +77,7 @@ def paper_plan(trial: int = 1) -> str:
 def trial_plan(trial: int, teach_s: int, learner: str = "default-32") -> str:
     """Return the guided trial of one person, with one teaching time and the closing question.
     Raises ConfigurationError if the trial or the teaching time is unknown."""
-    if repr(trial) not in map(repr, TRIALS):  # `True` equals 1, but is no number of a trial
+    if repr(trial) not in map(repr, TRIALS):  # `True` equals 1 in Python, but is not a trial number
         raise ConfigurationError(f"there is no trial {trial!r}; choose 1, 2 or 3")
     if repr(teach_s) not in map(repr, TIMES_S):
         raise ConfigurationError(f"the teaching time must be 90 or 180 s, not {teach_s!r}")

@@ -44,10 +44,10 @@ class StudyEvent:
 
 COLUMNS = tuple(field.name for field in fields(StudyEvent))
 _WHOLE, _REAL = ("position", "attempt"), ("wall_s", "phase_s", "distance_m")
-_LATEST_S = 2.5e11  # later times than the year 9892 cannot be dates
+_LATEST_S = 2.5e11  # in the year 9892; Python's dates end in 9999
 _RECORDING = re.compile(rb"(?m)^[^,\n]*,recording,.*,(\d{4}-\d\d-\d\d_\d{6}_\d{3})\r?$")
-# A spreadsheet runs a text as a formula if one of these characters begins the text or a line,
-# or follows a character that ends a cell.
+# A spreadsheet may run a cell as a formula if the cell begins with one of these characters. Line
+# ends, tabs and semicolons can begin a new cell.
 _CELL, _RUNS = r"(^|[;\t\r\n])", r"""((?:[^\S\t\r\n]|['"])*[=+\-@＝＋－＠])"""
 _FORMULA, _DISARMED = re.compile(_CELL + _RUNS), re.compile(f"{_CELL}'{_RUNS}")
 

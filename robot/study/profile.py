@@ -35,7 +35,9 @@ def behavior_profile(moves: Sequence[Action], distances_m: ArrayLike) -> Profile
     """
     distances = np.asarray(distances_m, np.float64)
     if distances.shape != (len(moves),):
-        raise ValueError(f"{len(moves)} moves need as many distances, not {distances.shape}")
+        raise ValueError(
+            f"there are {len(moves)} moves, but the distances have shape {distances.shape}"
+        )
     names = np.array([str(move) for move in moves])
     return {
         Action(name): (distances[names == name][:, None] < THRESHOLDS_M).mean(axis=0)

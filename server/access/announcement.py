@@ -59,7 +59,7 @@ class Announcement:
             return self.hostname
         _be_brief(logging.getLogger("zeroconf"))
         addresses = [one for one in addresses if as_address(one) is not None]
-        if not addresses:  # `Surroundings` calls again once there is an address
+        if not addresses:  # `Surroundings` calls this method again once there is an address
             log.warning("mdns off: this machine has no address in a network")
             return self.hostname
         try:

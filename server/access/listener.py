@@ -60,7 +60,8 @@ class AdmissionListener(socket.socket):
         super().__init__(listener.family, listener.type, listener.proto, fileno=listener.detach())
         self.admission, self.clock = admission, clock
         self._spare: int | None = os.open(os.devnull, os.O_RDONLY)
-        # Accepted connections that `accept` has not yet returned; None ends each batch.
+        # Connections that `accept` will return one by one. None tells it to stop and wait for the
+        # next event of the socket.
         self._waiting: deque[_Connection | None] = deque()
 
     def accept(self) -> tuple[socket.socket, Any]:

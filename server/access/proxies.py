@@ -140,7 +140,8 @@ def _hops(said: dict[str, str]) -> list[list[_Hop]]:
         clients, hosts, schemes = (
             [one.strip() for one in said.get(name, "").split(",")] for name in SPOKEN[1:]
         )
-        # If a proxy replaces the host or scheme instead of adding its own, that list is shorter.
+        # A proxy may replace the list of hosts or schemes instead of adding to it. The list is then
+        # shorter than the list of clients.
         kinds.append(
             [
                 _hop(client, hosts[max(-n, -len(hosts))], schemes[max(-n, -len(schemes))])

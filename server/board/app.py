@@ -218,7 +218,7 @@ def _add_routes(
         """Draw the QR code that pairs a phone with a robot; with `printed`, the permanent one."""
         address = board.robot(number).page_address(printed=printed)
         if address is None:
-            raise HTTPException(409, "There is no QR code of a robot that does not answer.")
+            raise HTTPException(409, "This robot does not answer, so its QR code is not known.")
         import segno
 
         out = io.BytesIO()

@@ -179,7 +179,9 @@ def _fork(work: Callable[[], int]) -> int:
         with contextlib.suppress(Exception):
             sys.stdout.flush()
             sys.stderr.flush()
-        os._exit(status)  # `sys.exit` would run the exit handlers of the nursery
+        os._exit(
+            status
+        )  # `sys.exit` would run exit handlers that the parent process registered before the fork
 
 
 def measure_picture_s(world: str) -> float:

@@ -81,7 +81,7 @@ async def list_images(request: Request) -> ImageList:
     images = await progress.gallery.images()
     return ImageList(
         moves=[move.value for move in state.moves],
-        # A learner of a plug-in may store more images than the number in its name.
+        # The learner of a plug-in may store more images than it declares.
         max_nodes=max(state.max_nodes, len(images)),
         images=[_describe(image, progress) for image in images],
     )

@@ -100,7 +100,7 @@ class Guard:
         scheme = "https" if scope["scheme"] in ("https", "wss") else "http"
         is_lasting = scope["type"] == "websocket" or scope["path"] == VIDEO
         refusal, session = rules.check_host(headers), None
-        # A URL with a key needs no cookie, so pages of other sites may use it: skip their check.
+        # Pages of other sites may use a URL with a key, so their Origin header is not checked.
         by_address = None if refusal else gateway.session_by_address(scope)
         if isinstance(by_address, Session):
             session = by_address
@@ -111,7 +111,7 @@ class Guard:
         if refusal is not None:
             return refusal
         if scope["path"] == STOP_PATH and session is not None:
-            return session.role  # a stop is never limited
+            return session.role  # the rate limit does not apply to STOP
         person = session or gateway.anonymous(address)
         scope[_PERSON] = person.name
         refusal = too_many or self._check_limits(scope, headers, person)

@@ -155,7 +155,7 @@ async def serve_until_told(server: Server, gateway: Gateway, *listeners: socket.
     upload or a handshake, and cancel requests that still wait, for example for a thread."""
     logging.getLogger("uvicorn.error").addFilter(_is_not_cancellation)
     serving = asyncio.ensure_future(server.serve(sockets=list(listeners)))
-    # Newer versions of uvicorn raise the signal again; asyncio logs an error that nobody reads.
+    # Newer versions of uvicorn raise the signal again. asyncio logs an error that nobody has read.
     serving.add_done_callback(lambda done: done.cancelled() or done.exception())
     while not server.should_exit and not serving.done():
         gateway.expire()

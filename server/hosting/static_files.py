@@ -46,7 +46,7 @@ class PageFiles(CompressedFiles):
         if path == "index.html":
             # Without a referrer a form has no origin, so the server would refuse its STOP.
             response.headers["referrer-policy"] = "same-origin"
-            # Answers without a body need this header too: their headers replace the cached headers.
+            # Send it with a 304, too: a browser replaces its cached headers by those of a 304.
             html = (Path(self.directory or "") / "index.html").read_text("utf-8")
             response.headers["content-security-policy"] = content_policy(
                 scope["scheme"], Headers(scope=scope).get("host", ""), _hashes(html)

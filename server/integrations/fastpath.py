@@ -136,7 +136,8 @@ def make_protocol() -> type[Any] | None:
             return message
 
         def shutdown(self) -> None:
-            # If the connection is closing, uvicorn's method raises an error, so the app never ends.
+            # On a closing connection uvicorn's method would raise an error, and the app would not
+            # be told to end.
             if not self.transport.is_closing():
                 super().shutdown()
 

@@ -154,7 +154,7 @@ async def upload_model(request: Request, name: str) -> dict[str, str]:
     persistence = persistence_of(request)
     data = await request.body()
     if not data:
-        raise HTTPException(400, "The body must be a model's file.")
+        raise HTTPException(400, "The request body must be the file of a model.")
     return {"name": await do(persistence.models.add_file, name, data)}
 
 

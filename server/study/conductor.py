@@ -41,7 +41,7 @@ def check_body(body: Any, condition: Condition) -> None:
     """Raise ConfigurationError if a body is in another simulated world, or lacks a move."""
     here, place = name_of_world(body), condition.world
     worlds: Mapping[str, str] = getattr(body, "worlds", {place: place}) if here else {}
-    file = os.path.realpath(place)  # the condition may give the world's file instead of its name
+    file = os.path.realpath(place)  # a study's condition may name the world by its file
     place = next((name for name, at in worlds.items() if os.path.realpath(at) == file), place)
     if here not in (None, place):
         do = f"choose {place!r} under Settings, Place, while no session is running"

@@ -208,7 +208,8 @@ class BrickLink:
         elif "fault" in message:
             self.report = {**self.report, "fault": message["fault"]}
         else:
-            # A failure to open the body does not answer a request. The next ping tries again.
+            # This error is about opening the body, not about the last request. The next ping tries
+            # to open it again.
             if self._opens_again and "failed" in message:
                 raise OSError(message["failed"])
             self._opens_again = self._opens_again and "opened" not in message

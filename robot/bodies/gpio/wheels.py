@@ -93,7 +93,8 @@ class TimedMotors:
         order = parse_plain_order(line, CLASSIC_POINTS)
         if order is not None and order.seq > self._seq:
             self._seq = order.seq
-            # A move ends within `LATE_MS` of its order's `seen_ms`, so a late order moves for less.
+            # A move ends at most `LATE_MS` after the picture that caused it was seen. An order that
+            # arrives late therefore drives for a shorter time.
             left_ms = min(order.for_ms, LONGEST_MS, LATE_MS - (now_ms - order.seen_ms))
             if order.move is Action.STOP or left_ms <= 0:
                 self.stand()

@@ -59,7 +59,7 @@ def _find(owner: Any, path: str) -> Any:
             owner = getattr(owner, name)
         is_enumeration = isinstance(owner, type)
         return owner() if callable(owner) and not is_enumeration else owner
-    except Exception:  # an environment may raise any error, and names are optional
+    except Exception:  # an environment may raise any error here; the robot works without names, too
         return None
 
 

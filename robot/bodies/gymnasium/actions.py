@@ -150,7 +150,7 @@ def steering_of(table: Mapping[Move, Any], space: Any) -> Callable[[Point], Any]
         return None
     known = {
         (side_of(move.point.steering), side_of(move.point.throttle, 0.0)): np.asarray(action, float)
-        # reversed, so that the first of two moves with equal points counts
+        # in reverse order, so that the first of two moves with the same point overwrites the second
         for move, action in reversed(list(table.items()))
         if move.point is not None
     }
@@ -174,7 +174,7 @@ def is_car_racing(name: str) -> bool:
     return name.split(":")[-1].startswith("CarRacing")
 
 
-# A space as numbers ---------------------------------------------------------------------------
+# How actions are sent to the environment ------------------------------------------------------
 
 
 def _kind_of(space: Any) -> str:
@@ -209,8 +209,8 @@ def _numbers_in(space: Any, name: str, whose: str) -> Iterator[Number]:
         )
     if np.size(least) > _MOST_NUMBERS:
         raise ConfigurationError(
-            f"an action of {whose} has {np.size(least)} numbers, but a thumb can drive at most "
-            f"{_MOST_NUMBERS}; wrap the environment in one whose actions have fewer numbers"
+            f"an action of {whose} has {np.size(least)} numbers, but the page can control at most "
+            f"{_MOST_NUMBERS}; write a wrapper for the environment that takes fewer numbers"
         )
     unit = name or ("button" if kind == "MultiBinary" else "axis")
     is_whole = kind != "Box" or not np.issubdtype(space.dtype, np.floating)

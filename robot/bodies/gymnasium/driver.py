@@ -84,7 +84,7 @@ class GymnasiumDriver(ConnectedDriver[bool]):
         return self.moves
 
     def _open(self) -> bool:
-        return True  # the environment's thread makes the environment later
+        return True  # nothing to open: the environment is created in its own thread
 
     def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
         """Apply an action for at most `ACTION_TIMEOUT_S`. An environment has only one speed."""

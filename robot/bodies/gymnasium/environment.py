@@ -90,10 +90,8 @@ def make(name: str, options: Mapping[str, Any]) -> Any:
         env = _made(maker, options)
     if not hasattr(getattr(env, "action_space", None), "sample"):
         several = hasattr(env, "possible_agents") or hasattr(env, "agents")
-        why = "it is for several players" if several else "it has no action space"
-        raise ConfigurationError(
-            f"the environment {name!r} cannot be a robot, which is one player: {why}"
-        )
+        why = "it is for several agents" if several else "it has no action space"
+        raise ConfigurationError(f"the environment {name!r} cannot be driven as one robot: {why}")
     return env
 
 

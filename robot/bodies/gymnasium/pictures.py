@@ -103,13 +103,10 @@ def _pictures(seen: Any, space: Any, name: str) -> Iterator[_Found]:
 
 def _as_array(seen: Any) -> NDArray[Any] | None:
     """Return the numbers of an array, a list of lists, a tensor or an image; None for others."""
-    # the picture is a tensor, which may be on a GPU
-    if hasattr(seen, "detach") and hasattr(seen, "cpu"):
+    if hasattr(seen, "detach") and hasattr(seen, "cpu"):  # a PyTorch tensor, perhaps on a GPU
         seen = seen.detach().cpu()
-    elif hasattr(seen, "convert") and hasattr(
-        seen, "getbands"
-    ):  # the picture is an image, which may have a palette
-        seen = seen.convert("RGB")
+    elif hasattr(seen, "convert") and hasattr(seen, "getbands"):  # a Pillow image
+        seen = seen.convert("RGB")  # the image may have a palette
     try:
         array = np.asarray(seen)
     except (ValueError, TypeError, RuntimeError):

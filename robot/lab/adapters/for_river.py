@@ -72,7 +72,7 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
         known, n = self._columns, len(self._columns)
         new = sorted((name for name in x if name not in known), key=repr)
         columns = known | {name: n + i for i, name in enumerate(new)} if new else known
-        # Lengthen the images: a feature that is new now was 0 in all earlier images.
+        # Add a column to the stored examples for each new feature; its value was 0 in all of them.
         more = max(self._room, len(columns) - self._room)
         if len(columns) > self._room:
             self._room += more

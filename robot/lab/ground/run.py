@@ -93,7 +93,7 @@ class Course:
                 move: str | None = wanted
             else:
                 move, point = None if proposed.needs_help else proposed.action, proposed.point
-            if move is not None:  # None means that the robot stands still and asks
+            if move is not None:  # otherwise the robot stands still and asks for help
                 picture, is_over = self._world.step(move, point)
 
     def _is_teacher_due(self, proposed: Prediction, wanted: str) -> bool:

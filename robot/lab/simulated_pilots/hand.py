@@ -70,7 +70,7 @@ class HumanDelayModel:
         self._seq += 1
         return PilotCommand(
             held=(held := self._hold(now_s)),
-            # a slip presses a button, and buttons have no steering and throttle
+            # if the hand slips, it presses a button, which has no steering and throttle
             point=self._point if held is self._held else None,
             frame_id=frame_id,
             seq=self._seq,

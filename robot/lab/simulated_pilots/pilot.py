@@ -84,7 +84,7 @@ class SimulatedPilot:
             held = self._judge(*self._screen, at_s)
             point = getattr(self.teacher, "point", None) if held is not None else None
             self._hand.wish(held, at_s, point)
-            # None makes `act` schedule the next look for the next picture.
+            # With None, the pilot looks again when the next picture arrives.
             self._looks_at_s = at_s + period_s if period_s else None
 
     def _judge(self, situation: Situation, proposed: Action | None, now_s: float) -> Action | None:

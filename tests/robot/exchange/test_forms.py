@@ -70,7 +70,10 @@ def table_of(folder: Path, text: str, *names: str) -> Path:
         ("file,angle\na.jpg,17.5\n", "not a number from -1 to 1.*with --full-lock"),
         ("file,angle\na.jpg,0.3\nb.jpg,-20\nc.jpg,25\n", "goes from -20 to 25"),
         ("a.jpg,0\nb.jpg,2\n", "the whole numbers in column 2 may be classes or the steering"),
-        ("file,left,right\na.jpg,1,0\nb.jpg,0,1\n", "'left' and 'right' may be moves or wheels"),
+        (
+            "file,left,right\na.jpg,1,0\nb.jpg,0,1\n",
+            "'left' and 'right' may be moves or the speeds of two wheels",
+        ),
         ("file,speed\na.jpg,1\n", "no column for a label.*its columns: file, speed"),
     ],
 )

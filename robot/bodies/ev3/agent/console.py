@@ -61,7 +61,7 @@ class Console:
             try:
                 event = os.read(self._keys, KEY_EVENT.size)
             except OSError:
-                break  # no event of the buttons waits any more
+                break  # all events of the buttons have been read
             if len(event) < KEY_EVENT.size:
                 break
             second, micro, kind, code, value = KEY_EVENT.unpack(event)

@@ -55,7 +55,7 @@ def parse_answer(message: bytes, asked: int, results: int = 0) -> bytes:
     if kind != _REPLY or length + 2 != len(message):
         raise DriveError("the brick sent something other than a reply")
     if count != asked or length + 2 < _ANSWER.size + results:
-        raise DriveError("the brick sent the reply to another command")
+        raise DriveError("the brick replied to a different command than the one asked")
     return message[_ANSWER.size :]
 
 
