@@ -30,9 +30,9 @@ class Camera(StartStop):
 
     Attributes:
         fault: The camera's fault, as a sentence for the page; None if all is well.
-        source_age_s: For a camera that is plugged into another computer: the age of a picture when
-            it reaches that computer, in seconds, without the time until it is sent and received.
-            None if the camera is plugged in here, or if no age is reported.
+        source_age_s: For a camera on another computer: the age of a picture in seconds when it
+            reaches that computer. The way from there to here is not included. None for a camera of
+            this computer, and if no age is reported.
 
     Example:
         >>> from robot.testing import VirtualClock
@@ -101,8 +101,9 @@ class Camera(StartStop):
     def world_s(self, at_s: float) -> float:
         """Return the time of the world's clock when `self.clock` showed `at_s`.
 
-        The two times are equal unless `world_waits`. If the world waits, its clock stops while it
-        is computed or waits for the loop, so that this time does not count as the pilot's silence.
+        The two times are equal unless `world_waits`. If the world waits, its clock stands still
+        while the next picture is computed and until the loop takes it. This time then does not
+        count as the pilot's silence.
         """
         return at_s
 

@@ -238,7 +238,7 @@ class Prediction:
     needs_help: bool = False
     """True if the robot could not free itself, so it stands still and waits for the pilot."""
     point: Point | None = None
-    """The steering and throttle of `action`, if the pilot taught by degrees."""
+    """The steering and throttle of `action`, if the pilot steered proportionally."""
     spread: float | None = None
     """Standard deviation of the steering of `point`."""
 

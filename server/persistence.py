@@ -1,4 +1,4 @@
-"""Saves the models of a robot. Extensions save more about its runs, for example recordings.
+"""Saves the models of a robot. Extensions save more about each run, for example recordings.
 
 An extension adds a `PersistencePart` by an entry point of `drivelesson.persistence`.
 """

@@ -69,7 +69,7 @@ class DriveMessage:
 
     `seq` grows with each message. `nonce` is the newest that the page has received. `frame_age_ms`
     is the page's estimate of the frame's age, and `phone_ms` the part of it that the phone adds;
-    None if unknown. `steering` and `throttle` are set if the pilot steers by degrees.
+    None if unknown. `steering` and `throttle` are set if the pilot steers proportionally.
     """
 
     held: Action | None
@@ -83,7 +83,7 @@ class DriveMessage:
 
     @property
     def point(self) -> Point | None:
-        """The steering and throttle that the pilot holds; None without steering by degrees."""
+        """The steering and throttle that the pilot holds; None if the pilot uses buttons."""
         if self.steering is None or self.throttle is None:
             return None
         return Point(self.steering, self.throttle)
@@ -125,7 +125,7 @@ class BareMessage(StrEnum):
     IDLE = "idle"
     """Receive the state rarely, because this page shows no picture."""
     WATCH = "watch"
-    """Receive the state ten times a second, because this page shows the picture again."""
+    """Asks for the state ten times a second, because this page now shows the picture again."""
 
 
 ClientMessage = DriveMessage | ModeMessage | ReleaseMessage | BareMessage | Ping

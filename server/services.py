@@ -2,7 +2,8 @@
 
 An extension adds routes and services by an entry point of `drivelesson.services`. If its package
 has a module `options`, the function `configure(parser)` in it declares options of `serve`. The core
-knows only the base class `Extension`, so that any extension can be removed without changing it.
+knows only the base class `Extension`. An extension can therefore be removed without a change of the
+core.
 """
 
 from __future__ import annotations
@@ -94,7 +95,8 @@ class Extension(StartStop):
     open_paths: ClassVar[frozenset[str]] = frozenset()
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
-        """Keep what is needed of the server; `options` are those of `drivelesson serve`."""
+        """Keep references to the parts of the server; `options` are those of `drivelesson
+        serve`."""
 
     @property
     def routers(self) -> Sequence[APIRouter]:

@@ -147,7 +147,7 @@ class DriverThread(Driver):
     def correct(self, correction: Correction) -> None:
         """Apply a correction before any further action; waiting actions are dropped.
 
-        Some bodies are connected again; if the connection fails, the next `drive` raises the error.
+        Some bodies connect again after a failure. If that fails, the next `drive` raises the error.
         """
         if self._thread is None:
             self.driver.correct(correction)
@@ -181,8 +181,9 @@ class DriverThread(Driver):
         """Remove and return the most urgent request: stop comes first, then sense or drive, then
         show.
 
-        STOP is sent before a reading of the sensors, and so is a new action unless the reading has
-        been due for `SENSE_EVERY_S`. A renewed action waits for a reading that is due.
+        STOP is always sent before the sensors are read. A new action is sent before, too, unless
+        the reading is late by more than `SENSE_EVERY_S`. A renewed action waits for a reading that
+        is due.
         """
         order, since_s = self._order, now_s - self._sensed_s
         is_new = order is not None and order.action is not self._driven

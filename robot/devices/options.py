@@ -66,7 +66,7 @@ def option(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """Base of options, whose constructor refuses values out of range.
+    """Base class of option classes. The constructor refuses values out of range.
 
     Raises:
         ConfigurationError: If a number is out of its range, or `check` refuses a value.

@@ -91,8 +91,8 @@ def read(kind: type[_M], plain: Any, where: str = "") -> _M:
 def reader(kind: Any, declared: Any, base: type[BaseModel] = BaseModel) -> Callable[[Any], Any]:
     """Return a function that reads one value. The function converts text unless `base` is strict.
 
-    Its ConfigurationError continues a sentence that begins with the value's name: "must be a number
-    above 0, not 'x'".
+    The ConfigurationError is worded to follow the name of the value: "must be a number above 0, not
+    'x'".
     """
     model = create_model("Value", __base__=base, value=(kind, declared))
     return partial(_read_value, model, kind_of(kind))
@@ -138,7 +138,8 @@ def _description(kind: type[BaseModel], name: str) -> str | None:
 
 
 def _is_same(given: Any, read: Any) -> bool:
-    """True if only integers were converted, to floats. False if a text has lone surrogates."""
+    """True if the conversion only turned integers into floats. False if a text has lone
+    surrogates."""
     if isinstance(given, list):
         return all(map(_is_same, given, read))
     if isinstance(given, str):

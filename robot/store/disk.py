@@ -11,8 +11,8 @@ from robot.types import StartStop
 Announce = Callable[..., None]
 """Called with an event of the disk or of a file: the event's name and its fields."""
 FLUSH_EVERY_S = 0.2
-"""Period of writing, in seconds. A kill or a power cut loses at most the data of this time, unless
-the disk is slower."""
+"""Period of writing, in seconds. A crash or a power cut loses the data of at most this time, or
+more on a slow disk."""
 
 
 def no_announcement(name: str, **fields: object) -> None:

@@ -42,8 +42,8 @@ FOLDERS = "drivelesson.folders"
 """Extensions declare their folders by entry points of this group; each is a `FolderKind`."""
 
 TRASH_DAYS = 30
-"""Time after which deleted items are removed from the trash, in days. Within a month a class
-notices that an item is missing."""
+"""Time after which deleted items are removed from the trash, in days. A class notices within a
+month that it misses an item."""
 _DAY_NS = 86_400 * 10**9
 _HALF_DONE_S = 60.0
 _LONGEST_NAME, _LONGEST_ENDING = 64, 40
@@ -265,9 +265,9 @@ def make_private(folder: Path) -> None:
 class Storage:
     """The data folder. The constructor creates the folder and its subfolders.
 
-    Raises ConfigurationError if the folder cannot be written. With `must_be_usable` False the
-    reason is set as `fault` instead, because a robot can also be driven without storage. A full
-    disk does not count as a fault.
+    Raises ConfigurationError if the folder cannot be written. If `must_be_usable` is False, the
+    error is not raised but stored as `fault`, because a robot can also be driven without storage. A
+    full disk does not count as a fault.
     """
 
     def __init__(self, root: Path, *, must_be_usable: bool = True) -> None:

@@ -34,7 +34,7 @@ def open_new(path: Path) -> BinaryIO:
 class RecordWriter:
     """Writes the same records to several new files, as long as at least one can be written.
 
-    For one thread only, except `sync`, which another thread may call. Raises OSError if all files
+    Only one thread may use it; `sync` may also be called by another. Raises OSError if all files
     failed.
     """
 

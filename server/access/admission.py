@@ -1,10 +1,11 @@
 """Admission control: how many connections, sockets and requests each person may use.
 
 Clients are counted per session, or per address if they have none. A connection is *pending* until
-the guard has read a request that has a session. Pending connections time out soon and have separate
-slots, so a new connection is accepted and read even when all other slots are taken, because it may
-be a STOP. If the pending slots are full too, the new connection evicts an idle connection. If none
-is idle, it evicts a connection that has sent nothing, or else one with an old request.
+the guard has read a request that has a session. Pending connections have slots of their own and
+time out soon. A new connection can therefore always be accepted and read, even if all other slots
+are taken: it may be a STOP. If the pending slots are full too, the new connection evicts an idle
+connection. If none is idle, it evicts a connection that has sent nothing, or else one with an old
+request.
 
 When no slot is free, the person with the most connections loses one: an idle connection, or the
 least recently used. A flood therefore evicts itself. A connection of the owner, the pilot or the
@@ -34,7 +35,8 @@ Peer = tuple[str, int]
 _READ_S = 0.25
 """Time within which the first request of a new connection is read, even under load, in seconds."""
 _ANSWER_S = 2.0
-"""How long a new connection waits for a running request when no other can be evicted, in s."""
+"""How long a new connection waits for a running request to end if no other connection can be
+evicted, in s."""
 _LOG_S = 60.0
 """Minimum time between log lines about one person who exceeds the rate limit, in seconds."""
 _SELDOM_S = 1.0
@@ -127,12 +129,13 @@ class ConnectionLimiter:
                 del self._of[place.person]
 
     def is_at_limit(self, session: Session) -> bool:
-        """True if a person's next connection can only evict another of the same person."""
+        """True if the next connection of a person can only evict a connection of the same
+        person."""
         return not session.is_crowd and len(self._of.get(session.name, ())) >= self._each
 
     @property
     def is_full(self) -> bool:
-        """True if the next connection can only evict another."""
+        """True if the next connection can only be accepted by evicting another connection."""
         return self.taken >= self._in_all
 
     def has(self, person: str) -> bool:
@@ -148,7 +151,8 @@ class ConnectionLimiter:
         place.close()
 
     def _giving(self, newcomer: str, before_s: float) -> list[Slot]:
-        """Return the most slots of one person who can lose a slot to the newcomer."""
+        """Of all persons who could lose a slot to the newcomer, return the largest number of slots
+        that one has."""
         own = self._of.get(newcomer, [])
         yielding = [places for person, places in self._of.items() if not self._keeps(person)]
         if self._keeps(newcomer):
@@ -221,7 +225,7 @@ class AdmissionControl:
         self.connections[peer] = place
 
     def may_come(self, head: bytes, address: str, now_s: float) -> bool:
-        """Count a new connection for the session in its first bytes.
+        """Count a new connection for the session whose cookie is in its first bytes.
 
         Returns:
             False if the session opens connections too fast. The listener then answers 429 without
@@ -315,7 +319,7 @@ class AdmissionControl:
     def may_ask(self, session: Session, now_s: float) -> bool:
         """Count a request; return False if the session sends too many per second.
 
-        A crowd gets the rate of as many persons as the server admits.
+        Clients of an anonymous crowd share a rate: that of as many persons as the server admits.
         """
         share = self.limits.clients if session.is_crowd else 1
         rate, burst = self.limits.requests_per_second, self.limits.requests_burst

@@ -16,10 +16,10 @@ from server.config import Address, as_address
 
 log = logging.getLogger(__name__)
 PROBE_MS = 700
-"""How long other machines are asked whether they have a name, in ms; about as RFC 6762 requires."""
+"""How long other machines are asked whether they already use a name, in ms (as in RFC 6762)."""
 _HEARD_MS = 15_000.0
 """Age in milliseconds above which another robot's mDNS answer is ignored, because that robot may be
-gone. A robot asks every 10 s, so a robot that is still there has answered more recently."""
+gone. A robot asks every 10 s, so any other robot in the network has answered within this time."""
 _A, _AAAA = 1, 28
 _MOST_NAMES = 50
 
@@ -170,7 +170,8 @@ def _is_6(address: str) -> bool:
 def _one_line(record: logging.LogRecord) -> bool:
     """Remove the traceback from a log record of zeroconf.
 
-    Zeroconf logs one whenever an address is gone, although `Watch` then announces the robot again.
+    Zeroconf logs an error whenever an address is gone. It is no error here, because `Watch` then
+    announces the robot again.
     """
     record.exc_info = None
     return True

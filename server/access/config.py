@@ -73,7 +73,7 @@ class NetworkLimits(Limits):
     uploads: int = 2
     """Maximum number of simultaneous uploads; each person may have one at a time."""
     pending: int = 384
-    """Maximum number of connections of all addresses that the guard has not admitted yet."""
+    """Maximum number of connections that the guard has not admitted yet, over all addresses."""
     pending_per_address: int = 384
     """Maximum number of pending connections of one address (for IPv6, of one /64 network)."""
     pending_s: float = 20.0

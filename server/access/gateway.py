@@ -198,7 +198,8 @@ class NetworkGateway(Gateway):
     def _follow(self, before: Place, now: Place, more: Callable[[], list[str]]) -> None:
         """Print the new addresses and pairing codes.
 
-        Phones have to pair again, because a browser sends its cookie only to the old address.
+        Phones have to pair again, because a browser does not send the cookie of the old address to
+        the new one.
         """
         if (before.addresses, before.hostname) == (now.addresses, now.hostname):
             return
@@ -362,7 +363,8 @@ class NetworkGateway(Gateway):
 
 
 def advise(name: str | None, address: str) -> str:
-    """Return what to do if a refused request has a right name, or if it came through a proxy."""
+    """Return advice for a request that was refused although it used one of the robot's names, or
+    that came through a proxy."""
     known = f" If this is its name, start it with --also-at {name}." if name is not None else ""
     return (
         f"{known} If a proxy forwarded this request, start the robot with --behind-proxy {address}"

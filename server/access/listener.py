@@ -114,7 +114,7 @@ class AdmissionListener(socket.socket):
             self._spare = None
 
     def _reject_one(self) -> None:
-        """Accept and close one connection, although no file descriptor is left but the spare one.
+        """Accept and close one connection with the spare file descriptor, because no other is left.
 
         A connection that stayed in the kernel's queue would wake the event loop again and again.
         """

@@ -109,7 +109,8 @@ def names_in_network(
 
 
 def _domains(resolver: Path) -> list[str]:
-    """Return the search domains of a file like /etc/resolv.conf; its last line of them counts."""
+    """Return the search domains of a file like /etc/resolv.conf. If it lists them in several lines,
+    the last line counts."""
     try:
         lines = resolver.read_text("utf-8", "replace").splitlines()
     except OSError:

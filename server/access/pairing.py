@@ -189,7 +189,8 @@ class Pairing:
         return Session(kind.role, name)
 
     def sign_out_invited(self) -> Sessions:
-        """End the sessions paired by a class's board; return them, for `sign_in` to restore."""
+        """End the sessions that the board of a class has paired. Return them, so that `sign_in` can
+        restore them."""
         ended = {name: kind for name, kind in self._sessions.items() if kind.invited}
         for name in ended:
             del self._sessions[name]

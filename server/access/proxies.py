@@ -1,7 +1,8 @@
 """Restores a request that came through a proxy to the form in which its client sent it.
 
 The option `--behind-proxy` lists the addresses that people open. The proxy's headers say which of
-them the client opened, and who the client is. Headers that no trusted proxy sent are ignored.
+these addresses the client opened, and who the client is. Headers that no trusted proxy sent are
+ignored.
 """
 
 from __future__ import annotations
@@ -120,7 +121,8 @@ def _said(scope: Scope) -> dict[str, str]:
 
 
 def _hops(said: dict[str, str]) -> list[list[_Hop]]:
-    """Return the reports of all proxies, the nearest last, once for each kind of header.
+    """Return the reports of all proxies, one per kind of header and proxy; the nearest proxy comes
+    last.
 
     The kinds are `Forwarded` and `X-Forwarded-*`.
     """

@@ -171,7 +171,7 @@ class Watch:
         ]
 
     def wait_for_the_first(self, timeout_s: float) -> None:
-        """Wait until the first check has ended, which announces the robot; at most `timeout_s`."""
+        """Wait at most `timeout_s` for the end of the first check, which announces the robot."""
         self._clock.wait(self._looked, timeout_s)
 
     def stop(self) -> None:

@@ -97,8 +97,9 @@ def status_of(error: RobotError | OSError) -> int:
 def make_parser(
     name: str, words: Sequence[str] = (), *, is_extended: bool = True
 ) -> argparse.ArgumentParser:
-    """Return the parser of one command. If `is_extended`, it also has the options that depend on
-    other options; these are taken from `words`, the words of the command line."""
+    """Return the parser of one command. If `is_extended`, the parser also has options that exist
+    only with certain values of other options. It takes these values from `words`, the words of the
+    command line."""
     module = load_command(name)
     parser = Parser(prog=f"drivelesson {name}", description=module.__doc__)
     module.configure(parser)

@@ -13,7 +13,7 @@ from robot.coaching.gallery import LearnedImage, images
 from robot.control.loop import ControlLoop
 
 _REMEMBERED = 512
-"""Maximum number of cached images that the learner has merged after they were cached."""
+"""Maximum number of cached images that the learner has since merged into others."""
 _REFRESH_S = 0.4
 """Minimum time between two fetches of the gallery while the robot learns, in seconds."""
 

@@ -22,7 +22,7 @@ router = APIRouter(prefix="/api", route_class=Route)
 
 @dataclass
 class Teaching:
-    """The number of examples, and how the agreement has changed with them."""
+    """The number of examples, and the agreement over the course of teaching."""
 
     lessons: int
     taught: dict[str, int]
@@ -94,7 +94,7 @@ def show_path(request: Request, since: int = 0) -> PathAnswer:
 
 @router.get("/teaching")
 def describe_teaching(request: Request) -> Teaching:
-    """Return the number of examples, and how the agreement has changed with them."""
+    """Return the number of examples, and the agreement over the course of teaching."""
     state = services_of(request).robot.loop.state
     return Teaching(
         lessons=sum(state.taught.values()),

@@ -62,7 +62,8 @@ async def show_alike(request: Request) -> AlikeAnswer:
 
 @router.post("/teaching/alike")
 async def set_alike(request: Request, body: AlikeWord) -> AlikeChanged:
-    """Set whether every example, past or future, also counts as its mirror image."""
+    """Set whether the learner also learns the mirror image of every example, including the earlier
+    ones."""
     services = services_of(request)
     try:
         _, is_kept = await services.change_learner(

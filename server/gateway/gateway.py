@@ -1,7 +1,8 @@
 """Decides which connections and requests reach the application.
 
-This gateway serves only this computer. The extension `access` replaces it, by an entry point of
-`drivelesson.gateway`, with a gateway for networks, which admits only browsers that it can identify.
+This gateway serves only this computer. The extension `access` replaces this gateway by its own,
+through the entry point `drivelesson.gateway`. That gateway serves a network, and admits only
+browsers that it can identify.
 """
 
 from __future__ import annotations
@@ -142,7 +143,7 @@ class Gateway:
         return tuple(scope.get("client") or ("", 0))
 
     def anonymous(self, address: str) -> Session:
-        """Return the session for which the requests of a client without a session are counted."""
+        """Return the session that counts the requests of a client that has none of its own."""
         return Session(Role.VIEWER, address)
 
     def check(self, path: str, method: str | None, role: Role) -> Refusal | None:

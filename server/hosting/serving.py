@@ -114,8 +114,8 @@ def make_server(app: Any, tls_files: tuple[str, str] | None) -> Server:
 
 
 def leave_out_of_collections() -> None:
-    """Exclude all existing objects from garbage collection. A full collection of them would block
-    every thread, including the control loop and a STOP, for 100 to 300 ms."""
+    """Exclude all existing objects from garbage collection. A full garbage collection would block
+    every thread for 100 to 300 ms, including the control loop and a STOP."""
     gc.collect()
     gc.freeze()
 

@@ -70,7 +70,7 @@ def answer(kind: type[_T], source: Any, **own: Any) -> _T:
 class Route(APIRoute):
     """A route that ignores the type of its answer, so that a server on a brick starts sooner.
 
-    `described` returns a copy that knows this type, for `/openapi.json`.
+    `described` returns a copy of the app's routes that knows this type, for `/openapi.json`.
     """
 
     def __init__(self, path: str, endpoint: Callable[..., Any], **options: Any) -> None:

@@ -41,7 +41,7 @@ class DoingAnswer:
     action: str
     emergency: bool
     is_full: bool
-    """True if too many pages are open for another websocket."""
+    """True if another websocket would exceed the number of open pages allowed."""
 
 
 @router.get("/api/state")

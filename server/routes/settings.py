@@ -107,7 +107,8 @@ async def describe_settings(request: Request) -> SettingsAnswer:
 
 @router.put("")
 async def change_settings(request: Request, body: SettingsChange) -> ChangeAnswer:
-    """Change settings. Changing `max_nodes` or `moves` starts an empty model; 409 while driving."""
+    """Change settings. Changing `max_nodes` or `moves` starts an empty model. While the robot
+    drives, the answer is 409."""
     services = services_of(request)
     loop = services.robot.loop
     given = {"name": body.name, "colour": body.colour}
@@ -142,7 +143,8 @@ def _choose(moves: list[str], request: Request) -> tuple[Action, ...]:
 
 @lru_cache(maxsize=8)
 def estimate_rates_hz(kind: str) -> dict[int, float]:
-    """Return the possible pictures per second on this machine for each number of images in `SIZES`.
+    """Return for each number of images in `SIZES` how many pictures a second this machine can
+    process.
 
     Only two sizes are measured, because the time per picture grows linearly with the size.
     """

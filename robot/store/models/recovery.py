@@ -92,7 +92,7 @@ def _read_run(folder: Path, parts: list[Part]) -> _Run:
 
 
 def _take(run: _Run, record: bytes) -> None:
-    """Add one record; the same record from the twin file changes nothing."""
+    """Add one record. A record that is in both files is added once."""
     try:
         head, _, body = record.partition(HEAD)
         words: dict[str, Any] = json.loads(head)

@@ -127,8 +127,8 @@ class ModelStore:
     def retry_damaged(self) -> None:
         """Restore versions that were set aside as damaged but are readable by this program.
 
-        An older program sets aside the versions that a newer program wrote. A version is restored,
-        as the newest, unless a valid version of its model was saved later. If this version was also
+        An older program sets aside the versions that a newer program wrote. The version becomes the
+        newest again, unless a valid version of its model was saved later. If this version was also
         saved later than the model in use, its model is used next.
         """
         for name in self.names():
@@ -250,7 +250,8 @@ def _age_of(summary: ModelSummary | None) -> tuple[int, int, float]:
 
 
 def _marked(marker: Path) -> tuple[str, str]:
-    """Return the name in a marker, and the checksum, which reveals a truncated name."""
+    """Return the model's name and the checksum from a marker. The checksum reveals a truncated
+    name."""
     with contextlib.suppress(OSError, UnicodeDecodeError):
         name, _, checksum = read_regular(marker, 4096).decode().strip().partition("\n")
         return name, checksum

@@ -23,8 +23,8 @@ from robot.types import Action
 _MACHINE = RealClock()
 
 TRIAL_S = 2.0
-"""Time for showing pictures, in seconds. A slow computer shows fewer pictures, at least one, and
-refuses no valid model because of the time."""
+"""Time for showing pictures, in seconds. On a slow computer fewer pictures are shown, but at least
+one. Slowness is never a reason to refuse a valid model."""
 _PICTURES = 6
 _STEP_S = 0.15
 _MOST_MOVES = 32
@@ -56,7 +56,8 @@ def _check_summary(model: Model) -> None:
 
 
 def _drive(policy: Policy) -> None:
-    """Show the policy some pictures, each with another current move, and teach it each of them."""
+    """Show the policy some pictures, each while another move is current, and teach it all of
+    them."""
     until_s = _MACHINE.now_s() + TRIAL_S
     moves = cycle((*policy.moves, None))
     for i, frame in enumerate(_pictures(_PICTURES)):
