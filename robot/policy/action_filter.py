@@ -170,14 +170,14 @@ exceed the votes for the current move.
 
 People begin a turn late and end it late. So at the same view people still drive straight before a
 turn, and keep turning in a turn. Votes on single frames do not show this delay, and a robot without
-inertia ends its turns too early. Beginning a turn too late is worse than ending a turn too late, so
-straight moves have less inertia than turns (docs/explanation/learner.md).
+inertia ends its turns too early. Straight moves have less inertia than turns, because it is worse
+to begin a turn too late than to end it too late (docs/explanation/learner.md).
 """
 ALLOWANCE = 1.3
-"""Multiple of the pilot's longest debt above which the robot's turns lose votes."""
+"""If the robot loses this many times the time that its pilot ever lost (`Headway`), its turns get
+fewer votes."""
 HELPLESS_S = 10.0
-"""Time above `ALLOWANCE` times the pilot's longest debt before the robot stops and asks for help,
-in seconds."""
+"""Further lost time after which the robot stops and asks for help, in seconds."""
 ASKING_S = 5.0
 """Time for which the robot asks for help before it tries again by itself, in seconds."""
 
@@ -246,7 +246,7 @@ class ActionFilter(PolicyPart):
                 self.needs_help = False  # the pilot drives away, or the robot tries again
                 self._headway.reset()
             else:
-                urge = self._watch(under_way, seen.at_s, ALLOWANCE * pace.debt_limit_s)
+                urge = self._watch(under_way, seen.at_s, ALLOWANCE * pace.lost_limit_s)
         futile = self._stall_detector.futile
         # Alternating left and right is normal for a quick pilot, but useless for a stuck robot.
         limit_s = TO_AND_FRO_S if futile else pace.to_and_fro_s
@@ -278,10 +278,10 @@ class ActionFilter(PolicyPart):
         """Update the clock and `needs_help`; return how many votes each turn loses."""
         is_stalled = self._stall_detector.is_stalled
         self._headway.note(under_way, at_s, self._point, is_stalled=is_stalled)
-        debt_s = self._headway.debt_s
-        if debt_s > allowed_s + HELPLESS_S:
+        lost_s = self._headway.lost_s
+        if lost_s > allowed_s + HELPLESS_S:
             self._ask(at_s)
-        return min(max((debt_s - allowed_s) / (0.5 * allowed_s), 0.0), 2.0)
+        return min(max((lost_s - allowed_s) / (0.5 * allowed_s), 0.0), 2.0)
 
     def _ask(self, at_s: float) -> None:
         if not self.needs_help:

@@ -91,28 +91,27 @@ def difference(picture: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
 
 
 PAYS_BACK = 4.0
-"""Debt that one second of driving straight pays back, in seconds."""
+"""Lost seconds that a robot makes good by driving straight for one second."""
 EFFECT_S = 0.2
-"""Time after which a straight move pays debt back, in seconds; before that the picture does not
-show the move's effect."""
+"""Time after which driving straight makes lost time good, in seconds. Before that, the picture does
+not show whether the move has an effect."""
 STRAIGHT_S = 0.3
-"""Time for which a robot must drive straight before turns are paid back, in seconds."""
+"""Time for which a robot must drive straight before its earlier turns are forgotten, in seconds."""
 _LONGEST_STEP_S = 0.25
 
 
 class Headway:
-    """Measures progress, of the pilot or of the robot, as a debt of turning and pushing in seconds.
+    """Measures how much time the pilot or the robot has lost by turning and pushing.
 
-    Turning to either side, and pushing without effect, increase the debt by their duration. Driving
-    straight with effect reduces the debt by four times the duration, but not below 0. A curve by
-    degrees counts partly as turning and partly as driving straight. The part that counts as driving
-    straight grows with the distance from full lock. A `Headway` remembers changes from one side to
-    the other until the debt is paid.
+    Each second of turning or of pushing without effect counts as a lost second. Driving straight
+    for one second makes four lost seconds good. With proportional steering, a curve counts partly
+    as turning and partly as driving straight: the milder the curve, the more counts as driving
+    straight. When all lost time is made good, a `Headway` forgets the earlier turns.
 
     Attributes:
-        debt_s: The debt, in seconds.
-        side: The side of the last turn; None since the debt was paid.
-        sides_s: The times of the last two changes of side.
+        lost_s: The lost time, in seconds; at least 0.
+        side: The side of the last turn; None if the turns are forgotten.
+        sides_s: The times of the last two changes from one side to the other.
     """
 
     def __init__(self, kinds: MoveKinds) -> None:
@@ -120,8 +119,8 @@ class Headway:
         self.reset()
 
     def reset(self) -> None:
-        """Reset to no debt and no turns."""
-        self.debt_s = self._straight_s = 0.0
+        """Forget the lost time and all turns."""
+        self.lost_s = self._straight_s = 0.0
         self._last_s: float | None = None
         self._free()
 
@@ -132,25 +131,25 @@ class Headway:
     def note(
         self, action: Action, at_s: float, point: Point | None = None, *, is_stalled: bool = False
     ) -> None:
-        """Update the debt by the move that was made since the last call.
+        """Count the time since the last call as lost or as made good.
 
         Args:
             action: The move; STOP changes nothing.
             at_s: The current time, in seconds.
-            point: The point, if the move was driven by degrees.
+            point: The steering and throttle, if the move was driven proportionally.
             is_stalled: True if the move has no effect.
         """
         last_s, self._last_s = self._last_s, at_s
         step_s = 0.0 if last_s is None else min(max(at_s - last_s, 0.0), _LONGEST_STEP_S)
         if action in self._kinds.turns or is_stalled:
             turned = 1.0 if point is None or is_stalled else abs(point.steering)
-            self.debt_s = max(0.0, self.debt_s + (2.0 * turned - 1.0) * step_s)
+            self.lost_s = max(0.0, self.lost_s + (2.0 * turned - 1.0) * step_s)
             self._straight_s = 0.0
         elif action is not Action.STOP:
             self._straight_s += step_s
             if self._straight_s > EFFECT_S:
-                self.debt_s = max(0.0, self.debt_s - PAYS_BACK * step_s)
-        if self.debt_s == 0.0 and self._straight_s >= STRAIGHT_S:
+                self.lost_s = max(0.0, self.lost_s - PAYS_BACK * step_s)
+        if self.lost_s == 0.0 and self._straight_s >= STRAIGHT_S:
             self._free()
 
     def turn(self, action: Action, at_s: float) -> None:
@@ -170,22 +169,22 @@ class Headway:
 
     @property
     def clock(self) -> tuple[float, float, float | None]:
-        """The debt, the time driven straight with effect, and the time of the last `note`."""
-        return self.debt_s, self._straight_s, self._last_s
+        """The lost time, the time driven straight with effect, and the time of the last `note`."""
+        return self.lost_s, self._straight_s, self._last_s
 
     @clock.setter
     def clock(self, values: tuple[float, float, float | None]) -> None:
-        self.debt_s, self._straight_s, self._last_s = values
+        self.lost_s, self._straight_s, self._last_s = values
 
 
-SHORTEST_DEBT_S, LONGEST_DEBT_S = 1.5, 8.0
-"""Bounds of the learned limit of the debt (`Headway`), in seconds.
+SHORTEST_LOST_S, LONGEST_LOST_S = 1.5, 8.0
+"""Bounds of the lost time (`Headway`) up to which turning may still help, in seconds.
 
 The upper bound is less than the time of half a turn about one wheel. A pilot who alternates between
-left and right for longer is not showing a way out."""
+left and right for longer does not thereby leave a corner."""
 _MEANT = 3
-"""Number of equally long pushes that count as pushing on purpose, because a single push may be a
-mistake."""
+"""Number of pushes of the same length after which the pilot is taken to push on purpose. A single
+push may be a mistake."""
 _PATIENCE, _LONGEST_PATIENCE_S = 1.5, 5.0
 _RUNS, _FEWEST_RUNS = 64, 8
 TO_AND_FRO_S, OF_A_RUN = 2.0, 0.75
@@ -197,14 +196,14 @@ AWAY_S, OF_A_TURN = 1.5, 0.6
 times the pilot's longest turn. A body that turns round in half a second would after 1.5 s have
 turned back to where it came from."""
 PAUSE_S = 0.45
-"""Gap of teaching time between two examples that ends a manoeuvre, in seconds."""
+"""Two examples further apart than this belong to two manoeuvres, in seconds of teaching time."""
 
 
 class PilotPace(PolicyPart):
     """Learns how long a pilot's manoeuvres take.
 
     Attributes:
-        longest_debt_s: Largest debt (`Headway`) of the pilot's driving, at most `LONGEST_DEBT_S`.
+        longest_lost_s: Most time that the pilot has lost (`Headway`), at most `LONGEST_LOST_S`.
         usual_run_s: Time for which the pilot usually holds a move; None before the pilot changed
             the move often enough.
         scale: Change of the picture while the pilot drives straight (`MoveKinds.measured`).
@@ -213,7 +212,7 @@ class PilotPace(PolicyPart):
 
     counts_all = True
     fields = (
-        Value("longest_debt_s", number(0.0, LONGEST_DEBT_S), "longest_debt_s"),
+        Value("longest_debt_s", number(0.0, LONGEST_LOST_S), "longest_lost_s"),
         Value("pushes_s", many(number(0.0), _MEANT, _MEANT)),
         Value("push_s", number(0.0)),
         Value("runs_s", many(number(0.0), _RUNS)),
@@ -230,7 +229,7 @@ class PilotPace(PolicyPart):
 
     def __init__(self, kinds: MoveKinds) -> None:
         self.kinds = kinds
-        self.longest_debt_s = 0.0
+        self.longest_lost_s = 0.0
         self.scale = ChangeMeter()
         self._pushes_s = [0.0] * _MEANT
         self._push_s = 0.0
@@ -246,13 +245,13 @@ class PilotPace(PolicyPart):
     @property
     def away_s(self) -> float:
         """Time for which a move without effect is barred, in seconds."""
-        longest_s = self.longest_debt_s
+        longest_s = self.longest_lost_s
         return min(max(OF_A_TURN * longest_s, STUCK_S), AWAY_S) if longest_s else AWAY_S
 
     @property
-    def debt_limit_s(self) -> float:
-        """Debt above which turning no longer helps, in seconds."""
-        return max(self.longest_debt_s, SHORTEST_DEBT_S)
+    def lost_limit_s(self) -> float:
+        """Lost time above which turning no longer helps, in seconds."""
+        return max(self.longest_lost_s, SHORTEST_LOST_S)
 
     @property
     def patience_s(self) -> float:
@@ -297,8 +296,8 @@ class PilotPace(PolicyPart):
                 self._note_runs([*self._runs_s, self._run_s])
             self._label, self._run_s = label, 0.0
         self._headway.note(label, at_s, lesson.point, is_stalled=self._push_s > 0.0)
-        debt_s = min(self._headway.debt_s, LONGEST_DEBT_S)
-        self.longest_debt_s = max(self.longest_debt_s, debt_s)
+        lost_s = min(self._headway.lost_s, LONGEST_LOST_S)
+        self.longest_lost_s = max(self.longest_lost_s, lost_s)
 
     def _note_runs(self, runs_s: list[float]) -> None:
         self._runs_s = runs_s[-_RUNS:]

@@ -5,7 +5,7 @@ import pytest
 
 from robot.driver import Move
 from robot.policy.move_kinds import MoveKinds
-from robot.policy.pilot_pace import LONGEST_DEBT_S, SHORTEST_DEBT_S, STUCK_S, PilotPace
+from robot.policy.pilot_pace import LONGEST_LOST_S, SHORTEST_LOST_S, STUCK_S, PilotPace
 from robot.types import Action, Point
 from tests.kit.sizes import crossed
 from tests.robot.policy.passing import teach
@@ -38,28 +38,28 @@ class Pilot:
 @pytest.mark.parametrize("rate_hz", [5, 10, 15, 30])
 def test_the_longest_manoeuvre_sets_the_measure_at_any_frame_rate(rate_hz):
     pilot = Pilot(rate_hz).drive(F, 3).drive(L, 5).drive(F, 3).drive(R, 2).drive(F, 2)
-    assert pilot.pace.longest_debt_s == pytest.approx(5.0, abs=0.3)
+    assert pilot.pace.longest_lost_s == pytest.approx(5.0, abs=0.3)
 
 
 def test_turning_to_and_fro_is_one_manoeuvre_until_it_is_paid_back():
     pilot = Pilot().drive(F, 2).drive(L, 2).drive(F, 0.6).drive(R, 2)
-    assert pilot.pace.longest_debt_s == pytest.approx(2 - 4 * 0.4 + 2, abs=0.5)
+    assert pilot.pace.longest_lost_s == pytest.approx(2 - 4 * 0.4 + 2, abs=0.5)
 
 
-@pytest.mark.parametrize(("steering", "debt_s"), [(1.0, 5.0), (0.8, 3.0), (0.6, 1.0), (0.3, 0.0)])
-def test_a_curve_by_degrees_gets_on_by_what_it_lacks_to_full_lock(steering, debt_s):
+@pytest.mark.parametrize(("steering", "lost_s"), [(1.0, 5.0), (0.8, 3.0), (0.6, 1.0), (0.3, 0.0)])
+def test_a_curve_by_degrees_gets_on_by_what_it_lacks_to_full_lock(steering, lost_s):
     pilot = Pilot().drive(F, 3).drive(L, 5, point=Point(-steering, 0.5)).drive(F, 2)
-    assert pilot.pace.longest_debt_s == pytest.approx(debt_s, abs=0.3)
+    assert pilot.pace.longest_lost_s == pytest.approx(lost_s, abs=0.3)
 
 
 def test_a_wide_curve_pays_for_the_turn_before_it():
     pilot = Pilot().drive(L, 2).drive(L, 4, point=Point(-0.3, 0.5)).drive(R, 2)
-    assert pilot.pace.longest_debt_s == pytest.approx(2.0, abs=0.3)
+    assert pilot.pace.longest_lost_s == pytest.approx(2.0, abs=0.3)
 
 
 def test_the_measure_has_bounds():
-    assert PilotPace(KINDS).debt_limit_s == SHORTEST_DEBT_S
-    assert Pilot().drive(L, 60).pace.longest_debt_s == LONGEST_DEBT_S
+    assert PilotPace(KINDS).lost_limit_s == SHORTEST_LOST_S
+    assert Pilot().drive(L, 60).pace.longest_lost_s == LONGEST_LOST_S
 
 
 def test_one_push_counts_as_a_slip_and_three_as_intended():
@@ -76,7 +76,7 @@ def test_corrections_with_pauses_between_them_are_manoeuvres_of_their_own():
     for _ in range(10):
         pilot.drive(L, 2.0)
         pilot.now_s += 0.5  # the maximum teaching time that a pause counts for
-    assert pilot.pace.longest_debt_s == pytest.approx(2.0, abs=0.3)
+    assert pilot.pace.longest_lost_s == pytest.approx(2.0, abs=0.3)
 
 
 @crossed(moves=[(F, L, BRAKE, GRIP), (BRAKE, GRIP)], rate_hz=[5, 10, 30])

@@ -67,7 +67,7 @@ def test_pushing_is_noticed_in_half_a_second(drive, bumped):
     ("longest_turn_s", "away_s"), [(0.0, AWAY_S), (0.3, STUCK_S), (1.5, 0.9), (8.0, AWAY_S)]
 )
 def test_the_move_is_free_again_once_the_robot_has_turned_away(drive, longest_turn_s, away_s):
-    drive.pace.longest_debt_s = longest_turn_s
+    drive.pace.longest_lost_s = longest_turn_s
     drive.go(3, F, is_moving=True)
     while not drive.barred:
         drive.go(0.05, F, is_moving=False)

@@ -15,7 +15,7 @@ from robot.policy.action_filter import (
 )
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Seen
-from robot.policy.pilot_pace import AWAY_S, LONGEST_DEBT_S, STUCK_S, TO_AND_FRO_S, PilotPace
+from robot.policy.pilot_pace import AWAY_S, LONGEST_LOST_S, STUCK_S, TO_AND_FRO_S, PilotPace
 from robot.types import Action
 from tests.kit.sizes import crossed, seeds
 from tests.robot.policy.passing import teach
@@ -32,9 +32,9 @@ class KnownPace(PilotPace):
 
     patience_s = STUCK_S
 
-    def __init__(self, longest_debt_s: float, patience_s: float) -> None:
+    def __init__(self, longest_lost_s: float, patience_s: float) -> None:
         super().__init__(KINDS)
-        self.longest_debt_s, self.patience_s = longest_debt_s, patience_s
+        self.longest_lost_s, self.patience_s = longest_lost_s, patience_s
         for _ in range(20):
             self.scale.add(60.0)  # as two pictures of the wall differ
 
@@ -42,13 +42,13 @@ class KnownPace(PilotPace):
 class Body:
     """A robot that stands at a wall, or not: driving straight has an effect or none."""
 
-    def __init__(self, rate_hz: float, longest_debt_s: float = 4.0, patience_s: float = STUCK_S):
+    def __init__(self, rate_hz: float, longest_lost_s: float = 4.0, patience_s: float = STUCK_S):
         self.filter = ActionFilter(KINDS)
         self.dt_s = 1 / rate_hz
         self.now_s = 100.0
         self.shift = 0.0
         self.doing: Action | None = Action.STOP
-        self.pace = self.filter.pace = KnownPace(longest_debt_s, patience_s)
+        self.pace = self.filter.pace = KnownPace(longest_lost_s, patience_s)
         self.sent: list[tuple[Action, bool]] = []
         self._rng = np.random.default_rng(1)
         self._wall = self._rng.integers(0, 200, 400, np.uint8)
@@ -95,7 +95,7 @@ def test_no_votes_keep_the_robot_in_one_place_forever(rate_hz, is_free, seed):
         is_way = action is F and free
         idle_s = 0.0 if is_way or action is Action.STOP else idle_s + body.dt_s
         longest_s = max(longest_s, idle_s)
-    bound_s = 2 * (2 * ALLOWANCE * body.pace.longest_debt_s + HELPLESS_S + ASKING_S)
+    bound_s = 2 * (2 * ALLOWANCE * body.pace.longest_lost_s + HELPLESS_S + ASKING_S)
     assert longest_s < bound_s
     asked = any(action is Action.STOP for action, _ in body.sent)
     assert asked or is_free, "behind a wall nothing helps but a hand"
@@ -103,14 +103,14 @@ def test_no_votes_keep_the_robot_in_one_place_forever(rate_hz, is_free, seed):
 
 @crossed(rate_hz=[5, 10, 15, 30, 60], longest_s=[2.0, 4.0, 6.0])
 def test_a_turn_that_the_votes_would_never_end_ends_by_the_pilots_own_measure(rate_hz, longest_s):
-    sent = Body(rate_hz, longest_debt_s=longest_s).run(40.0, voted(L, 0.8))
+    sent = Body(rate_hz, longest_lost_s=longest_s).run(40.0, voted(L, 0.8))
     first_straight_s = sent.index(F) / rate_hz
     assert longest_s * ALLOWANCE < first_straight_s < longest_s * ALLOWANCE * 2.1
 
 
 @crossed(rate_hz=[5, 10, 15, 30, 60], other=[0.0, 0.2, 0.49])
 def test_no_pilots_measure_allows_a_whole_circle(rate_hz, other):
-    body = Body(rate_hz, longest_debt_s=LONGEST_DEBT_S)
+    body = Body(rate_hz, longest_lost_s=LONGEST_LOST_S)
     sent = body.run(30.0, {F: 0.01, L: 0.99 - other, R: other})
     assert sent.index(F) / rate_hz < WHOLE_CIRCLE_S
 
@@ -131,7 +131,7 @@ def test_the_robot_turns_back_and_forth_only_as_quickly_as_its_pilot(rate_hz, pe
         at_s = frame / rate_hz
         label = L if at_s % (2 * period_s) < period_s else R
         teach(body.pace, label, at_s)
-    body.pace.longest_debt_s = LONGEST_DEBT_S
+    body.pace.longest_lost_s = LONGEST_LOST_S
     assert body.pace.to_and_fro_s < 2 * period_s
     sent = body.run(4.0, lambda t: voted(L if t % (2 * period_s) < period_s else R))
     changes = [i for i in range(1, len(sent)) if {sent[i - 1], sent[i]} == {L, R}]
