@@ -102,8 +102,7 @@ class Camera(StartStop):
         """Return the time of the world's clock when `self.clock` showed `at_s`.
 
         The two times are equal unless `world_waits`. If the world waits, its clock stands still
-        while the next picture is computed and until the loop takes it. This time then does not
-        count as the pilot's silence.
+        until the loop takes the next picture. This time is no silence of the pilot.
         """
         return at_s
 

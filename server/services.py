@@ -2,8 +2,7 @@
 
 An extension adds routes and services by an entry point of `drivelesson.services`. If its package
 has a module `options`, the function `configure(parser)` in it declares options of `serve`. The core
-knows only the base class `Extension`. An extension can therefore be removed without a change of the
-core.
+knows only the base class `Extension`, so an extension can be removed without changing the core.
 """
 
 from __future__ import annotations
@@ -95,8 +94,7 @@ class Extension(StartStop):
     open_paths: ClassVar[frozenset[str]] = frozenset()
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
-        """Keep references to the parts of the server; `options` are those of `drivelesson
-        serve`."""
+        """Store the parts of the server; `options` are those of `drivelesson serve`."""
 
     @property
     def routers(self) -> Sequence[APIRouter]:

@@ -181,9 +181,8 @@ class DriverThread(Driver):
         """Remove and return the most urgent request: stop comes first, then sense or drive, then
         show.
 
-        STOP is always sent before the sensors are read. A new action is sent before, too, unless
-        the reading is late by more than `SENSE_EVERY_S`. A renewed action waits for a reading that
-        is due.
+        STOP is always sent before the sensors are read. So is a new action, unless the reading is
+        late by more than `SENSE_EVERY_S`. A renewed action waits for a reading that is due.
         """
         order, since_s = self._order, now_s - self._sensed_s
         is_new = order is not None and order.action is not self._driven

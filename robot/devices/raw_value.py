@@ -138,8 +138,7 @@ def _description(kind: type[BaseModel], name: str) -> str | None:
 
 
 def _is_same(given: Any, read: Any) -> bool:
-    """True if the conversion only turned integers into floats. False if a text has lone
-    surrogates."""
+    """True if integers became floats, and nothing else changed; False for lone surrogates."""
     if isinstance(given, list):
         return all(map(_is_same, given, read))
     if isinstance(given, str):

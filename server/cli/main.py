@@ -97,9 +97,8 @@ def status_of(error: RobotError | OSError) -> int:
 def make_parser(
     name: str, words: Sequence[str] = (), *, is_extended: bool = True
 ) -> argparse.ArgumentParser:
-    """Return the parser of one command. If `is_extended`, the parser also has options that exist
-    only with certain values of other options. It takes these values from `words`, the words of the
-    command line."""
+    """Return the parser of one command. If `is_extended`, it has also the options that exist only
+    with certain values of other options, which are taken from the command line `words`."""
     module = load_command(name)
     parser = Parser(prog=f"drivelesson {name}", description=module.__doc__)
     module.configure(parser)

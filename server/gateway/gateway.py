@@ -1,8 +1,7 @@
 """Decides which connections and requests reach the application.
 
-This gateway serves only this computer. The extension `access` replaces this gateway by its own,
-through the entry point `drivelesson.gateway`. That gateway serves a network, and admits only
-browsers that it can identify.
+This gateway serves only this computer. The extension `access` replaces it (entry point
+`drivelesson.gateway`) by a gateway for networks, which admits only browsers that it can identify.
 """
 
 from __future__ import annotations

@@ -107,8 +107,7 @@ async def describe_settings(request: Request) -> SettingsAnswer:
 
 @router.put("")
 async def change_settings(request: Request, body: SettingsChange) -> ChangeAnswer:
-    """Change settings. Changing `max_nodes` or `moves` starts an empty model. While the robot
-    drives, the answer is 409."""
+    """Change settings (409 while driving). Another `max_nodes` or `moves` starts an empty model."""
     services = services_of(request)
     loop = services.robot.loop
     given = {"name": body.name, "colour": body.colour}

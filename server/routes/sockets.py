@@ -37,8 +37,7 @@ async def converse(
 
     `hear` gets each message as soon as it is decoded, even while the socket closes, so that a STOP
     of a client that is being disconnected still counts. If uvicorn is too old for this, messages
-    wait in a queue. Binary messages are passed to `see`, if given. `see` may take long, and the
-    next messages wait for it.
+    wait in a queue. Binary messages go to `see`, if given; the next ones wait for it.
     """
     heard_s = clock.now_s()
 

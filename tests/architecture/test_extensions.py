@@ -151,7 +151,7 @@ def test_the_core_boots_without_each_extension(
 
 
 def test_the_need_for_a_removed_extension_is_reported(booted: dict[str, dict[str, Any]]) -> None:
-    assert "needs the extension access" in booted["access"]["unreachable"]
+    assert "needs the extension 'access'" in booted["access"]["unreachable"]
     assert "choose a robot with --robot NAME: one of " in booted["simulator"]["no_robot"]
     assert "models" in booted["recordings"]["folders"]
     assert "episodes" not in booted["recordings"]["folders"]

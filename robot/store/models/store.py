@@ -250,8 +250,7 @@ def _age_of(summary: ModelSummary | None) -> tuple[int, int, float]:
 
 
 def _marked(marker: Path) -> tuple[str, str]:
-    """Return the model's name and the checksum from a marker. The checksum reveals a truncated
-    name."""
+    """Return a marker's model name and checksum. The checksum reveals a truncated name."""
     with contextlib.suppress(OSError, UnicodeDecodeError):
         name, _, checksum = read_regular(marker, 4096).decode().strip().partition("\n")
         return name, checksum

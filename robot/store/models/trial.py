@@ -56,8 +56,7 @@ def _check_summary(model: Model) -> None:
 
 
 def _drive(policy: Policy) -> None:
-    """Show the policy some pictures, each while another move is current, and teach it all of
-    them."""
+    """Show the policy some pictures, each with another current move; teach it all of them."""
     until_s = _MACHINE.now_s() + TRIAL_S
     moves = cycle((*policy.moves, None))
     for i, frame in enumerate(_pictures(_PICTURES)):
