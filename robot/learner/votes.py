@@ -229,15 +229,15 @@ class ChangeOfMind(Stateful):
     A label that the pilot no longer uses is no evidence: a pilot who turns round and drives back
     has not changed his mind about the way there. A single contradiction is no evidence either: at
     the beginning of a turn the same view can have the labels of the turn and of driving straight.
-    So an example contradicts another label only if it is at least as near to that label's images as
-    to those of its own label, and clearly nearer than to those of driving straight. After a change
+    So an example contradicts another label only if it is about as near to that label's images as to
+    those of its own label, and clearly nearer than to those of driving straight. After a change
     of mind most examples contradict the old label; in a lesson in the opposite direction few do.
 
-    If a label was contradicted often enough, it loses most of its votes at a view in two cases.
-    Either the label's nearest image was last taught before the contradictions began, or another
-    label's image is at least as near and was taught much later. Both rules apply only when the
-    classifier counts votes; they change no histogram. So both rules lose their effect if the pilot
-    teaches the old label again at such views.
+    A label loses most of its votes at a view in two cases. Either it was contradicted often enough
+    and its nearest image was last taught before the contradictions began, or another label's image
+    is at least as near and was taught much later. Both rules apply only when the classifier counts
+    votes; they change no histogram. So both rules lose their effect if the pilot teaches the old
+    label again at such views.
 
     The pilot can also declare a change of mind (`outdate`), which is better evidence than
     contradictions. A label whose nearest image was taught before the declaration passes its votes
