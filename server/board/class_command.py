@@ -1,4 +1,4 @@
-"""Run a class on this computer, or have all its robots keep, reset or hand over their models."""
+"""Run a class of robots on this computer, or give its robots an order about their models."""
 
 from __future__ import annotations
 

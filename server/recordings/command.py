@@ -103,7 +103,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     budget = add(
         "budget",
         show_budget,
-        "show the space that recordings use, and which could be deleted",
+        "show how much space recordings use, and which recordings could be deleted",
         of_one=False,
         changes=False,
     )
