@@ -1,4 +1,4 @@
-"""Counts how often in a row the program ended just as the robot began to drive.
+"""Counts early ends in a row: the program ended just as the robot began to drive.
 
 If the battery is weak, its voltage collapses when the motors start: the computer or the program
 ends, a supervisor restarts it, and nobody learns why. A marker file on the disk survives the
@@ -26,7 +26,7 @@ log = logging.getLogger(__name__)
 SOON_S = 5.0
 """Driving time after which the battery counts as strong enough for the motors, in seconds."""
 ENOUGH = 2
-"""Number of early ends in a row that cannot be a coincidence."""
+"""Number of early ends in a row from which the battery counts as weak."""
 _AGAIN_S = 60.0
 """Least time between two markers, in seconds, because each marker is a disk write."""
 
@@ -35,12 +35,12 @@ class EarlyEnds:
     """Follows the control loop, and saves on the disk whether a drive has just begun.
 
     Attributes:
-        count: Number of early ends in a row before this start of the program.
+        count: Number of early ends in a row, up to the previous run of the program.
     """
 
     def __init__(self, file: Path, on_strong: Callable[[], None] = lambda: None) -> None:
-        """Read the previous run's marker. `on_strong` is called when a battery that seemed weak
-        has lasted a drive of `SOON_S`."""
+        """Read the previous run's marker. If the battery counts as weak, `on_strong` is called
+        once the robot has driven for `SOON_S`."""
         self._file, self._on_strong = file, on_strong
         self.count = _read(file)
         self._is_marked = False
@@ -58,8 +58,8 @@ class EarlyEnds:
         return self.count >= ENOUGH
 
     def start(self, loop: ControlLoop) -> None:
-        """Follow a loop: its changes of mode, and all its ticks at the beginning of a drive. Write
-        markers on a separate thread, so that a slow disk does not block the loop."""
+        """Subscribe to the loop's changes of mode and, at the beginning of a drive, to all its
+        ticks. Write markers on a separate thread, so that a slow disk does not block the loop."""
 
         def work() -> None:
             while not self._ending:
@@ -110,7 +110,8 @@ class EarlyEnds:
             log.warning("cannot write the file that marks the start of a drive: %s", error)
 
     def close(self) -> None:
-        """Remove the marker, because a program that ends normally has not ended early."""
+        """Remove the marker, so that the next run does not count this normal end as an early
+        end."""
         for unsubscribe in self._unsubscribe:
             unsubscribe()
         self._ending = True

@@ -21,8 +21,8 @@ HEADER = struct.Struct("<BBHId")
 _EYE_FRAME, _COVERED = 3, 1
 _MOST_TEXT = 500
 CLOCK_SAMPLES = 8
-"""Number of pings from which the difference of the clocks is measured; few, because the clock of a
-phone drifts by milliseconds a minute."""
+"""Number of the newest pings from which the difference of the clocks is measured. Older pings are
+dropped, because a phone's clock drifts by milliseconds a minute."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""`/eye` and `/ws/eye`: the page that makes a phone the robot's camera. A thin shell."""
+"""`/eye` and `/ws/eye`: the page that makes a phone the robot's camera."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ EYE = Role(
     refusal="This phone is the robot's eye; it may see and stop, not drive.",
     purpose="be the robot's eye",
 )
-"""Role of the phone on the robot. This phone may request only what it needs, because nobody watches
-it."""
+"""Role of the phone on the robot. The role allows only the requests of the eye page, because nobody
+watches this phone."""
 STATE_EVERY_S = 0.2
 _STATE_FIELDS = ("mode", "driven_by", "action", "stop_reason", "emergency", "fault", "frame_age_ms")
 

@@ -1,4 +1,4 @@
-"""The command line with less memory, for a brick: `python -m server.bodies.lean`.
+"""Runs the command line on a brick, with less memory: `python -m server.bodies.lean`.
 
 A brick has 64 MB of memory, of which OpenSSL would use 5 MB. Modules that load OpenSSL are
 therefore replaced before anything imports them: https is unavailable, and `hashlib` uses Python's
@@ -26,8 +26,8 @@ PUT_OFF = ("logging.config", "numpy.fft", "numpy.ma", "numpy.polynomial", "numpy
 class StandIn(ModuleType):
     """A module that has an attribute of every name, so that code that imports `ssl` still loads.
 
-    An attribute in capitals is the number 0, and any other is an exception class, because libraries
-    use expressions such as `int(ssl.PROTOCOL_TLS_SERVER)` and `except ssl.SSLError`.
+    Libraries use expressions such as `int(ssl.PROTOCOL_TLS_SERVER)` and `except ssl.SSLError`. So
+    an attribute in capitals is the number 0, and every other attribute is an exception class.
     """
 
     def __getattr__(self, name: str) -> Any:

@@ -1,4 +1,4 @@
-"""Packs what a brick gets: the agent as one file, or the whole program as a folder in a tar.
+"""Packs what is copied to a brick: the agent as one file, or the whole program as a tar.
 
 The agent's file is a zip, `agent.pyz`, which a brick's Python 3.5 runs directly.
 """
@@ -26,8 +26,8 @@ SOURCES = (
     "devkit/usb_camera.py",
 )
 LEFT_OUT = ("bodies/v4l2/camera.py",)
-"""Files that the agent's archive omits, because they need a newer Python and only a computer uses
-them."""
+"""Files that the agent's archive omits. Only the server uses these files, and they need a newer
+Python than the brick has."""
 EPOCH = (1980, 1, 1, 0, 0, 0)
 MAIN = "from robot.bodies.ev3.agent.__main__ import main\n\nmain()\n"
 Files = Sequence[tuple[str, Path | bytes]]

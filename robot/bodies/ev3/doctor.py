@@ -44,7 +44,7 @@ class WheelTurn:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BrickFacts:
-    """All measurements of a brick. `inspected` is the agent's answer to the question `inspect`."""
+    """All measurements of a brick. `inspected` is the agent's answer to the command `inspect`."""
 
     address: str
     ports: tuple[str, str]

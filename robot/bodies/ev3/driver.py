@@ -26,9 +26,9 @@ from robot.types import Action, Mode, Point, Sensors
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChassisOptions(Options):
-    """The robot's dimensions and speeds. The defaults are those of the paper's robot. To drive
-    forward, the paper's robot turns both wheels at 360 degrees a second, which is 16 cm/s; to turn,
-    it drives one wheel backward at 90 degrees a second."""
+    """The robot's dimensions and speeds. The defaults are those of the paper's robot. Both wheels
+    turn at 360 degrees a second to drive forward, which is 16 cm/s. To turn, one wheel turns
+    backward at 90 degrees a second."""
 
     left_port: str = option("outB", "port of the left motor")
     right_port: str = option("outC", "port of the right motor")
@@ -80,7 +80,7 @@ class ChassisOptions(Options):
 
 
 class ChassisBody(Protocol):
-    """The devices of a chassis, which belong to this brick or to a remote one with an agent."""
+    """The devices of a robot with a brick: of this brick, or of one that a driver controls."""
 
     def open(self) -> Sequence[float]:
         """Stop the motors; return each wheel's top speed, in degrees a second."""
@@ -142,7 +142,8 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
     def drive(
         self, action: Action, point: Point | None = None, *, speed_scale: float = 1.0
     ) -> Action:
-        """See `Driver`. The pose is estimated from the uncorrected order."""
+        """See `Driver`. The pose is estimated from the speeds before any correction of reversed or
+        swapped motors."""
         sent = super().drive(action, point, speed_scale=speed_scale)
         left_mps, right_mps = self.wheels_mps(sent, point)
         speeds_mps = speed_scale * left_mps, speed_scale * right_mps

@@ -1,4 +1,4 @@
-"""Runs a brick's real agent on a thread, with a brick made of files and a fake EV3 camera."""
+"""Runs a brick's real agent on a thread, with a simulated brick and a fake camera."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ from robot.bodies.v4l2.device import VideoFrame
 SECRET = "the secret of a fake brick"
 PERIOD_S = 0.1
 AGE_S, AGE_SPREAD_S = 0.095, 0.05
-"""Least age of a C270's picture when an EV3 receives it, and the most that is added to it, in
-seconds."""
+"""Minimum age of a picture of a C270 when an EV3 receives it, and the range by which the age
+varies, in seconds."""
 
 
 class FakeCameraReader:
-    """Replaces `CameraReader` and its `video` by grey pictures, ten a second, 95 to 145 ms old."""
+    """Stands in for `CameraReader` and its `video`. Takes ten grey pictures a second, 95 to 145 ms
+    old."""
 
     path, width, height, encoding = "/dev/video0", 160, 120, "yuyv"
 

@@ -1,4 +1,5 @@
-"""An EV3 made of files, with a thread that simulates the kernel's motor driver.
+"""A simulated EV3 for tests: its devices are plain files, and a thread simulates the kernel's motor
+driver.
 
 A plain file still contains old bytes after a shorter value was written, so only the first line of
 each file counts. A file cannot refuse a write with EINVAL as the kernel does. If the kernel would
@@ -19,8 +20,8 @@ from robot.types import StartStop
 
 POLL_S = 0.002
 _SEEN_NS = 0
-"""The modification time that marks a command as obeyed. Times of two commands cannot be compared,
-because both files may get the same time."""
+"""The modification time that marks a command as obeyed. Comparing modification times would not be
+enough, because two commands in succession may get the same time."""
 MAX_SPEED = 1050
 """Maximum speed of a large motor, in counts a second. The kernel refuses a higher speed."""
 DEFAULTS = {
@@ -80,8 +81,8 @@ class FakeMotor:
 
 
 class FakeBrick(StartStop):
-    """The brick: its files, and the thread that plays the kernel. A context manager. Its motors are
-    at outB and outC.
+    """The simulated brick: its files, and the thread that simulates the kernel. A context manager.
+    Its motors are at outB and outC.
 
     Both motors begin with the settings of another program. With a virtual `clock`, only code that
     waits by the same clock can use the brick; an agent in a separate process needs the real clock.
@@ -191,7 +192,7 @@ class FakeBrick(StartStop):
         return self.clock.now_s() - started_s
 
     def catch_up(self) -> None:
-        """Wait until the thread that plays the kernel has read everything written so far."""
+        """Wait until the simulated kernel has read everything written so far."""
         seen = self._rounds + 2
         self.wait_until(lambda: self._rounds >= seen, 60.0)
 

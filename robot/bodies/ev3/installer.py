@@ -61,7 +61,8 @@ def start_with_the_brick(target: str) -> None:
 
 
 def installed_packages(target: str) -> str:
-    """Return the name of the brick's userland; empty if the brick has none."""
+    """Return the names of the brick's Debian release and packages; empty if the server is not
+    installed."""
     return run_on_brick(
         target, "cat >/dev/null; cat /opt/drivelesson/packages 2>/dev/null || true", []
     )

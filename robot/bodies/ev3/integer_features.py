@@ -17,17 +17,18 @@ from robot.types import Frame
 Integers = NDArray[np.int64]
 N_BINS = 8
 _EDGES = (1, 2, 3, 4, 6, 9, 14, 21, 32, 48, 72)
-"""Lower bounds of the steps into which magnitudes of gradients are divided, in half grey levels. A
-smaller gradient counts as zero. Each bound is about 1.5 times the previous bound."""
+"""Lower bounds of the steps into which magnitudes of gradients are divided, in grey levels at half
+contrast. A smaller gradient counts as zero. Each bound is about 1.5 times the previous bound."""
 _N_STEPS = len(_EDGES) + 1
 _BEYOND = 108
 _SCALE = 4
 _LINE, _TWO_LINES = THUMBNAIL_WIDTH, 2 * THUMBNAIL_WIDTH
 _NOISE = 400
-"""Sum of gradients below which a neighbourhood of cells counts as plain: one grey level per
-pixel."""
+"""Added to the sum of gradients of a neighbourhood of cells. In a plain neighbourhood, noise
+therefore does not count as strong gradients."""
 _FULL = 1023
-"""Share of the neighbourhood's gradients at which a bin saturates, in 1/4096."""
+"""Share of its neighbourhood's gradients at which a bin reaches its largest value, in units of
+1/4096."""
 
 
 class IntegerGradientFeatures:
@@ -108,11 +109,12 @@ class _Tables(NamedTuple):
     """Tables of 70 KB, computed once and in integers, because floats would take seconds on a brick.
 
     Attributes:
-        codes: Direction and magnitude step of a gradient, by its two differences: the index is 256
-            times the horizontal difference plus the vertical one, as an unsigned number of 16 bits.
-        cells: The number added to a pixel's code for its cell.
-        lengths: The magnitude of each step.
-        roots: The square root of a share of `_FULL`.
+        codes: Number of a gradient's direction and magnitude step. The index is 256 times the
+            horizontal difference plus the vertical difference, as an unsigned number of 16 bits.
+        cells: Number of the first code of each pixel's cell; the pixel's own code is added.
+        lengths: Magnitude that represents each step.
+        roots: Value of a bin for each share of its neighbourhood's gradients, from 0 to `_FULL`:
+            the square root, scaled to at most 252.
     """
 
     codes: NDArray[np.uint8]
@@ -145,7 +147,7 @@ def _tables() -> _Tables:
 
 
 def _direction(across: int, down: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the nearest of 8 directions: 0 right, 2 down, 4 left, 6 up; odd ones between."""
+    """Return the nearest of 8 directions: 0 right, 2 down, 4 left, 6 up, odd numbers between."""
     width, height = abs(across), np.abs(down)
     # tan 22.5 degrees is about 12 / 29
     is_level, is_upright = 29 * height <= 12 * width, 29 * width <= 12 * height

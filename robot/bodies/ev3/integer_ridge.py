@@ -1,9 +1,10 @@
 """Online ridge regression in whole numbers, for processors without a floating-point unit.
 
-Source: Zakharov, White and Liu, "Low-complexity RLS algorithms using dichotomous coordinate
-descent iterations" (IEEE Transactions on Signal Processing, 2008): each frame is added to the
-normal equations, which are not solved exactly but by a few steps of coordinate descent. Here each
-step minimises the error in its coordinate exactly.
+Source: Zakharov, White and Liu, "Low-complexity RLS algorithms using dichotomous coordinate descent
+iterations" (IEEE Transactions on Signal Processing, 2008). Each frame is added to the normal
+equations. A few steps of coordinate descent then improve the approximate solution. In this module,
+unlike in the source, a step sets one weight to the value that minimises the error, rounded to a
+whole number.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from robot.learner.values import WHOLE
 from robot.learner.votes import Floats
 
 _ONE = 1 << 24
-"""The whole number that stands for the score 1, the target for a frame's label."""
+"""Fixed-point value of the score 1, which is the target for a frame's own label."""
 _SHIFT = 2
 """Number of low bits that are dropped from each value, so that a value takes six bits and a product
 of two values twelve bits."""
@@ -30,7 +31,7 @@ _FULL = 1 << 30
 ten frames a second, all sums are halved."""
 _MOST_HALVINGS = 62
 _PENALTY = 3 * _TOP**2
-"""Penalty on the squared coefficients, for values that are scaled so that 252 is 1."""
+"""Penalty on the squared weights, for inputs on a scale on which `_TOP` stands for 1."""
 STEPS = 4
 """Number of coordinates that are improved after each frame."""
 _ROWS = 128
@@ -47,7 +48,8 @@ class IntegerRidge(LinearPart):
     the sum of z z' (with the penalty on the diagonal), and `moments` the sum of targets times z.
 
     A frame costs n_features ** 2 additions and multiplications, and each step a few times
-    n_features. Angles are not learned: on a brick only the images decide the steering.
+    n_features. The pilot's steering angles are not learned here: on a brick, only the learned
+    images contribute to the steering.
 
     Args:
         n_features: The number of values used, from 0 to 255 each; a constant is appended.
@@ -140,7 +142,8 @@ class IntegerRidge(LinearPart):
         return z
 
     def _mean_input(self, x: Vector) -> Floats:
-        """Return the input for the mean of some frames; `_input` would round the mean."""
+        """Return the input for the mean vector of some frames: in floats, which `_input` would
+        round."""
         return np.append(np.asarray(x[: self.n_features], np.float64) / (1 << _SHIFT), _TOP)
 
     def faults(self) -> Iterator[str]:

@@ -24,11 +24,11 @@ from robot.types import Encoding
 
 SILENCE_S = 0.4
 """Time without a report after which a brick counts as silent, in seconds. A brick sends ten reports
-a second, and ends its last move within this time."""
+a second. Each move ends by itself after at most this time."""
 GONE_S = PATIENCE_S + 1.0
-"""Time of silence after which a brick is joined again, in seconds. A brick takes less time than
-this to open its body. A new connection is made because TCP, after a minute of silence, retries only
-once a minute on the old one."""
+"""Time of silence after which a brick is joined again, in seconds. A brick needs less time to open
+its motors and sensors. A new connection is made because TCP, after a minute of silence, retries
+only once a minute on the old one."""
 PING_S = 0.1
 REJOIN_S = 0.5
 
@@ -97,7 +97,7 @@ class BrickLink:
     def hold(self, key: str, do: str, **rest: Any) -> None:
         """Send a command that holds until `release`; every new connection repeats it.
 
-        The first command joins the agent.
+        The first command connects to the agent.
 
         Raises:
             DriveError: If nobody answers, or the agent refuses.
@@ -125,8 +125,8 @@ class BrickLink:
         self._thread = None
 
     def send(self, do: str, **rest: Any) -> None:
-        """Send one command, even if the brick is silent, because its reports may only be
-        late. Raises DriveError if the connection is lost; then the brick stops by itself."""
+        """Send one command. The command is sent even if no reports arrive, because they may only be
+        delayed. Raises DriveError if the connection is lost; then the brick stops by itself."""
         lost = self._lost  # read once: the thread may reset this value when it joins again
         if lost is not None:
             raise DriveError(lost)
@@ -208,8 +208,8 @@ class BrickLink:
         elif "fault" in message:
             self.report = {**self.report, "fault": message["fault"]}
         else:
-            # This error is about opening the body, not about the last request. The next ping tries
-            # to open it again.
+            # After a reconnection, the body could not be opened again. No request waits for this
+            # error, so connect once more.
             if self._opens_again and "failed" in message:
                 raise OSError(message["failed"])
             self._opens_again = self._opens_again and "opened" not in message

@@ -74,7 +74,7 @@ class Ev3RemoteOptions(ChassisOptions):
 
 
 class Ev3RemoteDriver(ChassisDriver):
-    """A Lego Mindstorms EV3 that lends its body to a remote server."""
+    """A Lego Mindstorms EV3 that runs the agent, and is driven by a server on another computer."""
 
     name: ClassVar[str] = "ev3-remote"
     default_camera: ClassVar[str] = "ev3-remote"

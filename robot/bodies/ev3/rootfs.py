@@ -13,8 +13,8 @@ PYTHON_VERSIONS = {"bookworm": (3, 11), "trixie": (3, 13)}
 """The Debian releases that are known to work, with their versions of Python. Trixie is the last
 release for armel."""
 DEFAULT_RELEASE = "bookworm"
-"""Default release. Bookworm's pydantic 1 takes 14 MB less than trixie's pydantic 2, and half the
-time to import."""
+"""Default release. Bookworm has pydantic 1, which takes 14 MB less than trixie's pydantic 2 and is
+imported in half the time."""
 PACKAGES = (
     "python3",
     "python3-numpy",
@@ -46,9 +46,10 @@ def userland_stamp(release: str) -> str:
 
 
 def build_userland(folder: Path, release: str = DEFAULT_RELEASE, mirror: str = "") -> None:
-    """Unpack the packages into `folder` without running their programs, so any processor will do.
+    """Unpack the packages into `folder` without running their programs, so this works on any
+    processor.
 
-    Building takes about ten seconds with a nearby mirror, and 80 MB on the disk.
+    Building takes about ten seconds with a nearby mirror. The result has 80 MB.
 
     Args:
         folder: The target folder.
@@ -109,10 +110,11 @@ def _choose_alternatives(folder: Path) -> None:
 
 
 def precompile(root: Path, folders: tuple[str, ...], release: str = DEFAULT_RELEASE) -> bool:
-    """Compile Python files of a userland in advance, without docstrings, for the brick's `-OO`.
+    """Compile the Python files in a brick's root file system in advance, without docstrings, as
+    `python -OO` does on the brick.
 
     Compiling at each start would take minutes on a brick, and 6 MB of memory that the process would
-    never free. `folders` are glob patterns below the userland. Returns False if this machine has no
+    never free. `folders` are glob patterns below `root`. Returns False if this machine has no
     Python of the brick's version; then the brick must compile the files.
     """
     python = _python_of(PYTHON_VERSIONS[release])

@@ -35,7 +35,7 @@ agent."""
 
 KEEP_SCRIPT = """\
 #!/bin/sh
-# Starts the agent, and again whenever it ends; not if a person must put something right (2).
+# Starts the agent, and restarts it when it ends; not after status 2, which needs a person.
 cd "$(dirname "$0")" || exit 2
 echo $$ >agent.pid.new && mv -f agent.pid.new agent.pid  # atomic: nobody reads half a file
 trap 'kill $agent 2>/dev/null; exit 0' TERM INT
@@ -86,7 +86,7 @@ echo 'the brick now starts the agent by itself'
 
 START_SCRIPT = """\
 #!/bin/sh
-# Prepares the userland, and says "starting" while Python loads, which takes half a minute.
+# Mounts the folders, and shows "starting" while Python loads, which takes half a minute.
 root=/opt/drivelesson/root
 for folder in proc sys dev; do
   mountpoint -q $root/$folder || mount --rbind /$folder $root/$folder
@@ -110,9 +110,10 @@ ENVIRONMENT = {
     "HOME": "/root",
     "PATH": "/usr/bin:/bin",
 }
-"""The environment variables of the server on a brick, which save memory. By default, the C library
-keeps free memory for each thread in an arena; one arena is enough, because Python's threads take
-turns. The fixed mmap threshold prevents gaps in the heap that the learner's snapshots leave."""
+"""The environment variables of the server on a brick. The two malloc settings save memory. By
+default, the C library keeps free memory for each thread in an arena; one arena is enough, because
+Python's threads take turns. With a fixed mmap threshold, the learner's snapshots leave no gaps in
+the heap."""
 _ENV = " \\\n  ".join(f"{name}={value}" for name, value in ENVIRONMENT.items())
 UNIT = f"""\
 [Unit]
@@ -151,7 +152,7 @@ for folder in var/lib/drivelesson proc sys dev; do
   umount -l "$home/root/$folder" 2>/dev/null || true
 done
 if [ -d "$home/incoming/root" ]; then
-  # Folders that are still mounted must not be deleted with the old userland.
+  # Folders that are still mounted must not be deleted with the old root file system.
   if mount | grep -q " $home/root/"; then echo 'restart the brick and try again' >&2; exit 1; fi
   rm -rf "$home/root.old"
   if [ -d "$home/root" ]; then mv "$home/root" "$home/root.old"; fi
@@ -179,5 +180,5 @@ systemctl enable drivelesson
 systemctl restart drivelesson
 echo 'installed; the page is there when the brick no longer says "starting"'
 """
-"""Script that receives a tar of the program, `start`, the systemd unit and, if it has changed, the
-userland, and installs them."""
+"""Script that receives a tar with everything that the server needs, and installs it: the program,
+`start`, the systemd unit and, if it has changed, the Debian root file system."""

@@ -130,8 +130,8 @@ class GpioDriver(ReportingDriver):
         return {**self.options.settings(), "signs": signs}
 
     def correct(self, correction: Correction) -> None:
-        """See `Driver`. If a correction reverses other motors than before, a new process takes the
-        pins."""
+        """See `Driver`. If the correction changes which motors are reversed, a new process takes
+        over the pins."""
         is_rewired = self.is_connected and correction.signs != self.correction.signs
         super().correct(correction)
         if is_rewired:

@@ -1,8 +1,9 @@
 """Finds the names that an environment gives its numbered actions.
 
-There is no standard: Atari and NES have `get_action_meanings()`, MiniGrid and MiniWorld an
-enumeration `actions`, highway-env a dictionary in `action_type`, Stable-Retro a list `buttons`, and
-ViZDoom the buttons of its game, and a table of the buttons that each action presses.
+There is no standard. Atari and NES have a method `get_action_meanings()`. MiniGrid and MiniWorld
+have an enumeration `actions`. highway-env has a dictionary in `action_type`, and Stable-Retro a
+list `buttons`. ViZDoom has a list of its game's buttons, and a table with the buttons that each
+action presses.
 """
 
 from __future__ import annotations

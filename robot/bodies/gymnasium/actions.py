@@ -56,7 +56,7 @@ class Number:
 
     @property
     def others(self) -> list[tuple[str, float]]:
-        """Return the values of this number that get a move of their own, each with the move's
+        """Return the values of this number for which there is a separate move, each with the move's
         name."""
         if self.is_whole and (self.least, self.most) == (0.0, 1.0):
             return [(self.name, 1.0)]
@@ -115,8 +115,9 @@ class ActionForm:
 def moves_of(name: str, env: Any, table: str = "") -> dict[Move, Any]:
     """Return the moves in their order, each with its action for the environment.
 
-    `table` is a person's table, for example `left=-0.6,0,0; right=0.6,0,0`; if empty, the
-    environment's names are used, or a move for each number.
+    `table` is the table of moves that a person gave, for example `left=-0.6,0,0; right=0.6,0,0`. If
+    it is empty, each named action of the environment is a move; without names, each move changes
+    one number.
 
     Raises:
         ConfigurationError: If the table cannot be read or does not fit, or the number of moves is
@@ -140,7 +141,8 @@ def moves_of(name: str, env: Any, table: str = "") -> dict[Move, Any]:
 
 
 def steering_of(table: Mapping[Move, Any], space: Any) -> Callable[[Point], Any] | None:
-    """Return the function from a `Point` to an action, for a box of fractions; else None.
+    """Return a function that converts a `Point` to an action; None if the action space is not a
+    `Box` of floats.
 
     Steering interpolates between the move ahead and the turns. Throttle interpolates between
     coasting and the moves ahead and back. The result is also None if the table has no move ahead,
@@ -178,7 +180,7 @@ def is_car_racing(name: str) -> bool:
 
 
 def _kind_of(space: Any) -> str:
-    """Return the kind of a space: the name of its class, which is the same in the older library."""
+    """Return the kind of a space: the name of its class, which is the same in Gym."""
     names = [base.__name__ for base in type(space).__mro__]
     kinds = ("Discrete", "MultiDiscrete", "MultiBinary", "Box", "Tuple", "Dict")
     return next((name for name in names if name in kinds), type(space).__name__)

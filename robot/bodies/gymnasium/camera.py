@@ -16,7 +16,8 @@ from robot.types import Encoding, Frame
 
 _JPEG_QUALITY = 90
 _REMEMBERED_FRAMES = 128
-"""Number of frames for which `world_s` is exact: twice as many as the loop remembers."""
+"""Number of pictures whose times are kept for `world_s`: twice as many as the control loop
+keeps."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,8 +32,8 @@ class GymnasiumCamera(WorldCamera[GymnasiumDriver]):
 
     The environment waits for the loop: the next step comes only after the loop has acted on the
     previous picture. So the environment runs slower on a slow computer, but the loop misses no
-    picture. The environment's clock runs between a picture and the next step, for one period at
-    most, and stops during the step.
+    picture. The environment's time (`world_s`) follows real time from a picture on, for at most one
+    period. It then stands still until the next picture.
     """
 
     name: ClassVar[str] = "gymnasium"

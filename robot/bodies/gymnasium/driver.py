@@ -48,8 +48,9 @@ class GymnasiumOptions(Options):
 class GymnasiumDriver(ConnectedDriver[bool]):
     """Acts in an environment, whose time passes only when the camera or a test calls `advance`.
 
-    An environment may belong to the thread that made it (a renderer often does), so one thread must
-    call `advance`, `picture` and `close`; the environment is made again on that thread.
+    Some environments, in particular their renderers, work only on the thread that made them. So
+    only one thread may call `advance`, `picture` and `close`, and this thread makes the
+    environment.
     """
 
     name: ClassVar[str] = "gymnasium"
@@ -80,7 +81,8 @@ class GymnasiumDriver(ConnectedDriver[bool]):
 
     @property
     def first_moves(self) -> tuple[Action, ...]:
-        """Return all moves, because in a game with a brake the pilot must also teach braking."""
+        """Return all moves. In a game with a brake, for example, the pilot must also teach
+        braking."""
         return self.moves
 
     def _open(self) -> bool:

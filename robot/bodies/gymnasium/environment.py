@@ -109,7 +109,7 @@ def _made(maker: Any, options: Mapping[str, Any]) -> Any:
 
 
 class Environment:
-    """An environment as a world. `game` is the current game. Time passes only by `step`.
+    """A Gymnasium environment with its current `game`. Its time passes only in `step`.
 
     Args:
         picture: `observed`, `rendered`, or `auto`, which means the observation if it is at least
@@ -159,8 +159,9 @@ class Environment:
         """Return the current picture, RGB, shape (height, width, 3); raises CameraError if the
         environment returns no picture.
 
-        If the picture at the end of a game is entirely black, as in ViZDoom, return the previous
-        one: the pilot would otherwise teach a move for a picture that nobody drives in.
+        Some environments, such as ViZDoom, return a black picture at the end of a game. The
+        previous picture is then returned instead, so that the pilot does not teach a move for a
+        black picture.
         """
         observed = rendered = None
         if self._picture != "rendered":
@@ -222,7 +223,8 @@ class Environment:
         return ", and ".join(told)
 
     def _as_camera_error(self, what: str) -> contextlib.AbstractContextManager[None]:
-        """Convert errors of the environment's own code to a sentence about the environment."""
+        """Return a context manager that converts any error of third-party code to a CameraError
+        that names the environment."""
         return told_as(CameraError, f"the environment {self.name!r} {what}", Exception)
 
 

@@ -1,7 +1,8 @@
 """Converts any picture of an environment to RGB bytes.
 
-Environments return pictures as bytes, whole numbers or fractions, with the channels last or first,
-with an alpha channel, as a list of the newest frames, or as one part of an observation.
+Environments return numbers of different types: bytes, integers or fractions. The channels are last
+or first, and may include an alpha channel. A picture may also be the newest frame of a list, or one
+part of an observation.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ class _Found(NamedTuple):
 
     @property
     def rank(self) -> tuple[bool, bool, bool, int]:
-        """Key for sorting pictures; it is larger for those that a person prefers to see."""
+        """Key for sorting pictures: the picture that a person prefers to see has the largest."""
         is_made_of_it = _MADE_OF_IT.search(self.name) is not None
         is_called_so = _PICTURE.search(self.name) is not None
         return self.has_colours, not is_made_of_it, is_called_so, self.pixels.size

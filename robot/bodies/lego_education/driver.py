@@ -44,7 +44,7 @@ _DIRECTIONS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LegoEducationOptions(Options):
-    """The double motor to use, and its speed."""
+    """Options that choose a double motor (a Bluetooth unit with two motors), and its speed."""
 
     hub: str = option(
         "", "part of the double motor's name, or its address; needed if several are in range"
@@ -54,7 +54,7 @@ class LegoEducationOptions(Options):
 
 
 class LegoEducationDriver(ConnectedDriver[Any]):
-    """Each move is timed by the double motor itself (`movement_move_for_time`)."""
+    """Drives a double motor, which times each move itself (`movement_move_for_time`)."""
 
     name: ClassVar[str] = "lego-education"
     default_camera: ClassVar[str] = "phone"

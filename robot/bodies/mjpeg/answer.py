@@ -27,8 +27,8 @@ _KEPT_BYTES = 256
 
 
 class Answer(HTTPResponse):
-    """A camera's response, which may lack a status line or a head. Lengths that its head
-    states are ignored.
+    """A camera's response, which may lack a status line or a head. The header Content-Length is
+    ignored.
 
     Chunks may violate HTTP, so bytes without a chunk's length are passed on, too.
     """
@@ -131,8 +131,7 @@ class PictureFinder:
         return found
 
     def explain(self) -> str | None:
-        """Return the end of a sentence that explains why no pictures come; None if pictures
-        come."""
+        """Return the reason why no pictures come, for an error message; None if pictures come."""
         if self.n_whole:
             return None
         if self._n_cut:

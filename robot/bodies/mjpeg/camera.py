@@ -31,8 +31,8 @@ class MjpegOptions(Options):
 
 
 class MjpegCamera(WatchedCamera):
-    """Reads the newest picture on one thread. If no pictures come, a second thread reopens the
-    stream.
+    """Reads the newest picture on one thread, which reopens the stream if it ends. A second thread
+    reports if no pictures come.
 
     A picture's time is that of its first bytes, because the camera's delay is unknown.
     """

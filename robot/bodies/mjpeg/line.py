@@ -134,7 +134,7 @@ class CameraLine:
         raise CameraError(f"{url.hostname}{url.path or '/'} answers {said}: {advice}")
 
     def _shown(self, asked: http.Request, challenges: list[str]) -> str:
-        """Return the authorization that answers the safest of several challenges."""
+        """Return the header Authorization for the safest challenge; Basic if there is none."""
         if not challenges:
             return f"Basic {base64.b64encode(f'{self._user}:{self._password}'.encode()).decode()}"
         passwords = http.HTTPPasswordMgrWithDefaultRealm()
@@ -166,7 +166,7 @@ class _Digest(http.AbstractDigestAuthHandler):
 
 
 def _digests(answer: Answer) -> list[str]:
-    """Return the Digest challenges of an answer."""
+    """Return the challenges for Digest authentication in a response's headers."""
     asked = answer.headers.get_all("www-authenticate", []) if answer.status == 401 else []
     return [text for text in asked if text[:7].lower() == "digest "]
 

@@ -42,8 +42,8 @@ class PhoneCamera(WatchedCamera):
 
         Args:
             picture: The picture; the caller has checked its header.
-            captured_s: The time of exposure on `clock`. A time in the future is replaced by the
-                present, and a time before the previous picture's time by that time.
+            captured_s: The time of exposure on `clock`. The time is clamped to the range from the
+                previous picture's time to the present.
             covered: True if the phone's camera sees only black.
         """
         now_s = self.clock.now_s()

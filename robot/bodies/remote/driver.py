@@ -33,7 +33,7 @@ GONE_S = 0.5
 _CONNECT_S = 3.0
 _CONNECT_TRIES = 20
 """Least number of unanswered requests after which a robot counts as silent. A time limit is not
-enough, because a computer that paused has sent too few requests in that time."""
+enough: if this computer pauses, the limit may pass while only a few requests have been sent."""
 
 
 class MessageLine(Protocol):
@@ -89,8 +89,8 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         return self._report is not None and self._report.takes_points
 
     def _encode(self, order: Order, nonce: str) -> bytes:
-        """Encode one order. The base class encodes the order as words of one line, for transports
-        that nobody else can use."""
+        """Encode one order. The base class returns one line of words without a signature. Such
+        orders are only for private connections, on which no other program can send."""
         return encode_plain_order(order)
 
     def _parse(self, data: bytes) -> BodyReport | None:
@@ -144,8 +144,8 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
             self._disobeyed = 0 if is_obeyed else self._disobeyed + 1
 
     def _exchange(self, message: bytes) -> None:
-        """Send a message, and use the newest report that comes in time. If the connection is lost,
-        the next call raises the error."""
+        """Send a message, and use the newest report that comes in time. An error of the connection
+        is only noted; `_check_heard` raises it after `GONE_S`."""
         line = self._connection
         if line is None:
             return

@@ -20,7 +20,8 @@ _MOST_WAITING = 20
 class ReconnectingConnection(ABC):
     """A connection that a separate thread maintains, and opens again after a loss.
 
-    A message that a loss interrupts is not sent again, because a late order must not move a robot.
+    If the connection is lost while a message is sent, the message is not sent again, because a late
+    order must not move a robot.
 
     Attributes:
         trouble: The reason for the last loss; empty if there was none.
@@ -64,11 +65,11 @@ class ReconnectingConnection(ABC):
             await self._clock.pause(_AGAIN_S)
 
     def _send_one(self, work: Coroutine[Any, Any, None], key: str = "") -> Future[None]:
-        """Send a message, which is refused while the previous one is still being sent.
+        """Send a message. It is refused while the previous message is still being sent.
 
         Raises:
-            ConnectionError: If the message is refused or the connection was closed. The future may
-                also raise this error.
+            ConnectionError: If the message is refused or the connection was closed. If sending
+                fails later, the result of the returned future raises this error.
         """
         before = self._sending.get(key)
         if before is not None and not before.done():

@@ -69,8 +69,8 @@ class SameDevice:
         return next(iter(fitting.values()), None)
 
     def name_absent(self, found: Iterable[Found]) -> str:
-        """Return the end of a sentence which says that the driver's device is not among the found
-        devices."""
+        """Return the part of an error message that says that the driver's device was not found. It
+        mentions the devices that were found."""
         others = {str(one) for one in found}
         if self.chosen is None:
             listed = f"; in range: {', '.join(sorted(others))}" if others else ""

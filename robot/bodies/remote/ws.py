@@ -62,7 +62,8 @@ class WsDriver(RemoteDriver):
     line_type = WebsocketLine
 
     def _open_line(self) -> MessageLine:
-        """Open the websocket; only a robot with a unique name may return at another address."""
+        """Open the websocket. Its address is looked up again after a loss only if the robot has a
+        unique name, because otherwise another robot might answer there."""
         host, port = split_address(self.options.address, PORT)
         first = the_only_one(host)
         return WebsocketLine(first, port, lambda: the_only_one(host) if self._device else first)

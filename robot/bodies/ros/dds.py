@@ -1,8 +1,8 @@
 """DDS, the network protocol of ROS 2, without ROS: topics by Eclipse Cyclone DDS.
 
 All parts of this program share one participant per domain. Named peers are discovered by unicast.
-DDS itself notices only after ten seconds or more that another program is gone. This module detects
-the loss earlier, by missing acknowledgements, by the watchdog's signs of life and by the age of
+DDS itself notices only after ten seconds or more that another program is gone. This module
+therefore watches for missing acknowledgements, missing signs of life of the watchdog, and old
 pictures.
 """
 
@@ -51,16 +51,16 @@ _ASK_EVERY_S = 2
 _MOST_PROCESSES = 50
 """Maximum number of processes of one peer that are discovered; each has a separate port."""
 _LOOK_EVERY_S, _ANSWER_EVERY_S = 0.05, 0.05
-"""Longest pauses of the threads that read messages and that wait for acknowledgements, in
-seconds."""
+"""Maximum time for which the reading thread waits for messages, and for which the other thread
+waits for acknowledgements, in seconds."""
 _HEARTBEAT = '<HeartbeatInterval min="1 ms" minsched="5 ms" max="20 ms">10 ms</HeartbeatInterval>'
 """Interval at which acknowledgements are requested. By default, a writer that writes continuously
 may request no acknowledgement for seconds."""
 _LAST_ANSWER_S = 0.2
 """How long `close` waits for the acknowledgement of the last order, in seconds."""
 _SETTLED_S = 1.0
-"""Time after which a topic counts as refused, in seconds, if DDS does not match the robot's
-subscriber with this program's publisher."""
+"""Time for which DDS may take to match the robot's subscriber with this program's publisher, in
+seconds. After this time the topic counts as refused."""
 _BLOCKED_S = 0.1
 _TAKEN = 16
 _MOST_WARNINGS = 100
@@ -409,9 +409,9 @@ class DdsTopics(Topics):
             self._warn_once(f"a message of {topic} cannot be read: {error!r}")
 
     def _note_sign(self) -> None:
-        """Count each message as a sign of life, too, because acknowledgements are not enough: those
-        of a subscriber that has died are missing until DDS drops it, even if another subscriber has
-        taken its place."""
+        """Count each received message as a sign of life, too. Acknowledgements are not enough:
+        DDS waits for those of a subscriber that has died until it drops this subscriber, even if
+        another one has taken its place."""
         with self._lock:
             if self._unanswered_s is not None:
                 self._unanswered_s = self._clock.now_s()

@@ -34,10 +34,10 @@ from robot.errors import ConfigurationError, DriveError
 from robot.types import Action, Point, Pose, Prediction, Sensors
 
 ORDERS, ALIVE = "/drivelesson/cmd_vel", "/drivelesson/alive"
-"""Topics of docs/examples/ros/watchdog.py: its velocities, and its signs of life."""
+"""Topics of docs/examples/ros/watchdog.py: the velocities for it, and its signs of life."""
 _DISPUTED = "disputed"
-"""The word by which the watchdog's signs of life report that another node or a second server
-drives, too."""
+"""Frame id of the watchdog's signs of life while another node or a second server drives the robot,
+too."""
 _FIRST_SIGN_S = 3.0
 _FRESH_S = 1.0
 """Age from which a sensor's value is ignored, in seconds."""
@@ -77,9 +77,9 @@ class RosDriver(ConnectedDriver[Topics]):
     """Publishes a velocity for as long as a move lasts, then zero.
 
     `cmd_vel` contains no duration. If this program, its computer or the network fails, the robot
-    therefore stops only if its base ends a velocity that is not renewed. With `watchdog`, this
-    project's node on the robot stops it instead: each order contains the newest sign of life that
-    the node has sent, and the node ends the order soon after the time of this sign.
+    therefore stops only if its base has a timeout for velocities. With `watchdog`, a node of this
+    project on the robot stops the robot. The node sends signs of life that contain its time, and
+    each order contains the newest of these times. Soon after this time, the node ends the order.
     """
 
     name: ClassVar[str] = "ros"

@@ -2,7 +2,8 @@
 named `rt/...`.
 
 Fields and their order: github.com/ros2/common_interfaces, rcl_interfaces (builtin_interfaces).
-This module's annotations are types, not strings, as cyclonedds 11.0.1 cannot resolve "str".
+Annotations are evaluated in this module, because cyclonedds 11.0.1 cannot resolve strings such as
+"str".
 """
 
 import functools
@@ -156,7 +157,7 @@ class Range(IdlStruct, typename="sensor_msgs::msg::dds_::Range_"):
 
 
 class _Reading:
-    """Reads plain CDR quickly, whereas the library would convert a picture's bytes to a list."""
+    """Reads plain CDR faster than the library, which converts a picture's bytes to a list."""
 
     def __init__(self, data: bytes) -> None:
         self._data, self._at = memoryview(data), 4

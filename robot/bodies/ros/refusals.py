@@ -1,8 +1,8 @@
 """Reads rosbridge's status messages, and messages wrapped in others.
 
-Protocol version 2: a `status` has a level and a text (3.4.1 of ROSBRIDGE_PROTOCOL.md); a `fragment`
-is one part of a long message (3.1.1); a `png` contains a message as the pixels of a picture
-(3.1.2). rosbridge drops a refused message, and only a status reports it.
+A `status` has a level and a text (section 3.4.1 of ROSBRIDGE_PROTOCOL.md, version 2). A `fragment`
+is one part of a long message (3.1.1). A `png` contains a message as the pixels of a picture
+(3.1.2). rosbridge drops a message that it refuses, and reports the refusal only in a `status`.
 """
 
 from __future__ import annotations

@@ -17,8 +17,8 @@ GONE_S = 0.4
 """Time without any sign of life after which the other end counts as gone, in seconds."""
 
 Message = Mapping[str, Any]
-"""A message as a mapping of field names to values. Bytes are base64 text if they come over
-rosbridge, and bytes if they come over DDS."""
+"""A message as a mapping of field names to values. Binary data is base64 text over rosbridge, and
+`bytes` over DDS."""
 End = tuple[Message, float]
 """A message, and the seconds after which it is published unless another message is sent before."""
 OnMessage = Callable[[str, Message], None]
@@ -53,7 +53,7 @@ class Topics(ABC):
 
     @abstractmethod
     def publish(self, topic: str, message: Message, ends: End | None = None) -> None:
-        """Publish one message, and wait until it is sent. If `End` is given, its message is
+        """Publish one message, and wait until it is sent. If `ends` is given, its message is
         published later, when its time has come.
 
         Raises:

@@ -41,7 +41,7 @@ class TransportOptions(Options):
 
     @property
     def hosts(self) -> tuple[str, ...]:
-        """Return the robot's computers, for DDS."""
+        """Return the hosts at which DDS looks for the robot: `address` and `peers`."""
         named = (self.address, *self.peers.split(","))
         return tuple(dict.fromkeys(host.strip() for host in named if host.strip()))
 

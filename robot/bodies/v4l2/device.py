@@ -206,7 +206,7 @@ def list_cameras() -> List[str]:
 
 
 def describe_camera(path: str) -> Dict[str, List[str]]:
-    """Return the camera's encodings, by the camera's names for them, each with its sizes."""
+    """Return the encodings that the camera offers, such as `YUYV`, each with its sizes."""
     fd = Video._open_device(path)
     try:
         codes = _offered_codes(fd)
@@ -228,7 +228,7 @@ def _offered_sizes(fd: int, code: bytes) -> List[str]:
 
 
 def _offered(fd: int, request: int, asked: bytes) -> Iterator[bytes]:
-    """Yield the entries of one of the driver's lists; query one number after the other, until the
+    """Yield the entries of one of the driver's lists. Entries are requested by index until the
     driver refuses one."""
     for index in range(64):
         try:

@@ -43,8 +43,8 @@ class BrickBody:
         return self.motors.top_speeds_dps()
 
     def sense(self) -> Dict[str, Any]:
-        """Return distance_m, bumped, bumpers and battery_share, each None if its sensor is missing,
-        and wheels_deg, the angles by which the wheels have turned."""
+        """Return the values of `RobotSensors.read`, and wheels_deg, the angles by which the wheels
+        have turned; wheels_deg is None if a motor does not answer."""
         read = self.sensors.read()
         try:
             read["wheels_deg"] = self.motors.positions()

@@ -21,12 +21,12 @@ from robot.bodies.ev3.agent.wire import (
 MAX_UNJOINED = 12
 """Maximum number of connections that have not joined yet, from all addresses together."""
 JOIN_S = 1.0
-"""Time within which a connection must prove that it knows the secret, in seconds."""
+"""Time within which a client must prove that it knows the secret, in seconds."""
 ACCEPT_PAUSE_S = 0.2
 """Pause after an error of `accept`, such as a lack of descriptors or memory, in seconds."""
 LARGEST_OUTBOX = 1 << 20
-"""Maximum number of bytes that wait to be sent to a controller. If more would wait, the
-controller reads too slowly and is dropped."""
+"""Maximum number of bytes that wait to be sent to a controller. If more are waiting, the controller
+reads too slowly, and is dropped."""
 
 
 class Caller:
@@ -48,10 +48,10 @@ class Caller:
         self.send({"hello": PROTOCOL, "nonce": self._nonce})
 
     def receive(self) -> Iterator[Dict[str, Any]]:
-        """Receive the waiting data; yield each complete message. Raises ValueError if a message is
-        invalid.
+        """Receive the waiting data; yield each complete message.
 
-        EOFError if the other side has closed the connection.
+        Raises ValueError if a message is invalid, and EOFError if the other side has closed the
+        connection.
         """
         data = self.line.recv(65536 if self.has_joined else max(BEFORE_JOINING.values()))
         if not data:
@@ -153,7 +153,7 @@ class CallerLimiter:
 
 
 class LimitedLog:
-    """Prints at most `LINES_A_MINUTE` lines a minute, so that clients cannot fill a small card."""
+    """Prints at most `LINES_A_MINUTE` lines a minute, so that clients cannot fill a memory card."""
 
     LINES_A_MINUTE = 20
 

@@ -20,8 +20,8 @@ EVIOCGRAB = 0x40044590
 VT_GETSTATE, VT_ACTIVATE = 0x5603, 0x5606
 SCREEN = 6
 MENU_S = 3.0
-"""Time for which the Back button must be held, in seconds, to return buttons and screen to the
-brick's menu, which can switch the brick off."""
+"""Time for which the Back button must be held to return buttons and screen to the brick's menu, in
+seconds. The menu is needed to switch the brick off."""
 
 
 class Console:

@@ -96,7 +96,7 @@ class MotorPair:
             raise self._lost(error) from error
 
     def _check(self, speeds: List[int]) -> None:
-        """Raise an error that names `max_speed`, which the kernel's EINVAL does not name."""
+        """Raise an error that states the top speed; the kernel would return only EINVAL."""
         for address, speed, top in zip(self._addresses, speeds, self._top_counts):
             if abs(speed) > top:
                 raise DriveError(

@@ -39,8 +39,9 @@ class DevicePort:
         return str(text).partition("\n")[0]
 
     def write(self, name: str, value: object) -> None:
-        """Set an attribute. A newline is appended, as by `echo`, because a plain file keeps the end
-        of a longer old value."""
+        """Set an attribute. A newline is appended, as by `echo`. If the attribute is a plain file,
+        as in tests, the end of a longer old value remains after the newline, and readers ignore
+        it."""
         text = "{}\n".format(value)
         self._files[name] = self._device.set_attr_raw(self._files.get(name), name, text)
 

@@ -101,7 +101,7 @@ class SensorGroup:
 class RobotSensors:
     """The sensors of a body; the arguments are as for `SensorGroup`.
 
-    Several touch sensors are bumpers, from left to right. `clock` has the functions of Python's
+    The touch sensors are the bumpers, from left to right. `clock` has the functions of Python's
     `time`.
     """
 
@@ -121,7 +121,8 @@ class RobotSensors:
         self._battery = find_battery(self._root)
 
     def read(self) -> Dict[str, Any]:
-        """Return distance_m, bumped, bumpers and battery_share, each None if its sensor is missing.
+        """Return distance_m, bumped and battery_share, each None if its sensor is missing, and
+        bumpers, a list with True for each touch sensor that is pressed and False for the others.
         Raises DriveError if a known sensor does not answer."""
         now_s = self._clock.monotonic()
         is_due = now_s - self._searched_s >= SEARCH_S

@@ -1,4 +1,4 @@
-"""The agent: lends the brick's body and camera to one controller at a time."""
+"""The agent: lets one controller at a time use the brick's motors, sensors and camera."""
 
 import select
 import socket
@@ -19,16 +19,16 @@ SILENCE_S = 1.5
 """Time of silence after which a controller counts as gone, so that another controller may join, in
 seconds."""
 STALE_S = 0.4
-"""Age of a report, in seconds by the brick's clock, above which the agent drops a move that names
-this report. Each move names the newest report that the controller had received. Without delays
-this report is at most 0.1 s old, so a dropped move was delayed by at least 0.3 s."""
+"""Maximum age of the report that a move names, in seconds by the brick's clock. The agent drops a
+move with an older report. Each move names the newest report that the controller had received. A
+report is sent every 0.1 s, so a dropped move was delayed by at least 0.3 s."""
 REPORT_S = 0.1
 
 
 class Agent:
     """Serves one controller at a time on one thread, which never waits for the network.
 
-    `clock` has the functions of Python's `time`, and `ready` is its `select.select`.
+    `clock` has the functions of Python's module `time`, and `ready` is called like `select.select`.
     """
 
     def __init__(

@@ -33,7 +33,7 @@ def number(value: int) -> bytes:
 
 
 def result(index: int) -> bytes:
-    """Encode the offset of a result in the global variables."""
+    """Encode where the firmware stores a result: the byte offset among the global variables."""
     return bytes([0x60 | index]) if index < 32 else bytes([0xE1, index])
 
 
@@ -80,7 +80,8 @@ def device_type(port: int, at: int) -> bytes:
 
 
 def sensor(port: int, kind: int, at: int) -> bytes:
-    """Read a sensor in its mode 0, in SI units. The result is a float at offset `at`."""
+    """Read a sensor in its mode 0: a distance in cm, or 1 for a pressed touch sensor. The result
+    is a float at offset `at`."""
     asked = b"".join(map(number, (0x1D, 0, port, kind, 0, 1)))
     return b"\x99" + asked + result(at)
 

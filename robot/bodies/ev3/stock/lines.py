@@ -31,8 +31,8 @@ TWINS_S = 5.5
 """Time for which announcements are received if no brick was named, in s. Each brick announces
 itself every 5 s."""
 _AGAIN_S = 1.0
-"""Two announcements of a brick within this time, in s, are the same announcement, received over two
-networks."""
+"""Two announcements of a brick within this time, in s, count as the same announcement, received
+over two networks."""
 _CONNECT_S = 4.0
 _USB_ID = "0003:00000694:00000005"
 _ID = re.compile("[0-9a-f]{12}")
@@ -193,7 +193,7 @@ def _receive_beacon(wanted: str, beacon_port: int, clock: Clock) -> Beacon:
 
 
 def _beacons(sock: socket.socket, clock: Clock) -> Iterator[tuple[float, Beacon | None]]:
-    """Yield announcements with their times, and None whenever no announcement waits."""
+    """Yield announcements with their times; None in place of an announcement if none arrives."""
     end_s = clock.now_s() + _BEACON_S
     sock.settimeout(_LISTEN_S)
     while clock.now_s() < end_s:
@@ -209,8 +209,9 @@ def choose_brick(heard: Iterable[tuple[float, Beacon | None]], wanted: str = "")
     """Return the wanted brick, or the only brick if none was named; None if no such brick announces
     itself.
 
-    If no brick was named, all bricks must announce themselves before one is chosen. When the first
-    brick announces itself again, every other brick has announced itself, too, and the search ends.
+    If no brick was named, all bricks must announce themselves before one is chosen. All bricks
+    announce themselves at the same interval. So when the first brick announces itself again, all
+    others have been heard, and the search ends.
 
     Args:
         heard: Announcements with their times, in seconds. A computer with two connections to the
@@ -303,7 +304,8 @@ def find_usb(wanted: str = "", root: Path | None = None) -> Path:
 
 
 def _usb_bricks(root: Path | None = None) -> dict[str, Path]:
-    """Return the bricks at USB cables by serial number, or by USB socket if none is known."""
+    """Return the bricks that are connected by USB. The keys are serial numbers, or USB sockets for
+    bricks without a known serial number."""
     bricks: dict[str, Path] = {}
     for entry in sorted((root or _HIDRAW).glob("hidraw*")):
         with contextlib.suppress(OSError):
