@@ -26,8 +26,8 @@ _ZIPS = (".zip", ".tm")
 ENDINGS = (*_ZIPS, ".tar", ".tar.gz", ".tgz", ".tar.bz2")
 _DAMAGED = (zipfile.BadZipFile, tarfile.TarError, zlib.error, EOFError, OSError, RuntimeError)
 _OF_ONE = (zipfile.BadZipFile, zlib.error, RuntimeError, ValueError)
-"""Errors because of which only one file of an archive is skipped, like the system's errors of
-invalid names (`_NO_NAME`)."""
+"""Errors after which only the damaged file of an archive is skipped. The system's errors for
+invalid file names (`_NO_NAME`) have the same effect."""
 _NO_NAME = (errno.ENAMETOOLONG, errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.EINVAL)
 Entry = tuple[str, Callable[[], IO[bytes] | None]]
 

@@ -145,8 +145,8 @@ def _steered_names(paths: Iterable[Path]) -> list[tuple[Path, re.Match[str]]]:
 def read_steered(folder: Path, reading: Reading, report: ImportReport) -> Drive:
     """Read pictures whose names contain a number and the steering.
 
-    The dash before the steering may be a minus or only a separator. Raises RecordingError if all
-    names together do not show whether the dash is a minus.
+    The dash before the steering may be a minus or only a separator. Raises RecordingError if the
+    names do not show which of the two it is.
     """
     paths = files_ending(folder, *PICTURES)
     named = _steered_names(paths)

@@ -76,7 +76,8 @@ class ImportReport:
         return self.remarks + told
 
     def why_nothing(self) -> str:
-        """Return the end of a sentence that explains an empty drive by its first skipped item."""
+        """Return a clause for an error about an empty drive: the number of skipped items, and the
+        reason for the first. The clause is empty if nothing was skipped."""
         if not self.skipped:
             return ""
         place, reason = self.skipped[0]
@@ -95,8 +96,8 @@ class FrameEvent:
     point: Point | None = None
     """The steering and throttle of the pilot, if the pilot steered by degrees."""
     does: Point | None = None
-    """The steering and throttle at which the robot that drove makes the labelled move, if the
-    source states them."""
+    """The steering and throttle that the labelled move has on the robot that drove; None if the
+    source does not state them."""
     steering: float | None = None
     """The steering as written, as a share of full lock; None if it is missing."""
     is_intervention: bool = False

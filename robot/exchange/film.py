@@ -213,8 +213,8 @@ def write_look(episode: Episode, notes: Notes, path: Path, *, fps: int | None = 
 def _captioned(picture: Pixels, moment: EpisodeFrame) -> Any:
     """Return a video frame: the picture, enlarged to at least 480 rows, above a bar of text.
 
-    FFmpeg enlarges the picture while it converts the colours, and the grey text is drawn in the
-    brightness only, which saves most of the time in films of small pictures.
+    FFmpeg enlarges the picture and converts its colours in one step. The text is grey, so it is
+    drawn only in the brightness plane. Both save most of the time in films of small pictures.
     """
     import cv2
 

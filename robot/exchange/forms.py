@@ -44,8 +44,8 @@ class Source(NamedTuple):
     """A drive that was found: its name for people, and the function that reads the drive.
 
     The function raises RecordingError if no picture can be used, or MissingExtraError. The pictures
-    themselves are read only when the drive is written. For recordings of this program `copy`
-    is set; in place of the function, `copy` writes the drive to a path.
+    themselves are read only when the drive is written. For recordings of this program, `copy` is
+    called instead of the function; `copy` writes the drive to a path.
     """
 
     name: str
@@ -67,8 +67,8 @@ class Form:
         time: Where the time comes from.
         find: Returns the drives at a path, or None if the path does not have this format. The
             function must be quick; damage is reported when a drive is read.
-        is_whole: True if the format describes a folder as a whole. The other formats are tried only
-            if no format with `is_whole` recognises the folder or a file in it.
+        is_whole: True if the format describes a folder as a whole. Formats with False are tried
+            last, in folders in which no other format was recognised.
     """
 
     name: str

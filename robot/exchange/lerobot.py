@@ -3,13 +3,13 @@
     meta/info.json                                      features, counts, paths
     meta/stats.json                                     of all episodes together
     meta/tasks.parquet                                  task text (the index) and its number
-    meta/episodes/chunk-000/file-000.parquet one row per episode: lengths, files, stats
-    data/chunk-000/file-000.parquet one row per frame
+    meta/episodes/chunk-000/file-000.parquet            one row per episode: lengths, files, stats
+    data/chunk-000/file-000.parquet                     one row per frame
     videos/observation.images.front/chunk-000/file-NNN.mp4
 
-Timestamps are frame_index / fps exactly, so pictures are resampled to one rate, and a recording is
-split where pictures are missing for longer than a second. All pictures of a dataset are scaled to
-the size of the first.
+LeRobot needs timestamps that are exactly frame_index / fps. Pictures are therefore resampled to one
+rate, and a recording is split where pictures are missing for longer than a second. All pictures of
+a dataset are scaled to the size of the first.
 
 Source: lerobot, datasets/utils.py, dataset_writer.py and docs/source/lerobot-dataset-v3.mdx.
 """
@@ -73,7 +73,8 @@ _SENSORS = ("distance_m", "bumped", "battery")
 _QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 _STATISTICS = ("min", "max", "mean", "std", *_QUANTILES)
 _OWN = ("intervention", PILOT, DEGREES, SENSORS)
-"""Columns that only this program writes, and only to datasets that are not plain."""
+"""Columns that LeRobot itself does not record. They are written unless the dataset is exported with
+`--plain`."""
 _STANDS = Point(0.0, 0.0)
 _CARD = """---
 task_categories: [robotics]

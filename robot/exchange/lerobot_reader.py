@@ -80,7 +80,8 @@ class LerobotDataset:
         return sorted(n for n in {*self._rows, *self._files} if n >= 0)
 
     def why_empty(self) -> str:
-        """Return the end of a sentence that explains why the dataset has no episode."""
+        """Return the reason why the dataset has no episode, for an error message that begins with
+        the dataset's path."""
         if any(self.folder.glob("data/*/*.parquet")) or any(self.folder.glob("images/*/*")):
             return (
                 "is a LeRobot dataset that was never finalized: its tables have no end, so nothing "

@@ -16,10 +16,11 @@ PILOT = "pilot"
 """Name of the column with the index of the taught move among the feature's moves; -1 if no move was
 taught."""
 DEGREES = "degrees"
-"""Name of the column that is true if the pilot steered by degrees instead of by a move."""
+"""Name of the column that is true if the pilot steered proportionally, and false if the pilot chose
+a move."""
 ROBOT = "drivelesson"
-"""The type of robot in the datasets that this program or its package for LeRobot
-(docs/examples/lerobot) writes."""
+"""Type of robot in the datasets of this program, and of its package for LeRobot
+(docs/examples/lerobot)."""
 PYARROW = ("pyarrow", "reading and writing LeRobot datasets", "export")
 """Arguments of `need`: the library pyarrow, its purpose here, and the extra that installs it."""
 _PARQUET = ("pyarrow.parquet", *PYARROW[1:])

@@ -56,7 +56,7 @@ def load_recording(path: Path | str, report: ImportReport | None = None) -> Driv
 
 
 def is_example(moment: EpisodeFrame) -> bool:
-    """True if `write_npz` writes this moment, which needs one of the format's three labels."""
+    """True if `write_npz` exports this moment: its label must be one of the format's three."""
     return not moment.is_deleted and moment.label in DEFAULT_MOVES
 
 

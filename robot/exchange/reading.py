@@ -54,8 +54,8 @@ class Reading:
     def steering(self, written: float) -> float:
         """Convert the data's steering to -1 to 1; raises ValueError if it is beyond full lock.
 
-        The trim becomes 0, while full lock stays -1 and 1, so a trim stretches the values of one
-        side.
+        The trim becomes 0, and full lock stays -1 and 1. So the values on the two sides of the trim
+        are scaled by different factors.
         """
         share, trim = written / self.full_lock, self.trim / self.full_lock
         if not -1.0 <= share <= 1.0:

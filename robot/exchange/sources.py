@@ -56,8 +56,8 @@ def _at(path: Path, *, is_whole: bool) -> list[Source]:
 
 
 def _why_none(path: Path) -> str:
-    """Return the kinds of files at a path, and why they cannot be imported, as the end of a
-    sentence."""
+    """Return the reason why nothing at a path can be imported, for an error message that begins
+    with the path. The reason lists the kinds of files."""
     names = list(islice(_names(path), _MOST_LOOKED_AT))
     for endings, why in UNUSABLE.items():
         if those := [name for name in names if name.lower().endswith(endings)]:

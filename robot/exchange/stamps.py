@@ -64,8 +64,8 @@ def _asctime(text: str) -> datetime:
 
 def _written(text: str) -> datetime | None:
     """Read a date of digits. In a date with slashes the first number is the month, unless it is too
-    large for a month. Only the differences between times are used, so day and month in the wrong
-    order do harm only in a drive that goes on after midnight."""
+    large for a month. Only the differences between times are used. If day and month are in the
+    wrong order, the differences within one day are still right."""
     found = _WRITTEN.fullmatch(text)
     if found is None:
         return None
@@ -84,8 +84,8 @@ def _written(text: str) -> datetime | None:
 def seconds_in_name(name: str) -> float | None:
     """Return the time in a picture's name; None if the name contains no time.
 
-    A time is either ten digits of seconds since 1970, followed by the digits of the fraction, whose
-    last zeros may be missing; or it is a date and a time of day.
+    Two forms are recognised. The first is ten digits of seconds since 1970, optionally followed by
+    the digits of a fraction. The second is a date and a time of day.
     """
     stem = re.split(r"[\\/]", name)[-1].rpartition(".")[0]
     if found := _DIGITS.search(stem):

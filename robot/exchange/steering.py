@@ -110,7 +110,8 @@ def _clipped(share: float) -> float:
 def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Point | None]:
     """Return the action at a picture: the pilot's label, or else the action that was sent.
 
-    Also return the steering and throttle: those driven by degrees, else those of the move, or None.
+    Also return its steering and throttle. If the robot was steered proportionally, they are the
+    values that were driven. Otherwise they are those of the move, or None.
     """
     by_degrees = moment.point if moment.label else moment.sent_point
     done = moment.label or Action(moment.sent or Action.STOP)

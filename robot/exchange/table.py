@@ -34,13 +34,14 @@ a table only if it names pictures."""
 ENDINGS = (".csv", ".tsv", ".jsonl", LIST)
 
 _FULL_SPEEDS = (1.0, 100.0, 255.0, 1023.0, 32767.0)
-"""Values at which different programs drive a motor at full speed. In a table, full speed is the
-lowest of these values that no value in the table exceeds."""
+"""Values at which different programs drive a motor at full speed. Full speed in a table is the
+smallest of these values that is not below the table's largest value."""
 _MOVES = 0.05
 """Speed, in any unit, above which a car counts as moving. Simulators write small speeds for
 standing cars."""
 _UNIT_SHARE = 10
-"""The steering is in degrees or another unit if at least one in this many values is beyond 1."""
+"""Reciprocal of a share. If at least this share of the steering values is beyond 1, the steering is
+in degrees or another unit."""
 _TOLD_NAMES = 3
 
 

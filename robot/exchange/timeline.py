@@ -33,7 +33,8 @@ class Timeline:
 
     @property
     def gap_s(self) -> float:
-        """Films and datasets are cut where two pictures are further apart, in seconds."""
+        """Length of a gap, in seconds. Films and datasets are cut between two pictures that are
+        farther apart."""
         return max(_SHORTEST_GAP_S, 3 * self.usual_s)
 
     @property
@@ -42,8 +43,8 @@ class Timeline:
         return min(max(round(1 / self.usual_s), 1), 60)
 
     def evenly(self, fps: int) -> list[NDArray[np.intp]]:
-        """Return, for each stretch without a gap, the indices in order of the pictures that are
-        nearest to evenly spaced times at this rate."""
+        """Return an array of indices for each stretch without a gap: those of the pictures that are
+        nearest to evenly spaced times, `fps` a second."""
         times_s = np.array(self.times_s)
         begins = [0, *(np.flatnonzero(np.diff(times_s) > self.gap_s) + 1)]
         stretches = [times_s[a:b] for a, b in pairwise([*begins, len(times_s)])]
@@ -55,9 +56,10 @@ def make_timeline(stamps_s: Sequence[object]) -> Timeline:
     """Return a time for each picture.
 
     Stamps are seconds by any clock. A value that is not a finite number counts as missing. A stamp
-    that is missing or out of order is set between its neighbours. Equal stamps are spread over the
-    time until the next stamp, or at the usual period. If the clock was set back, the time line goes
-    on. A pause of more than a minute becomes two seconds.
+    that is missing or out of order is set between its neighbours. Equal stamps are spread evenly
+    over the time until the next stamp. If this gives an unusual period, the usual period is taken
+    instead. If the clock was set back, the time line goes on. A pause of more than a minute becomes
+    two seconds.
     """
     if isinstance(stamps_s, array) and (plain := _plain(np.array(stamps_s))) is not None:
         return plain

@@ -99,7 +99,7 @@ def read_tub(folder: Path, reading: Reading, report: ImportReport) -> Drive:
 
 
 def _is_by_pilot(record: Record) -> bool:
-    """True unless the record names another driver; old tubs name no driver."""
+    """True if the record names the user as the driver, or no driver at all, like old tubs."""
     return str(record.get(_MODE, "user")).strip().lower() == "user"
 
 
@@ -148,12 +148,13 @@ def write_tub(episode: Episode, notes: Notes, folder: Path, *, taught_only: bool
     """Write an episode as a tub of version 2; return its number of records.
 
     Pictures are written without loss, as their JPEG bytes or as PNG. Each record also contains the
-    label, the frame id and whether the label corrected the robot, so that importing the tub yields
-    the same examples at any threshold. If the pilot steered by degrees, the record says so and
-    contains the pilot's angle and throttle; other records contain those of the move. If the
-    robot has a move without steering and throttle, such as `push`, the tub has no columns for angle
-    and throttle, because a zero would teach a car to stand. The robot's proposal is in
-    `pilot/angle` and `pilot/throttle`. `taught_only` leaves out frames that were not taught.
+    label, the frame id, and whether the label was a correction. So importing the tub yields the
+    same examples, whatever the threshold for turns is. If the pilot steered proportionally, the
+    record says so, and contains the pilot's angle and throttle. Other records contain the angle and
+    throttle of the move. If the robot has a move without steering and throttle, such as `push`, the
+    tub has no columns for angle and throttle, because a zero would teach a car to stand. The
+    robot's proposal is in `pilot/angle` and `pilot/throttle`. `taught_only` leaves out frames that
+    were not taught.
     """
     folder.mkdir(parents=True)
     with tempfile.TemporaryFile("w+", dir=folder, encoding="ascii", newline="\n") as lines:
@@ -221,8 +222,8 @@ def _write_records(
 
 
 def _done(moment: EpisodeFrame, pointed: Callable[[str], Point | None]) -> Point | None:
-    """Return the steering and throttle that were driven at a picture, as `done_at` does; `pointed`
-    returns those of a move."""
+    """Return the steering and throttle at a picture, by the same rule as `done_at`. `pointed`
+    returns the steering and throttle of a move."""
     by_degrees = moment.point if moment.label else moment.sent_point
     return by_degrees or pointed(moment.label or moment.sent or Action.STOP)
 

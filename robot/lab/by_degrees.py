@@ -1,5 +1,5 @@
-"""Experiment: does a robot whose pilot steers by degrees drive more smoothly than one that accepts
-only moves?"""
+"""Experiment: does a robot drive more smoothly if its pilot steers proportionally than if the robot
+accepts only moves?"""
 
 from __future__ import annotations
 

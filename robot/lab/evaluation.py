@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from robot.exchange.drive import Drive
 
 Vectors = dict[tuple[type[Features], str, str, float], list[Vector]]
-"""The vectors of each drive in each light, by features, so that they are extracted once for all
-learners with the same features."""
+"""Cache of the feature vectors of each drive in each light. Learners with the same features share
+the vectors."""
 Seen = Sequence[tuple[Vector, Action, Point | None]]
 """A drive in the form in which a learner gets it: for each frame the vector, the label, and the
 label's steering and throttle; these are None if unknown."""
@@ -219,8 +219,8 @@ def _angles(
 
 
 def calibration_error(confidences: Sequence[float], right: Sequence[bool]) -> float:
-    """Return the mean over all frames of |confidence - accuracy|; both are means over the
-    frame's bin of confidence."""
+    """Return the expected calibration error with ten bins: the mean of |confidence - accuracy| over
+    the bins, weighted by their numbers of frames."""
     values, hits = np.array(confidences), np.array(right, float)
     tenths = np.minimum((values * 10).astype(int), 9)
     gaps = [abs(float((values - hits)[tenths == tenth].sum())) for tenth in range(10)]
@@ -248,8 +248,8 @@ _MEASURES = {
 
 
 def table(results: Sequence[Result]) -> Table:
-    """Return one row for each pair, learner and lesson, then for each learner and lesson a row of
-    means (of medians for times)."""
+    """Return a table with one row for each pair, learner and lesson. Below, one row for each
+    learner and lesson has the means over all pairs; for times it has the medians."""
     names = ("place", "train", "test", "learner", "lesson")
     rows: list[tuple[Cell, ...]] = [
         (*(r[name] for name in names), f"{r['correct']}/{r['frames']}", *_measures([r]))

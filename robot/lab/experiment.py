@@ -85,7 +85,7 @@ class Experiment:
     Attributes:
         plan: Makes the tasks to run.
         tables: Makes the tables of the results.
-        drawn: Columns of each table that are also plotted, over the rows.
+        drawn: Columns of each table that are also plotted. The rows are on the horizontal axis.
         plots: Makes further plots.
         times_machine: True if the experiment measures time, so that its runs are made one after the
             other on this machine.

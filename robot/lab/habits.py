@@ -143,12 +143,12 @@ that drives straight by 17 degrees a second (standard deviation)."""
 
 def run_habit(params: Params) -> Result:
     """Run one robot of this experiment: teach it, let it drive unaided, correct it, let it drive
-    unaided again. The pilot also drives, from where the robot began.
+    unaided again. For comparison, the pilot then drives from where the robot began to drive.
 
-    In a minute neither robot nor pilot sees the whole place, so their drives would differ if they
-    started in different corners. The pilot's minutes also have the frame rate of the lesson,
-    because with ten pictures a second a hand moves later than with thirty, and a pilot who follows
-    a wall then drives differently.
+    In one minute neither the robot nor the pilot sees the whole place. From different starting
+    points, their drives would therefore differ. The pilot's minutes also have the frame rate of the
+    lesson. With ten pictures a second a pilot reacts later than with thirty, and therefore follows
+    a wall differently.
 
     Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `teach_s`, `correct_s`, `alone_s`,
     `reference_s`.
@@ -176,7 +176,7 @@ def beside_pilot(
 ) -> dict[str, Any]:
     """Return the figures of a robot's minute, and of its pilot's minute from the same start.
 
-    The pilot's longest push may be one in the lesson, because the robot learned from the lesson.
+    The pilot's longest push may also be one in the lesson, from which the robot learned.
     """
     minutes = [
         drive_by_hand(
@@ -203,12 +203,12 @@ def beside_pilot(
 
 
 def ssd_in_place(drive: DriveLog, pilot: SimulatedPilot) -> float:
-    """Return the SSD of a drive against the moves that the pilot would make at each tick of this
-    drive.
+    """Return the sum of squared differences (SSD) between a drive and the moves that the pilot
+    would make at each tick of this drive.
 
-    A pilot who drives in curves soon circles in one place, so a drive of the robot and a separate
-    drive of the pilot would differ because of the place. In the same place, robot and pilot differ
-    only in their moves.
+    A pilot who drives in curves soon circles in one place. If robot and pilot drove separately,
+    they would circle in different places, and therefore make different moves. In the same place,
+    robot and pilot differ only in their moves.
     """
     pilot.change_mode(Mode.TRAIN)
     held = DriveLog()
@@ -220,8 +220,8 @@ def ssd_in_place(drive: DriveLog, pilot: SimulatedPilot) -> float:
 
 
 def _ssd_of_turns_alike(drive: DriveLog, teacher: DriveLog) -> float:
-    """Return the SSD with left and right counted as one move, because the side is often due to
-    chance."""
+    """Return the sum of squared differences (SSD), with left and right counted as one move. Pilot
+    and robot often choose the side by chance."""
     alike = (
         [replace(at, action=Action.LEFT) if at.action is Action.RIGHT else at for at in log]
         for log in (teacher, drive)

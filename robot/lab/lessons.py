@@ -1,4 +1,5 @@
-"""Experiments in which robots are taught, and compared with their teachers by SSD.
+"""Experiments in which robots are taught and then compared with their teachers, by the sum of
+squared differences (SSD) of their driving profiles.
 
 Figures 6, 7 and 8 of the paper.
 """
@@ -85,7 +86,8 @@ _NODES_PUBLISHED = {
     32: (3.48, 5.84),
     64: (12.20, 10.57),
 }
-"""The paper's SSD by number of nodes, for self-training by sonar: mean and standard deviation."""
+"""The paper's sum of squared differences (SSD) for each number of nodes: mean and standard
+deviation. The robot was taught by a controller with a sonar."""
 KINDS = ("published", "default")
 
 
@@ -121,7 +123,8 @@ _TRIALS_PUBLISHED = {
     2: {"before": (14.24, 12.15, 46.76), "after": (1.72, 1.93, 7.50)},
     3: {"before": (20.47, 16.42, 65.56), "after": (10.84, 15.21, 86.79)},
 }
-"""The paper's SSD by trial, with 32 nodes and human teachers: mean, standard deviation, maximum."""
+"""The paper's sum of squared differences (SSD) for each trial, with 32 nodes and human teachers:
+mean, standard deviation, maximum."""
 
 
 def trial_cases(

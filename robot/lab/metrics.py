@@ -192,8 +192,8 @@ def steering_per_s(steering: ArrayLike, at_s: ArrayLike) -> float:
 
 
 RARE_SHARE = 0.05
-"""Share of ticks below which a move is rare. If rare moves were included, one slip of a hand could
-add 200 to the SSD."""
+"""Share of ticks below which a move is rare. Rare moves do not count in the sum of squared
+differences, to which a single slip of a hand could add 200."""
 
 
 def move_shares(moves: Sequence[Action]) -> dict[Action, float]:

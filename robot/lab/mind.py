@@ -1,5 +1,5 @@
-"""Experiment on a pilot's change of mind: the pilot turns LEFT at walls for a minute, then RIGHT
-twice for half a minute."""
+"""Experiment on a pilot's change of mind. The pilot turns LEFT at walls in a lesson of a minute,
+then RIGHT in two lessons of half a minute each."""
 
 from __future__ import annotations
 
@@ -69,8 +69,8 @@ _COLUMNS: Columns = {
 
 
 BLOCKED_M = TEACHER_PARAMS["usual"].turn_at_m
-"""Free distance ahead, in metres, below which both pilots turn. The experiment tests the robot on
-views with less free distance."""
+"""Free distance ahead, in metres, below which both pilots turn. The robot is tested on views in
+which the free distance is smaller."""
 LOOKS_HZ = 10.0
 NEW_S, ASKED_S, ALONE_S = 30.0, 40.0, 60.0
 
@@ -78,8 +78,9 @@ NEW_S, ASKED_S, ALONE_S = 30.0, 40.0, 60.0
 def run_mind(params: Params) -> Result:
     """Teach a robot LEFT, then RIGHT twice; test it after each lesson; then let it drive unaided.
 
-    Parameters: `world`, `learner`, `seed`, `old_s` (duration of LEFT), and `is_told`: whether the
-    pilot declares the change of mind before the first lesson with RIGHT.
+    Parameters: `world`, `learner`, `seed`, `old_s` (duration of the lesson with LEFT, in seconds),
+    and `is_told` (True if the pilot declares the change of mind before the first lesson with
+    RIGHT).
     """
     world, seed = params["world"], params["seed"]
     rate_hz = (10.0, 30.0)[seed % 2]

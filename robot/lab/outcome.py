@@ -64,7 +64,8 @@ def _in_words(error: BaseException | None) -> str:
 
 
 def _placed(params: Params, contents: Contents) -> Params:
-    """Write the contents to a folder of this process; return the parameters with its paths."""
+    """Write the contents to files in a temporary folder of this process; return the parameters with
+    the paths of these files."""
     placed = dict(params)
     for name, value in params.items():
         if isinstance(value, str) and value in contents:

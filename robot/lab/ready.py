@@ -78,8 +78,9 @@ def run_ready(params: Params) -> Result:
     """Teach a robot, let it try and teach it again on the advice of `Readiness`; then let it drive
     unaided for a minute.
 
-    Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `limit_s`, `in_time_s`. The result's
-    `missing` is the page's hint after `in_time_s`, or at the end.
+    Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `limit_s`, `in_time_s`. `missing` in
+    the result is the page's list of what the robot still has to learn. It is taken after
+    `in_time_s`, or at the end if the robot is ready before.
     """
     habit, readiness = HABITS[params["habit"]], Readiness()
     limit_s, in_time_s = params["limit_s"], params["in_time_s"]

@@ -26,8 +26,9 @@ FRAME_RATE_HZ = 10.0
 """Default number of frames, ticks and heartbeats per second: about the paper's cycle rate with 32
 nodes."""
 PATIENT_LINK = LinkGovernorConfig(warn_s=10.0, cap_speed_s=10.0, stop_learning_s=10.0, stop_s=10.0)
-"""Limits of the link governor that even a busy machine does not reach, because delays must not
-affect an experiment."""
+"""Limits for delays of the robot's pictures, above which the link governor slows or stops the
+robot. The limits are too high for even a busy machine to reach them, because delays must not affect
+an experiment."""
 
 
 class Trial(StartStop):

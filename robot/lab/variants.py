@@ -21,7 +21,8 @@ from robot.types import Action, Prediction
 
 
 class NoClock(ActionFilter):
-    """Keeps all votes for a turn, however long the turn lasts."""
+    """A variant of the action filter that never takes votes from a turn, however long the turn
+    lasts."""
 
     def _watch(self, *seen: Any) -> float:
         super()._watch(*seen)

@@ -22,13 +22,18 @@ _USUAL_FRAMES = 10
 """Number of pictures over which the shortest period between pictures is averaged."""
 _PER_TAKING, _PER_TAKING_S = 2, 0.1
 _USUALLY_LATE_S, _PER_LATENESS, _LONGEST_PERIOD_S = 0.01, 8, 0.2
-"""Constants of the shortest period between pictures, which grows when the computer is busy. This
-period is the sum of `_PER_TAKING` times the time from when a picture is due until it is taken, at
-most `_PER_TAKING_S`, and of `_PER_LATENESS` times the lateness beyond `_USUALLY_LATE_S`; this sum
-is at most `_LONGEST_PERIOD_S`. `_USUALLY_LATE_S` allows for the timers of some systems, which are 8
-ms late on average. All robots of a computer are equally late, so all take the same number of
-pictures. The lateness then stays near 20 ms. A larger lateness would delay commands too much,
-because a command passes several threads."""
+"""These constants determine the shortest period between pictures, which grows when the computer is
+busy. The period, at most `_LONGEST_PERIOD_S`, is the sum of two terms:
+
+- min(`_PER_TAKING` * duration, `_PER_TAKING_S`): the duration is the time from when a picture is
+  due until it is taken.
+- `_PER_LATENESS` * max(0, lateness - `_USUALLY_LATE_S`): the lateness is the time from when a
+  picture is due until the camera begins to take it.
+
+`_USUALLY_LATE_S` allows for the timers of some systems, which are 8 ms late on average. All robots
+of a computer are equally late, so all take the same number of pictures. The lateness then stays
+near 20 ms. Pictures must not be later than that, because commands would be later, too: each thread
+that a command passes through adds a similar delay."""
 _RESTING_STEP_S = 1.0
 """Period at which the world advances while no picture is needed, in seconds."""
 _EARLY_S = 0.01
@@ -51,7 +56,7 @@ class SimCamera(WorldCamera[SimDriver]):
     recording and the learner. Experiments call `capture` as fast as they can. `capture` returns raw
     pixels, so that the results do not depend on a codec.
 
-    While people look, a picture of 320x240 is made with each JPEG (`for_the_eye`).
+    While somebody watches, a larger picture (320x240) is made with each JPEG; see `for_the_eye`.
     """
 
     name: ClassVar[str] = "sim"
@@ -118,8 +123,8 @@ class SimCamera(WorldCamera[SimDriver]):
 
     def _live(self) -> None:
         """Take pictures until the camera stops. If the computer simulates too many robots, each
-        robot takes fewer pictures, so that commands and a STOP are not late. At rest (`rest`) the
-        camera takes fewer pictures, and the world also advances between two pictures.
+        robot takes fewer pictures, so that commands and a STOP are not late. At rest (see `rest`)
+        the camera takes pictures less often, but the world still advances once a second.
         """
         taken_s = last_s = self.clock.now_s()
         due_s, least_s = last_s + self._period_s, 0.0

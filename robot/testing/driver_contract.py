@@ -407,8 +407,8 @@ def _check_moves(case: DriverCase, order: Callable[[], object], what: str) -> No
 
 
 def _set_going(case: DriverCase, move: Action) -> None:
-    """Send a move and wait until the body moves. A late move has not begun when the call returns,
-    so an immediate stop or cut would find the body still standing."""
+    """Send a move and wait until the body moves. Without this wait, a stop or a cut connection
+    could come before the body has begun to move."""
     send = case.driver.send_action
     _check_moves(case, lambda: _check_sent(send(move), move, f"send_action({move})"), str(move))
 
@@ -521,8 +521,8 @@ def _is_within(now: Point, limits: list[tuple[float, float]]) -> bool:
 
 
 def _steered_to(case: DriverCase, point: Point) -> Point:
-    """Drive a point as the loop does, and return how the body drives. The returned move must be
-    independent of corrections."""
+    """Send steering and throttle as the control loop does, and return the steering and throttle
+    that the body drives. The returned move must be independent of corrections."""
     driver, move = case.driver, case.driver.move_of(point)
     now = _driven(case, lambda: _check_sent(driver.drive(move, point), move, "drive"))
     driver.stop()
@@ -543,7 +543,8 @@ def _moves_within(case: DriverCase, seconds: float, move: Action, step_s: float)
 
 
 def _ask(case: DriverCase, move: Action, step_s: float) -> None:
-    """Send a move and ignore errors, because the loop also sends moves after failures."""
+    """Send a move and ignore errors. The control loop, too, goes on sending moves after an
+    error."""
     with contextlib.suppress(DriveError):
         case.driver.send_action(move)
     case.forward(step_s)

@@ -40,15 +40,16 @@ EXPORTS: dict[str, tuple[Callable[..., int], str, tuple[str, ...]]] = {
     "npz": (write_npz, "examples", ()),
     "film": (write_look, "pictures", ("fps",)),
 }
-"""The export formats, each with its function, the unit in which that counts, and its options."""
+"""The export formats. Each has the function that writes it, a noun for what the function counts,
+and its options."""
 FLAGS = {"fps": "--fps", "taught_only": "--all", "task": "--task", "plain": "--plain"}
 TIMED: dict[str, Callable[[EpisodeFrame], bool]] = {
     "film": lambda _: True,
     "lerobot": lambda moment: not moment.is_deleted,
     "npz": is_example,
 }
-"""Export formats for which irregular times are repaired, each with a function that says whether a
-picture is exported."""
+"""Export formats for which irregular times are repaired. The function of a format returns True for
+a picture that is exported."""
 
 
 def configure_export(parser: argparse.ArgumentParser) -> None:

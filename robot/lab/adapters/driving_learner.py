@@ -20,8 +20,8 @@ class DrivingLearner:
     """Features, learner, action filter and undo in one object, combined as in the control loop.
 
     Pass each picture to `see`. If a person made a move on a picture, pass the move to `teach`
-    before the next picture. A picture without a call of `teach` counts as driven by the proposal of
-    `see`. Use the object on one thread only.
+    before the next picture. If `teach` is not called for a picture, the learner assumes that the
+    robot made the move that `see` returned. Use the object on one thread only.
 
     Args:
         moves: The moves to choose from, at least two: names, or a `Move` if steering and throttle

@@ -1,4 +1,5 @@
-"""BSOC as a classifier of scikit-learn: `fit`, `partial_fit`, pipelines, `clone`."""
+"""Makes BSOC, this project's online classifier, an estimator of scikit-learn, with `fit`,
+`partial_fit`, pipelines and `clone`."""
 
 from __future__ import annotations
 

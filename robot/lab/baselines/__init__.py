@@ -22,9 +22,9 @@ class Rival:
     """A kind of learner from another library.
 
     Attributes:
-        make: Returns a new model, given the library's class, the number in the learner's name
-            (which counts neighbours, trees or hidden units, or is a penalty) and the number of
-            examples.
+        make: Returns a new model. The arguments are the library's class, the number in the
+            learner's name, and the number of examples. The number in the name is that of
+            neighbours, trees or hidden units, or it is a penalty.
         library: Module and class, and the extra that installs them.
         features: The learner's features. A learner whose features are gradients, like the default
             learner's, also gets the default learner's action filter, for a fair comparison. A
@@ -94,8 +94,8 @@ RIVALS = {
 
 
 def make_baseline(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Return the policy of the third-party learner with this name; a `Maker`. Raises
-    MissingExtraError if the learner's library is not installed."""
+    """Return a policy with the third-party learner of this name. This function is a `Maker`.
+    Raises MissingExtraError if the learner's library is not installed."""
     kind = split_name(name)[0]
     rival, make = RIVALS[kind], None
     if rival.library is not None:

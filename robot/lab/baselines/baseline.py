@@ -110,8 +110,9 @@ class Baseline(Stateful, BaseLearner):
 
 
 def _tenth_parts(n_examples: int) -> int:
-    """Return the number of examples at which the classifier was fitted last: the largest of 1, 2,
-    ... 10, 11, 12 ... 20, 22 ... that is at most `n_examples`."""
+    """Return the number of examples at which the classifier was last fitted. It is fitted at each
+    of the first 20 examples, and then whenever there are a tenth more: at 22, 24 ... 30, 33 and so
+    on."""
     count = 1
     while (following := count + max(1, count // 10)) <= n_examples:
         count = following

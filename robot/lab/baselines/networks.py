@@ -34,7 +34,8 @@ class ColourFeatures(GreyFeatures):
 
 
 class BatchNetwork:
-    """The classifier of a `Baseline` that fits a network, in several passes over all examples.
+    """A classifier for a `Baseline`: a network, which is fitted in several passes over all
+    examples.
 
     The network learns classes, or numbers if it has no softmax.
     """
@@ -160,8 +161,9 @@ class ConvolutionalNetwork:
         self._moments = [(np.zeros_like(w), np.zeros_like(w)) for w in self.weights]
 
     def _forward(self, xs: Floats) -> tuple[list[tuple[Floats, Floats]], Floats]:
-        """Return the inputs of the layers, and the outputs. Each input is given twice: as values,
-        shape (n, values), and as windows of these values, each window with a one for the bias."""
+        """Return the inputs of the layers, and the outputs. Each input is returned in two forms: as
+        values, shape (n, values), and as the windows of a convolution, shape (n, windows, values of
+        a window + 1). The last value of each window is 1, for the bias."""
         layers: list[tuple[Floats, Floats]] = []
         values: Floats = xs
         for places, weights in zip(self._places, self.weights, strict=True):

@@ -1,4 +1,5 @@
-"""The learners that the paper compares BSOC with: a self-organizing map, a neural gas, and ALVINN.
+"""The learners with which the paper compares its learner BSOC: a self-organizing map, a neural gas,
+and ALVINN.
 
 Sources: Kohonen (1982) through MiniSom; Fritzke (1995) through MiniGNG; Pomerleau, "Efficient
 Training of Artificial Neural Networks for Autonomous Navigation" (1991) on scikit-learn's network.
@@ -22,8 +23,8 @@ class Prototypes:
     """A classifier on top of a clustering: each image predicts the labels of its nearest examples.
 
     Args:
-        cluster: Returns the images of a net, shape (n, d), that has seen the given frames once, in
-            order.
+        cluster: Trains a net on the given frames, once and in order; returns the net's images,
+            shape (n, d).
     """
 
     def __init__(self, cluster: Callable[[Images], Images]) -> None:
@@ -63,8 +64,8 @@ def som(make: Any, number: int, n_examples: int) -> Prototypes:
 
 
 def gng(make: Any, number: int, n_examples: int) -> Prototypes:
-    """Return a growing neural gas. The number of its images grows evenly, up to `number`, while the
-    gas sees the examples."""
+    """Return a growing neural gas. During the fit, its images are added at regular intervals, up to
+    `number`."""
 
     def cluster(xs: Images) -> Images:
         every = max(len(xs) // number, 1)
@@ -77,8 +78,8 @@ def gng(make: Any, number: int, n_examples: int) -> Prototypes:
 
 
 KEPT, SHIFTS = 200, [shift for shift in range(-7, 8) if shift]
-"""Number of pictures in ALVINN's rotating set, and the shifts by which each frame is varied, in
-pixels of a picture that is 40 pixels wide."""
+"""Number of pictures in ALVINN's set of training pictures, and the shifts of a frame's copies in
+this set, in pixels of a picture that is 40 pixels wide."""
 
 
 class RotatingSet:

@@ -34,7 +34,8 @@ class EyesFeatures(PictureFeatures):
     n_outputs = n_others = n_rows * n_columns * CHANNELS
     contrast = 4
     step = 24.0
-    """One standard deviation of an output, in values of the vector; 128 is the mean output."""
+    """Change of a vector's value per standard deviation of an output. The mean output has the value
+    128."""
     penalty = 0.2
     """Penalty of the linear part.
 
@@ -44,9 +45,9 @@ class EyesFeatures(PictureFeatures):
     """Extra weight of rare labels. The weight is low because few examples of a turn are enough with
     the features of a vision net."""
     novelty_margin = 0.3
-    """With the net's features, a new corner is farther from all known corners than with gradients.
-    With the usual margin, a robot that has had a short lesson would ask three times as often, and
-    drive no better."""
+    """In the net's features, a new corner differs more from all known corners than in gradients.
+    With the margin of other features, a robot would ask for help three times as often after a short
+    lesson, and drive no better."""
 
     def __init__(self) -> None:
         self._network = Network()

@@ -22,7 +22,7 @@ WIDTH, HEIGHT = 160, 128
 CHANNELS, ROWS, COLUMNS = 80, 8, 10
 """Shape of the output: one number for each channel in each part of the picture."""
 GREY, RANGE = 127.0, 128.0
-"""In the training, grey level `GREY` was the input 0, and `GREY` + `RANGE` was the input 1."""
+"""In the training of the net, its inputs were (grey level - `GREY`) / `RANGE`."""
 _HERE = Path(__file__).parent
 
 

@@ -88,7 +88,8 @@ def score_at(stage: int) -> Callable[[Sequence[Result]], str]:
 
 
 def _last(name: str) -> Callable[[Sequence[Result]], float | None]:
-    """Return the function that computes a cell of the table from a figure of the last stage."""
+    """Return the function that computes a cell of the table: the mean of a measure at the last
+    stage."""
     return lambda results: mean_of_known([result["stages"][-1].get(name) for result in results])
 
 

@@ -23,7 +23,7 @@ UNSURE = 0.6
 """Confidence below which a robot asks, if it may ask at all. Such a robot also asks whenever
 Drivelesson's own loop would ask."""
 _PATIENCE = 20
-"""Maximum number of decisions in which a robot must get one more example. A limit is needed,
+"""Maximum number of decisions per missing example, after which teaching ends. A limit is needed,
 because a robot that makes no mistakes gets no corrections."""
 _ALONE_SEED = 1_000_000
 TEACHER = "teacher"

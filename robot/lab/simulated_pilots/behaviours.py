@@ -13,7 +13,8 @@ class WallFollower:
     """Keeps a wall on its right, about 30 cm away, as precisely as turns about one wheel allow.
 
     The teacher measures the free distance at the right edge of the picture, 28 degrees from
-    straight ahead. In this direction a parallel wall at a distance of 30 cm is seen 64 cm away.
+    straight ahead. In this direction, a wall that runs parallel to the robot at a distance of 30 cm
+    is 64 cm away.
     """
 
     LOOK_RAD = math.radians(-28.0)

@@ -101,7 +101,7 @@ class Habit:
     """The way in which one kind of pilot teaches."""
 
     teacher: Callable[[tuple[Action, ...], str], Teacher] = Person
-    """Makes the teacher from the turns and a seed."""
+    """Makes the teacher from the turns that it may make, and a seed."""
     hand: HumanDelayConfig = PRACTISED
     takeover: TakeoverPolicy = LENIENT
     turns: tuple[Action, ...] = BOTH
@@ -150,4 +150,4 @@ STEERED: Mapping[str, Habit] = {
     "degrees": Habit(teacher=lambda turns, seed: Steerer(turns)),
     "cut to moves": Habit(teacher=lambda turns, seed: Steerer(turns, is_cut=True)),
 }
-"""A pilot who steers by degrees, and the same pilot on a body that accepts only moves."""
+"""A pilot who steers proportionally, and the same pilot on a body that accepts only moves."""

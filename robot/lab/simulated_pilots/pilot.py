@@ -16,8 +16,8 @@ class TakeoverPolicy:
     """Rules for when a pilot takes the wheel from the robot, and when the pilot returns it."""
 
     patience_s: float = 0.5
-    """The pilot takes the wheel if the teacher tolerates no move of the robot for this time, in
-    seconds."""
+    """The pilot takes the wheel if the teacher has tolerated none of the robot's moves during this
+    time, in seconds."""
     shortest_hold_s: float = 0.8
     contented_s: float = 0.5
     """The pilot returns the wheel if the robot's proposals agree with the pilot for this time, in
@@ -74,9 +74,10 @@ class SimulatedPilot:
     def _look_until(self, end_s: float) -> None:
         """At each due time, look at the picture that is then on the screen.
 
-        The times do not depend on the pictures. If each look waited for the next picture, a pilot
-        who looks eight times a second would look only five times a second at a rate of ten pictures
-        a second. The pilot would then drive differently at ten and at thirty pictures a second.
+        The times do not depend on the pictures. Suppose that the pilot looks every 0.125 s, and
+        that a picture comes every 0.1 s. If each look waited for the next picture, the pilot would
+        look only every 0.2 s. The pilot would then drive differently at ten and at thirty pictures
+        a second.
         """
         period_s = 1 / self._hand.config.looks_hz
         while self._screen and self._looks_at_s is not None and self._looks_at_s <= end_s:
@@ -88,7 +89,7 @@ class SimulatedPilot:
             self._looks_at_s = at_s + period_s if period_s else None
 
     def _judge(self, situation: Situation, proposed: Action | None, now_s: float) -> Action | None:
-        """Return the move to hold; None to let the robot drive, or stand still."""
+        """Return the move that the pilot holds; None if the pilot holds no button."""
         if self.mode is Mode.STOPPED:
             return None
         wanted = self.teacher.choose(situation)

@@ -89,8 +89,8 @@ class Wanderer:
     """
 
     LONG_TURN_S = 8.0
-    """A teacher who has turned for this time, in seconds (150 degrees), is in a narrow place, and
-    drives on as soon as the way is free at all."""
+    """Duration of a turn, in seconds, after which the place counts as narrow: the teacher has then
+    turned by 150 degrees. From then on a shorter free distance is enough to drive on."""
     STUCK_S, STUCK_M = 13.0, 0.15
     """For this teacher, a robot that stays within `STUCK_M` metres for `STUCK_S` seconds is stuck,
     because turning round takes less time."""
@@ -161,7 +161,8 @@ class Wanderer:
 class Steerer(Wanderer):
     """Drives in curves where there is room: steers slightly while things are far, hard near them.
 
-    The side and the tolerated moves are those of a `Wanderer`; the hand moves smoothly.
+    It chooses the side of a turn and tolerates moves as a `Wanderer` does. Its steering changes
+    gradually.
 
     Args:
         is_cut: True if the body accepts only moves; the steering is then rounded to a move.

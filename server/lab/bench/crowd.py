@@ -1,4 +1,4 @@
-"""Measures how much greedy viewers in a class slow down the control loop while a pilot drives.
+"""Measures how much the control loop is slowed down by greedy viewers while a pilot drives.
 
 The greedy viewers, each a separate process, request every address as fast as the server answers.
 The viewers run and are paused (by SIGSTOP) in turns, so that other load on the machine affects both
@@ -24,7 +24,7 @@ from server.lab.bench.report import TOO_BUSY, add_usual, percentiles, report
 from server.lab.bench.subject import ServerUnderTest
 
 _TURNS = 4
-"""Number of turns with greedy viewers, and number of turns without them."""
+"""Number of measurements with greedy viewers. The same number is made without them."""
 _ASKED_RATIO = 1.5
 
 

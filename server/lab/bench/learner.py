@@ -75,7 +75,8 @@ def _cluster(max_nodes: int) -> dict[str, float]:
 
 
 def _frames(count: int) -> list[NDArray[np.uint8]]:
-    """Return vectors of bytes around forty scenes, like those of a drive through one place."""
+    """Return vectors of bytes like those of a drive through one place: forty random scenes, each
+    with random noise."""
     rng = np.random.default_rng(0)
     scenes = rng.integers(0, 256, (40, N_BYTES))
     noise = rng.integers(-30, 31, (count, N_BYTES))

@@ -1,4 +1,4 @@
-"""The server with which the link benchmark compares ours: uvicorn's plain websocket.
+"""A plain websocket server on uvicorn, with which the link benchmark compares Drivelesson's server.
 
 This server sends ready bytes: it makes no pictures, reads no acknowledgements and has no limits. It
 runs in a separate process, in turns with our server.

@@ -40,8 +40,9 @@ class ServerUnderTest:
     """A server in a separate process, driven by commands through a pipe.
 
     Args:
-        kind: `drivelesson`; `paired` for a server that also has pairing, its limits and a data
-            folder; or for the plain server of `peer.py` the size of its pictures in bytes.
+        kind: `drivelesson`, or `paired` for a server that also has pairing, its limits and a data
+            folder. A number stands for the plain server of `peer.py`, and is the size of its
+            pictures in bytes.
         rate_hz: The camera's frame rate, in Hz.
     """
 
