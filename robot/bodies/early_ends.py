@@ -28,7 +28,7 @@ SOON_S = 5.0
 ENOUGH = 2
 """Number of early ends in a row from which the battery counts as weak."""
 _AGAIN_S = 60.0
-"""Least time between two markers, in seconds, because each marker is a disk write."""
+"""Minimum time between two markers, in seconds, to save writes to the disk."""
 
 
 class EarlyEnds:

@@ -1,4 +1,4 @@
-"""The messages of a phone that is the robot's camera, and its clock. Pure.
+"""The messages of a phone that is the robot's camera, and the phone's clock. Pure.
 
 The phone sends pictures as bytes (a header of 16 bytes, then the JPEG) and other messages as text.
 The robot answers with acknowledgements as on `/ws/video`, and sends text messages. See

@@ -35,7 +35,7 @@ Files = Sequence[tuple[str, Path | bytes]]
 
 
 def agent_sources() -> dict[str, Path]:
-    """Return the agent's modules: the local file of each name in the archive."""
+    """Return the agent's modules: their names in the archive, each with its local file."""
     top = Path(next(iter(robot.__path__)))
     return {
         f"robot/{name}": top / name
@@ -93,7 +93,7 @@ def make_bundle(folder: Path, server: Path, web: Path) -> None:
 
 
 def _copy_metadata(folder: Path) -> None:
-    """Copy the entry points, by which drivers and cameras are found."""
+    """Copy the package's metadata, whose entry points list the drivers and cameras."""
     about = importlib.metadata.distribution("drivelesson")
     target = folder / f"drivelesson-{about.version}.dist-info"
     target.mkdir(parents=True)

@@ -80,7 +80,7 @@ class ChassisOptions(Options):
 
 
 class ChassisBody(Protocol):
-    """The devices of a robot with a brick: of this brick, or of one that a driver controls."""
+    """Interface to the motors, sensors and console of this brick, or of one at a distance."""
 
     def open(self) -> Sequence[float]:
         """Stop the motors; return each wheel's top speed, in degrees a second."""
@@ -117,7 +117,7 @@ def wheels_of(options: ChassisOptions) -> TwoWheels:
 
 
 class ChassisDriver(ConnectedDriver[ChassisBody]):
-    """Base of the drivers of a `ChassisBody`; the subclass makes the body."""
+    """Base class of drivers whose body is a `ChassisBody`; a subclass makes the body."""
 
     default_camera: ClassVar[str] = "v4l2"
     declared_moves = tuple(CLASSIC.values())

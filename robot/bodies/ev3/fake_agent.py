@@ -18,8 +18,8 @@ from robot.bodies.v4l2.device import VideoFrame
 SECRET = "the secret of a fake brick"
 PERIOD_S = 0.1
 AGE_S, AGE_SPREAD_S = 0.095, 0.05
-"""Minimum age of a picture of a C270 when an EV3 receives it, and the range by which the age
-varies, in seconds."""
+"""Minimum age of a USB camera's picture (Logitech C270) when an EV3 receives it, and the range by
+which the age varies, in seconds."""
 
 
 class FakeCameraReader:

@@ -149,7 +149,7 @@ class FakeBrick(StartStop):
         motor.folder.rename(self.root / f"unplugged-{port}")
 
     def add_sensor(self, port: str, driver: str, value: int, decimals: int = 0) -> None:
-        """Plug in a sensor, which may appear late."""
+        """Plug in a sensor, perhaps while a driver uses the brick."""
         self._sensors[port] = self._make(
             f"lego-sensor/sensor{len(self._sensors)}",
             address=f"ev3-ports:{port}",

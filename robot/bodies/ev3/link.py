@@ -95,7 +95,7 @@ class BrickLink:
         return f"the connection to the brick at {self.address} was lost ({why}); trying again"
 
     def hold(self, key: str, do: str, **rest: Any) -> None:
-        """Send a command that holds until `release`; every new connection repeats it.
+        """Send a command. Every new connection sends it again, until `release`.
 
         The first command connects to the agent.
 
@@ -133,7 +133,7 @@ class BrickLink:
         try:
             self._send(do, **rest)
         except OSError as error:
-            self._hang_up()  # a message that was sent in part spoils the connection
+            self._hang_up()  # after a message that was sent in part, the connection is unusable
             raise DriveError(self._lost_sentence(error)) from error
 
     def answer(self, name: str) -> Any:

@@ -113,8 +113,8 @@ def precompile(root: Path, folders: tuple[str, ...], release: str = DEFAULT_RELE
     """Compile the Python files in a brick's root file system in advance, without docstrings, as
     `python -OO` does on the brick.
 
-    Compiling at each start would take minutes on a brick, and 6 MB of memory that the process would
-    never free. `folders` are glob patterns below `root`. Returns False if this machine has no
+    Compiling at each start would take minutes on a brick, and cost 6 MB of memory that the process
+    would never free. `folders` are glob patterns below `root`. Returns False if this machine has no
     Python of the brick's version; then the brick must compile the files.
     """
     python = _python_of(PYTHON_VERSIONS[release])

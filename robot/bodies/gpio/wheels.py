@@ -24,7 +24,10 @@ Build = Callable[[Point, float], Pair]
 
 
 def tracked(straight_speed: float, turn_speed: float) -> Build:
-    """Two wheels that steer by the difference of their speeds, which are shares of full speed."""
+    """Return the `Build` of a robot that steers by the difference of its wheels' speeds.
+
+    The arguments are shares of full speed.
+    """
     ahead, turn = straight_speed, turn_speed
     wheels = TwoWheels(ahead=ahead, back=ahead, turn=(0.0, turn), spin=turn)
 
@@ -36,7 +39,7 @@ def tracked(straight_speed: float, turn_speed: float) -> Build:
 
 
 def steered(straight_speed: float, turn_speed: float, servo_ends: Pair) -> Build:
-    """A car: a motor behind an electronic speed control (ESC), and a servo that steers.
+    """Return the `Build` of a car: for an ESC (electronic speed control) and a steering servo.
 
     `servo_ends` are the servo's values at full left and full right; straight is between them.
     """
@@ -93,8 +96,8 @@ class TimedMotors:
         order = parse_plain_order(line, CLASSIC_POINTS)
         if order is not None and order.seq > self._seq:
             self._seq = order.seq
-            # A move ends at most `LATE_MS` after the picture that caused it was seen. An order that
-            # arrives late therefore drives for a shorter time.
+            # A move ends at most `LATE_MS` after the report that its order names (`seen_ms`).
+            # A late order therefore moves the robot for a shorter time.
             left_ms = min(order.for_ms, LONGEST_MS, LATE_MS - (now_ms - order.seen_ms))
             if order.move is Action.STOP or left_ms <= 0:
                 self.stand()

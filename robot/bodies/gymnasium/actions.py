@@ -78,7 +78,7 @@ class Number:
 
 
 class ActionForm:
-    """An action space as numbers.
+    """Describes the actions of an action space as lists of numbers.
 
     Attributes:
         numbers: The numbers of an action, in the order of the space's parts.
@@ -180,7 +180,8 @@ def is_car_racing(name: str) -> bool:
 
 
 def _kind_of(space: Any) -> str:
-    """Return the kind of a space: the name of its class, which is the same in Gym."""
+    """Return the kind of a space: the name of its class, the same in Gymnasium and its
+    predecessor."""
     names = [base.__name__ for base in type(space).__mro__]
     kinds = ("Discrete", "MultiDiscrete", "MultiBinary", "Box", "Tuple", "Dict")
     return next((name for name in names if name in kinds), type(space).__name__)

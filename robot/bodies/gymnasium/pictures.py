@@ -41,7 +41,8 @@ class _Found(NamedTuple):
 
     @property
     def rank(self) -> tuple[bool, bool, bool, int]:
-        """Key for sorting pictures: the picture that a person prefers to see has the largest."""
+        """Key for sorting pictures: the picture that a person prefers to see has the largest
+        key."""
         is_made_of_it = _MADE_OF_IT.search(self.name) is not None
         is_called_so = _PICTURE.search(self.name) is not None
         return self.has_colours, not is_made_of_it, is_called_so, self.pixels.size

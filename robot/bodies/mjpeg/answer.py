@@ -23,7 +23,7 @@ this picture was cut off."""
 _TYPE = re.compile(rb"content-type:[ \t]*([\w/.+-]+)", re.IGNORECASE)
 _SOI, _EOI, _SOS = 0xD8, 0xD9, 0xDA
 _KEPT_BYTES = 256
-"""Number of bytes kept while no picture begins, because they may be an incomplete head."""
+"""Number of bytes that are kept while no picture begins: they may be an incomplete head."""
 
 
 class Answer(HTTPResponse):

@@ -32,8 +32,8 @@ _ADVICE = {
 
 
 class CameraLine:
-    """One connection at a time. `close` may be called on any thread, and wakes a reader. The
-    constructor raises ValueError if `url` cannot be a camera's address."""
+    """The connection to a camera. `close` may be called on any thread, and ends a waiting `read1`.
+    The constructor raises ValueError if `url` cannot be a camera's address."""
 
     def __init__(self, url: SplitResult) -> None:
         self._address = quote(_checked(url), safe=string.punctuation)

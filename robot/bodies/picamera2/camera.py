@@ -30,7 +30,7 @@ class Picamera2Options(Options):
 
 
 class Picamera2Camera(WatchedCamera):
-    """Takes pictures on the library's thread; a second thread notices if they stop.
+    """Takes pictures on the library's thread; a second thread notices if no more come.
 
     The time of a picture is the time at which the sensor exposed it.
     """

@@ -118,7 +118,8 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         self._check_heard()
 
     def sense(self) -> Sensors:
-        """Return the robot's last report; requests one if nothing was sent recently."""
+        """Return the sensor values of the robot's last report. Request a new report if the last
+        one is old."""
         if self.is_connected and self._clock.now_s() - self._heard_s > REPLY_S:
             self._exchange(self.hello)
             self._check_heard()
@@ -187,10 +188,10 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
 
 
 def the_only_one(host: str) -> str:
-    """Return the address of a name in the local network, or the host as it is.
+    """Return the address of a name that ends in `.local`; return any other host unchanged.
 
-    Any machine can take a name in the local network, and many small robots keep the name that their
-    example program contains.
+    Several machines may have the same `.local` name, because many small robots keep the name that
+    their example program contains.
 
     Raises:
         DriveError: If several machines answer to the name; the error lists them.

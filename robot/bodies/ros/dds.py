@@ -65,8 +65,8 @@ _BLOCKED_S = 0.1
 _TAKEN = 16
 _MOST_WARNINGS = 100
 _NEEDED = (*VELOCITIES, COMPRESSED, RAW)
-"""Types of topics by which a robot is recognised: at least one topic of these types must be
-found."""
+"""Types of topics that the robot must have: another program must publish such a topic, or subscribe
+to it."""
 _NS = 1_000_000_000
 _ANY = ViewState.Any | SampleState.Any | InstanceState.Any
 # Orders are sent reliably, because ROS's subscribers request it; only the newest order is resent.
@@ -221,7 +221,7 @@ class DdsTopics(Topics):
 
     Args:
         domain: The robot's ROS_DOMAIN_ID.
-        hosts: The robot's computers; if empty, discovered by multicast.
+        hosts: The robot's hosts; if empty, the robot is discovered by multicast.
         interface: Name or address of the network interface; if empty, the first interface.
 
     Raises:

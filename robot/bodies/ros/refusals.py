@@ -1,4 +1,4 @@
-"""Reads rosbridge's status messages, and messages wrapped in others.
+"""Reads rosbridge's status messages, and messages that are wrapped in other messages.
 
 A `status` has a level and a text (section 3.4.1 of ROSBRIDGE_PROTOCOL.md, version 2). A `fragment`
 is one part of a long message (3.1.1). A `png` contains a message as the pixels of a picture
@@ -67,8 +67,8 @@ class Unwrapping:
         self._parts: dict[str, dict[int, str]] = {}
 
     def messages(self, text: str | bytes) -> Iterator[Mapping[str, Any]]:
-        """Yield the message that the received data completes, if any. An unreadable message is left
-        out."""
+        """Yield the message that the received data completes, if any. An unreadable message is
+        ignored."""
         for _ in range(_DEEPEST):
             try:
                 message = json.loads(text)

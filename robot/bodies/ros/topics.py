@@ -26,7 +26,7 @@ OnMessage = Callable[[str, Message], None]
 
 
 class Topics(ABC):
-    """Publishes on topics, and passes on the messages of others.
+    """Publishes messages on topics, and passes on received messages.
 
     Attributes:
         where: The other end's name in an error, for example `rosbridge at robot.local`.

@@ -1,4 +1,4 @@
-"""Opens and watches a camera, and opens it again after a loss. Python 3.5."""
+"""Keeps a camera open. Written for Python 3.5."""
 
 from typing import Optional
 

@@ -13,7 +13,7 @@ class BrickBody:
     """The motors, sensors and console of the brick, as one body.
 
     `open` finds the devices. Every failure raises DriveError. `ports` maps `left`, `right`,
-    `ultrasonic` and `touch` to their ports. `clock` has the functions of Python's `time`.
+    `ultrasonic` and `touch` to their ports. `clock` has the functions of the module `time`.
     """
 
     def __init__(self, ports: Dict[str, Any], root: str = "/", clock: Any = time) -> None:

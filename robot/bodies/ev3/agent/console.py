@@ -85,7 +85,8 @@ class Console:
             self._back_since_s = None
 
     def show(self, mode: str, address: str) -> None:
-        """Show the mode and the address on the screen and by the lights, as far as they exist."""
+        """Show mode and address on the screen, and the mode by the lights, if the brick has
+        them."""
         text = "Drivelesson\r\n\n{}\r\n\n{}\r\n".format(mode, address)
         if text == self._shown:
             return

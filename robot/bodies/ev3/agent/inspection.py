@@ -63,7 +63,7 @@ def read_card_mb(root: str) -> float:
 
 
 def find_cameras() -> List[Dict[str, Any]]:
-    """Return for each camera its device with its formats, or with the reason why it cannot be
+    """Return the device of each camera, with its formats or with the reason why it cannot be
     opened."""
     found = []
     for path in list_cameras():

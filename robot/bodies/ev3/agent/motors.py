@@ -14,7 +14,7 @@ class MotorPair:
     """The left and the right motor, addressed by their ports. A motor that was unplugged is found
     again.
 
-    `clock` has the functions of Python's `time`.
+    `clock` has the functions of the module `time`.
     """
 
     def __init__(self, left: str, right: str, root: str, clock: Any = time) -> None:

@@ -30,7 +30,7 @@ class DevicePort:
             return "?"  # the device was just unplugged
 
     def is_at(self, wanted: str) -> bool:
-        """True if the device is at this port. The port "outB" is one of the words of the address
+        """True if the device is at this port. The address of the port "outB" is
         "ev3-ports:outB"."""
         return ":{}:".format(wanted.strip()) in ":{}:".format(self.address)
 

@@ -15,8 +15,8 @@ from robot.bodies.ev3.agent.ports import (
 ULTRASONIC = ["lego-ev3-us", "lego-nxt-us"]
 TOUCH = ["lego-ev3-touch", "lego-nxt-touch"]
 SEARCH_S = 2.0
-"""Interval at which sensors without a named port are searched for, in seconds. The kernel needs
-seconds to find some sensors."""
+"""Interval at which sensors without a named port are searched for, in seconds. The search is
+repeated, because the kernel takes seconds to find some sensors."""
 BATTERY_S = 5.0
 
 
@@ -101,8 +101,8 @@ class SensorGroup:
 class RobotSensors:
     """The sensors of a body; the arguments are as for `SensorGroup`.
 
-    The touch sensors are the bumpers, from left to right. `clock` has the functions of Python's
-    `time`.
+    The touch sensors are the bumpers, from left to right. `clock` has the functions of the
+    module `time`.
     """
 
     def __init__(self, ultrasonic: str, touch: str, root: str, clock: Any = time) -> None:

@@ -28,7 +28,7 @@ REPORT_S = 0.1
 class Agent:
     """Serves one controller at a time on one thread, which never waits for the network.
 
-    `clock` has the functions of Python's module `time`, and `ready` is called like `select.select`.
+    `clock` has the functions of the module `time`, and `ready` is called like `select.select`.
     """
 
     def __init__(
@@ -188,7 +188,8 @@ class Agent:
             caller.send({"fault": str(error)})
 
     def _watch(self, now_s: float) -> None:
-        """If the controller is silent, stop the motors; if it is silent for too long, drop it."""
+        """Stop the motors if no move has come for `WATCHDOG_S`. Drop clients that do not join in
+        time, and a controller that has fallen silent."""
         if self._commanded_s is not None and now_s - self._commanded_s > WATCHDOG_S:
             self._commanded_s = None
             if self._body is not None:
