@@ -31,7 +31,7 @@ export class Helm extends EventTarget {
     this.holds = new Map();
     /** @type {readonly string[]} */
     this.moves = [];
-    /** True if the robot accepts steering by degrees, and its pilot has chosen it. */
+    /** True if the robot accepts proportional steering, and its pilot has chosen it. */
     this.takesPoints = false;
     this.hasStick = false;
     this.isSteered = false;

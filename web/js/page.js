@@ -124,7 +124,7 @@ export class Page {
     this.followPreferences();
   }
 
-  /** Use steering by degrees if the robot accepts it and the person has chosen it on this device. */
+  /** Use proportional steering if the robot accepts it and the person has chosen it on this device. */
   followPreferences() {
     const { takesPoints, robotName } = this.store.state;
     const hasStick = takesPoints && this.preferences.stickFor(robotName);

@@ -1,4 +1,4 @@
-// Steering by degrees: a point is steering and throttle, each from -1 to 1, right and ahead positive.
+// Proportional steering: a point is steering and throttle, each from -1 to 1, right and ahead positive.
 
 import { pointOf } from './moves.js';
 
@@ -29,7 +29,7 @@ export function beyond(way, dead) {
   return (Math.sign(way) * Math.max(0, Math.abs(way) - dead)) / (1 - dead);
 }
 
-/** The limits of throttle by degrees: the greatest throttle of the robot's moves. @param {readonly string[]} moves @returns {Reach} */
+/** The limits of proportional throttle: the greatest throttle of the robot's moves. @param {readonly string[]} moves @returns {Reach} */
 export function reachOf(moves) {
   const most = (/** @type {number} */ way) => Math.max(0, ...moves.map((move) => way * (pointOf(move)?.throttle ?? 0)));
   return { ahead: most(1), back: most(-1) };

@@ -39,7 +39,7 @@ const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
  * @property {Record<string, number>} probabilities
  * @property {number | null} node
  * @property {number} distance
- * @property {import('./points.js').Point | null} [point]  the proposed steering, on a robot that accepts degrees
+ * @property {import('./points.js').Point | null} [point]  the proposed steering, on a robot that accepts proportional steering
  * @property {number | null} [spread]  standard deviation of this steering
  */
 /**
@@ -49,7 +49,7 @@ const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
  * @property {Mode} mode
  * @property {'nobody' | 'pilot' | 'robot'} driven_by
  * @property {string} action
- * @property {import('./points.js').Point | null} [point]  the driven point, if driven by degrees
+ * @property {import('./points.js').Point | null} [point]  the steering and throttle, if driven proportionally
  * @property {number} speed_scale
  * @property {string | null} stop_reason
  * @property {boolean} emergency

@@ -18,8 +18,8 @@
  * @property {string} robotName
  * @property {'pilot' | 'viewer'} role  the role that this browser can have
  * @property {string[]} moves
- * @property {boolean} takesPoints  the robot can be steered by degrees
- * @property {boolean} hasStick  the robot can be steered by degrees, and its pilot wants a thumb stick instead of the arrows
+ * @property {boolean} takesPoints  the robot accepts proportional steering
+ * @property {boolean} hasStick  the robot accepts proportional steering, and its pilot wants a thumb stick instead of the arrows
  * @property {RobotState | null} robot  null before the first state
  * @property {number | null} frame  id of the picture on the screen
  * @property {number | null} pictureAgeMs  the age of this picture when it was drawn

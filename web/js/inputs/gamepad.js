@@ -1,5 +1,5 @@
 // A game controller: the cross or the left stick drives, the second button (B, circle) stops.
-// If the robot accepts degrees, the stick steers by degrees, and a pulled trigger sets the throttle.
+// If the robot accepts proportional steering, the stick steers, and a pulled trigger sets the throttle.
 // If the browser does not know a pad's layout, the pad drives after a person has shown its directions.
 // Of several pads, the one that was touched last drives.
 
@@ -30,7 +30,7 @@ export function readGamepad(pad, before) {
 }
 
 /**
- * Return the point to which a controller steers by degrees; null if it is at rest.
+ * Return the steering and throttle of a controller; null if it is at rest.
  * @param {{buttons: readonly {pressed: boolean, value: number}[], axes: readonly number[]}} pad
  * @param {import('../points.js').Reach} reach
  */

@@ -1,5 +1,5 @@
 // Arrows and WASD drive while held.
-// By degrees, a key steers further the longer it is held.
+// With proportional steering, a key steers further the longer it is held.
 // The digits 1 to 9 drive the robot's moves, in the order of the robot's list.
 //
 // If a browser does not say which key was released, all keys count as released.
@@ -22,7 +22,7 @@ const CHORD_MS = 5000;
 const isTyping = (target) =>
   target instanceof HTMLElement && target.matches('input:not([type=radio]), textarea, select');
 
-/** Keys that steer by degrees. */
+/** Keys that steer proportionally. */
 export class KeyRamp {
   /** @param {import('../helm.js').Helm} helm */
   constructor(helm) {

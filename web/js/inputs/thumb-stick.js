@@ -1,4 +1,4 @@
-// A thumb stick for steering by degrees.
+// A thumb stick for proportional steering.
 // The base of the stick does not move.
 // The stick is released like a key: when the finger is lifted, is cancelled by the browser, or leaves the stick.
 // A change of the window's size, for example when the screen is turned, also releases the stick,
