@@ -210,7 +210,7 @@ class Driver(ABC):
     options_type: ClassVar[type[Any]]
     declared_moves: tuple[Move, ...] = describe(DEFAULT_MOVES)
     takes_points: bool = False
-    """True for a body that also accepts steering and throttle by degrees: see `send_point`."""
+    """True for a body that accepts proportional steering: see `send_point`."""
     turns_motors: ClassVar[bool] = False
     """True if the driver sets each motor and applies `correction.motors`. If False, another program
     gets the driver's moves or points, sets the motors and has to reverse them."""

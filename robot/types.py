@@ -79,7 +79,7 @@ DEFAULT_MOVES: tuple[Action, ...] = (Action.FORWARD, Action.LEFT, Action.RIGHT)
 class Point(NamedTuple):
     """Steering and throttle, each from -1 to 1: right and ahead are positive.
 
-    A point accompanies a move, for bodies that are steered by degrees (`robot.driver.move_at`).
+    A point accompanies a move, for bodies that are steered proportionally (`robot.driver.move_at`).
     """
 
     steering: float
@@ -200,7 +200,7 @@ class PilotCommand:
     the part of this age that the frame had spent on the phone. The command cannot have been sent
     before `proven_s`; None means the time of receipt. `seen_id` is the newest frame that the page
     has acknowledged; None if unknown. `point` is the exact steering and throttle, if `held` was
-    steered by degrees.
+    steered proportionally.
     """
 
     held: Action | None
@@ -252,8 +252,8 @@ class Prediction:
 class Decision:
     """The gate's decision for one tick: the action, its source, and the reason if it is STOP.
 
-    `point` is the exact steering and throttle, if the pilot or the robot steers by degrees; STOP
-    has no point.
+    `point` is the exact steering and throttle, if the pilot or the robot steers proportionally;
+    STOP has no point.
     """
 
     action: Action

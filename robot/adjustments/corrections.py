@@ -32,7 +32,7 @@ _OTHER = {"left": "right", "right": "left"}
 _NOT_CORRECTED = {
     "reverse": "its own program turns the motors, so reverse them there",
     "swap_sides": "it has no moves that steer left and right",
-    "trim": "it is not steered by degrees",
+    "trim": "it is not steered proportionally",
 }
 """For each correction, the reason to give if a body does not support it."""
 
@@ -86,10 +86,10 @@ class BodyCorrection(Correction):
         `Driver.send_action`."""
         if not self.swap_sides and self.trim == 0.0:
             return super().drive(body, action, point, speed_scale=speed_scale)
-        by_degrees = point is not None and body.takes_points
-        meant = body.move_of(point) if point is not None and by_degrees else action
+        is_proportional = point is not None and body.takes_points
+        meant = body.move_of(point) if point is not None and is_proportional else action
         body.check_action(meant, speed_scale)
-        at = point if by_degrees else point_of(meant, body.declared_moves)
+        at = point if is_proportional else point_of(meant, body.declared_moves)
         if at is not None and body.takes_points and meant is not Action.STOP:
             body.send_point(self.point(at), speed_scale=speed_scale)
         else:

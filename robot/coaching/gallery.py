@@ -23,7 +23,7 @@ class LearnedImage:
 
     Merges do not change the `node_id`. `last_used` and `last_taught` are the numbers of the latest
     proposal and of the latest example that matched the node (0 if there is none). `angle` is the
-    mean steering of the node's frames, if the pilot steered by degrees.
+    mean steering of the node's frames, if the pilot steered proportionally.
     """
 
     node_id: int

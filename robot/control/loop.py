@@ -371,7 +371,7 @@ class ControlLoop:
                 frame,
                 last.decision.action if is_robots else None,
                 bumped=bool(last.sensors.bumped),
-                by_degrees=self._driver.takes_points,
+                takes_points=self._driver.takes_points,
                 delivered_s=delivered_s,
             )
         except CameraError as error:

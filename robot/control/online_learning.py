@@ -90,7 +90,7 @@ class Labeller:
 
 
 CORRECTS_BEYOND = 0.1
-"""Difference in steering above which a command by degrees corrects the robot."""
+"""Difference in steering above which a proportional command corrects the robot."""
 MEMORY_FRAMES = 64
 """Number of the newest frames that can still be labelled: two seconds at 30 frames a second."""
 
@@ -115,8 +115,8 @@ class _Seen:
 
     def differs(self, label: Action, point: Point | None) -> bool:
         """Return whether a label corrects the move that the robot proposed for this frame. If the
-        pilot does not steer by degrees, each label is a correction, even if the robot proposed the
-        same move."""
+        pilot does not steer proportionally, each label is a correction, even if the robot proposed
+        the same move."""
         if point is None or self.point is None or label is not self.predicted:
             return True
         return abs(point.steering - self.point.steering) > CORRECTS_BEYOND
@@ -158,7 +158,7 @@ class OnlineLearning:
         under_way: Action | None = None,
         *,
         bumped: bool = False,
-        by_degrees: bool = True,
+        takes_points: bool = True,
         delivered_s: float | None = None,
     ) -> bool:
         """Process the camera's newest frame; return False if there is none or it is not new.
@@ -182,7 +182,7 @@ class OnlineLearning:
                 under_way=under_way,
                 at_s=frame.captured_s,
                 bumped=bumped,
-                by_degrees=by_degrees,
+                takes_points=takes_points,
             )
             self.fault = None
         self.prediction = prediction

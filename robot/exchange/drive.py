@@ -94,7 +94,7 @@ class FrameEvent:
     """Time in seconds, by any clock. A value that is not a number counts as missing."""
     label: Action | None
     point: Point | None = None
-    """The steering and throttle of the pilot, if the pilot steered by degrees."""
+    """The steering and throttle of the pilot, if the pilot steered proportionally."""
     does: Point | None = None
     """The steering and throttle that the labelled move has on the robot that drove; None if the
     source does not state them."""

@@ -26,8 +26,8 @@ _STEERED = "the angle", "the throttle"
 LabelAndPoint = tuple[Action | None, Point | None]
 """The label of a picture, and the steering and throttle of the label if known."""
 LabelAndPoints = tuple[Action | None, Point | None, Point | None]
-"""The label of a picture, the pilot's steering and throttle if the pilot steered by degrees, and
-the steering and throttle of the label if known."""
+"""The label of a picture, the pilot's steering and throttle if the pilot steered proportionally,
+and the steering and throttle of the label if known."""
 
 
 def read_meant(
@@ -113,9 +113,9 @@ def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Poi
     Also return its steering and throttle. If the robot was steered proportionally, they are the
     values that were driven. Otherwise they are those of the move, or None.
     """
-    by_degrees = moment.point if moment.label else moment.sent_point
+    point = moment.point if moment.label else moment.sent_point
     done = moment.label or Action(moment.sent or Action.STOP)
-    return done, by_degrees or point_of(done, declared)
+    return done, point or point_of(done, declared)
 
 
 def read_share(value: object, name: str) -> float:

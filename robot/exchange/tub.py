@@ -224,8 +224,8 @@ def _write_records(
 def _done(moment: EpisodeFrame, pointed: Callable[[str], Point | None]) -> Point | None:
     """Return the steering and throttle at a picture, by the same rule as `done_at`. `pointed`
     returns the steering and throttle of a move."""
-    by_degrees = moment.point if moment.label else moment.sent_point
-    return by_degrees or pointed(moment.label or moment.sent or Action.STOP)
+    point = moment.point if moment.label else moment.sent_point
+    return point or pointed(moment.label or moment.sent or Action.STOP)
 
 
 def _as_line(record: Record) -> str:

@@ -119,7 +119,7 @@ EXPERIMENTS = {
     "habits": "robot.lab.habits:GATE",
     "ready": "robot.lab.ready:READY",
     "mind": "robot.lab.mind:MIND",
-    "degrees": "robot.lab.by_degrees:BY_DEGREES",
+    "degrees": "robot.lab.proportional:PROPORTIONAL",
     "ground": "robot.lab.ground.ground:GROUND",
     "streams": "robot.lab.streams:ONLINE",
 }

@@ -5,8 +5,8 @@ Every constant is a time or a share of votes, never a number of frames.
 1. Votes are averaged over time. The average covers a shorter time if the pilot changes his moves
    quickly.
 2. If the learner has no contexts, the current move goes on until another move has clearly more
-   votes. If the pilot drives by degrees, a turn goes on until a turn to the other side has clearly
-   more votes.
+   votes. If the pilot drives proportionally, a turn goes on until a turn to the other side has
+   clearly more votes.
 3. A straight move without effect is given up (`StallDetector`).
 4. A turn loses votes once the robot has turned for longer than the pilot ever did (`Headway`).
 5. If the robot alternates between left and right faster than its pilot did, it turns only to one
@@ -257,8 +257,8 @@ class ActionFilter(PolicyPart):
             self._ask(seen.at_s)  # no other move was taught, or all were tried
         inertia = self.turn_inertia if under_way in turns else self.straight_inertia
         # A context tells whether the robot turns or drives straight, but not the side of a turn.
-        by_degrees = seen.in_context and self._point is not None
-        held = turns.get(under_way) if by_degrees and under_way is not None else None
+        is_proportional = seen.in_context and self._point is not None
+        held = turns.get(under_way) if is_proportional and under_way is not None else None
         return max(
             fruitful or allowed or shares,
             key=lambda action: (
@@ -271,7 +271,7 @@ class ActionFilter(PolicyPart):
 
     @property
     def _point(self) -> Point | None:
-        """The last point driven by degrees. The point is computed after the move is chosen."""
+        """The last point driven proportionally. The point is computed after the move is chosen."""
         return None if self._last is None else self._last.point
 
     def _watch(self, under_way: Action, at_s: float, allowed_s: float) -> float:

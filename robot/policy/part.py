@@ -36,7 +36,7 @@ class Seen:
         shares: The votes for each move; the filter smooths them.
         action: The proposed move.
         kept: Share of the previous average in the new average of the votes.
-        point: The action by degrees, if the pilot taught by degrees.
+        point: The proposed steering and throttle, if the pilot taught with proportional steering.
         spread: Standard deviation of the steering of `point`.
     """
 
@@ -47,7 +47,7 @@ class Seen:
     step_s: float = USUAL_STEP_S
     under_way: Action | None = None
     bumped: bool = False
-    by_degrees: bool = True
+    takes_points: bool = True
     in_context: bool = False
     context: int | None = None
     evidence: Evidence = _NOTHING

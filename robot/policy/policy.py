@@ -104,7 +104,7 @@ class Policy(Stateful):
         return self.learner.n_nodes_
 
     def usual_point(self, move: Action) -> Point | None:
-        """Return a move's usual steering and throttle; None before the first lesson by degrees."""
+        """Return a move's usual steering and throttle; None without proportional examples."""
         return self._degrees.usual(move)
 
     def extract(self, frame: Frame) -> Vector:
@@ -119,7 +119,7 @@ class Policy(Stateful):
         under_way: Action | None = None,
         at_s: float | None = None,
         bumped: bool = False,
-        by_degrees: bool = True,
+        takes_points: bool = True,
     ) -> Prediction:
         """Return the prediction for this frame. Call this method once for each frame, in order.
 
@@ -132,7 +132,7 @@ class Policy(Stateful):
             at_s: The time at which the frame was taken; if None, a tenth of a second after the
                 previous frame.
             bumped: True if a bumper is pressed.
-            by_degrees: True if the body can be driven by degrees; if False, no point is proposed.
+            takes_points: True if the body accepts points; if False, no point is proposed.
 
         Raises:
             Exception: If the learner fails; the next frame may succeed.
@@ -149,7 +149,7 @@ class Policy(Stateful):
             step_s=step_s,
             under_way=under_way,
             bumped=bumped,
-            by_degrees=by_degrees,
+            takes_points=takes_points,
         )
         try:
             for part in self._seeing:
@@ -193,7 +193,7 @@ class Policy(Stateful):
         Args:
             examples: For each example the frame's vector; the move; the frame's teaching time in
                 seconds (None if unknown: the example is then learned independently of earlier
-                examples); and the point, if the pilot steered by degrees.
+                examples); and the point, if the pilot steered proportionally.
 
         Raises:
             ValueError: If a label is not one of `moves`, a value of a point is not from -1 to 1, or

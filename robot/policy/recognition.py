@@ -8,7 +8,7 @@ A learned angle is a mean over examples. If an obstacle can be passed on either 
 into the obstacle. So the move determines the side, and the angle only the amount of steering. The
 angle must also lie within `BAND` standard deviations of the mean that was taught with the chosen
 move, because a pilot who steers all or nothing never steers at the mean of all moves. For a pilot
-who steers all or nothing this band has no width; for a pilot who steers by degrees the band is
+who steers all or nothing this band has no width; for a pilot who steers proportionally the band is
 wide.
 
 Before the pilot teaches a first point, the policy stores no steering and proposes no point.
@@ -85,7 +85,7 @@ class Degrees(PolicyPart):
             self._sums[row] += 1.0, steering, steering * steering, throttle
 
     def on_frame(self, seen: Seen) -> None:
-        usual = self.usual(seen.action) if seen.by_degrees else None
+        usual = self.usual(seen.action) if seen.takes_points else None
         if usual is None:
             return
         steering, evidence = usual.steering, seen.evidence
@@ -107,7 +107,7 @@ class Degrees(PolicyPart):
     def usual(self, move: Action) -> Point | None:
         """Return the mean point taught with a move, else the body's declared point.
 
-        None if no example was taught by degrees, or if the body declares no point.
+        None if no example was taught with proportional steering, or if the body declares no point.
         """
         if self._sums is None:
             return None

@@ -43,7 +43,8 @@ ABOUT = Topic.DECISION, Topic.SENSORS, Topic.PREDICTION
 class EpisodeFrame:
     """One picture with its data. `at_s` counts from the recording's beginning.
 
-    The points (steering and throttle) are set only for a pilot or a robot that drove by degrees.
+    The points (steering and throttle) are set only for a pilot or a robot that drove
+    proportionally.
     """
 
     frame_id: int

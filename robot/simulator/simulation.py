@@ -43,7 +43,7 @@ class Simulation:
         drift_share: Standard deviation of a slow drift of the wheels on straight moves, as a share
             of their speed: one wheel turns faster, the other slower. 0 means no drift.
         action: The current move.
-        point: The current steering and throttle; None if the robot is not driven by degrees.
+        point: The current steering and throttle; None if the robot is not driven proportionally.
         first_world: The initial state of the world. Any thread may set `first_world` to another
             world. The world changes at the next step, because `world` and the renderer change only
             on the thread that steps and renders.

@@ -32,7 +32,7 @@ class ImageAnswer:
     """One learned image.
 
     `taught_at_s` and `episode` say when and in which recording its last example was taught, if that
-    is still known. `angle` is the mean steering of its frames, if the pilot steered by degrees.
+    is still known. `angle` is the mean steering of its frames, if the pilot steered proportionally.
     """
 
     taught_at_s: float | None

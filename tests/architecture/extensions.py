@@ -65,7 +65,7 @@ DOCUMENTS = {
 }
 """The pages of an extension in `docs`."""
 CORE_DOCUMENTS = (
-    "howto/steer-by-degrees.md",
+    "howto/proportional-steering.md",
     "howto/use-from-python.md",
     "howto/write-a-driver.md",
     "reference/protocol.md",

@@ -232,7 +232,7 @@ def what_is_still_held_must_be_held_anew(
     phone.set_viewport_size(PHONE)
 
 
-def test_a_stick_steers_by_degrees_which_are_shown_over_the_picture_and_in_the_gallery(
+def test_the_steering_of_a_stick_is_shown_over_the_picture_and_in_the_gallery(
     phone: Any, world: World
 ) -> None:
     steer_by(phone, "stick")

@@ -232,10 +232,10 @@ OTHERS = (
 """Bodies that are not driven here: the table's text on all three faults, and what stops them."""
 
 
-def stood_after_s(name: str, fault: str, seed: int, *, by_degrees: bool = False) -> float:
+def stood_after_s(name: str, fault: str, seed: int, *, proportional: bool = False) -> float:
     """Drive a body, let one fault happen at a random moment, and return when it stood.
 
-    By degrees a body that takes none drives the moves that they count as.
+    A body without proportional steering drives the moves that the points count as.
 
     Raises:
         AssertionError: If it never moved before, or moves again afterwards.
@@ -246,7 +246,7 @@ def stood_after_s(name: str, fault: str, seed: int, *, by_degrees: bool = False)
         driver.connect()
 
         def choose() -> Action | Point:
-            if not by_degrees:
+            if not proportional:
                 return chance.choice(driver.moves)
             throttle = chance.choice((-1, 1)) * chance.uniform(0.2, 1.0)
             return Point(chance.uniform(-1.0, 1.0), throttle)

@@ -20,7 +20,7 @@ from tests.server.virtual import Pilot, ServedWorld
 _PICTURE = bytes(5000)
 """The size of a JPEG of 160x120; its content does not matter."""
 POINTS = {"forward": Point(0.15, 0.4), "left": Point(-0.6, 0.45)}
-"""The point of each move by degrees, for the pilot and for the learner."""
+"""The point of each move, for the pilot and for the learner."""
 _WATCHED_S = 0.15
 """Time after the end of a fault for which the robot must stand still."""
 
@@ -43,10 +43,10 @@ class FaultWorld(ServedWorld):
     received_s = 0.0
     """The time at which the server last received a message of the pilot."""
 
-    def __init__(self, clock: VirtualClock, *, by_degrees: bool = False) -> None:
+    def __init__(self, clock: VirtualClock, *, proportional: bool = False) -> None:
         camera = FakeCamera(clock, pictures=[_PICTURE])
         super().__init__(clock, camera=camera, policy=FakePolicy())
-        self.driver.takes_points = by_degrees
+        self.driver.takes_points = proportional
         self.hub.nonces = NonceLedger(random.Random(1).randrange)  # the same length in every run
 
     def connect(self, path: str, on_message: Callable[[str | bytes], None]) -> HubSocket:
@@ -63,7 +63,8 @@ class FaultWorld(ServedWorld):
         await self.until(lambda: sum(self.loop.state.taught.values()) > 3)
 
     def hold(self, move: str) -> None:
-        """Have the pilot hold a move; by degrees, slightly different from the declared point."""
+        """Have the pilot hold a move; with proportional steering, slightly different from the
+        declared point."""
         self.page.hold(move, POINTS[move] if self.driver.takes_points else None)
 
     def drives(self, move: str) -> bool:
@@ -237,23 +238,23 @@ class Fault:
     note: str = ""
 
 
-def outcomes(fault: Fault, mode: str, seeds: range, *, by_degrees: bool = False) -> list[Outcome]:
+def outcomes(fault: Fault, mode: str, seeds: range, *, proportional: bool = False) -> list[Outcome]:
     """Cause one fault once for each seed."""
 
     async def drives(world: FaultWorld) -> list[Outcome]:
         return [await world.live_through(fault, mode, seed) for seed in seeds]
 
-    return in_fault_world(drives, by_degrees=by_degrees)
+    return in_fault_world(drives, proportional=proportional)
 
 
 def in_fault_world(
-    scenario: Callable[[FaultWorld], Coroutine[Any, Any, _T]], *, by_degrees: bool = False
+    scenario: Callable[[FaultWorld], Coroutine[Any, Any, _T]], *, proportional: bool = False
 ) -> _T:
     """Run a scenario with a taught robot, in virtual time."""
     clock = VirtualClock(100.0)
 
     async def main() -> _T:
-        async with FaultWorld(clock, by_degrees=by_degrees) as world:
+        async with FaultWorld(clock, proportional=proportional) as world:
             await world.teach()
             return await scenario(world)
 

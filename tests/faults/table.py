@@ -197,7 +197,7 @@ _INTRODUCTION = [
     "link, in virtual time, with the server's real hub, protocol, control loop and gate, and with",
     "a camera of 10 to 30 pictures a second. The fault occurs at a random moment. The number in",
     "brackets is the longest time of 1,000 such drives, in milliseconds; it is the same in every",
-    "run, on every machine. The tests repeat the drives with steering by degrees, and the robot",
+    "run, on every machine. The tests repeat the drives with proportional steering, and the robot",
     "stops within the same times.",
 ]
 _BODIES_INTRODUCTION = [

@@ -16,7 +16,7 @@ NAMED = {fault.name: fault for fault in FAULTS}
 
 @crossed(name=NAMED, mode=MODES, by=["moves", "degrees"])
 def test_the_robot_stops_in_time_at_any_moment_of_a_fault(name: str, mode: str, by: str) -> None:
-    found = outcomes(NAMED[name], mode, range(SEEDS), by_degrees=by == "degrees")
+    found = outcomes(NAMED[name], mode, range(SEEDS), proportional=by == "degrees")
     late = {n: o.stood_after_s for n, o in enumerate(found) if o.stood_after_s >= LIMIT_S[mode]}
     assert not late, f"goes on, by seed: {late}"
     assert {outcome.reason for outcome in found} <= set(NAMED[name].reasons)

@@ -13,10 +13,10 @@ from tests.server.virtual_server import VirtualServer, connect
 Points = dict[str, Point]
 
 
-@pytest.fixture(params=["by moves", "by degrees"])
+@pytest.fixture(params=["by moves", "proportional"])
 def points(request: pytest.FixtureRequest, server: VirtualServer) -> Points:
-    """The steering and throttle of each move, if the pilot steers by degrees."""
-    server.driver.takes_points = request.param == "by degrees"
+    """The steering and throttle of each move, if the pilot steers proportionally."""
+    server.driver.takes_points = request.param == "proportional"
     return POINTS if server.driver.takes_points else {}
 
 

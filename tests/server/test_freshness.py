@@ -57,7 +57,7 @@ class Page(Pilot):
         super().__init__(world, sees=True)
 
     def grip(self, move: str | None) -> None:
-        """Hold a move from the next message on, by degrees if the robot supports them."""
+        """Hold a move from the next message on, proportionally if the robot supports it."""
         self.held = move
         self.point = POINTS[move] if move and self._world.driver.takes_points else None
 

@@ -49,7 +49,7 @@ OBEYED_S = 0.3
 person_st = st.sampled_from(PEOPLE)
 _DRIVE = '{"type":"drive","held":"left","frame":null,"seq":1'
 WORDS = ('{"type":"ping","client_ms":1}', _DRIVE + "}", _DRIVE + ',"steering":-0.6,"throttle":0.4}')
-"""A ping, and drive messages by moves and by degrees."""
+"""A ping, and drive messages with and without proportional steering."""
 
 
 class PeopleAtOneRobot(RuleBasedStateMachine):

@@ -235,7 +235,7 @@ class Pilot:
         return self.messages[0]
 
     def hold(self, held: str | None, point: Point | None = None) -> None:
-        """Press or release a move, perhaps by degrees, and send it at once."""
+        """Press or release a move, perhaps proportionally, and send it at once."""
         self.held, self.point = held, point
         self._say_drive()
 

@@ -96,10 +96,10 @@ test('a heartbeat is sent when it is due, whoever asks, and lateness is noticed'
 });
 
 const points = () => said.map(({ held: move, steering, throttle }) => (steering === undefined ? move : [move, steering, throttle]));
-const byDegrees = () => declare([['forward', 0], ['left', -1], ['right', 1]].map(([name, steering]) => ({ name, label: {}, icon: '', does: '', steering, throttle: 0.5 })));
+const proportional = () => declare([['forward', 0], ['left', -1], ['right', 1]].map(([name, steering]) => ({ name, label: {}, icon: '', does: '', steering, throttle: 0.5 })));
 
 test('a stick is grasped, steered and let go of; a rest is told, and holds on', () => {
-  byDegrees();
+  proportional();
   let nowMs = 0;
   helm.beatMs = -1000;
   mock.method(performance, 'now', () => (nowMs += 100));
@@ -114,7 +114,7 @@ test('a stick is grasped, steered and let go of; a rest is told, and holds on', 
 });
 
 test('a stick that turns fast is told twenty times a second, and let go of at once', () => {
-  byDegrees();
+  proportional();
   let nowMs = 1000;
   mock.method(performance, 'now', () => nowMs);
   helm.grasp('stick');
@@ -132,7 +132,7 @@ test('a stick that turns fast is told twenty times a second, and let go of at on
 });
 
 test('what was let go of must be grasped anew, whatever the thumb does', () => {
-  byDegrees();
+  proportional();
   helm.grasp('stick');
   helm.steer('stick', { steering: 0, throttle: 0.5 });
   helm.releaseAll();
@@ -147,7 +147,7 @@ test('what was let go of must be grasped anew, whatever the thumb does', () => {
 });
 
 test('a thumb that rests lets an older finger count', () => {
-  byDegrees();
+  proportional();
   helm.press('finger 1', 'forward');
   helm.grasp('stick');
   assert.equal(helm.held, 'forward');
@@ -158,7 +158,7 @@ test('a thumb that rests lets an older finger count', () => {
 });
 
 test('a controller is a stick; what a stop took from it must come back to its middle first', () => {
-  byDegrees();
+  proportional();
   const pad = { index: 0, connected: true, axes: [0, 0], buttons: Array.from({ length: 17 }, () => ({ pressed: false, value: 0 })) };
   const frames = [];
   let pads = [pad];

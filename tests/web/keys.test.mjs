@@ -99,7 +99,7 @@ test('no generated keyboard drives on that a stop was pressed on, nor one whose 
     const { keyboard, steps } = historyOf(seed);
     context.mock.timers.reset(); // an interval that is cleared while it runs would run on, in node 20
     context.mock.timers.enable({ apis: ['setTimeout', 'setInterval'] });
-    const hasStick = seed % 4 === 0; // by degrees a key steers little by little, so ahead at first
+    const hasStick = seed % 4 === 0; // with proportional steering a key steers little by little, so ahead at first
     const page = drivingPage({ hasStick });
     const mayHold = (step) => page.helm.held === null || (hasStick ? step.allowed.length > 0 : step.allowed.includes(page.helm.held));
     const places = { body: page.body, button: new Place('button'), select: new Place('select'), text: new Place('input', 'text'), range: new Place('input', 'range'), dialog: new Place('button') };
@@ -142,7 +142,7 @@ for (const [what, come] of Object.entries({
   'a key that nobody has seen go down': (fire) => fire('keyup', { key: 'k', code: 'KeyK' }),
 })) {
   for (const hasStick of [false, true]) {
-    test(`a key that comes up unseen, for ${what}, drives no further${hasStick ? ', nor by degrees' : ''}`, () => {
+    test(`a key that comes up unseen, for ${what}, drives no further${hasStick ? ', nor proportionally' : ''}`, () => {
       const { fire, helm } = drivingPage({ hasStick });
       fire('keydown', { key: 'ArrowUp', code: 'ArrowUp' });
       assert.equal(helm.held, 'forward');
@@ -181,7 +181,7 @@ test('a keyboard that does not always repeat is believed once it has told of a r
 });
 
 for (const hasStick of [false, true]) {
-  test(`the older key of a chord is let go of some time after the newest came up${hasStick ? ', by degrees, too' : ''}`, (context) => {
+  test(`the older key of a chord is let go of some time after the newest came up${hasStick ? ', with proportional steering, too' : ''}`, (context) => {
     context.mock.timers.enable({ apis: ['setTimeout', 'setInterval'] });
     let nowMs = 0;
     Object.defineProperty(globalThis, 'performance', { value: { now: () => nowMs }, configurable: true });
@@ -225,7 +225,7 @@ for (const [how, down, up] of [
   ['an input method that ended', { key: 'Process', keyCode: 229, code: 'KeyW' }, { key: 'w', keyCode: 87 }],
 ]) {
   for (const hasStick of [false, true]) {
-    test(`a key without a code whose name was changed by ${how} is released${hasStick ? ', by degrees, too' : ''}`, () => {
+    test(`a key without a code whose name was changed by ${how} is released${hasStick ? ', with proportional steering, too' : ''}`, () => {
       for (const others of [[], [{ key: 'd' }], [{ key: 'ArrowRight', code: 'ArrowRight' }]]) {
         const { fire, helm } = drivingPage({ hasStick });
         for (const key of [...others, down]) fire('keydown', key);

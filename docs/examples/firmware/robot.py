@@ -22,7 +22,7 @@ def wheels(left, right):
 
 def speeds_of(order):
     pair = SPEEDS.get(order["move"], (0, 0))
-    if "steering" in order:  # by degrees: between the moves, which are at half throttle
+    if "steering" in order:  # proportional: in between the moves, which are at half throttle
         side, gas = order["steering"], 2 * order["throttle"]
         way, turn = "forward" if gas >= 0 else "backward", "right" if side > 0 else "left"
         rest, spin = abs(gas) * (1 - abs(side)), abs(side) * max(min(1, 1 + 2 * gas), gas, -1)

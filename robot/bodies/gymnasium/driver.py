@@ -90,9 +90,9 @@ class GymnasiumDriver(ConnectedDriver[bool]):
 
     def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
         """Apply an action for at most `ACTION_TIMEOUT_S`. An environment has only one speed."""
-        by_degrees = None if self._action_at is None or point is None else self._action_at(point)
+        exact = None if self._action_at is None or point is None else self._action_at(point)
         with self._lock:
-            self._action = self._actions.get(action) if by_degrees is None else by_degrees
+            self._action = self._actions.get(action) if exact is None else exact
             self._left_s = ACTION_TIMEOUT_S
         self.acted.set()
 

@@ -105,7 +105,7 @@ class DrivingLearner:
         Args:
             move: The person's move.
             is_correction: True if the learner was driving and the person overruled the learner.
-            point: Steering and throttle, if the person steered by degrees.
+            point: Steering and throttle, if the person steered proportionally.
 
         Raises:
             ValueError: If the move is not one of `moves`, if a value of the point is not from -1 to

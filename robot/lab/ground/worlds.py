@@ -162,7 +162,7 @@ class CarRacing(ForeignWorld):
 
     Args:
         names: The names of left, right, gas, brake and nothing.
-        is_continuous: True if the world is driven by degrees.
+        is_continuous: True if the world is driven proportionally.
     """
 
     longest = 150
@@ -231,7 +231,7 @@ CAR_MOVES = {
 """Steering and throttle of the five discrete moves, in the continuous form."""
 
 
-class CarRacingByDegrees(CarRacing):
+class ProportionalCarRacing(CarRacing):
     """CarRacing in its continuous form, with the moves of the discrete form.
 
     The teacher steers in proportion to the bearing of a point ahead, and accelerates meanwhile.
@@ -307,7 +307,7 @@ WORLDS: dict[str, Callable[[], ForeignWorld]] = {
         for name in ("Sidewalk", "Hallway", "OneRoom", "TMaze", "YMaze")
     },
     "CarRacing": partial(CarRacing, CAR_MOVES),
-    "CarRacing, by degrees": CarRacingByDegrees,
+    "CarRacing, proportional": ProportionalCarRacing,
     "CarRacing, own names": partial(CarRacing, ("port", "starboard", "gas", "drag", "roll")),
     "ViZDoom": VizDoom,
 }

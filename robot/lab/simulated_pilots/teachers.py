@@ -19,7 +19,7 @@ from robot.types import Action, Point, Pose
 class Teacher(Protocol):
     """Protocol of a teacher, which may come from a user's own file.
 
-    A teacher who steers by degrees has a `point`: the steering and throttle of its last move.
+    A teacher who steers proportionally has a `point`: the steering and throttle of its last move.
     """
 
     def choose(self, situation: Situation) -> Action:

@@ -57,7 +57,8 @@ FORMS: dict[str, Callable[[Episode, Notes, Path], object]] = {
 
 
 def steered(path: Path, seed: int, own_move: Move | None = None) -> Episode:
-    """Return an episode in which a pilot steers by degrees, sometimes by a move, or not at all."""
+    """Return an episode in which a pilot steers proportionally, sometimes by a move, or not at
+    all."""
     chance, pilot = random.Random(seed), list[tuple[Action | None, Point | None]]()
     for index in range(30):
         point = some_point(chance)

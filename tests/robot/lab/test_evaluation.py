@@ -220,7 +220,7 @@ def test_angles_are_judged_where_the_drives_have_them(tmp_path):
     assert "corr." in evaluation.table(results).columns
 
 
-def test_baselines_by_degrees_are_evaluated_beside_the_default(tmp_path):
+def test_proportional_baselines_are_evaluated_beside_the_default(tmp_path):
     for seed, name in enumerate("AB"):
         near = np.random.default_rng(seed).uniform(0.3, 1.0, 60)
         angle = np.array([0.0, -1.0, 1.0])[np.arange(60) % 3] * near
@@ -233,7 +233,7 @@ def test_baselines_by_degrees_are_evaluated_beside_the_default(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["angle-knn-1", "angle-ridge-1"])
-def test_a_baseline_by_degrees_makes_the_move_that_its_angle_counts_as(name):
+def test_a_proportional_baseline_makes_the_move_that_its_angle_counts_as(name):
     first, second = (make_policy(name).learner for _ in range(2))
     near = np.linspace(-1.0, 1.0, 21)
     first.begin_angles({"left": -1.0, "forward": 0.0, "right": 1.0})

@@ -44,8 +44,8 @@ def test_with_contexts_only_the_votes_decide():
     assert choose({F: 0.51, L: 0.49}, L, in_context=True) is F
 
 
-def test_steering_by_degrees_stays_on_the_side_of_the_current_turn():
-    """A pilot who steers by degrees never means to steer from lock to lock at each doubt."""
+def test_proportional_steering_stays_on_the_side_of_the_current_turn():
+    """A pilot who steers proportionally never means to steer from lock to lock at each doubt."""
     little, much = 0.5 + 0.4 * TURN_INERTIA, 0.5 + 0.6 * TURN_INERTIA
     nothing, steady = np.zeros(1200, np.uint8), ActionFilter(KINDS, 0.0)
 

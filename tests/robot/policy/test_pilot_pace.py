@@ -47,7 +47,7 @@ def test_turning_to_and_fro_is_one_manoeuvre_until_it_is_paid_back():
 
 
 @pytest.mark.parametrize(("steering", "lost_s"), [(1.0, 5.0), (0.8, 3.0), (0.6, 1.0), (0.3, 0.0)])
-def test_a_curve_by_degrees_gets_on_by_what_it_lacks_to_full_lock(steering, lost_s):
+def test_a_proportional_curve_counts_only_partly_as_lost_time(steering, lost_s):
     pilot = Pilot().drive(F, 3).drive(L, 5, point=Point(-steering, 0.5)).drive(F, 2)
     assert pilot.pace.longest_lost_s == pytest.approx(lost_s, abs=0.3)
 

@@ -98,7 +98,7 @@ OWN = tuple(
 
 
 def record_own_moves(path: Path, learner: str, declared: tuple[Move, ...]) -> tuple[Policy, Path]:
-    """Teach a body its own moves, sometimes by degrees; return the results."""
+    """Teach a body its own moves, sometimes proportionally; return the results."""
     policy, told = make_policy(learner, names(OWN)), list[HistoryEvent]()
     history = TrainingHistory(policy, told.extend, OWN)
     run = describe_run(

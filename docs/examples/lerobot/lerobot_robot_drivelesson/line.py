@@ -235,8 +235,8 @@ class Line:
 
     def point(self) -> tuple[float, float]:
         """Return steering and throttle of what the robot does now; zero where it stands."""
-        if by_degrees := self.state["point"]:
-            return by_degrees["steering"], by_degrees["throttle"]
+        if point := self.state["point"]:
+            return point["steering"], point["throttle"]
         return self._declared.get(self.state["action"], STANDS)
 
     def choose(self, mode: str) -> int:

@@ -147,7 +147,7 @@ def test_impossible_options_are_refused_with_their_reason(
         driver(**options)
 
 
-def test_a_car_that_races_is_steered_by_degrees() -> None:
+def test_a_car_that_races_is_steered_proportionally() -> None:
     pytest.importorskip("Box2D", reason="the extra has it")
     body = GymnasiumDriver(GymnasiumOptions())
     assert body.takes_points and body._action_at is not None

@@ -56,7 +56,7 @@ def test_in_a_demonstration_only_the_teacher_drives(learner: DrivingLearner) -> 
     assert drive_alone(Lamp(), learner, 5) == Lamp.longest
 
 
-def test_a_world_that_is_driven_by_degrees_is_driven_as_the_teacher_meant() -> None:
+def test_a_world_that_is_driven_proportionally_is_driven_as_the_teacher_meant() -> None:
     class Dimmer(Lamp):
         def wanted(self) -> str:
             self.point = Point(0.7 if self._side else -0.4, 0.5)

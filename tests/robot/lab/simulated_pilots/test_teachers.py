@@ -64,7 +64,7 @@ def test_the_teacher_sees_the_true_distances() -> None:
     assert seen.turn_needed_rad(1, 5.0) == math.pi
 
 
-def test_a_teacher_by_degrees_steers_more_near_an_obstacle() -> None:
+def test_a_proportional_teacher_steers_more_near_an_obstacle() -> None:
     teacher, steered = Steerer((L, R)), []
     for tick in range(40):
         wall_m = 0.8 - 0.02 * tick

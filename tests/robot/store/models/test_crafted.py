@@ -26,7 +26,7 @@ from tests.robot.store.models.test_checking import FRAME
 
 CRAFTED = size("CRAFTED", 40, 2_000)
 LEARNERS = installed("default-4", "default-9", "published-4", "whole-numbers-4", "integer-4")
-BY_DEGREES = ("default-9", "integer-4")
+PROPORTIONAL = ("default-9", "integer-4")
 EXTREMES = (0, -1, 1, 2, 31, 32, 255, 256, 1e-300, 1e3, -1e3, 1e6, 1e11, 1e12, -1e12, 2**31, 2**53)
 NO_NUMBERS = (float("nan"), float("inf"), -float("inf"), 1e300, 2**63 - 1)
 
@@ -47,7 +47,7 @@ def real(learner: str, n_examples: int, n_views: int = 120) -> Model:
     taught: Counter[Action] = Counter()
     for i in range(n_examples):
         label = policy.moves[i // 8 % 3]
-        point = Point(i % 9 / 4.0 - 1.0, 0.5) if learner in BY_DEGREES else None
+        point = Point(i % 9 / 4.0 - 1.0, 0.5) if learner in PROPORTIONAL else None
         policy.learn(xs[i % n_views], label, 0.11 * i, point)
         taught[label] += 1
         if i == n_examples // 2:

@@ -1,4 +1,4 @@
-"""Steering by degrees: learned beside the moves, and proposed in the pilot's style."""
+"""Proportional steering: learned beside the moves, and proposed in the pilot's style."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from tests.robot.bench_robot import BenchRobot
 
 LEARNERS = installed("default-8", "published-8", "integer-8")
 OF_POINTS = {"degrees_sums", "node_angles", "angles"}
-"""Arrays that a model contains only if something was taught by degrees."""
+"""Arrays that a model contains only if something was taught with proportional steering."""
 
 
 @cache
@@ -49,7 +49,7 @@ def way(seed: int, frames: int) -> list[float]:
     return [sum(math.sin(f * i + phase) for f, phase in waves) / 3 for i in range(frames)]
 
 
-def by_degrees(bend: float) -> Point:
+def proportional(bend: float) -> Point:
     return Point(bend, 0.6 - 0.2 * abs(bend))
 
 
@@ -66,7 +66,7 @@ def teach(
     seed: int,
     frames: int,
     *,
-    pilot: Callable[[float], Point] = by_degrees,
+    pilot: Callable[[float], Point] = proportional,
     has_point: Callable[[int], bool] = lambda i: True,
     first: int = 0,
 ) -> None:
@@ -117,7 +117,7 @@ def test_on_a_body_of_moves_a_curve_counts_as_the_turn_that_it_is_there() -> Non
     history = TrainingHistory(make_policy("default-8"))
     teach(history, 0, 90)
     policy, helpless_after_s = history.policy, {}
-    for by_degrees in (True, False):
+    for takes_points in (True, False):
         policy.reset()
         under_way = None
         for i in range(600):
@@ -126,12 +126,12 @@ def test_on_a_body_of_moves_a_curve_counts_as_the_turn_that_it_is_there() -> Non
                 policy.extract(view(-0.4, i % 8)),
                 under_way=under_way,
                 at_s=20.0 + 0.1 * i,
-                by_degrees=by_degrees,
+                takes_points=takes_points,
             )
-            assert (said.point is not None) is by_degrees
+            assert (said.point is not None) is takes_points
             under_way = Action.LEFT
             if said.needs_help:
-                helpless_after_s[by_degrees] = 0.1 * i
+                helpless_after_s[takes_points] = 0.1 * i
                 break
     assert helpless_after_s.keys() == {False}, "half of full lock gets on, a turn in place does not"
 
@@ -155,10 +155,10 @@ def test_a_policy_that_is_restored_goes_on_as_the_first(learner: str, seed: int)
     dice, first, second = random.Random(seed), make_policy(learner), make_policy(learner)
     policies = [first]
     for i, bend in enumerate(way(seed, 160)):
-        point = by_degrees(bend) if dice.random() < 0.6 else None
+        point = proportional(bend) if dice.random() < 0.6 else None
         for policy in policies:
             x = policy.extract(view(bend, i))
-            policy.learn(x, move_of(by_degrees(bend)), 0.1 * i, point)
+            policy.learn(x, move_of(proportional(bend)), 0.1 * i, point)
         if i == 80:
             node = dice.choice(images(first))
             first.relabel_node(node.node_id, dice.choice(list(node.votes)))
@@ -322,7 +322,7 @@ def test_a_stick_that_agrees_with_the_robot_corrects_nothing() -> None:
     assert said is not None and said.action is Action.LEFT and said.point is None
 
 
-def test_an_example_by_degrees_is_kept_to_the_last_bit() -> None:
+def test_a_proportional_example_is_kept_to_the_last_bit() -> None:
     dice = random.Random(2)
     for _ in range(50):
         point = Point(dice.uniform(-1.0, 1.0), dice.uniform(-1.0, 1.0))

@@ -69,11 +69,11 @@ _COLUMNS: Columns = {
 }
 
 
-BY_DEGREES = Experiment(
-    title="By degrees",
-    text="A pilot who steers by degrees teaches for 90 s and corrects for 60 s; then the robot "
+PROPORTIONAL = Experiment(
+    title="Proportional steering",
+    text="A pilot who steers proportionally teaches for 90 s and corrects for 60 s; then the robot "
     "drives for 60 s unaided. 'cut to moves': this pilot's steering is cut to moves, as for a "
-    "body that is not steered by degrees. 'regular': a pilot of moves. SSD counts left and "
+    "body that is not steered proportionally. 'regular': a pilot of moves. SSD counts left and "
     "right as one move. It is measured against what the pilot would have done in the robot's "
     "place at each tick, and against two minutes that the pilot drives from where the robot "
     "began. The SSD of the pilot's own lesson is beside the latter, because a pilot who "
