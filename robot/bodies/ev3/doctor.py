@@ -95,7 +95,7 @@ def _versions(facts: BrickFacts) -> Iterator[Finding]:
 def _line(facts: BrickFacts) -> Iterator[Finding]:
     usual, worst = statistics.median(facts.round_trips_s), max(facts.round_trips_s)
     nearer = (
-        "weak Wi-Fi: bring brick and access point nearer, try another channel or dongle, and keep "
+        "weak Wi-Fi: move brick and access point closer, try another channel or dongle, and keep "
         "large downloads out of this network"
     )
     yield _judge(

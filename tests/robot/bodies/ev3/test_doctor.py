@@ -108,8 +108,8 @@ def test_a_sound_brick_needs_nothing() -> None:
     ("facts", "level", "topic", "text", "advice"),
     [
         (inspected(release="0.0.9"), "note", "versions", "0.0.9", "brick agent 192.168.1.7"),
-        (replace(SOUND, round_trips_s=[0.2] * 20), "WRONG", "wi-fi", "200 ms", "nearer"),
-        (replace(SOUND, round_trips_s=[0.01] * 9 + [0.6]), "note", "wi-fi", "600", "nearer"),
+        (replace(SOUND, round_trips_s=[0.2] * 20), "WRONG", "wi-fi", "200 ms", "closer"),
+        (replace(SOUND, round_trips_s=[0.01] * 9 + [0.6]), "note", "wi-fi", "600", "closer"),
         (replace(SOUND, clock_ahead_s=-9e6), "note", "clock", "2500.0 hours behind", "date -s"),
         (replace(SOUND, body_fault=NO_MOTOR), "WRONG", "motors", "outC", NO_MOTOR[15:]),
         (replace(SOUND, wheels=None), "note", "wheels", "not tested", ""),
