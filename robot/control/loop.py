@@ -454,12 +454,12 @@ class ControlLoop:
             for listener, modes_only in tuple(self._listeners.values()):
                 if not (modes_only and is_same):
                     listener(self.state)
-        except Exception as error:  # a listener's error also stops the robot
+            self._rest_or_not(tick.now_s)
+        except Exception as error:  # an error of a listener or the camera also stops the robot
             self._break_down(error)
         finally:
             if self._mailbox.answers:
                 self._mailbox.answer()
-        self._rest_or_not(tick.now_s)
         return self.state
 
     def _summed_up(self, tick: Tick, before: Tick | None) -> Tick:

@@ -188,6 +188,19 @@ def test_an_error_of_a_listener_stops_the_robot_and_is_logged_once(
     assert caplog.messages.count("the loop stopped the robot") == 1
 
 
+def test_a_camera_that_cannot_rest_is_reported_and_ends_no_loop() -> None:
+    robot = BenchRobot()
+    robot.camera.rest = explode  # type: ignore[method-assign]
+    robot.rig.start()
+    robot.loop.need_picture_every(1.0)
+    robot.clock.sleep(2.0)
+    assert "boom" in str(robot.loop.state.fault)
+    robot.clock.result(robot.loop.need_picture_every(0.0), 1.0)
+    robot.rig.stop()
+    robot.start(Mode.TRAIN)
+    assert robot.step(1, F).sent is F
+
+
 def test_the_loops_thread_runs_ticks_and_stops_the_robot_at_its_end() -> None:
     robot = BenchRobot()
     robot.rig.start()
