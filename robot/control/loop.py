@@ -335,8 +335,7 @@ class ControlLoop:
         return True
 
     def _heed_button(self) -> None:
-        """Obey a button on the robot: every button stops the robot, and the start button starts a
-        stopped robot."""
+        """Obey a button on the robot: any button stops it, and START starts a stopped robot."""
         try:
             button = self._ask("take_button")
         except DriveError as error:
@@ -401,7 +400,9 @@ class ControlLoop:
 
     def _sense(self) -> Sensors:
         try:
-            sensors: Sensors = self._ask("sense")
+            sensors = self._ask("sense")
+            if not isinstance(sensors, Sensors):
+                raise self._body.converted("sense", TypeError(f"returned {sensors!r}, no Sensors"))
             return sensors
         except DriveError as error:
             self._stop(StopReason.DRIVE_FAULT, str(error))

@@ -147,6 +147,16 @@ def test_a_body_that_fails_is_stopped_and_reported_and_nothing_is_learned(
     assert robot.loop.state.taught == {F: 1}, "what it did not drive it does not learn"
 
 
+@pytest.mark.parametrize("returned", [None, {"distance_m": 0.5}])
+def test_a_driver_that_senses_no_sensors_is_named_and_stopped(returned: Any) -> None:
+    robot = started()
+    robot.driver.sensors = returned
+    tick = robot.step(1, F)
+    assert (tick.sent, tick.decision.stop_reason) == (Action.STOP, StopReason.DRIVE_FAULT)
+    assert f"{BROKEN}sense: TypeError: returned {returned}" in str(tick.fault)
+    assert tick.sensors == Sensors(), "the page shows what the tick contains"
+
+
 def test_a_body_that_fails_is_stopped_before_it_is_logged_and_is_logged_once(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
