@@ -129,10 +129,8 @@ class Camera(StartStop):
     def _publish(
         self, data: bytes, *, width: int, height: int, encoding: Encoding, captured_s: float
     ) -> Frame:
-        """Make these bytes the newest frame, with the next frame id. If `captured_s` is in the
-        future, it becomes the current time.
-
-        `data` is the picture as the camera took it; the frame contains the upright picture.
+        """Turn this picture upright, and make it the newest frame, with the next frame id. A
+        `captured_s` in the future becomes the current time.
         """
         with self._slot_lock:
             self._last_frame_id += 1
@@ -141,8 +139,8 @@ class Camera(StartStop):
                 captured_s=min(self.clock.now_s(), captured_s),
                 width=width,
                 height=height,
-                encoding=encoding,
-                data=data,
+                encoding=Encoding(encoding),
+                data=bytes(data),  # a copy, because a plugin may pass an array and reuse it
             )
             self._latest = frame = self.mounting.upright(taken)
             self.fault = None
@@ -151,6 +149,6 @@ class Camera(StartStop):
 
     def _report_fault(self, sentence: str) -> None:
         """Set the fault; a new fault wakes the listener. The next frame clears the fault."""
-        if sentence != self.fault:
+        if (sentence := str(sentence)) != self.fault:  # a plugin may pass an error
             self.fault = sentence
             self._on_frame()

@@ -1,13 +1,17 @@
-"""The time of pictures that another clock stamped."""
+"""Cameras with threads: the time and the bytes of their pictures, and the errors of their code."""
 
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 
+from robot.devkit.pictures import Picture
 from robot.devkit.threaded_camera import ThreadedCamera
 from robot.testing import VirtualClock
+from robot.types import Encoding
 
 
 class BenchCamera(ThreadedCamera):
@@ -42,3 +46,23 @@ def test_a_time_on_another_clock_keeps_its_age(machine: VirtualClock) -> None:
     taken_s = machine.now_s() - 0.25
     ahead = VirtualClock(machine.now_s() + 3600.0)
     assert BenchCamera(None, ahead)._on_clock(taken_s) == pytest.approx(taken_s + 3600.0)
+
+
+@pytest.mark.parametrize("data", [bytearray(12), np.zeros(12, np.uint8)], ids=["bytes", "array"])
+def test_a_frame_does_not_change_when_the_camera_reuses_its_memory(data: Any) -> None:
+    """Libraries fill one array again and again, and OpenCV returns a JPEG as an array."""
+    camera = BenchCamera(None, VirtualClock())
+    picture = Picture(encoding=Encoding.RGB, width=2, height=2, data=data)
+    camera._show_picture(picture, 0.0)
+    data[0] = 255
+    frame = camera.latest()
+    assert frame is not None
+    assert type(frame.data) is bytes and frame.data == bytes(12)
+
+
+def test_a_camera_may_report_an_error_as_its_fault() -> None:
+    camera, told = BenchCamera(None, VirtualClock()), list[str | None]()
+    camera.listen(lambda: told.append(camera.fault))
+    for _ in range(2):
+        camera._report_fault(OSError("unplugged"))  # type: ignore[arg-type]
+    assert told == ["unplugged"]
