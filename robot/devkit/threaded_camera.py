@@ -6,6 +6,7 @@ import threading
 import time
 from abc import abstractmethod
 from collections.abc import Callable
+from functools import partial
 from typing import Any, ClassVar, Self
 
 from robot.camera import Camera
@@ -13,6 +14,7 @@ from robot.clock import Clock, Worker
 from robot.devkit.freshness import Freshness
 from robot.devkit.pictures import Picture
 from robot.driver import Driver
+from robot.errors import CameraError, PluginErrors, RobotError
 from robot.types import Frame
 
 _WATCH_EVERY_S = 0.05
@@ -58,9 +60,25 @@ class ThreadedCamera(Camera):
         self._threads = []
 
     def _work(self, *works: Callable[[], None]) -> None:
-        """Run each function on a thread. The function must return soon after `_ending` is set."""
+        """Run each function on a thread. The function must return soon after `_ending` is set; its
+        error ends all threads, and becomes the camera's fault."""
         self._ending.clear()
-        self._threads = [self.clock.start_thread(work, f"{self.name}-camera") for work in works]
+        self._threads = [
+            self.clock.start_thread(partial(self._run_guarded, work), f"{self.name}-camera")
+            for work in works
+        ]
+
+    def _run_guarded(self, work: Callable[[], None]) -> None:
+        try:
+            work()
+        except Exception as error:  # the camera may be a plugin and raise anything
+            if self._ending.is_set():  # reading a device fails once `stop` has closed it
+                return
+            self._ending.set()  # the thread that watches the camera would replace the fault
+            if not isinstance(error, RobotError):
+                named = PluginErrors("camera", self.name, CameraError)
+                error = named.converted("its thread", error)
+            self._report_fault(str(error))
 
     def _on_clock(self, taken_s: float) -> float:
         """Convert `taken_s`, a time of `time.monotonic()`, to the time of `self.clock`.

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from robot.devkit.pictures import Picture
-from robot.devkit.threaded_camera import ThreadedCamera
+from robot.devkit.threaded_camera import ThreadedCamera, WatchedCamera
+from robot.errors import CameraError
 from robot.testing import VirtualClock
 from robot.types import Encoding
 
@@ -66,3 +67,30 @@ def test_a_camera_may_report_an_error_as_its_fault() -> None:
     for _ in range(2):
         camera._report_fault(OSError("unplugged"))  # type: ignore[arg-type]
     assert told == ["unplugged"]
+
+
+@pytest.mark.parametrize("base", [ThreadedCamera, WatchedCamera])
+@pytest.mark.parametrize("error", [CameraError("The cable is out."), KeyError("exposure")], ids=str)
+def test_an_error_of_a_cameras_thread_becomes_its_fault(base: Any, error: Exception) -> None:
+    class Broken(base):  # type: ignore[misc]
+        name = "broken"
+
+        def _begin(self) -> None:
+            (self._watch_over if base is WatchedCamera else self._work)(self._read)
+
+        def _name_fault(self, wrong: str) -> str:
+            return wrong
+
+        def _read(self) -> None:
+            self.clock.wait(self._ending, 0.2)
+            raise error
+
+    clock = VirtualClock()
+    with Broken(None, clock) as camera:
+        clock.sleep(5.0)
+        assert str(error) in camera.fault
+        assert ("'broken' failed" in camera.fault) is isinstance(error, KeyError)
+    camera.fault = None
+    with camera:
+        clock.sleep(0.1)
+    assert camera.fault is None, "stopping a camera is no fault"
