@@ -117,6 +117,7 @@ def build_rig(
     with PluginErrors("robot", robot, PluginError).named("__init__"):
         driver = driver_type(make_options(driver_type.options_type, given))
     camera_type = load_camera(camera or driver_type.default_camera)
-    eye = camera_type.for_driver(driver, make_options(camera_type.options_type, given), clock)
+    with PluginErrors("camera", camera_type.name, PluginError).named("for_driver"):
+        eye = camera_type.for_driver(driver, make_options(camera_type.options_type, given), clock)
     body = DriverThread(driver, clock) if driver.is_remote else driver
     return Rig(body, eye, make_policy(learner, moves=driver.first_moves), clock, config)

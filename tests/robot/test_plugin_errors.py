@@ -83,6 +83,17 @@ def test_a_module_that_breaks_when_it_is_loaded_or_made_is_named(
         build_rig("wheely")
 
 
+def test_a_camera_that_breaks_when_it_is_made_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Broken(FakeCamera):
+        name = "lens"
+        for_driver = raising(ODD[0])
+
+    monkeypatch.setattr("robot.devices.rig.load_driver", lambda name: FakeDriver)
+    monkeypatch.setattr("robot.devices.rig.load_camera", lambda name: Broken)
+    with pytest.raises(PluginError, match=r"camera 'lens' failed in for_driver: KeyError: 'port'"):
+        build_rig("fake", camera="lens")
+
+
 def test_a_camera_that_cannot_be_closed_leaves_no_body_connected(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
