@@ -36,7 +36,7 @@ class Identity:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
             raise ConfigurationError("a robot's name must be text")
-        check_name(self.name)  # models are named like the robot
+        check_name(self.name)  # a robot's name is also the name of its models
         if len(self.name) > LONGEST_NAME:
             raise ConfigurationError(f"a robot's name may have at most {LONGEST_NAME} characters")
         if self.colour not in COLOURS:

@@ -67,7 +67,7 @@ class Trail:
     def begin(self) -> None:
         """Begin a new trail. Call it on the loop's thread."""
         self._points.clear()
-        self._n += 1  # with a new number, clients drop the old points
+        self._n += 1  # clients see the new number of the trail, and drop their old points
 
     def since(self, number: int) -> tuple[int, list[Waypoint]]:
         """Return the points from `number` on, and the number of the first returned point.

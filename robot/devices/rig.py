@@ -55,7 +55,7 @@ class Rig(StartStop):
             with self._eye.named("start"):
                 self.camera.start()
         except BaseException:
-            with contextlib.suppress(RobotError):  # raise the first error, not that of stop
+            with contextlib.suppress(RobotError):  # raise the first error
                 self.stop()
             raise
         if self._thread is None:

@@ -220,5 +220,5 @@ class HostWatchdog(ConnectedDriver[_C]):
         return action
 
 
-# an early stop must not cut off a move that is renewed in time
+# a move that is renewed in time must not be ended by a stop that is sent early
 assert ACTION_TIMEOUT_S - LONGEST_LEAD_S > ACTION_TIMEOUT_S / 2

@@ -139,7 +139,8 @@ class FilmReader:
 
     def at(self, t_s: float) -> Picture:
         """Return the picture at this time as a JPEG; raises RecordingError if there is none."""
-        if t_s < self._asked_s:  # the wanted time is before the last one, or this is the first call
+        # the wanted time is earlier than at the last call, or this is the first call
+        if t_s < self._asked_s:
             self._begin(t_s)
         self._asked_s = t_s
         self._skip_to(t_s)

@@ -267,7 +267,8 @@ class _Run:
         is_lost = error is None or type(error).__name__ == "KilledWorker"
         if is_lost or not key:
             worker.key = key
-            self._drop(address)  # if the worker still exists, it is identified again
+            # if the worker is still there, the next task asks for its identity again
+            self._drop(address)
             return
         raise ConfigurationError(
             f"the worker at {worker.name} cannot run {self._tasks[key]}: "

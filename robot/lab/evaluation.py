@@ -134,8 +134,7 @@ def evaluate(
 def seen_by(policy: Policy, drive: Drive, known: Vectors, light: float = 1.0) -> Seen:
     """Return a drive in the policy's features; the brightness of the drive is multiplied by
     `light`."""
-    # Two policies get the same vectors only if extracting features does not depend on earlier
-    # pictures.
+    # Policies of one kind share vectors only if their features do not depend on earlier pictures.
     whose = policy.name if getattr(policy.features, "__dict__", True) else ""
     key = (type(policy.features), whose, drive.name, light)
     if key not in known:

@@ -185,7 +185,8 @@ class Recorder:
             with contextlib.suppress(TimeoutError):
                 self._loop.clock.result(self._loop.submit(self._end), 2.0)
         self._unsubscribe()
-        self.queue.end(None, is_kept=True)  # if the loop hangs, the recording is ended here
+        # if the loop hangs, no tick ends the recording, so this thread does
+        self.queue.end(None, is_kept=True)
         self._disk.stop()
 
     # On the loop's thread ----------------------------------------------------------------------
@@ -273,7 +274,8 @@ class Recorder:
         frames: list[Frame] = []
         if tick.frame is not None:
             if tick.now_s - self._moved_s <= self._config.trail_s:
-                frames = [*self._lead, tick.frame]  # commands may label earlier pictures
+                # a command of the pilot can label a picture that was recorded earlier
+                frames = [*self._lead, tick.frame]
                 self._lead.clear()
             else:
                 self._remember(tick.frame)

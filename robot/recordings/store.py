@@ -60,7 +60,7 @@ class EpisodeStore:
     ) -> None:
         self._storage, self._write = storage, write
         self._recording = recording or (lambda: None)
-        self._is_recorder = recording is not None  # else another program may be recording
+        self._is_recorder = recording is not None  # another program may be recording it
         self.budget_bytes = DEFAULT_BUDGET_BYTES
         """Total size of all episodes above which the oldest unprotected episodes are offered for
         deletion."""

@@ -163,7 +163,7 @@ def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
     """
     require_present(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    # The name contains the thread's id, because two programs may write at the same time.
+    # The name contains the thread's number, so that two writers never use the same file.
     temporary = path.with_name(f".{path.name}.{get_native_id()}.part")
     try:
         flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC

@@ -51,7 +51,7 @@ class Presence:
                 return False
         except OSError:
             return False
-        self._place = place  # the folder is back, perhaps on a disk with a new number
+        self._place = place  # the folder is back, perhaps on another disk
         return True
 
     def watch(self) -> None:

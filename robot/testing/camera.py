@@ -96,7 +96,8 @@ class FakeCamera(ThreadedCamera):
 
 def _pattern(seed: int) -> bytes:
     """Return coloured blocks whose JPEG is about 5 KB."""
-    block = 12  # with a multiple of 8 the JPEG would be too small
+    # with a multiple of 8, the encoder would not pad the picture, and the file would be too small
+    block = 12
     shape = (_HEIGHT // block + 1, _WIDTH // block + 1, 3)
     blocks = np.random.default_rng(seed).integers(60, 200, shape, dtype=np.uint8)
     return blocks.repeat(block, axis=0).repeat(block, axis=1)[:_HEIGHT, :_WIDTH].tobytes()

@@ -570,6 +570,6 @@ def _leftovers() -> set[object]:
         for entry in folder.iterdir():
             try:
                 found.add((entry.name, entry.readlink()))
-            except OSError:  # the listing of the folder used this descriptor itself
+            except OSError:  # a descriptor that `iterdir` used and has closed
                 continue
     return found

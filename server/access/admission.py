@@ -162,8 +162,8 @@ class ConnectionLimiter:
         def gives(places: list[Slot]) -> bool:
             if places is own and any(one.idle_s < math.inf for one in own):
                 return True
-            # Take a slot only from a person who then still has at least as many slots as the
-            # newcomer. Otherwise the two persons would evict each other in turns.
+            # Take a slot only from a person who keeps at least as many slots as the newcomer will
+            # have. Otherwise the two persons would evict each other in turns.
             has_more = len(places) > len(own) + 1 or (places is own and len(own) == most)
             return (has_more or self._keeps(newcomer)) and any(
                 one.gives_way(before_s) for one in places
@@ -185,7 +185,7 @@ class AdmissionControl:
         self.recognise: Callable[[bytes, str], Session | None] = lambda head, address: None
         """Returns a request's session, found by its first bytes and address; None if unknown."""
         n_pending = min(limits.pending, max(1, capacity // 2))
-        # No pending connection has priority, because it has no session yet, only an address.
+        # No pending connection has priority: the server knows its address, but no session.
         self.pending = ConnectionLimiter(
             n_pending, limits.pending_per_address, lambda address: True
         )
@@ -203,7 +203,8 @@ class AdmissionControl:
 
     def has_room(self, now_s: float) -> bool:
         """False if a new connection would evict one that the server has not had time to read."""
-        # Count only a part of a long gap between calls: a busy computer reads nothing meanwhile.
+        # Count only a part of a long gap between two calls: the computer was busy, and read no
+        # requests in the gap.
         self._read_until_s += min(now_s - self._asked_s, _READ_S / 8)
         self._asked_s = now_s
         if not self.pending.is_full:

@@ -137,7 +137,8 @@ class Announcement:
         with contextlib.suppress(OSError):
             self._responder.send(question)  # the next call of this method reads the answers
         before = [other for other in others if own and _lowest([other]) < _lowest(own)]
-        self._next = max(2, 1 + len(before))  # no two robots then try the same number
+        # so that each robot that gives way chooses another number
+        self._next = max(2, 1 + len(before))
         return bool(before)
 
     def close(self) -> None:

@@ -178,7 +178,8 @@ def _vouched_for(names: Sequence[str], authority: x509.Certificate) -> list[x509
     found = [_general_name(name) for name in names if name.isascii()]
     try:
         limits = authority.extensions.get_extension_for_class(x509.NameConstraints).value
-    except x509.ExtensionNotFound:  # a person has put another authority into the folder
+    # the folder has a certificate authority that another program made
+    except x509.ExtensionNotFound:
         return found
     permitted = [one.value for one in limits.permitted_subtrees or ()]
     return [name for name in found if any(_is_within(name, one) for one in permitted)]

@@ -228,8 +228,8 @@ class Pairing:
             idle = [name for name in same if not self.is_in_use(name)]
             if not idle:
                 return Refusal(503, "sessions", "Too many browsers are connected.")
-            # If every idle session was used in this run, evict the newest.
-            # A client that keeps redeeming codes then evicts only its own sessions.
+            # If every idle session was used in this run, evict the newest. A client that redeems
+            # many codes can then only evict its own sessions.
             del self._sessions[next((name for name in idle if name in self._unused), idle[-1])]
         self._sessions.pop(hash_of(before), None)
         secret = secrets.token_urlsafe(32)

@@ -129,7 +129,8 @@ def _hops(said: dict[str, str]) -> list[list[_Hop]]:
     kinds = []
     if "forwarded" in said:
         elements: list[dict[str, str]] = [{}]
-        # Ignore a header with an open quote: a client could hide the proxy's entry behind it.
+        # Ignore a header with an unclosed quote, in which a client could hide what the proxy
+        # appended.
         is_whole = not _PAIR.sub("", said["forwarded"]).strip("; \t")
         for name, value, comma in _PAIR.findall(said["forwarded"]) if is_whole else ():
             if comma:

@@ -183,7 +183,7 @@ class Watch:
         while not self._ending.is_set():
             try:
                 self._surroundings.look(self._clock.now_s())
-            except Exception:  # the watch must outlive network errors
+            except Exception:  # the thread that watches the network must survive its errors
                 log.exception("cannot look up this machine's addresses")
             self._looked.set()
             self._clock.wait(self._ending, LOOK_EVERY_S)

@@ -160,7 +160,7 @@ class ClassModels:
             async def go_back() -> None:
                 again = f"{_model(before)}/load" if before else "/api/models"
                 await robot.ask("POST", again, {})
-                if await _lessons(robot, new) == lessons:  # nobody has taught this model since
+                if await _lessons(robot, new) == lessons:  # nobody has taught the new model
                     await robot.ask("DELETE", _model(new))
 
             steps.append(go_back)
@@ -234,7 +234,7 @@ async def _set_aside(robot: RobotLink) -> tuple[str | None, bool]:
     if robot.state.get("lessons") == 0:
         listed = (await robot.ask("GET", "/api/models")).json()
         name = listed.get("current")
-        # just after a model was loaded, the state may still be that of the model before
+        # right after a load, the state may still describe the previous model
         if not name or not _lessons_in(listed, name):
             return name, True
     return name_in(await robot.ask("POST", "/api/models/save", {})), False

@@ -235,7 +235,7 @@ def _run(world: str, life: int) -> None:
     """Import the modules, fork robots until the input ends, and wait until they have ended."""
     import importlib
 
-    # Memory freed now would be reused by each robot, so Linux would have to copy its pages.
+    # Do not free memory here: each forked robot would use it again, and Linux would copy its pages.
     gc.disable()
     for name in _MODULES:
         with contextlib.suppress(ImportError):
@@ -252,7 +252,7 @@ def _run(world: str, life: int) -> None:
     websocket_protocol()
     usual = vars(make_parser("serve", is_extended=False).parse_args([]))  # plugins' options, too
     app = create_app(make_services(Config(port=0), build_rig("sim"), options=usual))
-    for route in app.routes:  # FastAPI completes the routes when it looks for the first address
+    for route in app.routes:  # FastAPI prepares a route when it first matches a URL
         route.matches({"type": "http", "method": "GET", "path": "/", "headers": []})
     gc.freeze()
     _say(picture_s=_measure_apart(world))

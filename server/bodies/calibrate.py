@@ -169,7 +169,8 @@ def keep(file: Path, values: Mapping[str, float]) -> None:
         wanted, made = {**parse_settings(text), **values}, None
         with contextlib.suppress(TOMLDecodeError):
             made = parse_settings(head + rest)
-        # The values differ if, for example, a line of a long list looks like the head of a table.
+        # The two tables differ if, for example, a line in the middle looks like the head of a
+        # table.
         if made != wanted:
             lines = "; ".join(f"{name} = {value}" for name, value in values.items())
             raise ValueError(

@@ -102,7 +102,7 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
         camera_name = chosen.camera or settings.get("camera") or driver_type.default_camera
         kinds = [("robot", driver_type), ("camera", load_camera(str(camera_name)))]
     ours = {action.dest for action in parser._actions}
-    declared = {"jpeg_quality"}  # `serve` itself declares this option of cameras
+    declared = {"jpeg_quality"}  # `serve` declares this camera option itself
     for title, kind in kinds:
         group = parser.add_argument_group(f"options of the {title} {kind.name}")
         for option in options_of(kind.options_type):

@@ -154,7 +154,8 @@ def retrain(
     """
     episodes = [(open_episode(path), notes) for path, notes in edited]
     unedited = [(episode, Notes()) for episode, _ in episodes]
-    # Count the largest possible number of steps, so that the share never decreases.
+    # Use the largest possible number of steps as the total, so that the progress never goes
+    # backward.
     total = max(count_steps(unedited) + 2 * count_steps(episodes), 1)
     moves = tuple(dict.fromkeys(move for episode, _ in episodes for move in episode.moves))
     clock, done, told_s = RealClock(), 0, -_TOLD_EVERY_S

@@ -184,7 +184,7 @@ class StudyFolder:
         in_use = [model_name(name, code, n) for n in range(1, MOST_CONDITIONS + 1)]
         return erase(self._storage, [*recordings, *in_use], *models, self.log_path(name, code))
 
-    # The session that is driven ---------------------------------------------------------------
+    # The current session --------------------------------------------------------------------------
 
     @property
     def active(self) -> SessionModel | None:

@@ -80,7 +80,7 @@ class SessionModels:
             if model.before is not None and model.before in autosave.store.names():
                 autosave.load(model.before)
             else:
-                # The robot had no saved model before, so begin an empty one that is not saved.
+                # No saved model to go back to: begin an empty model, and do not save it.
                 moves = tuple(map(Action, model.moves_before))
                 autosave.delete(autosave.begin(None, model.learner_before, None, moves))
         if model.own in autosave.store.names():

@@ -127,7 +127,7 @@ class BrickLink:
     def send(self, do: str, **rest: Any) -> None:
         """Send one command. The command is sent even if no reports arrive, because they may only be
         delayed. Raises DriveError if the connection is lost; then the brick stops by itself."""
-        lost = self._lost  # read once: the thread may reset this value when it joins again
+        lost = self._lost  # read once, because the thread sets it to None when it connects again
         if lost is not None:
             raise DriveError(lost)
         try:
@@ -208,8 +208,8 @@ class BrickLink:
         elif "fault" in message:
             self.report = {**self.report, "fault": message["fault"]}
         else:
-            # After a reconnection, the body could not be opened again. No request waits for this
-            # error, so connect once more.
+            # After a reconnection, the body could not be opened again. No caller waits for an
+            # answer of this kind. Connect once more, which opens the body again.
             if self._opens_again and "failed" in message:
                 raise OSError(message["failed"])
             self._opens_again = self._opens_again and "opened" not in message

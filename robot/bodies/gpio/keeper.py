@@ -57,7 +57,7 @@ def keep(motors: TimedMotors, line: Connection, clock: Clock) -> None:
             if is_asked:
                 report = motors.obey(line.recv_bytes(_LONGEST_ORDER), _ms(clock))
                 line.send_bytes(encode_plain_report(report))
-    except (EOFError, ConnectionError):  # the caller reports errors of the pins
+    except (EOFError, ConnectionError):  # the caller reports an error from opening the pins
         return
     finally:
         motors.stand()

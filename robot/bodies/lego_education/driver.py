@@ -126,7 +126,7 @@ class LegoEducationDriver(ConnectedDriver[Any]):
 
     def _reach(self, motor: Any) -> None:
         self._tried_s = self._clock.now_s()
-        # The library's message says what to do, for example if library and firmware do not match.
+        # The library's message names the remedy, for example an update of the firmware.
         with told_as(DriveError, "the double motor cannot be used", Exception):
             motor.connect(self._found, device_notification_delay=_NOTE_EVERY_MS)
         if not motor.connected:

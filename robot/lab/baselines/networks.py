@@ -68,7 +68,8 @@ class BatchNetwork:
     def predict_proba(self, xs: Floats) -> Floats:
         """Return the probability of each class, shape (n, classes)."""
         chances: Floats = self._network.predict_proba(xs / 127.5 - 1.0)
-        if chances.shape[1] == 1:  # if there are two classes, scikit-learn omits the first
+        # scikit-learn returns one column if there are two classes: that of the second class
+        if chances.shape[1] == 1:
             chances = np.hstack([1.0 - chances, chances])
         chances = chances[:, : len(self.classes_)]
         shares: Floats = chances / chances.sum(axis=1, keepdims=True)

@@ -70,7 +70,8 @@ class HumanDelayModel:
         self._seq += 1
         return PilotCommand(
             held=(held := self._hold(now_s)),
-            # if the hand slips, it presses a button, which has no steering and throttle
+            # a hand that slips presses a button of the page, and a button gives no steering and
+            # throttle
             point=self._point if held is self._held else None,
             frame_id=frame_id,
             seq=self._seq,

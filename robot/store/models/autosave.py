@@ -59,7 +59,7 @@ class Autosave:
         self.lock = self._clock.lock()
         """A lock that is held while the model in use is saved or replaced."""
         self._unsubscribe: Callable[[], None] | None = None
-        self._seen = (Mode.STOPPED, 0)  # mode and number of edits when last checked
+        self._seen = (Mode.STOPPED, 0)  # the mode and the number of edits at the last check
         self._saved_changes = loop.history.changes
         self._saved_s = 0.0
 

@@ -133,7 +133,7 @@ def _rebuild(run: _Run, store: ModelStore) -> Recovered | None:
         return None
     return Recovered(
         model=_learn_on(model, run, numbers),
-        # A missing model was deleted, or it was renamed and is the current model now.
+        # A missing model was deleted, or it is the current model under another name.
         name=name if name is None or name in store.names() else store.current,
         replayed=len(numbers),
     )
