@@ -98,7 +98,8 @@ class BodyCorrection(Correction):
         return meant
 
     def point(self, point: Point) -> Point:
-        """Return the steering and throttle to send so that the robot drives `point`.
+        """Return the steering and throttle to send so that the robot really drives with the
+        steering and throttle of `point`.
 
         The trim decreases towards full lock. A spin on the spot has no trim.
         """
@@ -108,8 +109,8 @@ class BodyCorrection(Correction):
         return Point(-steering if self.swap_sides else steering, throttle)
 
     def motors(self, values: Pair) -> Pair:
-        """Return the values for both motors with their signs corrected; `point` corrects swapped
-        sides."""
+        """Return the values for both motors with corrected signs. Swapped sides are not corrected
+        here, but in `point`."""
         return values[0] * self.signs[0], values[1] * self.signs[1]
 
     def wheels(self, turned: Pair) -> Pair:

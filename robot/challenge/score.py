@@ -1,13 +1,13 @@
 """The challenge's score: the metres that the robot drove by itself. Pure.
 
 The path is divided into stretches of `STRETCH_M`, measured in a straight line. A stretch counts if
-the robot drove it forward and nearly straight, and drove the stretch before or after it in nearly
+the robot drove it forward and nearly straight, and if the previous or the next stretch has nearly
 the same direction. So a robot scores no metres by standing, by turning on the spot, or by circles
 narrower than the smallest box. Metres driven backward are subtracted. If the robot drives back over
 a stretch, the stretch's score is subtracted, and the stretch never counts again. So a robot that
-drives back and forth scores nothing. A stretch that is driven again in the same direction counts a
-half the second time and a third the third time, so a larger course is worth more than many rounds
-of a small course.
+drives back and forth scores nothing. If the robot drives a stretch again in the same direction, the
+stretch scores a half of its length the second time and a third the third time. So a larger course
+is worth more than many rounds of a small course.
 """
 
 from __future__ import annotations
@@ -85,8 +85,8 @@ class Score:
             self._backward_m += length_m
 
     def _add_stretch(self, stretch: _Stretch) -> None:
-        """If a stretch continues a straight run, count it, and also count the run's first
-        stretch."""
+        """Add a stretch to the straight run, or begin a new run with it. A run's first stretch is
+        counted only when the second one is added, because a single stretch does not count."""
         if self._run and _angle(self._run[-1].way_rad, stretch.way_rad) > _ONWARD_RAD:
             self._run = []
         self._run.append(stretch)

@@ -1,5 +1,5 @@
-"""A driver over one connection, which is opened, used, closed and opened again in the same way for
-all bodies."""
+"""The base class of drivers that reach their body over one connection, which the class opens,
+closes and reopens."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ _BROKEN = OSError, EOFError
 
 
 class _Shown:
-    """An attribute that subclasses may read. They may also define their own attribute with its
-    name, because the base class itself does not read the attribute."""
+    """An attribute that subclasses may read. A subclass may also define its own attribute with the
+    same name, because the base class itself does not read this attribute."""
 
     def __init__(self, name: str) -> None:
         self.name = f"_ConnectedDriver__{name}"
@@ -107,7 +107,8 @@ class ConnectedDriver(Driver, Generic[_C]):
         """Read the sensors and all other data from the body; by default there are no sensors.
 
         If the body sends reports by itself, the method must not wait for them. The base class also
-        calls this method before a move if `heard` was not called for `gone_after_s`.
+        calls this method before a move if nothing called `heard` in the last `gone_after_s`
+        seconds.
         """
         return Sensors()
 

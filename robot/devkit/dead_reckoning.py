@@ -11,7 +11,7 @@ from robot.driver import ACTION_TIMEOUT_S
 from robot.types import Pose
 
 Pair = tuple[float, float]
-"""Values of the left and the right wheel."""
+"""One value for the left wheel, and one for the right wheel."""
 
 
 class DeadReckoning:

@@ -10,8 +10,8 @@ fault is therefore detected within 500 ms plus the camera's period."""
 LONGEST_PERIOD_S = 1.2
 """Upper bound for the period that a camera is assumed to have, in seconds."""
 _BURST_S = 0.02
-"""Gap below which two pictures count as sent together, in seconds, so that the gap is not taken for
-the camera's period."""
+"""If two pictures arrive within this time, in seconds, they count as sent together. The time
+between them is then not used to estimate the camera's period."""
 
 
 class Freshness:
@@ -35,20 +35,20 @@ class Freshness:
         return True
 
     def _learn_period(self, gap_s: float) -> None:
-        """Update the camera's period, which shrinks immediately but grows slowly, so that one lost
-        picture adds little."""
+        """Update the estimate of the camera's period. The estimate shrinks immediately, but one
+        lost picture increases it by at most a tenth."""
         if self._period_s is None:
             self._period_s = min(gap_s, LONGEST_PERIOD_S)
         self._period_s = min(gap_s, 1.1 * self._period_s, LONGEST_PERIOD_S)
 
     @property
     def patience_s(self) -> float:
-        """Longest time without a new picture that is not a fault, in seconds."""
+        """Time without a new picture after which the camera counts as faulty, in seconds."""
         return STILL_S + (self._period_s or 0.0)
 
     def continue_from(self, before: "Freshness") -> None:
-        """Keep the last picture that came before the camera was opened again, because the camera
-        may still repeat this picture."""
+        """Take over the last picture from before the camera was reopened. If the camera repeats
+        this picture, it does not count as a new one."""
         self._last = before._last
 
     def fault(self, now_s: float) -> Optional[str]:

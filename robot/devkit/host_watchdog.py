@@ -27,15 +27,15 @@ GAP_S = 0.002
 """Least time between two orders to the body, in seconds. Some bodies drop an order that comes
 within 1 ms of the one before."""
 AGAIN_S = 0.015
-"""Period at which a stop is repeated, in seconds: until the body acknowledges it, or until it was
-sent `REPEATS` times."""
+"""Period at which a stop is repeated, in seconds. A body that acknowledges stops gets them
+until its acknowledgement; any other body gets `REPEATS` stops at this period."""
 REPEATS = 5
 """Number of stops that are sent quickly to a body without acknowledgement; further stops are sent
 slowly. If one order in ten is lost, one stop in 100,000 is late."""
 REST_S = 0.2
-"""Period of the stops after the first `REPEATS` while nobody drives, in seconds, to a body without
-acknowledgement. These stops are needed if a short loss of the link swallowed the first stops, so
-that the body still moves."""
+"""Period of the stops that follow the first `REPEATS`, in seconds. They are sent to a body that
+does not acknowledge stops, as long as nobody drives. A short loss of the link can swallow the first
+stops; the body would then move on without these further stops."""
 PATIENCE_S = 0.02
 """Time for which a stop waits for a call that is still sending a move, in seconds."""
 LONGEST_LEAD_S = 0.15
@@ -48,9 +48,10 @@ class MoveEnder:
     """Serialises the calls to one body, and ends its moves from a separate thread.
 
     A stop is sent `ACTION_TIMEOUT_S` after the last move, minus the latency of stops, and is
-    repeated until it succeeds. A stop never waits for a move. If the call for a move does not
-    return, `send_stop` is called meanwhile on another thread, and once more after the move's call
-    has returned. A move, however, waits until a stop has ended.
+    repeated until it succeeds. A stop never waits for a move. If the call that sends a move does
+    not return, another thread calls `send_stop` nevertheless. When the move's call has returned,
+    `send_stop` is called once more, because the body may have received the move after the stop. A
+    move, however, waits until a stop has ended.
 
     Args:
         send_stop: Stops the body, or raises an error.
@@ -162,9 +163,8 @@ class HostWatchdog(ConnectedDriver[_C]):
 
     Attributes:
         acknowledges: True if `_drive` returns only after the body has received the order. If False,
-            the stop is repeated while nobody drives.
-        gone_after_s: Longest time without a call of `heard`, in seconds, for a body without
-            acknowledgement; see `ConnectedDriver`.
+            stops are repeated as long as nobody drives.
+        gone_after_s: See `ConnectedDriver`; only for bodies that do not acknowledge orders.
     """
 
     acknowledges: ClassVar[bool] = False

@@ -15,10 +15,11 @@ from robot.types import Encoding
 
 MAX_SIDE_PX = 4096
 DRIVEN_BY_PX = 1280 * 960
-"""Number of pixels of the largest picture that is passed on. The learner uses only a few hundred
-pixels, and larger pictures reach the pilot later."""
+"""Number of pixels of the largest picture that is passed on. Larger pictures would reach the pilot
+later, and the learner uses only a few hundred pixels."""
 _SHARES = (2, 4, 8)
-"""Factors by which a decoder can reduce a JPEG, in a fraction of the time that full size takes."""
+"""Factors by which a decoder can reduce the width and height of a JPEG. Decoding to a reduced size
+takes a fraction of the time of decoding to full size."""
 _READABLE_SOF = (0xC0, 0xC1, 0xC2)
 """Kinds of JPEG that decoders read: baseline, extended and progressive, but not the lossless kind
 0xC3."""

@@ -21,7 +21,8 @@ _WATCH_EVERY_S = 0.05
 
 
 class ThreadedCamera(Camera):
-    """A camera with threads: `_begin` starts the threads by `_work`, and `stop` ends them."""
+    """A camera that runs threads. `_begin` starts the threads by calling `_work`, and `stop` ends
+    them."""
 
     longest_join_s: ClassVar[float] = 2.0
     """Longest wait for a thread to end, in seconds. A thread that hangs is left running."""
@@ -100,7 +101,7 @@ class ThreadedCamera(Camera):
 
 
 class WatchedCamera(ThreadedCamera):
-    """Base of cameras that read on threads, or whose pictures a library delivers.
+    """Base of cameras that read pictures on their own threads, or get them from a library.
 
     A subclass calls `_watch_over` in `_begin`, checks each picture by `_freshness`, and returns the
     sentence for a fault from `_name_fault`.

@@ -1,9 +1,9 @@
-"""Identifies the robot's USB camera, so that only the camera that was opened first is used.
+"""Identifies the robot's USB camera. The program uses only the camera that it opened first.
 
 Linux assigns new numbers to cameras that are plugged in again, so a number does not identify a
 camera. A camera is identified by its make and serial number. If the serial number is not unique, as
-with many cheap cameras, the socket identifies the camera. Written for Python 3.5, because the agent
-on a brick includes this module.
+with many cheap cameras, the camera is identified by the USB port at which it is plugged in. Written
+for Python 3.5, because the agent on a brick includes this module.
 """
 
 import os
@@ -70,7 +70,8 @@ class SameCamera:
         self._look_for_twins(cameras)
 
     def lost(self) -> None:
-        """Record that the camera is lost: an identical one that is plugged in is another camera."""
+        """Record that the camera is lost. If an identical camera is plugged in at another port, the
+        serial number no longer identifies the robot's camera."""
         self._look_for_twins(list_usb_cameras(self._root))
 
     @property

@@ -12,7 +12,7 @@ from robot.driver import CLASSIC
 from robot.types import Action, Point
 
 Pair = tuple[float, float]
-"""Values of the left and the right wheel."""
+"""One value for the left wheel, and one for the right wheel."""
 CLASSIC_POINTS = {Action.STOP: Point(0.0, 0.0)} | {
     name: move.point for name, move in CLASSIC.items() if move.point is not None
 }
@@ -40,8 +40,9 @@ class TwoWheels:
     def at(self, point: Point, most: Pair | None = None) -> Pair:
         """Return the speeds of the wheels.
 
-        A robot that drives ahead is slower with more steering, and full lock is a turn. At
-        throttle 0 the robot spins. When it drives backward, the inner wheel is slower, as in a car.
+        When the robot drives ahead, the speeds change linearly with the steering, from `ahead` to
+        `turn` at full lock. At throttle 0 the robot spins. When it drives backward, the inner wheel
+        is slower, as in a car.
 
         Args:
             point: Steering and throttle.

@@ -28,7 +28,8 @@ class _Sink(io.RawIOBase):
         return self._fetched + len(self._waiting)
 
     def close(self) -> None:
-        """Do nothing, so that the bytes stay readable when the file's writer calls this method."""
+        """Do nothing. A program that writes this file also closes it, but the bytes must stay
+        readable after that."""
 
     def writable(self) -> bool:
         return True
@@ -71,7 +72,8 @@ def join_recording(tell: Callable[[bytes], None], path: Path) -> None:
 
 
 def copy_edited(tell: Callable[[bytes], None], path: Path, notes: Notes, is_part: bool) -> None:
-    """Pass the file that `write_edited` writes to `tell`, block by block."""
+    """Pass the edited recording to `tell`, block by block, as `write_edited` would write it to a
+    file."""
     file = BlockWriter(tell)
     write_edited(open_episode(path), notes, cast(BinaryIO, file), is_part=is_part)
     file.end()
@@ -81,8 +83,8 @@ def zip_recordings(paths: Sequence[Path]) -> Iterator[bytes]:
     """Yield a zip file of recordings with their edits, block by block.
 
     Recordings are stored uncompressed, since their pictures are already compressed. A recording in
-    progress is included up to its current end. Raises OSError if a recording cannot be read; its
-    receiver then notices that the zip file is truncated.
+    progress is included up to its current end. Raises OSError if a recording cannot be read. A
+    program that downloads the zip file then notices that the file is truncated.
     """
     sink = _Sink()
     with zipfile.ZipFile(sink, "w", zipfile.ZIP_STORED) as archive:

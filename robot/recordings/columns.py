@@ -39,8 +39,7 @@ _FRAME = np.dtype(
     ]
 )
 _NOT_PLAIN = 255
-"""Stored in place of a label's number for each event that is not a plain example of a recorded
-picture."""
+"""Label number of an event that is no example, or is an example whose picture was not recorded."""
 _NO_VECTOR, _NO_POINT = np.zeros(0), Point(nan, nan)
 
 
@@ -207,8 +206,8 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
             self._add(now_s, json.loads(text))
 
     def _add_plain(self, times_s: Sequence[float], plain: Sequence[Fields]) -> bool:
-        """Add the examples if all have the usual form, and if all of them or none of them state
-        steering and throttle; otherwise add none and return False."""
+        """Add the events if all of them are examples of recorded pictures, and either all or none
+        of them contain steering and throttle. Otherwise add no event and return False."""
         try:
             frames = [fields["frame"] for fields in plain]
             labels = [fields["label"] for fields in plain]
@@ -453,7 +452,7 @@ class Span:
         return self._ends
 
     def load(self, ends: Mapping[str, Sequence[int]]) -> None:
-        """Add the `ends` of the recording's next part."""
+        """Add the times of the recording's next file, as `ends` returned them for that file."""
         for topic, (first, last) in ends.items():
             self._ends[topic] = self._ends.get(topic, (int(first), 0))[0], int(last)
 

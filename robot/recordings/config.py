@@ -12,10 +12,10 @@ class RecorderConfig:
     keeps_drives: bool = True
     """Whether to keep recordings in which the robot moved but learned nothing."""
     queue_bytes: int = 32 * 2**20
-    """Most bytes of queued pictures; further pictures are dropped and counted."""
+    """Maximum size of the queued pictures, in bytes; further pictures are dropped and counted."""
     queue_items: int = 4096
-    """Most queued items. A picture is one item, and so are the messages of one tick together.
-    Messages are dropped last, because they are small."""
+    """Maximum number of queued items. A picture is one item, and so are the messages of one tick
+    together. Messages are dropped last, because they are small."""
     pause_s: float = 10.0
     """Time for which the robot must stand still before the recording ends, in seconds."""
     trail_s: float = 1.0
@@ -27,7 +27,7 @@ class RecorderConfig:
     """Size at which a recording continues in another file, in bytes."""
     part_s: float = 600.0
     """Time after which a recording continues in another file, in seconds. The limit bounds the
-    memory of the recorder, and of a reader if a file has no index."""
+    memory of the recorder, and the memory of a program that reads a file without an index."""
     spare_bytes: int = 64 * 2**20
     """Recording stops if fewer bytes than these are free on the disk. The recorder leaves these
     bytes for models and the system."""

@@ -29,12 +29,12 @@ _SOON_S = 0.5
 """Longest time from a picture to a message that belongs to the picture, in seconds. If the next
 message comes later, the robot stood still until then."""
 _LATE_S = 2.0
-"""Longest time from a picture to the policy's proposal on it, in seconds; a computer may be
-slow."""
+"""Longest time from a picture to the policy's proposal for this picture, in seconds. The limit
+allows for slow computers."""
 _MOST_WAITING = 20_000
 _BATCH = 256
-"""Least number of pictures that are read together; more are read together if the messages about
-them follow late."""
+"""Minimum number of pictures that are described together. More pictures are described together if
+the messages about the first of them come late in the file."""
 ABOUT = Topic.DECISION, Topic.SENSORS, Topic.PREDICTION
 """The topics of the messages that describe a picture."""
 
@@ -151,7 +151,8 @@ class _TopicMessages:
         self._messages += block.texts(rows)
 
     def first(self, at_s: float) -> Fields:
-        """Return the first message from `at_s` on; empty if no message follows soon."""
+        """Return the first message at or after `at_s`; empty if the next message comes `_SOON_S` or
+        more later."""
         index = bisect_left(self._times_s, at_s)
         if index == len(self._times_s) or self._times_s[index] - at_s >= _SOON_S:
             return {}

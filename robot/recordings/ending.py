@@ -77,8 +77,8 @@ def _end_file(path: Path, earlier: Path | None, rest: Callable[[], None]) -> boo
 def _copy_what_is_left(
     path: Path, earlier: Path | None, copy: BinaryIO, rest: Callable[[], None]
 ) -> None:
-    """Copy the complete records of a file. Raises one of `UNREADABLE` if the file is damaged in
-    another way than by a truncation."""
+    """Copy the complete records of a truncated file. Raises one of the errors in `UNREADABLE` if
+    the file is damaged in another way."""
     writer, cut, summary = None, Cut(reason="", lost_bytes=0), {"damage": CUT_SHORT}
     for number, record in enumerate(scan(path), 1):
         if number % _RECORDS_AT_ONCE == 0:
@@ -101,7 +101,8 @@ def _copy_what_is_left(
 
 
 def _tally_before(run: Mapping[str, str], earlier: Path | None) -> Tally:
-    """Return the counts of all files before the file that begins with the metadata `run`."""
+    """Return the counts over all earlier files of a recording; `run` is the metadata at the
+    beginning of the file that follows them."""
     tally = Tally(json.loads(run[PART]) if PART in run else None)
     if PART in run and earlier is not None:
         with contextlib.suppress(*UNREADABLE, OSError):

@@ -95,7 +95,7 @@ class Episode:
 
     @property
     def id(self) -> str:
-        """The recording's name, which is the name of its file; so a copy has another name."""
+        """The recording's name, which is the name of its file without the extension."""
         return self.path.stem
 
     @property
@@ -215,7 +215,8 @@ def open_episode(path: Path) -> Episode:
 
 
 def _add_file(episode: Episode, number: int, file: Path) -> str:
-    """Add the content of one file. Return a text that is not empty if another file must follow.
+    """Add the content of one file. Return a non-empty text if the recording continues in another
+    file, else "".
 
     Raises one of `UNREADABLE` for the first damaged part.
     """

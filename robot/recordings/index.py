@@ -3,8 +3,8 @@
 A recording with an index is opened without reading its chunks. Each section (`SECTION_FRAMES`
 pictures) has its own attachment, so the recorder holds the columns of only one section in memory. A
 section contains its own position in the file and the position of the previous section. If another
-program has moved the chunks, it has also moved the sections, whose positions then differ from the
-stated ones, so the index is not used.
+program rewrites the file, the sections move, and no longer lie at the positions that they contain.
+Such an index is not used.
 """
 
 from __future__ import annotations
@@ -95,8 +95,8 @@ def encode(
     *,
     is_last: bool,
 ) -> bytes:
-    """Return a section that will be at the position `place` in the file; the previous section is at
-    `since`."""
+    """Return a section as bytes. `place` is the section's own offset in the file, and `since` is
+    the offset of the previous section."""
     numbers = {channel: number for number, channel in channels.items()}
     frames, used = columns.frames.dump()
     lessons, about = columns.lessons.dump()
@@ -118,7 +118,8 @@ def encode(
 
 
 def frames_before(run: Mapping[str, str]) -> int:
-    """Return the number of pictures before the file that begins with the metadata `run`."""
+    """Return the number of pictures in the recording's earlier files; `run` is the metadata at the
+    beginning of the file that follows them."""
     return int(json.loads(run[PART])["frames"]) if PART in run else 0
 
 

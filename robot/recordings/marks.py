@@ -13,8 +13,8 @@ from robot.types import Action
 
 _PAGE = 4096
 _KEPT_S = 2 * UNDO_HORIZON_S
-"""Teaching time for which the labels of examples are kept, in seconds. An undo reaches back at most
-a little more than `UNDO_HORIZON_S`."""
+"""Teaching time for which the labels of examples are kept, in seconds. An undo can reach back
+slightly further than `UNDO_HORIZON_S`, but never as far as this time."""
 
 
 class FrameMarks:

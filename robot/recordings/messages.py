@@ -157,10 +157,11 @@ def describe_tick(
 
     Args:
         events: The learner's changes, which are to be recorded.
-        lost: Ids of taught frames whose pictures are not recorded. The vectors of the lost frames
-            are recorded instead.
+        lost: Ids of taught frames whose pictures are not recorded. The feature vectors of these
+            frames are recorded instead.
         is_shown: True if the recording contains the tick's picture.
-        is_begun: True if the mode has changed.
+        is_begun: True if the mode has changed since the last tick. The messages then name the new
+            mode.
     """
     decision, seen = tick.decision, tick.prediction
     found: Messages = []

@@ -45,7 +45,8 @@ def part_path(path: Path, number: int) -> Path:
 
 
 def part_paths(path: Path) -> dict[int, Path]:
-    """Return the existing files of a recording by their numbers, in order, and always the first."""
+    """Return the paths of a recording's files by number, in ascending order. The first file, number
+    0, is included even if it does not exist."""
     found: dict[int, Path] = {}
     with contextlib.suppress(OSError):
         for file in parts_folder(path).iterdir():

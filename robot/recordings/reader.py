@@ -3,8 +3,8 @@
 Impossible lengths are rejected before memory is allocated for them, chunks are unpacked within
 bounds, and reading stops at the first invalid record. All records before the first invalid one are
 valid, so a truncated recording is readable up to the cut. Layout: mcap.dev/spec. The library `mcap`
-parses only the content of single records, because it trusts lengths and does not detect truncated
-files.
+trusts lengths and does not detect truncated files, so it is used only to parse the content of
+single records.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from robot.errors import RecordingError, need, told_as
 
 MAX_RECORD_BYTES = 256 * 2**20
-"""Largest record that is read, in bytes. The largest records are attachments with models and chunks
-with pictures, and this program writes no larger ones."""
+"""Largest record that is read, in bytes. This program never writes a larger record; its largest
+records are attachments with models and chunks with pictures."""
 MAX_CHUNK_BYTES = 64 * 2**20
 """Largest unpacked size of a chunk, in bytes."""
 MAGIC = b"\x89MCAP0\r\n"
@@ -35,7 +35,8 @@ _CHUNK_INDEX, _ATTACHMENT, _ATTACHMENT_INDEX, _METADATA, _METADATA_INDEX = 8, 9,
 _SUMMARY_OFFSET, _DATA_END = 14, 15
 _HEAD = struct.Struct("<BQ")
 _END = struct.Struct("<BQQQI8s")
-"""The end of a file: the footer, whose third value is the summary's offset, and `MAGIC`."""
+"""The layout of a file's last bytes: the footer record, and then `MAGIC`. The footer's third value
+is the offset of the summary."""
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _BUFFER_BYTES = 4096
 _MOST_SUMMARY_BYTES = 16 * 2**20
@@ -144,7 +145,8 @@ class Ends(NamedTuple):
 
 
 class Cut(NamedTuple):
-    """Marks the end of the readable part of a damaged file; `reason` is for a person.
+    """Says where the readable part of a damaged file ends, and why; `reason` is a message for the
+    user.
 
     `lost_bytes` is the number of bytes after the last complete record of a truncated file; None if
     the file is damaged in another way.
@@ -220,7 +222,8 @@ def has_end(path: Path) -> bool:
 
 
 def read_chunk(path: Path, offset: int) -> bytes:
-    """Return the unpacked bytes of the chunk at `offset`, in which a `Place` locates a message."""
+    """Return the unpacked bytes of the chunk at `offset`. A `Place` says where in these bytes a
+    message lies."""
     with path.open("rb") as file:
         file.seek(offset)
         _, opcode, body = next(_records(file))
@@ -362,7 +365,7 @@ def _records(
 
 
 def _parse(kind: str, body: bytes) -> Any:
-    """Parse a record by the class of this name in the library `mcap`."""
+    """Parse a record with the class named `kind` of the library `mcap`."""
     from mcap import records
     from mcap.data_stream import ReadDataStream
 

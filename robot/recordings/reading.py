@@ -1,8 +1,8 @@
 """Marks the recordings that are being read, so that no other program deletes them meanwhile.
 
 A reader writes the recordings' names into a file and locks a second file next to it. The system
-releases the lock when the reader's process ends for any reason. Names in a file without a lock no
-longer count.
+releases the lock when the reader's process ends for any reason. If no process holds the lock, the
+names are ignored and removed.
 """
 
 from __future__ import annotations

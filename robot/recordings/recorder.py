@@ -35,7 +35,8 @@ from robot.store.models.model import Model, take_model
 from robot.types import Action, Frame, Mode
 
 _KEPT_IDS = 512
-"""Number of recorded pictures, the latest ones, among which an example's picture is looked up."""
+"""Number of recorded pictures whose ids are remembered. If an example's picture is not among the
+last ones, it counts as lost."""
 
 
 class RecordingQueue:
@@ -130,7 +131,7 @@ class Recorder:
     each recording.
 
     Attributes:
-        recording: The recording that is being written, with the recorder's `fault`.
+        recording: The recording that is being written; its `fault` says why nothing is recorded.
         queue: The items that wait for the disk.
     """
 
@@ -246,8 +247,8 @@ class Recorder:
         self._lead.clear()
 
     def _own_events(self, events: tuple[HistoryEvent, ...]) -> tuple[HistoryEvent, ...]:
-        """Return the events to record; if the policy was replaced, close the recording
-        instead."""
+        """Return the events to record. If the policy was replaced, close the recording and return
+        no events."""
         if any(isinstance(event, Replaced) for event in events):
             if self._is_open:
                 self._close(final=None)

@@ -1,8 +1,10 @@
 """Brings the files of one recording together again.
 
 A recording is deleted and restored file by file. If the program is killed or loses power meanwhile,
-the files are separated. A recording that is made compact is deleted before the new file gets its
-name; a kill between these steps leaves the recording only in the trash.
+some of the files are in the trash and some are not. To apply the edits to a recording
+(`EpisodeStore.compact`), the store moves the original to the trash, and then gives the new file the
+original's name. If the program is killed between these two steps, the recording is only in the
+trash.
 """
 
 from __future__ import annotations
@@ -37,9 +39,9 @@ def strays(folder: Path) -> Iterator[tuple[Path, str]]:
 
 
 def compacting_mark(path: Path) -> Path:
-    """Return the path of the file that marks a recording while it is made compact. The file lies
-    next to the recording, and later next to its original in the trash. A mark that is left over is
-    removed, because it is named like an unfinished file."""
+    """Return the path of the file that marks a recording while it is made compact. The mark first
+    lies next to the recording, and moves to the trash together with it. The mark is named like an
+    unfinished file, so that the cleanup of such files also removes a mark that is left over."""
     return path.with_name(f".{path.name}.0.part")
 
 
@@ -47,8 +49,8 @@ def rejoin(storage: Storage) -> None:
     """Move stray notes and parts to the rest of their recording in the trash, as a deletion would
     have done.
 
-    Parts that were set aside at a start are moved back to their recording. A recording whose
-    compacting was interrupted is restored. Never raises.
+    Parts that were moved to the folder `set-aside` when the server started are moved back to their
+    recording. A recording whose compacting was interrupted is restored. Never raises.
     """
     folder = storage.folder(NAME)
     try:
@@ -66,8 +68,8 @@ def rejoin(storage: Storage) -> None:
 
 
 def _end_compacting(storage: Storage, folder: Path) -> None:
-    """Restore the original of each recording whose compact file is missing, and give each compact
-    file the notes of its original."""
+    """End each compacting that was interrupted. If the compact file is missing, restore the
+    original; otherwise give the compact file the original's notes, without their edits."""
     for mark in sorted(storage.trash.glob("*/.*.mcap.0.part")):
         original = mark.with_name(mark.name[1 : -len(".0.part")])
         path = folder / original.name

@@ -50,7 +50,7 @@ class Deleted:
 
 
 class EpisodeStore:
-    """All file operations on episodes, except the episode being recorded. Thread-safe."""
+    """All file operations on episodes, except recording. Thread-safe."""
 
     def __init__(
         self,
@@ -237,7 +237,8 @@ class EpisodeStore:
             raise
 
     def new_path(self, name: str) -> Path:
-        """Reserve a free path by an empty file, because another program may also look for a path.
+        """Reserve a free path by creating an empty file there, because another program may choose
+        the same path.
 
         The name of a deleted recording whose notes still exist is not free, because the edits in
         the notes would then apply to the new recording.

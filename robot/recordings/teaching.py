@@ -48,7 +48,8 @@ class Report:
     missing_frames: int = 0
 
     def leave_out(self, event: LogEvent, error: Exception) -> None:
-        """Count an edit of a learned image that cannot be repeated on the images of this policy."""
+        """Count an edit of a learned image that cannot be repeated, because this policy's learned
+        images are different."""
         self.left_out_edits += 1
 
 
@@ -97,9 +98,9 @@ def _labelled_late(episode: Episode, notes: Notes) -> Iterator[Taught]:
 
 
 def surviving(episodes: Sequence[EditedEpisode]) -> list[NDArray[np.intp]]:
-    """Return for each recording the indices of its events that were undone neither while driving
-    nor by a later recording of the same run. An undo event is kept if it concerns a recording
-    that is earlier than all `episodes`."""
+    """Return, for each recording, the indices of the events that were not undone. An event can be
+    undone by its own recording or by a later recording of the same run. An undo event is kept if it
+    concerns a recording that is earlier than all `episodes`."""
     counts = [np.ones(len(episode.events), bool) for episode, _ in episodes]
     frames = [episode.events.frames for episode, _ in episodes]
     for place, (episode, _) in enumerate(episodes):
@@ -123,8 +124,8 @@ def surviving(episodes: Sequence[EditedEpisode]) -> list[NDArray[np.intp]]:
 def _undo_edit(
     episodes: Sequence[EditedEpisode], counts: list[NDArray[np.bool_]], place: int, row: int
 ) -> int:
-    """Mark an edit of a learned image as undone, the last one that precedes an event; return the
-    number of edits marked."""
+    """Mark the last edit of a learned image before an event as undone. Return 1, or 0 if there is
+    no such edit."""
     for earlier in range(place, -1, -1):
         for edited in reversed(episodes[earlier][0].events.rows_of(Edited)):
             if counts[earlier][edited] and (earlier < place or edited < row):
@@ -142,10 +143,10 @@ def learn_again(
 ) -> Report:
     """Teach the policy all steps of the recordings.
 
-    Edits of learned images are repeated up to the first recording that was edited or that was
-    driven with another learner, because from there on the images differ. All later edits of learned
-    images are left out and counted. Raises ConfigurationError if a label is not one of the policy's
-    moves.
+    Edits of learned images are repeated only for the recordings before the first one that was
+    edited or that was driven with another learner. From that recording on, the learned images
+    differ from those that were edited. All later edits of learned images are left out and counted.
+    Raises ConfigurationError if a label is not one of the policy's moves.
     """
     same = takewhile(lambda one: _is_as_driven(policy, *one), episodes)
     faithful = [episode for episode, _ in same]
@@ -174,8 +175,9 @@ def _is_as_driven(policy: Policy, episode: Episode, notes: Notes) -> bool:
 
 
 def _seen_by(policy: Policy, episode: Episode, event: Taught) -> Taught | None:
-    """Return the example with this policy's vector of the picture; None if the picture was not
-    recorded."""
+    """Return the example with this policy's feature vector of the recorded picture. If the picture
+    was not recorded, return the example with its recorded vector; None if there is no such vector,
+    or if another learner made it."""
     frame_id, label = event.example.frame_id, event.example.label
     if label not in policy.moves:
         raise ConfigurationError(

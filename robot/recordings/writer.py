@@ -140,7 +140,8 @@ class EpisodeWriter:
         return self._written.tell()
 
     def write_frame(self, frame: Frame) -> None:
-        """Add one picture as the camera's bytes. The message's number is the frame's id."""
+        """Add one picture in the encoding in which the camera delivered it. The message's number is
+        the frame's id."""
         stamp_ns = self._to_ns(frame.captured_s)
         data = encode_image(frame, stamp_ns)
         self.tally.note_frame(frame.frame_id)
