@@ -30,6 +30,7 @@ from robot.exchange.steering import (
     THROTTLES,
     LabelAndPoints,
     at_velocity,
+    check_unit,
     point_or_none,
     read_meant,
     read_number,
@@ -133,6 +134,10 @@ class LerobotDataset:
         )
         meant = self._label_reader(reading, report)
         angle = self._place_of(*ANGLES) if PILOT not in self._info.features else None
+        if angle is not None:
+            actions = (_flat(record.get("action")) for record in records)
+            named = _names(self._info.features["action"].get("names"))[angle]
+            check_unit((v[angle] for v in actions if angle < len(v)), named, reading)
         said_by = next((n for n in (PILOT, *_INTERVENTIONS) if n in self._info.features), None)
         if said_by in _INTERVENTIONS:
             report.remark(f"only frames in which {said_by} says that the pilot drove are examples")

@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 from robot.driver import Move, describe, move_at, point_of
+from robot.errors import RecordingError
 from robot.exchange.reading import Reading
 from robot.recordings.editing import EpisodeFrame
 from robot.types import DEFAULT_MOVES, Action, Point
@@ -19,6 +20,9 @@ FULL_MPS, FULL_TURN_RAD_S = 0.4, math.radians(45.0)
 ROS robot. Higher speeds count as full."""
 FULL_TURN_DEG_S = math.degrees(FULL_TURN_RAD_S)
 _TURNING = (*DEFAULT_MOVES, Action.SPIN_LEFT, Action.SPIN_RIGHT)
+_UNIT_SHARE, _LEAST_BEYOND = 10, 2
+"""The steering is in degrees or another unit if at least one in `_UNIT_SHARE` values is beyond 1,
+and `_LEAST_BEYOND` values are, because a single value may be damaged."""
 _STANDING = 0.02
 """Mean speed of two wheels, as a share of full speed, below which a turning robot counts as
 spinning."""
@@ -61,6 +65,22 @@ def read_steering(value: object, name: str, reading: Reading) -> float:
     if reading.full_lock == 1.0:
         return reading.steering(read_share(value, name))
     return reading.steering(read_number(value, name))
+
+
+def check_unit(written: Iterable[object], name: str, reading: Reading) -> None:
+    """Raise RecordingError for steering in degrees or another unit. Otherwise all true turns would
+    be skipped, and even a small angle would count as a turn. If only a few values are too large,
+    their pictures are skipped. `written` are all values of a drive."""
+    found = []
+    for value in written if reading.full_lock == 1.0 else ():
+        with contextlib.suppress(ValueError):
+            found.append(read_number(value, name))
+    n_beyond = sum(abs(value) > 1.0 for value in found)
+    if n_beyond >= max(1, min(_LEAST_BEYOND, len(found)), len(found) / _UNIT_SHARE):
+        raise RecordingError(
+            f"the steering in {name!r} goes from {min(found):g} to {max(found):g}, not from -1 to "
+            "1; give the value that means full steering with --full-lock"
+        )
 
 
 def read_point(written: Sequence[object], names: Sequence[str] = _STEERED) -> Point:

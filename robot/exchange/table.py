@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -21,6 +20,7 @@ from robot.exchange.steering import (
     LabelAndPoint,
     at_velocity,
     at_wheels,
+    check_unit,
     read_meant,
     read_number,
     read_point,
@@ -121,7 +121,8 @@ def _meaning(
     if "label" in there:
         return partial(_labelled, table, reading, known)
     if "steering" in there:
-        _check_unit(table, reading)
+        written = (table.number(cells, "steering") for _, cells in table.rows)
+        check_unit(written, table.name("steering"), reading)
         return partial(_steered, table, reading)
     number = partial(_number, table)
     if "left_wheel" in there:
@@ -135,21 +136,6 @@ def _meaning(
     return lambda cells: at_velocity(
         number(cells, "linear") / FULL_MPS, number(cells, "angular") / FULL_TURN_RAD_S, reading
     )
-
-
-def _check_unit(table: ColumnTable, reading: Reading) -> None:
-    """Raise RecordingError for steering in degrees or another unit, because even a small angle
-    would count as a turn. If only a few values are too large, their rows are skipped."""
-    found = []
-    for _, cells in table.rows:
-        with contextlib.suppress(ValueError):
-            found.append(_number(table, cells, "steering"))
-    beyond = [value for value in found if abs(value) > 1.0]
-    if reading.full_lock == 1.0 and len(beyond) * _UNIT_SHARE >= len(found) > 0:
-        raise RecordingError(
-            f"the steering in {table.name('steering')!r} goes from {min(found):g} to {max(found):g}"
-            ", not from -1 to 1; give the value that means full steering with --full-lock"
-        )
 
 
 def _labelled(

@@ -9,6 +9,7 @@ donkeycar, parts/tub_v2.py and parts/datastore_v2.py.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
@@ -23,7 +24,14 @@ from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
 from robot.exchange.files import PICTURES, files_ending, read_picture_file, write_picture
 from robot.exchange.reading import Reading
 from robot.exchange.stamps import seconds_of
-from robot.exchange.steering import LabelAndPoints, point_or_none, read_meant, read_point
+from robot.exchange.steering import (
+    LabelAndPoints,
+    check_unit,
+    point_or_none,
+    read_meant,
+    read_number,
+    read_point,
+)
 from robot.exchange.tub_records import (
     IMAGE,
     MOVES,
@@ -68,6 +76,7 @@ def read_tub(folder: Path, reading: Reading, report: ImportReport) -> Drive:
     is_first = any(folder.glob("record_*.json")) and not (folder / "manifest.json").is_file()
     found, moves = (read_first(folder, report), None) if is_first else read_second(folder, report)
     pictures = folder if is_first else folder / "images"
+    check_unit((r.get(_ANGLE) for _, r in found if _LABEL not in r), _ANGLE, reading)
 
     def read(place: str, record: Record) -> FrameEvent:
         label, point, does = _label_of(record, reading, moves)
@@ -140,8 +149,10 @@ def _began(record: Record) -> float:
 
 
 def _seconds(stamp_ms: Any) -> float | None:
-    is_number = isinstance(stamp_ms, int | float) and not isinstance(stamp_ms, bool)
-    return stamp_ms / 1000 if is_number and 0 <= stamp_ms < 1e14 else None
+    with contextlib.suppress(ValueError):
+        number = read_number(stamp_ms, "the time")
+        return number / 1000 if 0 <= number < 1e14 else None
+    return None
 
 
 def write_tub(episode: Episode, notes: Notes, folder: Path, *, taught_only: bool = True) -> int:

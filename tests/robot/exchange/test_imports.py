@@ -103,6 +103,16 @@ def test_the_threshold_says_what_a_turn_is_and_a_car_that_stands_teaches_nothing
     assert imported(tub, tmp_path, threshold=0.4) == [ahead, ahead, None, None]
 
 
+def test_a_tub_in_degrees_is_refused_and_its_numbers_may_be_texts(tmp_path: Path) -> None:
+    tub = tub_1(tmp_path / "tub", angles(-25, 0, 20))
+    with pytest.raises(RecordingError, match="'user/angle' goes from -25 to 20, not from -1 to 1"):
+        drive_at(tub)
+    texts = [{**one, "milliseconds": str(100 * n)} for n, one in enumerate(angles("-0.5", "0.5"))]
+    drive = drive_at(tub_1(tmp_path / "texts", texts))
+    assert [shot.label for shot in drive.shots] == [Action.LEFT, Action.RIGHT]
+    assert [shot.t_s for shot in drive.shots] == [0.0, 0.1]
+
+
 @pytest.mark.parametrize("action", [Action.FORWARD, Action.LEFT, Action.RIGHT])
 def test_moves_come_back_from_their_angles(action: Action) -> None:
     point = point_of(action)

@@ -357,6 +357,20 @@ def test_a_dataset_of_an_arm_says_why_it_teaches_nothing(tmp_path: Path) -> None
     assert "neither steering nor moves (shoulder_pan, gripper)" in report.lines()[1]
 
 
+def test_steering_in_degrees_is_refused_instead_of_teaching_only_straights(tmp_path: Path) -> None:
+    made = whole(random.Random(3), is_v3=True, has_films=False)
+    for frames in made.episodes:
+        for frame in frames:
+            frame["action"][0] *= 90
+    made.write(tmp_path / "set")
+    source = find_drives(tmp_path / "set")[0]
+    with pytest.raises(RecordingError, match=r"'steering' goes from .*, not from -1 to 1"):
+        source.read(Reading(), ImportReport())
+    drive = source.read(Reading(full_lock=90), ImportReport())
+    labels = [made.truth[frame["number"]] for frame in made.episodes[0]]
+    assert [shot.label for shot in drive.shots] == labels
+
+
 def test_the_last_episode_of_a_film_is_read_from_where_it_begins(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
