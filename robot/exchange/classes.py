@@ -8,7 +8,7 @@ the collision avoidance of NVIDIA-AI-IOT/jetbot; Teachable Machine's exports.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 
@@ -33,7 +33,7 @@ _STEERED_NAME = re.compile(r"(\d{6})([-_+]?)([-+]?\d?\.\d+|[-+]?[01])(?:\(\d+\))
 _POINT_NAME = re.compile(r"(?:xy_)?\d+_\d+_[0-9a-f]{8}(?:-[0-9a-f]+)+")
 """Names of pictures from JetBot's road following and from JetRacer: they contain a point, and a
 random number."""
-_OTHER_PICTURES = (".webp", ".bmp", ".gif", ".tif", ".tiff", ".ppm")
+_OTHER_PICTURES = (".heic", ".heif", ".avif", ".webp", ".bmp", ".gif", ".tif", ".tiff", ".ppm")
 Classes = Mapping[str, list[Path]]
 
 
@@ -57,8 +57,19 @@ def read_classes(folder: Path, reading: Reading, report: ImportReport) -> Drive:
     """Read folders of pictures; each folder is named like a move or mapped to a move."""
     others = [p.name for each in folders_in(folder) for p in files_ending(each, *_OTHER_PICTURES)]
     if others:
-        report.skip(f"{len(others)} files", "neither JPEG nor PNG")
+        kinds = sorted({Path(name).suffix.lower() for name in others})
+        report.skip(f"{len(others)} files", f"neither JPEG nor PNG ({', '.join(kinds)})")
+    deeper = sum(
+        len(files_ending(p, *PICTURES)) for each in folders_in(folder) for p in _below(each)
+    )
+    report.remark(f"left out: {deeper} pictures in subfolders of the classes" if deeper else None)
     return _read(folder, class_folders(folder), "folders of moves", reading, report)
+
+
+def _below(folder: Path) -> Iterator[Path]:
+    for each in folders_in(folder):
+        yield each
+        yield from _below(each)
 
 
 def read_class(folder: Path, reading: Reading, report: ImportReport) -> Drive:

@@ -65,7 +65,8 @@ columns for several of these meanings, the first meaning in this list counts."""
 _PAIRS = ("left_wheel", "right_wheel"), ("linear", "angular")
 _SIDES = re.compile(r"(?:^|[\W_])(left|right)(?:$|[\W_])", re.IGNORECASE)
 _PEEK_ROWS = 50
-_ONE_OR_NONE = "", "0", "1", "0.0", "1.0"
+_FLAGS = {"": "", "0": "0", "1": "1", "0.0": "0", "1.0": "1", "false": "0", "true": "1"}
+"""Cells of a column for one move, as programs write them, and their meaning."""
 _UDACITY = "steering", "throttle", "brake", "speed"
 
 
@@ -225,8 +226,8 @@ def _with_labels(header: Cells, rows: list[Row], reading: Reading) -> tuple[Cell
     in the column of the picture's move, and 0 in the others."""
     moves = {i: reading.move(plain(name)) for i, name in enumerate(header)}
     there = [i for i, move in moves.items() if move is not None]
-    cells = [[row[i].strip() for i in there] for _, row in rows]
-    if len(there) < 2 or any(cell not in _ONE_OR_NONE for row in cells for cell in row):
+    cells = [[_FLAGS.get(row[i].strip().lower()) for i in there] for _, row in rows]
+    if len(there) < 2 or any(cell is None for row in cells for cell in row):
         return header, rows
     if {moves[i] for i in there} <= {Action.LEFT, Action.RIGHT}:
         if any(not row.count("0") and "" not in row for row in cells):
@@ -238,9 +239,7 @@ def _with_labels(header: Cells, rows: list[Row], reading: Reading) -> tuple[Cell
             "to left_wheel and right_wheel; for moves, replace them with one column named label"
         )
     labels = [
-        " and ".join(
-            header[i].strip() for i, cell in zip(there, row, strict=True) if cell[:1] == "1"
-        )
+        " and ".join(header[i].strip() for i, cell in zip(there, row, strict=True) if cell == "1")
         for row in cells
     ]
     labelled = [(place, [*row, label]) for (place, row), label in zip(rows, labels, strict=True)]

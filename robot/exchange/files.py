@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import io
 import json
 import os
@@ -15,11 +16,13 @@ from robot.devices.encoders import encode_png
 from robot.devkit.pictures import Picture, read_picture
 from robot.errors import RecordingError, told_as
 from robot.policy.image import to_rgb
+from robot.store.folder import fold
 from robot.store.records import read_regular
 from robot.types import Encoding, Frame
 
 _MOST_TEXT_BYTES, _MOST_PICTURE_BYTES = 64 * 2**20, 32 * 2**20
 _HEAD_BYTES = 256 * 2**10
+_UTF_16 = codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE
 PICTURES = (".jpg", ".jpeg", ".png")
 """Suffixes of readable pictures, in lower case."""
 _MOST_PICTURES = 2_000_000
@@ -51,14 +54,21 @@ def by_number(paths: Iterable[Path]) -> list[Path]:
 
 
 def read_text(path: Path) -> str:
-    """Read a text file; invalid UTF-8 is replaced by replacement characters. Raises RecordingError
-    if the file cannot be read or is larger than 64 MB."""
+    """Read a text file in UTF-8, or in UTF-16 if its first bytes say so; invalid characters are
+    replaced by replacement characters. Raises RecordingError if the file cannot be read or is
+    larger than 64 MB."""
     with told_as(RecordingError, f"{path} cannot be read", OSError, ValueError):
         is_too_large = path.stat().st_size > _MOST_TEXT_BYTES
-        text = "" if is_too_large else path.read_text("utf-8-sig", errors="replace")
+        data = b"" if is_too_large else path.read_bytes()
     if is_too_large:
         raise RecordingError(f"{path} is too large")
-    return text
+    return _decoded(data).replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _decoded(data: bytes) -> str:
+    # Excel saves "Unicode text", and PowerShell redirects output, as UTF-16
+    encoding = "utf-16" if data.startswith(_UTF_16) else "utf-8-sig"
+    return data.decode(encoding, errors="replace")
 
 
 def read_head(path: Path) -> str:
@@ -68,7 +78,7 @@ def read_head(path: Path) -> str:
         path.open("rb") as file,
     ):
         data = file.read(_HEAD_BYTES)
-    text = data.decode("utf-8-sig", errors="replace")
+    text = _decoded(data)
     return text if len(data) < _HEAD_BYTES else text[: text.rfind("\n") + 1] or text
 
 
@@ -133,10 +143,10 @@ class Pictures:
         own = "/".join(parts)
         if is_near and ((self._folder / own).is_file() or (self._folder / own).is_symlink()):
             return own
-        same = self._by_last.get(parts[-1].casefold(), [])
+        same = self._by_last.get(fold(parts[-1]), [])
         if not same:
             return own if is_near or ".." in parts else parts[-1]
-        wanted = [part.casefold() for part in reversed(parts)]
+        wanted = [fold(part) for part in reversed(parts)]
         agreeing = {path: _agreeing(wanted, path) for path in same}
         best = [path for path, count in agreeing.items() if count == max(agreeing.values())]
         if len(best) > 1:
@@ -157,13 +167,13 @@ class Pictures:
                 raise RecordingError(f"{self._folder} has too many files")
             if path.suffix.lower() in PICTURES and not path.name.startswith("."):
                 within = path.relative_to(self._folder).as_posix()
-                found.setdefault(path.name.casefold(), []).append(within)
+                found.setdefault(fold(path.name), []).append(within)
         return found
 
 
 def _agreeing(wanted: list[str], path: str) -> int:
     """Count the matching parts of two paths, from the end."""
-    there = [part.casefold() for part in reversed(path.split("/"))]
+    there = [fold(part) for part in reversed(path.split("/"))]
     for count, (one, other) in enumerate(zip(wanted, there, strict=False)):
         if one != other:
             return count

@@ -275,7 +275,9 @@ UNUSABLE: dict[tuple[str, ...], str] = {
         "the right move for each picture"
     ),
     (".zip", ".tar", ".gz", ".7z", ".rar"): "it contains archives: unpack them, and import each",
-    (".webp", ".bmp", ".gif", ".tif", ".tiff"): "pictures that are neither JPEG nor PNG",
+    (".heic", ".heif", ".avif", ".webp", ".bmp", ".gif", ".tif", ".tiff"): (
+        "pictures that are neither JPEG nor PNG"
+    ),
     (".json", ".xml", ".txt", ".yaml", ".csv"): "text, but no table that names pictures",
 }
 """Maps the suffixes of files that cannot be imported to the reason why."""

@@ -5,11 +5,15 @@ from __future__ import annotations
 import contextlib
 import math
 import re
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
+from itertools import pairwise
+from statistics import median
 
 _UNITS = {"ns": 1e-9, "nsec": 1e-9, "us": 1e-6, "ms": 1e-3, "msec": 1e-3, "s": 1.0, "sec": 1.0}
 _UNIT = re.compile(r"(?:^|[\W_])(ns|nsec|us|ms|msec|milliseconds)(?:$|[\W_])")
+_SECONDS = re.compile(r"(?:^|[\W_])(s|sec|seconds)(?:$|[\W_])")
 _DIGITS = re.compile(r"(?<!\d)(1\d{9})(\d{0,9})(?:[._](\d{1,9}))?(?!\d)")
 _DATE = re.compile(
     r"(?<!\d)(20\d\d)[-_]?([01]\d)[-_]?([0-3]\d)[-_ T]?([0-2]\d)[-_:]?([0-5]\d)[-_:]?([0-5]\d)"
@@ -22,6 +26,11 @@ _WRITTEN = re.compile(
 _SINCE_1970 = {1e17: 1e-9, 1e14: 1e-6, 1e11: 1e-3}
 """A number above one of these bounds is a time since 1970, in nanoseconds, microseconds or
 milliseconds. Each bound maps to the factor that converts such a number to seconds."""
+_FIRST_S, _LAST_S = 1e9, 4e9
+"""Bounds of times since 1970 in seconds: the years 2001 and 2096."""
+_LONGEST_STEP_S, _LONGEST_PAUSE_S = 5.0, 3600.0
+"""Upper bounds of the usual time between two pictures, in seconds: of a drive, and of pictures that
+somebody took one by one, whose times since 1970 tell the unit."""
 
 
 def seconds_of(value: object, name: str = "") -> float | None:
@@ -44,7 +53,34 @@ def seconds_of(value: object, name: str = "") -> float | None:
     unit = _UNIT.search(name.lower())
     if unit:
         return number * _UNITS.get(unit[1], 1e-3)
-    return number * next((share for least, share in _SINCE_1970.items() if abs(number) > least), 1)
+    return number * _factor(number)
+
+
+def unit_of(texts: Iterable[str], name: str) -> float | None:
+    """Return the unit of a table's times, in seconds, if `seconds_of` would misread them, or None.
+
+    Many programs write the milliseconds since their start as `timestamp`. If neither the numbers
+    (times since 1970) nor their name tell the unit, it follows from the usual time between two
+    pictures, which is less than 5 s.
+    """
+    numbers = []
+    for text in texts:
+        with contextlib.suppress(ValueError):
+            numbers.append(float(text))
+    steps = [abs(after - before) for before, after in pairwise(numbers) if after != before]
+    is_stated = (_UNIT.search(name.lower()) or _SECONDS.search(name.lower())) is not None
+    if is_stated or not steps:
+        return None
+    assumed, usual = _factor(numbers[0]), median(steps)
+    is_since_1970 = _FIRST_S < numbers[0] * assumed < _LAST_S
+    if usual * assumed < (_LONGEST_PAUSE_S if is_since_1970 else _LONGEST_STEP_S):
+        return None
+    units = (unit for unit in (1e-3, 1e-6, 1e-9) if unit < assumed)
+    return next((unit for unit in units if usual * unit < _LONGEST_STEP_S), None)
+
+
+def _factor(number: float) -> float:
+    return next((share for least, share in _SINCE_1970.items() if abs(number) > least), 1.0)
 
 
 def _date_of(text: str) -> float | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -13,7 +14,7 @@ from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
 from robot.exchange.files import Pictures, read_head, read_picture_file, read_text
 from robot.exchange.folder import MOVES
 from robot.exchange.reading import Reading
-from robot.exchange.stamps import seconds_in_name, seconds_of
+from robot.exchange.stamps import seconds_in_name, seconds_of, unit_of
 from robot.exchange.steering import (
     FULL_MPS,
     FULL_TURN_RAD_S,
@@ -26,6 +27,7 @@ from robot.exchange.steering import (
     read_point,
 )
 from robot.recordings.moves import from_text
+from robot.store.folder import fold
 from robot.types import Action
 
 LIST = ".txt"
@@ -43,6 +45,7 @@ _UNIT_SHARE = 10
 """Reciprocal of a share. If at least this share of the steering values is beyond 1, the steering is
 in degrees or another unit."""
 _TOLD_NAMES = 3
+_NAMES_OF_UNITS = {1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}
 
 
 def read_table(path: Path, reading: Reading, report: ImportReport) -> Drive:
@@ -59,6 +62,7 @@ def read_table(path: Path, reading: Reading, report: ImportReport) -> Drive:
     known = {str(move): move for move in (*CLASSIC, *names(declared))}
     pictures = Pictures(path.parent)
     meant = _meaning(table, reading, known, report)
+    unit = _unit_of_times(table, report)
 
     def read(place: str, cells: Cells) -> FrameEvent:
         is_others = (table.cell(cells, "mode") or "user").lower() != "user"
@@ -66,7 +70,7 @@ def read_table(path: Path, reading: Reading, report: ImportReport) -> Drive:
         label, point = (None, None) if is_others else meant(cells)
         return FrameEvent(
             place=place,
-            t_s=_time(table, cells, name),
+            t_s=_time(table, cells, name, unit),
             label=label,
             point=point,
             steering=_written(table, cells, reading),
@@ -97,13 +101,26 @@ def names_pictures(path: Path) -> bool:
     return bool(table.pictures)
 
 
-def _time(table: ColumnTable, cells: Cells, picture: str) -> float | None:
+def _unit_of_times(table: ColumnTable, report: ImportReport) -> float | None:
+    """Return the unit of the times in seconds, and report it, if it follows from their size."""
+    if "time" not in table.columns:
+        return None
+    written = (table.number(cells, "time") for _, cells in table.rows)
+    unit = unit_of(written, table.name("time"))
+    if unit is not None:
+        report.remark(f"the times in {table.name('time')!r} are taken as {_NAMES_OF_UNITS[unit]}")
+    return unit
+
+
+def _time(table: ColumnTable, cells: Cells, picture: str, unit: float | None) -> float | None:
     text = table.cell(cells, "time")
     if text is None:
         return seconds_in_name(picture)
-    return seconds_of(table.number(cells, "time"), table.names[table.columns["time"]]) or (
-        seconds_of(text)
-    )
+    written = table.number(cells, "time")
+    if unit is not None:
+        with contextlib.suppress(ValueError):
+            return float(written) * unit
+    return seconds_of(written, table.names[table.columns["time"]]) or seconds_of(text)
 
 
 def _written(table: ColumnTable, cells: Cells, reading: Reading) -> float | None:
@@ -199,10 +216,10 @@ def _report_other_pictures(table: ColumnTable, pictures: Pictures, report: Impor
         told = ", ".join(table.names[i] or f"column {i + 1}" for i in others[:_TOLD_NAMES])
         report.remark(f"left out, as pictures of other cameras: {told}")
     last = {
-        cells[i].replace("\\", "/").rpartition("/")[2].strip().casefold()
+        fold(cells[i].replace("\\", "/").rpartition("/")[2].strip())
         for _, cells in table.rows
         for i in {*table.pictures, table.columns["picture"]}
     }
-    missing = [path for path in pictures.all() if path.rpartition("/")[2].casefold() not in last]
+    missing = [path for path in pictures.all() if fold(path.rpartition("/")[2]) not in last]
     if missing:
         report.remark(f"left out: {len(missing)} pictures that the table does not list")

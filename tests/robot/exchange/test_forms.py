@@ -91,6 +91,7 @@ def test_if_columns_are_ambiguous_the_import_asks(
             "_classes.csv",
             "filename, forward, left, right\na.jpg, 0, 1, 0\nb.jpg, 0, 0, 1\nc.jpg, 1, 0, 0",
         ),
+        ("table.csv", "file,left,right,forward\na.jpg,TRUE,,\nb.jpg,,TRUE,\nc.jpg,False,False,1"),
         ("data.txt", "a.jpg -0.800000\nb.jpg  0.45\nc.jpg 0.0"),
         ("data.txt", "a.jpg -0.8,2018-07-01 17:09:44:912\nb.jpg 0.45,x y\nc.jpg 0.0,x y"),
         (
@@ -109,6 +110,36 @@ def test_tables_of_other_programs_are_imported(tmp_path: Path, name: str, text: 
     columns = {"steering": "2"} if ",2018" in text else {}
     drive = drive_at(tmp_path / "set", columns=columns)
     assert [shot.label for shot in drive.shots] == [Action.LEFT, Action.RIGHT, Action.FORWARD]
+
+
+@pytest.mark.parametrize("name", ["table.csv", "table.txt"])
+def test_a_table_of_windows_and_pictures_of_a_mac_fit_together(tmp_path: Path, name: str) -> None:
+    """Excel writes UTF-16, and macOS separates the accents from their letters."""
+    folder = table_of(tmp_path / "set", "", "man\u0303ana.jpg", "u\u0308ben.jpg")
+    (folder / "log.csv").unlink()
+    text = "file\tlabel\r\nma\u00f1ana.jpg\tleft\r\n\u00fcben.jpg\tright\r\n"
+    (folder / name).write_bytes(text.encode("utf-16"))
+    report = ImportReport()
+    drive = drive_at(folder, report)
+    write_episode(drive, tmp_path / "got.mcap")
+    labels = taught_labels(open_episode(tmp_path / "got.mcap"))
+    assert list(labels.values()) == [Action.LEFT, Action.RIGHT]
+    assert not any("does not list" in line for line in report.lines())
+
+
+def test_pictures_of_classes_that_are_not_imported_are_reported(tmp_path: Path) -> None:
+    """Phones write HEIC, and some people sort pictures into further subfolders."""
+    for number, name in enumerate(
+        ("left/a.jpg", "right/b.HEIC", "left/more/c.jpg", "left/m/n/d.png")
+    ):
+        put(tmp_path / "set", name, number)
+    report = ImportReport()
+    drive_at(tmp_path / "set", report)
+    assert report.lines() == [
+        "left out: 2 pictures in subfolders of the classes",
+        "skipped: 1",
+        "  neither JPEG nor PNG (.heic): 1 files",
+    ]
 
 
 def test_the_option_columns_decides_what_columns_mean(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from robot.exchange.film import write_look
 from robot.exchange.lerobot import CAMERA, write_lerobot
-from robot.exchange.stamps import seconds_of
+from robot.exchange.stamps import seconds_of, unit_of
 from robot.exchange.timeline import make_timeline
 from robot.recordings.edits import Notes
 from robot.types import Action
@@ -137,3 +137,21 @@ def test_a_time_without_a_fraction_is_read_and_other_texts_are_none(
     text: str, seconds: float | None
 ) -> None:
     assert seconds_of(text) == seconds
+
+
+@pytest.mark.parametrize(
+    ("name", "begin", "step", "unit"),
+    [
+        *(("timestamp", 0, 0.05 / unit, unit) for unit in (1e-3, 1e-6, 1e-9)),
+        ("time", 3.6e12, 5e7, 1e-9),  # an hour after the computer was switched on
+        ("t", 0, 200, 1e-3),
+        *(("timestamp", begin, 20, None) for begin in (1.6e9, 1.6e12, 1.6e15)),
+        *((name, 0, 20, None) for name in ("time_s", "seconds", "time_ms", "timestamp[ns]")),
+        *(("timestamp", 0, step, None) for step in (0.0, 0.05, 4.0)),
+    ],
+)
+def test_the_unit_of_a_tables_times_follows_from_their_size(
+    name: str, begin: float, step: float, unit: float | None
+) -> None:
+    """Unless the name or the year tells the unit, a drive has a picture in at most 5 s."""
+    assert unit_of([str(begin + n * step) for n in range(9)] + ["", "noon"], name) == unit
