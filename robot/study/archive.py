@@ -92,7 +92,8 @@ def unpack(path: Path) -> tuple[str, dict[str, bytes], dict[str, bytes]]:
 def report(zip_file: Path, out: Path) -> tuple[list[str], list[str]]:
     """Rebuild the table of a zip in a folder; see `unpack` and `rebuild`.
 
-    Returns the paths of files equal to the packed ones, and of files that differ.
+    Returns two lists of paths: the rebuilt files that equal those in the zip file, and the files
+    that differ or exist on only one side.
     """
     plan_text, logs, packed = unpack(zip_file)
     made = rebuild(plan_text, logs)

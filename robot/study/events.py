@@ -78,7 +78,8 @@ def whole_lines(data: bytes) -> bytes:
 
 
 def recordings_in(log: bytes) -> list[str]:
-    """Return the recordings named in a log, even if some of its lines cannot be read."""
+    """Return the names of the recordings that occur in a session's log, even if lines of the log
+    are damaged."""
     found = _RECORDING.findall(log)
     return list(dict.fromkeys(name.decode() for name in found))
 

@@ -120,7 +120,8 @@ class StudyPlan:
         return williams_rows(n) if self.is_within else [(i,) for i in range(n)]
 
     def questions_at(self, position: int, of: int) -> tuple[Question, ...]:
-        """Return the questions after the condition at `position` (from 0) of `of`."""
+        """Return the questions to ask after a condition. `position` is the place of the condition
+        in the participant's order, from 0, and `of` is the number of conditions."""
         is_last = position == of - 1
         return tuple(q for q in self.questions if is_last or q.when == "each")
 

@@ -7,8 +7,8 @@ squared differences (SSD) of two profiles over all moves and all c is the measur
 
 The paper does not define the profile of a move that was never made. In this module such a profile
 is 0 for every c, like a profile without readings. So a robot that never turns is far from a teacher
-who turns. A `Difference` lists the moves that a driver never made, and its `made` is the sum over
-the moves that both drivers made.
+who turns. A `Difference` lists, for each driver, the moves that this driver never made. Its
+property `made` is the SSD over only the moves that both drivers made.
 """
 
 from __future__ import annotations

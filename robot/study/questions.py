@@ -1,8 +1,8 @@
 """Questions and their scores; the built-in questionnaires are in questionnaires.toml. Pure.
 
 Sources: S. G. Hart and L. E. Staveland, "Development of NASA-TLX" (1988), unweighted ("raw"): the
-mean of six scales from 0 to 100 in steps of 5. Trust: the mean, from 1 to 7, of three of the items
-of J.-Y. Jian, A. M. Bisantz and C. G. Drury, "Foundations for an empirically determined scale of
+mean of six scales from 0 to 100 in steps of 5. Trust: the mean, from 1 to 7, of three items from
+the questionnaire of Jian, Bisantz and Drury, "Foundations for an empirically determined scale of
 trust in automated systems" (2000). The closing question is the paper's; its wording and all
 translations are our own.
 """
@@ -23,7 +23,8 @@ _OF_KIND = {"scale": ("least", "most", "step", "low", "high"), "choice": ("optio
 
 
 class Question(PlanTable):
-    """One question: a whole number on a scale, the number of an option (from 1), or a text."""
+    """One question. Depending on `kind`, the answer is a whole number on a scale, the number of the
+    chosen option (from 1), or a text."""
 
     name: str = text()
     text: Words = words()

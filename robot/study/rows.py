@@ -17,7 +17,7 @@ from robot.study.table import Cell
 from robot.types import Action, DrivenBy, Mode
 
 QUESTIONS = "questions"
-"""What the row with the answers has in the columns `phase` and `kind`."""
+"""Value of the columns `phase` and `kind` in the row with a participant's answers."""
 DRIVE_COLUMNS = (
     *("participant", "slot", "position", "condition", "attempt", "phase", "kind", "is_complete"),
     *("world", "place_checked_by", "learner", "moves", "began_at", "planned_s", "driven_s"),
@@ -48,7 +48,8 @@ class ConditionLog:
     common: Row
 
     def profile(self, by: DrivenBy, *kinds: PhaseKind) -> Profile:
-        """Return the Behavior Profile of one driver in phases of these kinds."""
+        """Return one driver's Behavior Profile (see `robot.study.profile`) in the phases of the
+        given kinds."""
         names = {phase.name for phase in self.condition.phases if phase.kind in kinds}
         return profile_of(frames([e for e in self.events if e.phase in names], by))
 
@@ -154,8 +155,8 @@ def _drive(
 
 
 def outcome(log: ConditionLog) -> dict[str, Any]:
-    """Return the comparison of participant and robot as plain values, with profiles at 0, 0.02, ...
-    m.
+    """Return the comparison of participant and robot as plain values. The profiles are given for
+    the distances 0, 0.02, ..., 4 m.
 
     The participant's profile comes from teaching; the robot's profile comes from its own driving.
     `ssd` is None if a profile is missing, because participant or robot made no move, or because

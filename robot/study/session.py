@@ -40,8 +40,8 @@ class StudySession:
         participant: The participant's code.
         slot: The participant's slot in the plan, from 0. The slot determines the order of the
             conditions.
-        pace: Seconds of a phase per second of the clock. The pace is 1, except in demonstrations
-            and tests.
+        pace: Factor by which the time of phases runs faster than the clock. The pace is 1, except
+            in demonstrations and tests.
     """
 
     def __init__(self, plan: StudyPlan, participant: str, slot: int, *, pace: float = 1.0) -> None:
@@ -68,7 +68,7 @@ class StudySession:
 
     @property
     def phase(self) -> PlannedPhase | None:
-        """The phase that is being driven, or is next to be driven; None unless the next step is to
+        """The phase that is being driven or comes next; None if the session's next step is not to
         drive."""
         return self.condition.phases[self.phase_index] if self.step is SessionStep.DRIVE else None
 
@@ -193,7 +193,8 @@ class StudySession:
 
 
 def follow_log(plan: StudyPlan, participant: str, events: Iterable[StudyEvent]) -> StudySession:
-    """Return the session after its log; RecordingError if the log does not belong to this plan."""
+    """Return a session in the state that its log describes. Raises RecordingError if the log does
+    not belong to this plan."""
     events = list(events)
     where = f"the event log of {participant}"
     session = StudySession(plan, participant, check_begun(events, where))

@@ -193,8 +193,8 @@ def _add_routes(
 
     @app.post("/api/models")
     async def order(body: OrderBody) -> dict[str, Any]:
-        """Give an order to all robots: to save their models, to start empty ones, or to be handed
-        over to the next pupils."""
+        """Give an order to all robots: save the model, start an empty model, or start an empty
+        model and sign out the phones."""
         return await models.give(ClassOrder(body.order))
 
     @app.post("/api/models/left-turns")

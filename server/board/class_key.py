@@ -78,7 +78,8 @@ def read_class_key(file: Path) -> ClassKey:
 
 
 def keep_class_key(file: Path) -> ClassKey:
-    """Read the key of a file; if there is no file, make a key that only the user can read."""
+    """Read the key in a file. If there is no file, first create a file with a new key, which only
+    the user can read."""
     with told_as(ConfigurationError, f"cannot write a class key {file}"), suppress(FileExistsError):
         file.parent.mkdir(parents=True, exist_ok=True)
         with os.fdopen(os.open(file, os.O_CREAT | os.O_WRONLY | os.O_EXCL, 0o600), "w") as out:

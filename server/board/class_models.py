@@ -65,7 +65,8 @@ class RobotOutcome:
 
 @dataclass(slots=True)
 class _Done:
-    """An order that was given, with the steps by which each robot undoes it, the last one first."""
+    """An order that was given. For each robot, `steps` contains the functions that undo the order;
+    they are called from the last to the first."""
 
     order: ClassOrder
     steps: dict[int, list[Undo]] = field(default_factory=dict)

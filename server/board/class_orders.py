@@ -23,7 +23,7 @@ _DID = {
     "failed": "could not do it: {detail}",
 }
 _SAVED = {"reset": "; saved before: {model}", "hand_over": "; saved before: {model}"}
-"""The end of a robot's line if the robot has saved a model."""
+"""The text that is appended to a robot's line of output if the robot saved its model first."""
 _FAILED = ("away", "failed")
 
 

@@ -2,8 +2,8 @@
 
 A robot has a `Classroom` only if it was started with the class's key. The teacher's board proves
 that it knows the key and gets a session. Its requests carry the session's secret in a header, which
-no page of another site can set. The robot stores the locks, and its guard enforces them. Pure,
-except for the locks' file; the time is an argument.
+no page of another site can set. The robot stores the locks, and its guard enforces them. Apart from
+the file with the locks, the module does no input or output; callers pass it the time.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ from server.gateway.roles import Role
 log = logging.getLogger(__name__)
 
 TEACHER = Role(value="teacher", may_change=True, holds_stop=True)
-"""The role of a class's board: it may change locks and what pilots may change, but not drive."""
+"""The role of a class's board. The board may set locks and change what pilots may change, but may
+not drive."""
 LOCKS: dict[str, tuple[str, ...]] = {
     "settings": ("/api/settings", "/api/world"),
     "models": ("/api/models", "/api/retraining", "/api/studies", "/api/session"),

@@ -123,8 +123,8 @@ def _ask(network: socket.socket, addresses: Sequence[str]) -> None:
 def read_announcement(data: bytes, source: str) -> list[RobotAddress]:
     """Return the robots that the computer at `source` announces in a packet.
 
-    A robot with several addresses names the best of them in each packet, and counts only if this
-    packet came from that address. Each robot is therefore found once.
+    A robot with several addresses names its best address in each packet. The robot is returned only
+    if the packet came from this address. Each robot is therefore found once.
     """
     zeroconf = _zeroconf()
     packet = zeroconf.DNSIncoming(data, (source, _PORT))

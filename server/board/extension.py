@@ -126,7 +126,8 @@ async def sign_out(request: Request) -> dict[str, Any]:
 
 @router.post("/phones", dependencies=[ONLY_TEACHER])
 async def sign_in(request: Request, body: Key) -> dict[str, Any]:
-    """Sign in again the phones that were signed out; the body has the key of that sign-out."""
+    """Sign in again the phones that were signed out; the request's body contains the key that the
+    sign-out returned."""
     services = services_of(request)
     sessions = services.extension(ClassroomExtension).take_signed_out(body.undo)
     pairing = _pairing(services)
@@ -187,13 +188,15 @@ class ClassroomExtension(Extension):
         return key
 
     def take_signed_out(self, key: str) -> Sessions:
-        """Return the sessions of a key and forget them; raises NotFoundError for another key."""
+        """Return the sessions that were remembered under a key, and forget them. Raises
+        NotFoundError if the key is unknown."""
         if key not in self._signed_out:
             raise NotFoundError("this sign-out was already undone, or was too long ago")
         return self._signed_out.pop(key)
 
     def start(self) -> None:
-        """Let the class's code pair pilots, now that the gateway is open."""
+        """Accept the class's code for pairing. The gateway has its pairing only after it was
+        opened, so this is not done earlier."""
         pairing = _pairing(self._services)
         if self.classroom is not None and pairing is not None:
             pairing.standing_code = self.classroom.code

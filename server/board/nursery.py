@@ -35,12 +35,13 @@ BELOW = 5
 """Niceness of the robots: the board and the browsers have priority."""
 _POLL_S = 1.0
 _COLD = 6.0
-"""Ratio of the CPU time that a robot in a class needs for a picture to the time that
+"""CPU time that a robot in a class needs for a picture, divided by the time that
 `measure_picture_s` returns. In a class, caches are cold, sockets and the disk add time, and a tenth
 of the computer must stay free for a STOP. Measured with thirty robots on two cores."""
 _BATCHES, _BATCH = 5, 20
-"""Number of batches by which this computer is measured, and number of pictures in each batch. Only
-the fastest batch counts, because other programs can slow a batch down but not speed it up."""
+"""Number of batches of pictures with which this computer's speed is measured, and number of
+pictures in each batch. Only the fastest batch counts, because other programs can slow a batch down
+but not speed it up."""
 _MODULES = (
     *("anyio._backends._asyncio", "anyio._core._fileio", "cv2", "encodings.ascii"),
     *("encodings.idna", "encodings.utf_8_sig", "fastapi.telemetry._runtime", "filelock"),
@@ -58,15 +59,17 @@ _MODULES = (
     *("server.recordings.routes",),
 )
 """The modules that a robot of a class imports. A module that is missing here is imported by each
-robot separately, into the robot's own memory. A test finds missing modules of Drivelesson."""
+robot separately, into the robot's own memory. A test checks that no module of Drivelesson is
+missing."""
 
 _ARENAS = "1"
-"""Number of heaps of glibc's allocator. By default each thread gets its own heap, and keeps some
-megabytes of freed memory there; a robot has 14 threads, of which only one runs Python at a time."""
+"""Number of heaps of glibc's allocator. By default each thread gets its own heap, which keeps some
+megabytes of freed memory. A robot has 14 threads, but only one of them runs Python at a time, so
+one heap is enough."""
 
 
 class Nursery:
-    """Starts the nursery process, and sends requests to it.
+    """Starts the nursery, which is the process that forks the robots, and sends requests to it.
 
     Attributes:
         picture_s: CPU time in seconds that a taught robot of a class needs for one picture on this
@@ -95,7 +98,8 @@ class Nursery:
         self._listening.start()
 
     def start(self, words: Sequence[str], log: Path) -> threading.Event | None:
-        """Fork a robot; return an event that is set at its end, or None if it did not start."""
+        """Fork a robot. Return an event that is set when the robot ends; None if the robot did not
+        start."""
         with self._lock, contextlib.suppress(OSError):
             assert self._process.stdin is not None
             self._process.stdin.write(json.dumps({"words": list(words), "log": str(log)}) + "\n")
@@ -216,7 +220,8 @@ def measure_picture_s(world: str) -> float:
 
 
 def _measure_apart(world: str) -> float | None:
-    """Measure in a separate process: after rendering, the nursery could no longer be forked."""
+    """Call `measure_picture_s` in a separate process, because a process that has rendered pictures
+    can no longer be forked, and the nursery must fork robots."""
     read, write = os.pipe()
 
     def work() -> int:

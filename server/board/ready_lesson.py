@@ -42,7 +42,8 @@ def name_of_left_turns(locale_name: str | None) -> str:
 
 @cache
 def left_turns(world: str = "box", seconds: float = 90.0) -> bytes:
-    """Return the bytes of a model that was taught on rounds of a world, with left turns only."""
+    """Return the bytes of a model. A program taught this model by driving rounds in a simulated
+    world, forward and to the left only."""
     from robot.policy.history import TrainingHistory
     from robot.policy.registry import make_policy
     from robot.simulator.camera import SimCamera, SimCameraOptions

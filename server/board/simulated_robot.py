@@ -1,9 +1,9 @@
 """The simulated robots of a class, each in its own process, which ends with the class.
 
-Such a process runs `serve` until its standard input is closed. Every system, also Windows, closes
-the standard input when the parent process ends, is killed or loses its terminal, so no robot is
-left behind. Each process is in a session of its own, so that Ctrl-C reaches only the class, which
-then ends the robots.
+Such a process runs `serve` until its standard input is closed. Every operating system, including
+Windows, closes the standard input when the parent process ends, is killed or loses its terminal. So
+no robot keeps running without its class. Each process is in a session of its own, so that Ctrl-C
+reaches only the class, which then ends the robots.
 """
 
 from __future__ import annotations
@@ -35,12 +35,14 @@ _GOLDEN_DEG = 137.508
 """Step between the hues of successive robots' walls, in degrees. This step, the golden angle, keeps
 any number of hues distinct."""
 _HUES_DEG = {"green": 130, "purple": 259, "pink": 324, "brown": 28, "teal": 176}
-"""Hues of the board's colours in degrees; a robot gets the colour nearest to its walls' hue."""
+"""Hues of the board's colours, in degrees. A robot gets the colour whose hue is nearest to that of
+the walls in its simulated room."""
 _AT_A_TIME = 4
 """Number of forked robots per CPU core that start at the same time. A core can start several,
 because a starting robot spends four fifths of the time waiting until its name is announced."""
 RATE_HZ, PER_CORE_HZ = 30, 150
-"""Maximum frame rate of one robot, and of all robots together per CPU core, in Hz."""
+"""Maximum frame rate of one robot, and maximum sum of all robots' frame rates per CPU core, both in
+Hz."""
 _FLAGS = sum(  # `subprocess` has these flags only on Windows
     getattr(subprocess, name, 0)
     for name in ("CREATE_NEW_PROCESS_GROUP", "BELOW_NORMAL_PRIORITY_CLASS")
@@ -141,7 +143,8 @@ class SimulatedRobot:
 
 
 def _serves(host: str, port: int) -> bool:
-    """Return True if the robot at this address has started; its starting page does not count."""
+    """Return True if the robot at this address has started. A robot that is still starting answers
+    with the status 503."""
     with (
         contextlib.suppress(OSError),
         socket.create_connection((host, port), _ANSWER_S) as line,

@@ -57,8 +57,8 @@ class RobotStop:
         """True once a state of the robot has shown this stop; states before it count as older than
         the stop."""
         self._confirmed: int | None = None
-        """The number of this stop once a request has confirmed the stop; a state with this number
-        is newer than the stop."""
+        """The robot's number for this stop, from the answer to the request that confirmed the stop;
+        None until then. A state with this number or a higher one is newer than the stop."""
         self._session, self._clock = session, clock
         self._on_change = on_change
         self._pressing: asyncio.Task[None] | None = None
@@ -71,7 +71,8 @@ class RobotStop:
 
     @property
     def id(self) -> str:
-        """Identifies the newest STOP of this board and of the robot; a release contains this id."""
+        """Identifies the board's last press of STOP together with the newest STOP that the robot
+        reported. A release contains this id."""
         return f"{self._press}.{self.number}"
 
     def press(self) -> None:

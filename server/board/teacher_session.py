@@ -19,7 +19,8 @@ from server.board.transport import (
 )
 
 _LONGEST = 300
-"""How many characters of a robot's sentence, number or proof are read at most."""
+"""Maximum length of an error message, nonce or proof from a robot, in characters; the rest is
+ignored."""
 
 
 class Status(StrEnum):
@@ -49,7 +50,8 @@ class WrongClassError(RobotError):
 
 
 class TeacherSession:
-    """Sends requests to one robot's server. After `join`, the requests are the teacher's.
+    """Sends requests to one robot's server. After `join`, the requests have the rights of the
+    teacher.
 
     Methods that send a request raise UnreachableError if the robot does not answer.
     """

@@ -1,7 +1,7 @@
 """Connects the board to a robot's server by requests and by websockets that stay open.
 
-Every connection goes to the address of the handshake: a name is resolved once, and over https only
-the first certificate is accepted afterwards.
+A robot's name is resolved once for each session, and all connections go to the resulting IP
+address. Over https, all later connections accept only the certificate of the first one.
 """
 
 from __future__ import annotations

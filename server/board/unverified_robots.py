@@ -19,7 +19,8 @@ from server.board.teacher_session import Status, TeacherSession, WrongClassError
 from server.board.transport import RobotAddress, UnreachableError, within
 
 AT_ONCE = 32
-"""Maximum number of robots asked at once; the transport's other threads stay free."""
+"""Maximum number of unverified robots that are asked for their proof at the same time. The limit
+leaves half of the transport's threads for the robots of the class."""
 FORGOTTEN_S = 180.0
 """Time without an announcement after which a robot is forgotten, in seconds. The network is queried
 each minute."""

@@ -26,8 +26,9 @@ _VLC_WAITS_FOR, _VLC_ADDS = 15 * 1024, 5 * 1024
 """VLC 3 first looks for the end of a picture after `_VLC_WAITS_FOR` bytes, and then again after
 every further `_VLC_ADDS` bytes. VLC ignores the length in a part's header."""
 _VLC_END = 12
-"""Number of bytes after a picture's end that VLC must have received when it looks for the end. The
-next boundary begins in them, but no byte of the next picture may be among them."""
+"""Number of bytes after a picture's end that VLC must have received when it looks for the end.
+These bytes are the beginning of the next boundary; bytes of the next picture must not be among
+them."""
 _KEY_EVERY = 32
 """Number of frames after which the key in the viewer's address is checked again."""
 _ROOM_EVERY_S = 0.01

@@ -18,10 +18,11 @@ _WINDOW_AT = 228
 _LEAST_ROOM = 2048
 """Number of unread bytes that are ignored, because TCP windows change in steps of kilobytes."""
 _PATIENCE = 2048
-"""Number of calls of `is_there` after which a viewer that seems not to read gets a frame anyway; a
-power of two. Before the next such frame, the number doubles."""
+"""If a viewer seems not to read, it gets a frame anyway after this number of calls of `is_there`.
+The number must be a power of two. Before the next such frame, the number doubles."""
 _REPORTED = 256
-"""Number of calls of `is_there` after which the client's system has reported its window again. The
+"""A viewer that seems not to read, but got a frame anyway, is checked after this number of further
+calls of `is_there`. By then, after 2.56 s, the client's system has reported its window again. The
 system reports it once a second."""
 
 Measure = Callable[[], tuple[int, int] | None]
@@ -38,12 +39,14 @@ class Room:
     def is_there(self, n_bytes: int) -> bool:
         """Return True if most of the last frame, of `n_bytes`, is read, or if that is unknown.
 
-        The caller repeats the call every 10 ms while the answer is False. A client can have two
-        unread frames, because its system may receive one without offering a smaller window.
+        The caller repeats the call every 10 ms while the answer is False. A client's system may
+        buffer one frame without reducing its window. Such a frame is not measured, so up to two
+        frames can be unread.
 
-        Some systems reduce their window permanently although nothing is unread. If the window seems
-        too small for long, the answer is therefore True once. If the window is afterwards at least
-        as large as before, the client has read that frame, and the present window counts as full.
+        Some systems reduce their window permanently although nothing is unread. If the window stays
+        too small for `_PATIENCE` calls, the answer is therefore True once, as a test. If,
+        `_REPORTED` calls later, the window is at least as large as before the test, the client has
+        read the test's frame. The present window then counts as that of an empty buffer.
         """
         measured = self._measure()
         if measured is None:
@@ -120,7 +123,8 @@ def _peer_of(connection: socket.socket) -> tuple[str, int] | None:
 def _ask_for_windows(connection: socket.socket) -> None:
     """Have the client's system report its window every second, even if nothing is sent.
 
-    By itself, it does not always report that the client has read something.
+    Without this request, the client's system does not always report that the client has read
+    something.
     """
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 1)

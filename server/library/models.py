@@ -17,7 +17,8 @@ from robot.store.models.model import ModelSummary, decode_model, stamp
 from robot.store.models.store import ModelStore
 
 MOST_EARLIER = 8
-"""Maximum number of earlier models that a new model can begin like; each takes time to load."""
+"""Maximum number of earlier models whose weights a new model can use. Each model takes time to
+load."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,7 +95,8 @@ class ModelLibrary:
         store.save(name, stamp(store.load(name), place=place))
 
     def begin_like(self, policy: Policy, names: Sequence[str]) -> None:
-        """Let a new policy begin like earlier models, whose places may resemble the new one.
+        """Let a new policy begin with the weights of earlier models, which were taught at places
+        that may resemble the new place.
 
         See `Policy.begin_like`.
 

@@ -27,7 +27,8 @@ class ModelChange(Named):
 
 
 class NewModel(ModelChange):
-    """A request's body: a new model's name and learner, and earlier models that it begins like."""
+    """A request's body: a new model's name and learner, and the earlier models with whose weights
+    it begins."""
 
     learner: str | None = text(None)
     like: list[str] = must_be("a list of models' names", [])
@@ -75,7 +76,8 @@ def list_models(request: Request) -> ModelList:
 
 @router.post("", dependencies=[FREE_MODEL], status_code=201)
 def begin_model(request: Request, body: NewModel = _NEW) -> dict[str, str | bool]:
-    """Save the model in use and start a new one: empty, or beginning like earlier models."""
+    """Save the model in use and start a new model, which is empty or begins with the weights of
+    earlier models."""
     begin, like = persistence_of(request).autosave.begin, library_of(request).begin_like
     name = begin(
         body.name, body.learner, body.place, prepare=lambda policy: like(policy, body.like)

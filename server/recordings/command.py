@@ -52,7 +52,8 @@ _RANGED = {
 }
 _SEARCH_HELP = "only episodes with these words in name, title, date, labels, robot or learner"
 VERBS = "drivelesson.episode-commands"
-"""Entry points of further verbs: each an `EpisodeVerb`."""
+"""The group of entry points with which extensions add verbs to `drivelesson episodes`. Each entry
+point is an `EpisodeVerb`."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

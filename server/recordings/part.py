@@ -72,7 +72,7 @@ class Recordings(PersistencePart):
 
 
 def _write_edited(episode: Episode, notes: Notes, file: BinaryIO, *, is_part: bool = False) -> None:
-    """Write an edited recording (see `write_edited`), a long one in a separate process."""
+    """Write an edited recording (see `write_edited`). A separate process edits a long recording."""
     if len(episode.frames) <= _SHORT:
         write_edited(episode, notes, file, is_part=is_part)
         return

@@ -1,4 +1,4 @@
-"""Trains a new model from recordings in the background, which a person then saves or drops."""
+"""Trains a new model from recordings in the background. A person then saves or drops this model."""
 
 from __future__ import annotations
 

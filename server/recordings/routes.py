@@ -213,7 +213,8 @@ def list_episodes(request: Request) -> Response:
 
 @router.post("/episodes/restore")
 def restore_episodes(body: Key, store: EpisodeStore = STORE) -> RestoredEpisodes:
-    """Restore the episodes that a deletion has moved to the trash; the body has its key."""
+    """Restore the episodes that a deletion has moved to the trash; the request's body contains the
+    key that the deletion returned."""
     ids = store.restore(body.undo)
     return RestoredEpisodes(id=ids[0], ids=ids)
 

@@ -1,8 +1,8 @@
 """Runs long work on recordings in a separate process with low priority.
 
-A thread that parses a long recording would hold the interpreter's lock for milliseconds at a time,
-and a command of the pilot waits for that lock at each step on its way to the motors. A separate
-process does not delay commands.
+A thread that parses a long recording would hold the interpreter's lock for milliseconds at a time.
+A pilot's command to the motors would wait for this lock several times. A separate process does not
+delay commands.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ the working directory would then hide our package."""
 
 
 class SeparateWork(Iterator[_T]):
-    """Runs `work(tell, *args, **kwargs)` in a separate process, which also ends with this one.
+    """Runs `work(tell, *args, **kwargs)` in a separate process, which ends at the latest when this
+    process ends.
 
     Iterating yields each value that `work` passes to `tell`, and raises the error that `work`
     raises, or RecordingError if the process was killed. `work` must be a function of a module.

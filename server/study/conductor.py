@@ -32,7 +32,8 @@ _Act = TypeVar("_Act", bound=Callable[..., Any])
 def name_of_world(body: object) -> str | None:
     """Return the name of a simulated body's world; None for a real body.
 
-    It tests for an attribute and not for the class, which a server on a brick cannot import.
+    The function looks for an attribute instead of checking the class, because a server on a LEGO
+    brick cannot import the simulator.
     """
     return cast(str, body.simulation.world.name) if hasattr(body, "simulation") else None
 

@@ -10,10 +10,11 @@ from robot.store.folder import Storage, composed
 
 
 def erase(storage: Storage, names: Collection[str], *paths: Path) -> list[str]:
-    """Permanently delete models, recordings and exports by name, with all copies, and files.
+    """Permanently delete all models, recordings and exports with the given names, including their
+    copies. Also delete the files at `paths`.
 
-    Copies in the trash are deleted, too. The files at `paths` are deleted last, because an
-    interrupted deletion can be repeated only while they exist.
+    Copies in the trash are deleted, too. The files at `paths` are deleted last. As long as they
+    exist, a deletion that was interrupted can be repeated.
 
     Args:
         storage: The data folder.

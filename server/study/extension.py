@@ -31,7 +31,8 @@ class NewStudy(RawValue):
 
 
 class NewSession(RawValue):
-    """A request's body: a participant and a study, or a paper's trial and its teaching time."""
+    """A request's body: either a study and a participant, or the number of one of the paper's
+    trials and its teaching time."""
 
     study: str = text("")
     participant: str = text("")

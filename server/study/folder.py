@@ -24,7 +24,7 @@ from server.study.erasing import erase
 _PLAN, _ACTIVE = "plan.toml", "active.json"
 LONGEST_NAME = 40
 _PLANS, _SESSIONS = 16, 2**14
-"""Maximum number of parsed plans in the cache, and of session summaries."""
+"""Maximum number of parsed plans, and maximum number of session summaries, in the caches."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,7 +172,8 @@ class StudyFolder:
         return [outcome(log) for log in condition_logs(self.plan(name), code, self.log(name, code))]
 
     def withdraw(self, name: str, code: str, recording: str | None) -> list[str]:
-        """Permanently delete all data of a participant: log, models, recordings, also in the trash.
+        """Permanently delete all data of a participant: the log, the models and the recordings,
+        including those in the trash.
 
         Returns the deleted paths, relative to the data folder. Raises ConfigurationError if
         `recording`, which is being made now, is one of the participant's.
@@ -188,7 +189,8 @@ class StudyFolder:
 
     @property
     def active(self) -> SessionModel | None:
-        """The session's model that the robot uses; saved, so that a power cut does not lose it."""
+        """The session's model that the robot uses now. The value is stored in a file, so a power
+        cut does not lose it."""
         try:
             model = read(SessionModel, json.loads((self.root / _ACTIVE).read_bytes()))
             list(map(Action, model.moves_before))  # raises ValueError for an unknown move

@@ -1,9 +1,9 @@
-"""Exchanges the robot's model for that of a session, and back.
+"""Puts a session's model in use, and then the robot's own model again.
 
 A participant's model is among the robot's models only while the session is driven. Afterwards it is
-put away, beside the session's log, and the robot uses its previous model again. A file on disk
-(`StudyFolder.active`) names the session's model, so that the next start after a power cut can put
-the model away.
+put away, beside the session's log, and the robot uses its previous model again. The file
+`StudyFolder.active` names the session's model. The next start after a power cut reads this file and
+puts the model away.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ PATIENCE_S = 10.0
 
 
 class SessionModels:
-    """Puts the model of a session in use and away again; may wait for the loop and the disk."""
+    """Puts a session's model in use, and later puts it away. The methods may wait for the control
+    loop and the disk."""
 
     def __init__(self, rig: Rig, folder: StudyFolder, autosave: Autosave) -> None:
         self.in_use: SessionModel | None = None
