@@ -22,10 +22,9 @@ from robot.driver import CLASSIC, Move, point_of
 from robot.errors import RecordingError
 from robot.exchange.timeline import make_timeline
 from robot.policy.events import Taught
-from robot.recordings.messages import Topic, describe_command
 from robot.recordings.writer import EpisodeWriter, describe_run
 from robot.store.folder import whole_file
-from robot.types import DEFAULT_MOVES, Action, Example, Frame, PilotCommand, Point
+from robot.types import DEFAULT_MOVES, Action, Example, Frame, Point
 
 _T = TypeVar("_T")
 _MOST_PLACES, _MOST_REASONS = 3, 12
@@ -226,11 +225,11 @@ def _hint(drive: Drive) -> str | None:
 def _write_label(writer: EpisodeWriter, shot: FrameEvent, frame_id: int, t_s: float) -> None:
     if shot.label is None:
         return
-    label, point = shot.label, shot.point
-    command = PilotCommand(held=label, frame_id=frame_id, seq=frame_id, received_s=t_s, point=point)
-    writer.write_message(Topic.COMMAND, t_s, describe_command(command))
     example = Example(
-        frame_id=frame_id, label=label, is_intervention=shot.is_intervention, point=point
+        frame_id=frame_id,
+        label=shot.label,
+        is_intervention=shot.is_intervention,
+        point=shot.point,
     )
     writer.write_lesson(t_s, Taught(example=example, x=np.zeros(0), at_s=t_s))
 
