@@ -8,6 +8,14 @@ from enum import StrEnum
 from robot.types import Action, Frame
 
 
+class Stage(StrEnum):
+    """The next step of the lesson."""
+
+    TEACH = "teach"
+    TRY = "try"
+    READY = "ready"
+
+
 class GapKind(StrEnum):
     """The kind of a gap: missing teaching, or a mistake."""
 
@@ -34,5 +42,4 @@ class Gap:
     have: float = 0.0
     need: float = 0.0
     distance_m: float | None = None
-    at_s: float = 0.0
     frame: Frame | None = None

@@ -1,16 +1,19 @@
 """Follows a lesson tick by tick: what was taught, what the robot tried, and what went wrong. Pure.
 
-Each mistake becomes a `Gap`: the move to show the robot, with a picture of the place.
+Each mistake becomes a `Gap`: the move to show the robot, with a picture of the place. Before the
+first trial the pilot must have begun each move in use a few times.
 """
 
 from __future__ import annotations
 
+import math
 from collections import Counter, defaultdict, deque
 
-from robot.coaching.gaps import Gap, GapKind
+from robot.coaching.gaps import Gap, GapKind, Stage
+from robot.coaching.trial_drive import HARDLY_KNOWN, TrialDrive
 from robot.control.state import Tick
 from robot.policy.events import Replaced, Taught, Undone
-from robot.types import Action, DrivenBy, Frame, StopReason
+from robot.types import Action, DrivenBy, Frame
 
 TAUGHT_S = 40.0
 """Teaching time after which the first trial may begin in any case, in seconds."""
@@ -33,27 +36,19 @@ use once its longer presses add up to `_MEANT_S` seconds. Without these limits t
 for a move that the pilot never meant."""
 _FEWEST = 5
 """Least number of examples of a move in use, whatever their share."""
-CLEAN_S = 45.0
-"""Time without mistakes after which the robot is ready, in seconds."""
-HARDLY_KNOWN = 0.8
-"""Least novelty of a view that counts as hardly known. Above 1 the robot asks for help, and a robot
-that comes near to 1 in a trial will probably ask later."""
-PUSHED_S = 0.3
 BEFORE_S, AFTER_S = 0.5, 0.15
 """A change of move was foreseen if the robot proposed the move at most `BEFORE_S` seconds before
 the pilot or `AFTER_S` seconds after."""
 _LONGEST_STEP_S, _PAUSE_S = 0.25, 0.5
 _COVERED_S = 10.0
 _GAPS, _CHANGES = 6, 40
-FORGOTTEN_S = 2 * CLEAN_S
-"""Once a trial is longer than this, in seconds, its figures are halved, because old driving says
-little about the robot's present abilities."""
 
 
 class Lesson:
-    """Follows one robot tick by tick; call `note` on the loop's thread.
+    """Follows one robot tick by tick, and judges whether it is ready. Use it on the loop's thread.
 
-    `clean_s` is the time that the robot has driven by itself since the last mistake.
+    `trial` is the robot's drive since the last mistake, and `foreseen` says which of the pilot's
+    latest changes of move the robot foresaw.
     """
 
     def __init__(self) -> None:
@@ -68,31 +63,26 @@ class Lesson:
         self._shown: set[Action] = set()  # moves taught by the pilot, not only by corrections
         self._meant_s: dict[Action, float] = defaultdict(float)
         self._try_s = 0.0
-        self._last: tuple[float, Action] | None = None
+        self._last = (-math.inf, Action.STOP)  # when a move was taught last, and which
         self._proposed: deque[tuple[float, Action | None]] = deque(maxlen=64)
-        self._foreseen: deque[bool] = deque(maxlen=_CHANGES)
+        self.foreseen: deque[bool] = deque(maxlen=_CHANGES)
         # whether each view of the last seconds of teaching was known
         self._known: deque[tuple[float, bool]] = deque()
         self._gaps: deque[Gap] = deque(maxlen=_GAPS)
-        self._was: DrivenBy = DrivenBy.NOBODY
-        self._is_taken = False
-        self._instead: Action | None = None
-        self._last_s: float | None = None
+        self._taken_from: Action | None = None  # the robot's move, until the pilot corrects it
+        self._last_s = math.inf
         self._frame: Frame | None = None
-        self._begin_trial()
+        self.trial = TrialDrive()
 
     def note_carried(self) -> None:
         """Begin a new trial, because the robot was moved to another place. The robot has not driven
-        at the new place yet, and the old gaps lie elsewhere. Call this on the loop's thread."""
+        at the new place yet, and the old gaps lie elsewhere."""
         self._gaps.clear()
-        self._begin_trial()
-
-    def _begin_trial(self) -> None:
-        self.clean_s = self._novel_s = self._stalled_s = 0.0
+        self.trial = TrialDrive()
 
     def note(self, tick: Tick) -> None:
         """Process one tick."""
-        step_s = 0.0 if self._last_s is None else min(tick.now_s - self._last_s, _LONGEST_STEP_S)
+        step_s = max(0.0, min(tick.now_s - self._last_s, _LONGEST_STEP_S))
         self._last_s = tick.now_s
         self._frame = tick.frame or self._frame
         if tick.frame is not None and tick.prediction is not None:
@@ -101,7 +91,7 @@ class Lesson:
             if isinstance(event, Replaced):
                 self._begin()
             elif isinstance(event, Undone):
-                self._begin_trial()
+                self.trial = TrialDrive()
             elif isinstance(event, Taught):
                 self._note_taught(event, tick)
                 if not self._is_taught:
@@ -112,36 +102,32 @@ class Lesson:
                     in_use = [move for move in self.moves_in_use if move in self._shown]
                     self._rare = [move for move in in_use if self._starts[move] < self._needs(move)]
         if tick.decision.driven_by is DrivenBy.ROBOT:
-            self._instead = tick.decision.action
-            self._note_alone(tick, max(step_s, 0.0))
-        elif tick.decision.driven_by is DrivenBy.PILOT:
+            self._taken_from = tick.decision.action
+            self._note_alone(tick, step_s)
+        elif tick.decision.driven_by is DrivenBy.PILOT and self._taken_from is not None:
             self._note_takeover(tick)
         else:
-            self._is_taken = False
-        self._was = tick.decision.driven_by
+            self._taken_from = None
 
     def _note_takeover(self, tick: Tick) -> None:
         """After a takeover, record the pilot's first move that differs from the robot's."""
-        if self._was is DrivenBy.ROBOT:
-            self._begin_trial()
-            self._is_taken = True
-        move = tick.decision.action
-        if self._is_taken and move is not self._instead:
-            self._add(GapKind.CORRECTED, tick, move, self._instead)
-            self._is_taken = False
+        self.trial = TrialDrive()
+        if tick.decision.action is not self._taken_from:
+            self._add(GapKind.CORRECTED, tick, tick.decision.action, self._taken_from)
+            self._taken_from = None
 
     def _note_taught(self, event: Taught, tick: Tick) -> None:
-        label, before = event.example.label, self._last
+        label, (before_s, before) = event.example.label, self._last
         if tick.prediction is not None:
             self._known.append((event.at_s, tick.prediction.novelty < HARDLY_KNOWN))
             while self._known[0][0] < event.at_s - _COVERED_S:
                 self._known.popleft()
         self._last = (event.at_s, label)
         self._examples[label] += 1
-        step_s = event.at_s - before[0] if before is not None else 0.0
-        is_going_on = before is not None and 0.0 <= step_s < _PAUSE_S
+        step_s = event.at_s - before_s
+        is_going_on = 0.0 <= step_s < _PAUSE_S
         self._taught_s += step_s if is_going_on else 0.0
-        if before is not None and is_going_on and label == before[1]:
+        if is_going_on and label == before:
             was_slip = self._try_s < _SLIP_S
             self._try_s += step_s
             if self._try_s >= _SLIP_S:
@@ -152,46 +138,35 @@ class Lesson:
         if not is_going_on or event.example.is_intervention:
             return
         near = [move for at_s, move in self._proposed if tick.now_s - at_s <= BEFORE_S + AFTER_S]
-        self._foreseen.append(label in near)
+        self.foreseen.append(label in near)
         if label not in near and near:
             self._add(GapKind.UNFORESEEN, tick, label, near[-1])
 
     def _note_alone(self, tick: Tick, step_s: float) -> None:
-        prediction = tick.prediction
-        if tick.decision.stop_reason is StopReason.NEEDS_HELP:
-            self._fail(GapKind.HELPLESS, tick)
-            return
-        if prediction is None or tick.sent is Action.STOP:
-            return
-        self._stalled_s = self._stalled_s + step_s if prediction.is_stalled else 0.0
-        if self._stalled_s >= PUSHED_S:
-            self._fail(GapKind.PUSHED, tick)
-            return
-        self.clean_s += step_s
-        if prediction.novelty >= HARDLY_KNOWN:
-            self._novel_s += step_s
-            if not self._gaps or self._gaps[-1].kind is not GapKind.UNKNOWN_VIEW:
-                self._add(GapKind.UNKNOWN_VIEW, tick, None, prediction.action)
-        # Old trials say little about the robot's present abilities.
-        if self.clean_s > FORGOTTEN_S:
-            self.clean_s, self._novel_s = self.clean_s / 2, self._novel_s / 2
-
-    def _fail(self, kind: GapKind, tick: Tick) -> None:
-        if self.clean_s > 0.0 or kind is not GapKind.HELPLESS:
+        kind, gaps = self.trial.note(tick, step_s), self._gaps
+        is_repeated = kind is GapKind.UNKNOWN_VIEW and gaps and gaps[-1].kind is kind
+        is_waiting = kind is GapKind.HELPLESS and not self.trial.clean_s
+        if kind is not None and not is_repeated and not is_waiting:
             self._add(kind, tick, None, self._proposed[-1][1] if self._proposed else None)
-        self._begin_trial()
+        if kind in (GapKind.HELPLESS, GapKind.PUSHED):
+            self.trial = TrialDrive()
 
     def _add(self, kind: GapKind, tick: Tick, move: Action | None, instead: Action | None) -> None:
-        self._gaps.append(
-            Gap(
-                kind=kind,
-                move=move,
-                instead=instead,
-                distance_m=tick.sensors.distance_m,
-                at_s=tick.now_s,
-                frame=self._frame,
-            )
-        )
+        distance_m, frame = tick.sensors.distance_m, self._frame
+        gap = Gap(kind=kind, move=move, instead=instead, distance_m=distance_m, frame=frame)
+        self._gaps.append(gap)
+
+    @property
+    def stage(self) -> Stage:
+        """The next step of the lesson."""
+        if self._missing_to_try():
+            return Stage.TEACH
+        return Stage.READY if self.trial.is_enough else Stage.TRY
+
+    def missing(self) -> list[Gap]:
+        """Return the gaps to teach, most urgent first; empty if the robot is ready."""
+        is_ready = self.stage is Stage.READY
+        return [] if is_ready else [*self._missing_to_try(), *reversed(self._gaps)]
 
     @property
     def moves_in_use(self) -> list[Action]:
@@ -213,6 +188,16 @@ class Lesson:
             and min(starts) >= EARLY_STARTS
             and sum(known) >= EARLY_KNOWN * len(known) > 0
         )
+
+    def _missing_to_try(self) -> list[Gap]:
+        gaps = []
+        if not self._is_taught:
+            gaps.append(Gap(kind=GapKind.TOO_SHORT, have=self._taught_s, need=TAUGHT_S))
+        for move in self._rare:
+            have, need = self._starts[move], self._needs(move)
+            if have < need:
+                gaps.append(Gap(kind=GapKind.RARE_MOVE, move=move, have=have, need=need))
+        return gaps
 
     def _needs(self, move: Action) -> int:
         """Return the number of times that the pilot must have begun a move in use."""

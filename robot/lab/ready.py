@@ -8,7 +8,9 @@ from __future__ import annotations
 import statistics
 from collections.abc import Iterator
 
-from robot.coaching.readiness import NOVEL_SHARE, Readiness, Stage
+from robot.coaching.gaps import Stage
+from robot.coaching.lesson import Lesson
+from robot.coaching.trial_drive import NOVEL_SHARE
 from robot.lab import metrics
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs
 from robot.lab.habits import RATES_HZ, WORLDS, taught_by
@@ -75,34 +77,34 @@ TEACH_STEP_S, TRY_STEP_S = 10.0, 40.0
 
 
 def run_ready(params: Params) -> Result:
-    """Teach a robot, let it try and teach it again on the advice of `Readiness`; then let it drive
+    """Teach a robot, let it try and teach it again on the advice of `Lesson`; then let it drive
     unaided for a minute.
 
     Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `limit_s`, `in_time_s`. `missing` in
     the result is the page's list of what the robot still has to learn. It is taken after
     `in_time_s`, or at the end if the robot is ready before.
     """
-    habit, readiness = HABITS[params["habit"]], Readiness()
+    habit, lesson = HABITS[params["habit"]], Lesson()
     limit_s, in_time_s = params["limit_s"], params["in_time_s"]
     name = f"ready {params['habit']} {params['seed']}"
     with taught_by(habit, name, params) as trial:
-        trial.loop.subscribe(readiness.note)
+        trial.loop.subscribe(lesson.note)
         taught_s = tried_s = 0.0
         missing: list[str] = []
         must_teach = True
-        while readiness.stage is not Stage.READY and taught_s + tried_s < limit_s:
+        while lesson.stage is not Stage.READY and taught_s + tried_s < limit_s:
             if not missing and taught_s + tried_s >= in_time_s:
-                missing = _missing(readiness)
-            if must_teach or readiness.stage is Stage.TEACH:
+                missing = _missing(lesson)
+            if must_teach or lesson.stage is Stage.TEACH:
                 taught_s += trial.drive(Mode.TRAIN, TEACH_STEP_S).seconds
                 must_teach = False
                 continue
             tried_s += trial.drive(
-                Mode.AUTONOMOUS, TRY_STEP_S, until=lambda moment: readiness.stage is Stage.READY
+                Mode.AUTONOMOUS, TRY_STEP_S, until=lambda moment: lesson.stage is Stage.READY
             ).seconds
-            must_teach = readiness.novel_share > NOVEL_SHARE
-        is_ready = readiness.stage is Stage.READY
-        missing = missing or _missing(readiness)
+            must_teach = lesson.trial.novel_share > NOVEL_SHARE
+        is_ready = lesson.stage is Stage.READY
+        missing = missing or _missing(lesson)
         agreement = trial.loop.state.agreement
         alone = trial.drive(Mode.AUTONOMOUS, 60.0, supervised=False)
     return {
@@ -116,14 +118,14 @@ def run_ready(params: Params) -> Result:
     }
 
 
-def _missing(readiness: Readiness) -> list[str]:
-    return [gap.kind.value for gap in readiness.missing()]
+def _missing(lesson: Lesson) -> list[str]:
+    return [gap.kind.value for gap in lesson.missing()]
 
 
 READY = Experiment(
     title="Ready means ready",
     text="Pilots of all habits in all places teach, let the robot try while they are ready to take "
-    "the wheel, and teach again, as robot/coaching/readiness.py advises, for at most twenty "
+    "the wheel, and teach again, as robot/coaching/lesson.py advises, for at most twenty "
     "minutes. Then the robot drives a minute unaided.",
     plan=_plan,
     tables=_tables,

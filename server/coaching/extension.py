@@ -39,7 +39,7 @@ class CoachingExtension(Extension):
 
     def note_carried(self) -> None:
         self.progress.trail.begin()
-        self.progress.readiness.note_carried()
+        self.progress.lesson.note_carried()
 
 
 def progress_of(connection: HTTPConnection) -> Progress:

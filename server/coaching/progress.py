@@ -9,7 +9,7 @@ from array import array
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
 
-from robot.coaching.readiness import Readiness
+from robot.coaching.lesson import Lesson
 from robot.coaching.trail import Trail
 from robot.control.loop import ControlLoop
 from robot.control.state import Tick
@@ -75,9 +75,9 @@ class Progress:
     def __init__(self, loop: ControlLoop, persistence: Persistence | None = None) -> None:
         self._loop = loop
         self._persistence = persistence
-        self.readiness = Readiness()
+        self.lesson = Lesson()
         self.trail = Trail()
-        self.listeners = self.readiness.note, self.trail.note, self.note
+        self.listeners = self.lesson.note, self.trail.note, self.note
         self._marks = _Curve()
         self.gallery = Gallery(loop)
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 from fastapi import APIRouter, Request
 
-from robot.coaching.readiness import Readiness
 from robot.policy.image import to_small_grey
 from server.coaching.extension import progress_of
+from server.coaching.progress import Progress
 from server.routes.answers import Route, answer, png_text
 from server.services import services_of
 
@@ -109,25 +109,26 @@ def describe_teaching(request: Request) -> Teaching:
 @router.get("/teaching/readiness")
 async def show_readiness(request: Request, pictures: bool = True) -> ReadinessAnswer:
     """Return the robot's readiness to drive autonomously, and the gaps in its training."""
+    progress = progress_of(request)
     services = services_of(request)
-    readiness = progress_of(request).readiness
-    return await services.on_loop(lambda: _describe_readiness(readiness, pictures))
+    return await services.on_loop(lambda: _describe_readiness(progress, pictures))
 
 
-def _describe_readiness(readiness: Readiness, has_pictures: bool) -> ReadinessAnswer:
+def _describe_readiness(progress: Progress, has_pictures: bool) -> ReadinessAnswer:
     """Describe the readiness. Call it on the loop's thread."""
-    missing = []
-    for gap in readiness.missing():
+    lesson, missing = progress.lesson, []
+    for gap in lesson.missing():
         png, frame = None, gap.frame
         if has_pictures and frame:
             png = png_text(to_small_grey(frame, frame.width // 2, frame.height // 2))
         missing.append(answer(GapAnswer, gap, have=round(gap.have, 1), png=png))
     return ReadinessAnswer(
-        stage=readiness.stage,
-        alone_s=round(readiness.clean_s, 1),
-        alone_needed_s=math.ceil(readiness.needed_s),
-        unknown_share=round(readiness.novel_share, 3),
-        **readiness.foreseen,
-        moves=readiness.moves_in_use,
+        stage=lesson.stage,
+        alone_s=round(lesson.trial.clean_s, 1),
+        alone_needed_s=math.ceil(lesson.trial.needed_s),
+        unknown_share=round(lesson.trial.novel_share, 3),
+        changes=len(lesson.foreseen),
+        foreseen=sum(lesson.foreseen),
+        moves=lesson.moves_in_use,
         missing=missing,
     )

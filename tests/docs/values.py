@@ -18,7 +18,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 from robot import driver
-from robot.coaching import lesson
+from robot.coaching import lesson, trial_drive
 from robot.control.camera_timing import CameraTimingConfig
 from robot.control.gate import GateConfig
 from robot.control.link_governor import LinkGovernorConfig
@@ -31,6 +31,7 @@ _MARK = re.compile(r"(<!--= ([\w.]+)(?: (ms|bare))? -->)(.*?)(<!--/-->)")
 SOURCES: Mapping[str, object] = {
     "driver": driver,
     "lesson": lesson,
+    "trial_drive": trial_drive,
     "gate": GateConfig(),
     "governor": LinkGovernorConfig(),
     "patience": CameraTimingConfig(),

@@ -11,7 +11,7 @@ from typing import Any
 import httpx
 import pytest
 
-from robot.coaching.lesson import CLEAN_S
+from robot.coaching.trial_drive import CLEAN_S
 from robot.store.models.autosave import Autosave
 from robot.types import Action, DrivenBy, Mode
 from server.coaching.extension import CoachingExtension
@@ -215,7 +215,7 @@ def test_readiness_says_what_is_missing(taught: VirtualServer) -> None:
 
 
 def test_readiness_shows_the_view_in_which_the_pilot_took_the_wheel(taught: VirtualServer) -> None:
-    readiness = taught.services.extension(CoachingExtension).progress.readiness
+    lesson = taught.services.extension(CoachingExtension).progress.lesson
     loop = taught.rig.loop
     ticks: list[Any] = []
     unsubscribe = loop.subscribe(lambda tick: ticks.append(tick) if tick.frame else None)
@@ -228,7 +228,7 @@ def test_readiness_shows_the_view_in_which_the_pilot_took_the_wheel(taught: Virt
             ticks[0].decision, driven_by=DrivenBy.PILOT, action=Action.LEFT, mode=Mode.AUTONOMOUS
         ),
     )
-    taught.ask_loop(lambda: [readiness.note(tick) for tick in (by_robot, by_pilot)])
+    taught.ask_loop(lambda: [lesson.note(tick) for tick in (by_robot, by_pilot)])
     gaps = ask(taught, "GET", "/api/teaching/readiness").json()["missing"]
     [corrected] = [gap for gap in gaps if gap["kind"] == "corrected"]
     assert corrected["move"] == "left"

@@ -1,0 +1,69 @@
+"""A trial: the robot drives by itself, and the pilot stays ready to correct. Pure.
+
+A trial judges whether the robot is ready. Agreement predicts little, since most frames are similar
+to the frames before them. The best predictor of a minute alone is a short trial: its time counts
+while nothing goes wrong: no correction, no collision, no call for help, and few unknown views.
+"""
+
+from __future__ import annotations
+
+from robot.coaching.gaps import GapKind
+from robot.control.state import Tick
+from robot.types import Action, StopReason
+
+CLEAN_S = 45.0
+"""Time without mistakes after which the robot is ready, in seconds."""
+NOVEL_SHARE = 0.015
+"""Largest share of hardly known views in a clean trial."""
+HARDLY_KNOWN = 0.8
+"""Least novelty of a view that counts as hardly known. Above 1 the robot asks for help, and a robot
+that comes near to 1 in a trial will probably ask later."""
+PUSHED_S = 0.3
+FORGOTTEN_S = 2 * CLEAN_S
+"""Once a trial is longer than this, in seconds, its figures are halved, because old driving says
+little about the robot's present abilities."""
+
+
+class TrialDrive:
+    """The time since the last mistake. `clean_s` is the time that the robot has driven in it."""
+
+    def __init__(self) -> None:
+        self.clean_s = self._novel_s = self._stalled_s = 0.0
+
+    def note(self, tick: Tick, step_s: float) -> GapKind | None:
+        """Count one tick; return what goes wrong in it. A collision or a call for help ends the
+        trial, a hardly known view does not."""
+        prediction = tick.prediction
+        if tick.decision.stop_reason is StopReason.NEEDS_HELP:
+            return GapKind.HELPLESS
+        if prediction is None or tick.sent is Action.STOP:
+            return None
+        self._stalled_s = self._stalled_s + step_s if prediction.is_stalled else 0.0
+        if self._stalled_s >= PUSHED_S:
+            return GapKind.PUSHED
+        is_novel = prediction.novelty >= HARDLY_KNOWN
+        self.clean_s += step_s
+        self._novel_s += step_s if is_novel else 0.0
+        if self.clean_s > FORGOTTEN_S:
+            self.clean_s, self._novel_s = self.clean_s / 2, self._novel_s / 2
+        return GapKind.UNKNOWN_VIEW if is_novel else None
+
+    @property
+    def is_enough(self) -> bool:
+        """True if the robot is ready to drive by itself."""
+        return self.clean_s >= self._wanted_s
+
+    @property
+    def novel_share(self) -> float:
+        """Share of `clean_s` with hardly known views."""
+        return self._novel_s / self.clean_s if self.clean_s else 0.0
+
+    @property
+    def needed_s(self) -> float:
+        """The required `clean_s`. More time is required if too many of the views were hardly
+        known."""
+        return min(self._wanted_s, FORGOTTEN_S)
+
+    @property
+    def _wanted_s(self) -> float:
+        return max(CLEAN_S, self._novel_s / NOVEL_SHARE)
