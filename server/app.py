@@ -11,13 +11,14 @@ from starlette.concurrency import run_in_threadpool
 from starlette.routing import BaseRoute
 
 from server.gateway.guard import Guard
-from server.gateway.rules import PUBLIC_PATHS
 from server.hosting.static_files import PageFiles
-from server.routes import routers
+from server.routes import drive, settings, teaching, video
 from server.routes.answers import describe_routes
 from server.routes.bodies import HANDLERS
 from server.services import Services
 
+ROUTERS = [module.router for module in (drive, video, teaching, settings)]
+"""The routers of the core; extensions add theirs as an `Extension`."""
 _made: dict[tuple[int, ...], tuple[list[APIRouter], list[BaseRoute]]] = {}
 """Routers and their routes, by the routers' ids. They are the same in each application."""
 
@@ -33,7 +34,7 @@ def create_app(services: Services) -> FastAPI:
     app.state.services = services
     app.state.gateway = services.gateway
     extensions = list(services.extensions.values())
-    parts = [*routers(), *(router for each in extensions for router in each.routers)]
+    parts = [*ROUTERS, *(router for each in extensions for router in each.routers)]
     if (key := tuple(map(id, parts))) not in _made:
         alone = FastAPI(openapi_url=None, strict_content_type=False)
         for router in parts:
@@ -55,11 +56,8 @@ def create_app(services: Services) -> FastAPI:
 
     # NOTE: `lifespan` is set here, because FastAPI has such an argument only since 0.93.
     app.router.lifespan_context = lifespan
-    gateway = services.gateway
-    public = PUBLIC_PATHS.union(*(each.public_paths for each in extensions))
-    opened = frozenset[str]().union(*(each.open_paths for each in extensions))
-    rules, clock = gateway.rules(public, opened), services.robot.clock
-    app.add_middleware(
-        Guard, rules=rules, refused=services.turned_away, clock=clock, gateway=gateway
-    )
+    for each in extensions:
+        services.gateway.public_paths |= each.public_paths
+        services.gateway.open_paths |= each.open_paths
+    app.add_middleware(Guard, gateway=services.gateway)
     return app

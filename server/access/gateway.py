@@ -9,7 +9,7 @@ import logging
 import re
 import socket
 import ssl
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 from urllib.parse import parse_qs
@@ -39,10 +39,9 @@ from server.access.surroundings import Place, Surroundings, Watch
 from server.access.terminal_code import draw_qr
 from server.access.unknown_name import explain_unknown_name
 from server.config import Config
-from server.gateway.gateway import SLOT, Gateway
+from server.gateway.gateway import READING, SLOT, Gateway
 from server.gateway.guard import VIDEO
 from server.gateway.roles import Refusal, Role, Session
-from server.gateway.rules import READING, AccessRules
 from server.gateway.rules import host_name as opened_name
 
 if TYPE_CHECKING:
@@ -51,12 +50,6 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 _NAME_S = 1.5
 """How long the server's start waits until the robot has its name on the network, in seconds."""
-_UNPAIRED = Refusal(
-    401,
-    "unpaired",
-    "This browser is not paired. Open the address that the robot's terminal shows.",
-    "/pair",
-)
 _BAD_KEY = Refusal(401, "key", "The key in this address is not valid. Maybe it was replaced.")
 _LABEL = re.compile(r"[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?", re.IGNORECASE)
 _WATCH_BY = (
@@ -76,6 +69,12 @@ class NetworkGateway(Gateway):
 
     limits_type: ClassVar[type[NetworkLimits]] = NetworkLimits
     config: NetworkConfig
+    not_admitted = Refusal(
+        401,
+        "unpaired",
+        "This browser is not paired. Open the address that the robot's terminal shows.",
+        "/pair",
+    )
 
     def __init__(
         self,
@@ -86,7 +85,8 @@ class NetworkGateway(Gateway):
     ) -> None:
         super().__init__(NetworkConfig.of(config), clock)
         config = self.config
-        self.is_tls = config.tls
+        self.is_tls, self.allows_addresses = config.tls, config.needs_pairing
+        self.origins = tuple(public.origin for public in config.public)
         self.admission = AdmissionControl(config.limits, connection_capacity())
         self.admission.keeps = self.is_kept
         self.admission.recognise = self._recognise
@@ -246,18 +246,16 @@ class NetworkGateway(Gateway):
             return super().greet(more)
         return greet_phones(self.addresses(), self.pairing.tokens, more)
 
-    def rules(self, public: frozenset[str], open: frozenset[str]) -> AccessRules:
-        config = self.config
-        return AccessRules(
-            names=self.surroundings,
-            addresses=lambda: self.surroundings.page_addresses,
-            advise=advise,
-            unknown=_UNPAIRED,
-            allows_addresses=config.needs_pairing,
-            origins=tuple(public.origin for public in config.public),
-            public=public,
-            open=open,
-        )
+    @property
+    def names(self) -> Container[str]:
+        return self.surroundings
+
+    def advise(self, name: str, address: str) -> str:
+        """Return advice for a request that was refused although it used one of the robot's names,
+        or that came through a proxy."""
+        known = f" If this is its name, start it with --also-at {name}." if name else ""
+        proxy = f"start the robot with --behind-proxy {address}"
+        return f"{known} If a proxy forwarded this request, {proxy}"
 
     @property
     def _proxies(self) -> Proxies:
@@ -360,15 +358,6 @@ class NetworkGateway(Gateway):
     def close_connections(self) -> None:
         for slot in list(self.admission.connections.values()):
             slot.close()
-
-
-def advise(name: str | None, address: str) -> str:
-    """Return advice for a request that was refused although it used one of the robot's names, or
-    that came through a proxy."""
-    known = f" If this is its name, start it with --also-at {name}." if name is not None else ""
-    return (
-        f"{known} If a proxy forwarded this request, start the robot with --behind-proxy {address}"
-    )
 
 
 def _read_label(text: str) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import struct
-from collections import Counter
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Any, Literal
@@ -23,7 +22,6 @@ from server.board.ready_lesson import NAME, left_turns
 from server.config import Config
 from server.gateway.gateway import STOP_PATH, gateway_type
 from server.gateway.guard import Guard
-from server.gateway.rules import PUBLIC_PATHS
 from server.hosting.static_files import CompressedFiles
 from server.routes.bodies import HANDLERS, Short, do
 from server.routes.sockets import end_with_either
@@ -120,13 +118,7 @@ def create_board_app(
 
     # NOTE: `lifespan` is set here, because FastAPI has such an argument only since 0.93.
     app.router.lifespan_context = lifespan
-    app.add_middleware(
-        Guard,
-        rules=gateway.rules(PUBLIC_PATHS, frozenset()),
-        refused=Counter(),
-        clock=clock,
-        gateway=gateway,
-    )
+    app.add_middleware(Guard, gateway=gateway)
     return app
 
 

@@ -10,7 +10,8 @@ import argparse
 import contextlib
 import socket
 import ssl
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Container, Mapping, Sequence
 from typing import Any, ClassVar
 
 from starlette.responses import JSONResponse, Response
@@ -20,7 +21,6 @@ from robot.clock import Clock
 from robot.entry_points import points
 from server.config import Config, Limits
 from server.gateway.roles import Refusal, Role, Session
-from server.gateway.rules import AccessRules
 
 GATEWAY = "drivelesson.gateway"
 STOP_PATH = "/api/stop"
@@ -29,6 +29,8 @@ SLOT = "drivelesson.slot"
 """Key in a scope: the slot that a limited websocket, stream or upload has taken."""
 PREFIX = "drivelesson.prefix"
 """Key in a scope: the path under which the page is served, such as /robot; empty for the root."""
+READING = ("GET", "HEAD", None)
+"""Methods that change nothing. None stands for a websocket, whose messages are checked later."""
 Credential = Callable[[Mapping[str, str]], Session | None]
 Check = Callable[[str, str | None, Role], Refusal | None]
 
@@ -42,6 +44,9 @@ class Gateway:
         kept: Names of sessions whose connections are never evicted for others.
         has_priority: Returns True for the name of the pilot's session, whose connections are not
             evicted either.
+        public_paths: Paths that need no session and reveal nothing about the robot.
+        open_paths: Paths on which a viewer may do more than read.
+        refused: The number of refused requests, by reason.
     """
 
     limits_type: ClassVar[type[Limits]] = Limits
@@ -49,6 +54,12 @@ class Gateway:
     """True if the page is served by https. `open` then sets `tls_files`."""
     tls_files: tuple[str, str] | None = None
     """The files of the server's private key and TLS chain; None without https."""
+    allows_addresses = False
+    """True if every IP address is accepted as Host, because DNS rebinding needs a name."""
+    origins: tuple[str, ...] = ()
+    """Other origins of the robot's page, if a proxy serves the page."""
+    not_admitted = Refusal(401, "session", "This browser is not admitted.")
+    """The refusal that a client without a session gets."""
 
     def __init__(self, config: Config, clock: Clock) -> None:
         self.config, self.clock = config, clock
@@ -56,6 +67,9 @@ class Gateway:
         self.checks: list[Check] = []
         self.kept: set[str] = set()
         self.has_priority: Callable[[str], bool] = lambda person: False
+        self.public_paths = {"/healthz", "/favicon.ico", "/manifest.webmanifest"}
+        self.open_paths: set[str] = set()
+        self.refused: Counter[str] = Counter()
 
     @classmethod
     def configure(cls, parser: argparse.ArgumentParser) -> None:
@@ -104,9 +118,14 @@ class Gateway:
         """Return the text shown when the robot is ready; `more` are extensions' lines."""
         return "\n".join([f"Drivelesson is ready: open {self.addresses()[0]}", *more, ""])
 
-    def rules(self, public: frozenset[str], open: frozenset[str]) -> AccessRules:
-        """Return the access rules; `public` and `open` are paths of extensions, see `Extension`."""
-        return AccessRules(names=frozenset(loopback_names(self.config)), public=public, open=open)
+    @property
+    def names(self) -> Container[str]:
+        """The names to which the robot answers; they may change while the server runs."""
+        return loopback_names(self.config)
+
+    def advise(self, name: str, address: str) -> str:
+        """Return advice for a client that used this address; an unknown name is in `name`."""
+        return ""
 
     def explain(self, refusal: Refusal, scope: Scope, headers: dict[str, str]) -> Response:
         """Return the answer to a refused request; it says why, and has these `headers`."""
@@ -119,10 +138,8 @@ class Gateway:
 
     def session_of(self, headers: Mapping[str, str], address: str) -> Session | None:
         """Return the session that a request's headers prove; None if they prove none."""
-        for credential in self.credentials:
-            if session := credential(headers):
-                return session
-        return self.find_session(headers, address)
+        found = (credential(headers) for credential in self.credentials)
+        return next(filter(None, found), None) or self.find_session(headers, address)
 
     def find_session(self, headers: Mapping[str, str], address: str) -> Session | None:
         """Return the session of a browser, from its cookie or its address; None if it has none."""

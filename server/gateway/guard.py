@@ -10,7 +10,6 @@ import asyncio
 import contextlib
 import logging
 import re
-from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -18,10 +17,9 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import ClientDisconnect, HTTPConnection
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from robot.clock import Clock
 from server.gateway.gateway import PREFIX, SLOT, STOP_PATH, Gateway
 from server.gateway.roles import Refusal, Role, Session
-from server.gateway.rules import AccessRules
+from server.gateway.rules import admit, check_host, check_origin
 
 log = logging.getLogger(__name__)
 
@@ -54,12 +52,9 @@ def note_use(scope: Scope, now_s: float) -> None:
 
 @dataclass(frozen=True)
 class Guard:
-    """ASGI middleware that checks every request; `refused` counts its refusals by reason."""
+    """ASGI middleware that checks every request."""
 
     app: ASGIApp
-    rules: AccessRules
-    refused: Counter[str]
-    clock: Clock
     gateway: Gateway
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -68,25 +63,16 @@ class Guard:
             return
         seen = self.gateway.see_through(scope)
         scope = scope if isinstance(seen, Refusal) else seen
-        headers = _headers(scope)
-        verdict = seen if isinstance(seen, Refusal) else self._judge(scope, headers)
+        verdict = seen if isinstance(seen, Refusal) else self._judge(scope)
         if isinstance(verdict, Refusal):
-            self.refused[verdict.reason] += 1
-            if verdict.status != 429 or self.gateway.may_log(
-                scope.get(_PERSON, ""), verdict.reason
-            ):
-                path, why = str(scope["path"])[:80], verdict.sentence
-                log.warning("refused reason=%s path=%r why=%r", verdict.reason, path, why)
-            if verdict.status == 429:  # the pause slows the client, which waits for the answer
-                await self.clock.pause(_TOO_MANY_S)
-            await _refuse(scope, receive, send, verdict, self.gateway)
+            await self._refuse(scope, receive, send, verdict)
             return
         scope[_ROLE] = verdict
         try:
             if scope["type"] == "websocket":
                 await self.app(scope, receive, send)
             else:
-                await self._pass_request(scope, receive, send, headers)
+                await self._pass_request(scope, receive, send)
         except asyncio.CancelledError:
             if SLOT not in scope or scope[SLOT].is_taken:
                 raise
@@ -94,37 +80,53 @@ class Guard:
         finally:
             self.gateway.leave(scope)
 
-    def _judge(self, scope: Scope, headers: dict[str, str]) -> Role | Refusal:
-        gateway, rules, method = self.gateway, self.rules, scope.get("method")
-        address = (scope.get("client") or ("", 0))[0]
-        scheme = "https" if scope["scheme"] in ("https", "wss") else "http"
-        is_lasting = scope["type"] == "websocket" or scope["path"] == VIDEO
-        refusal, session = rules.check_host(headers), None
-        # Pages of other sites may use a URL with a key, so their Origin header is not checked.
-        by_address = None if refusal else gateway.session_by_address(scope)
-        if isinstance(by_address, Session):
-            session = by_address
-        else:
-            refusal = refusal or by_address or rules.check_origin(headers, scheme, method)
-            session = None if refusal else gateway.session_of(headers, address)
+    async def _refuse(self, scope: Scope, receive: Receive, send: Send, refusal: Refusal) -> None:
+        """Count, log and answer a refused request."""
+        is_too_many, reason = refusal.status == 429, refusal.reason
+        self.gateway.refused[reason] += 1
+        if not is_too_many or self.gateway.may_log(scope.get(_PERSON, ""), reason):
+            path, why = str(scope["path"])[:80], refusal.sentence
+            log.warning("refused reason=%s path=%r why=%r", reason, path, why)
+        if is_too_many:  # the pause slows the client, which waits for the answer
+            await self.gateway.clock.pause(_TOO_MANY_S)
+        await self._answer(scope, receive, send, refusal)
+
+    def _judge(self, scope: Scope) -> Role | Refusal:
+        """Return the role in which a request is admitted, or why it is refused."""
+        gateway, headers = self.gateway, _headers(scope)
+        method, path = scope.get("method"), scope["path"]
+        is_lasting = scope["type"] == "websocket" or path == VIDEO
+        found = self._identify(scope, headers)
+        session = found if isinstance(found, Session) else None
         too_many = gateway.note_asked(scope, session, lasts=is_lasting)
-        if refusal is not None:
-            return refusal
-        if scope["path"] == STOP_PATH and session is not None:
+        if isinstance(found, Refusal):
+            return found
+        if path == STOP_PATH and session is not None:
             return session.role  # the rate limit does not apply to STOP
-        person = session or gateway.anonymous(address)
+        person = session or gateway.anonymous(_address(scope))
         scope[_PERSON] = person.name
         refusal = too_many or self._check_limits(scope, headers, person)
-        verdict = refusal or rules.admit(scope["path"], method, headers, session)
+        verdict = refusal or admit(gateway, path, method, headers, session)
         if isinstance(verdict, Refusal):
             return verdict
-        refusal = gateway.check(scope["path"], method, verdict)
-        is_upload = method == "PUT" and bool(_UPLOADS.fullmatch(scope["path"]))
+        refusal = gateway.check(path, method, verdict)
+        is_upload = method == "PUT" and bool(_UPLOADS.fullmatch(path))
         if refusal is None and (is_lasting or is_upload):
             task = asyncio.current_task()
             assert task is not None
             refusal = gateway.take_slot(scope, person, task.cancel, is_upload=is_upload)
         return refusal or verdict
+
+    def _identify(self, scope: Scope, headers: dict[str, str]) -> Session | Refusal | None:
+        """Return a request's session, or a refusal if a page of another site has sent it."""
+        if (refusal := check_host(self.gateway, headers)) is not None:
+            return refusal
+        # Pages of other sites may use a URL with a key, so their Origin header is not checked.
+        if (by_address := self.gateway.session_by_address(scope)) is not None:
+            return by_address
+        scheme = "https" if scope["scheme"] in ("https", "wss") else "http"
+        refusal = check_origin(self.gateway, headers, scheme, scope.get("method"))
+        return refusal or self.gateway.session_of(headers, _address(scope))
 
     def _check_limits(
         self, scope: Scope, headers: dict[str, str], person: Session
@@ -143,10 +145,9 @@ class Guard:
         limits = self.gateway.config.limits
         return limits.upload_bytes if is_upload else limits.body_bytes
 
-    async def _pass_request(
-        self, scope: Scope, receive: Receive, send: Send, sent: dict[str, str]
-    ) -> None:
-        extra = _security_headers(scope["scheme"], sent.get("host", ""), scope["path"])
+    async def _pass_request(self, scope: Scope, receive: Receive, send: Send) -> None:
+        host = Headers(scope=scope).get("host", "")
+        extra = _security_headers(scope["scheme"], host, scope["path"])
 
         async def send_guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
@@ -161,7 +162,27 @@ class Guard:
         try:
             await self.app(scope, _limited(receive, self._most_bytes(scope)), send_guarded)
         except ClientDisconnect:  # the body was too long, or the client left before its end
-            await _refuse(scope, receive, send, _TOO_LARGE, self.gateway)
+            await self._answer(scope, receive, send, _TOO_LARGE)
+
+    async def _answer(self, scope: Scope, receive: Receive, send: Send, refusal: Refusal) -> None:
+        """Say why a request is refused; a websocket gets a plain 403 if uvicorn is too old."""
+        kind = scope["type"]
+        if kind == "websocket" and "websocket.http.response" not in scope.get("extensions", {}):
+            await receive()
+            await send({"type": "websocket.close", "code": 1008})
+            return
+        prefix = "websocket.http.response" if kind == "websocket" else "http.response"
+        headers = {"cache-control": "no-store", "x-content-type-options": "nosniff"}
+        if refusal.status == 429:
+            headers["retry-after"] = "1"
+        if refusal.reason == "connections":
+            headers["connection"] = "close"
+        if refusal.location is not None:
+            headers["location"] = scope.get(PREFIX, "") + refusal.location
+        answer = self.gateway.explain(refusal, scope, headers)
+        start = {"status": answer.status_code, "headers": answer.raw_headers}
+        await send({"type": f"{prefix}.start", **start})
+        await send({"type": f"{prefix}.body", "body": answer.body})
 
 
 def _limited(receive: Receive, most: int) -> Receive:
@@ -179,6 +200,10 @@ def _limited(receive: Receive, most: int) -> Receive:
     return receive_limited
 
 
+def _address(scope: Scope) -> str:
+    return str((scope.get("client") or ("", 0))[0])
+
+
 def _headers(scope: Scope) -> dict[str, str]:
     """Return a request's headers; the first of repeated headers counts, but cookies are joined."""
     headers = Headers(scope=scope)
@@ -193,16 +218,15 @@ def _security_headers(scheme: str, host: str, path: str) -> dict[str, str]:
         "cross-origin-resource-policy": "same-origin",
         "cache-control": "no-cache",
     }
-    if path.startswith(_PARTS) and not path.endswith("-worker.js"):
-        return headers
-    return {
-        **headers,
-        "content-security-policy": content_policy(scheme, host),
-        "x-frame-options": "DENY",
-        "referrer-policy": "no-referrer",
-        "cross-origin-opener-policy": "same-origin",
-        "permissions-policy": "camera=(), microphone=(), geolocation=()",
-    }
+    if not path.startswith(_PARTS) or path.endswith("-worker.js"):
+        headers |= {
+            "content-security-policy": content_policy(scheme, host),
+            "x-frame-options": "DENY",
+            "referrer-policy": "no-referrer",
+            "cross-origin-opener-policy": "same-origin",
+            "permissions-policy": "camera=(), microphone=(), geolocation=()",
+        }
+    return headers
 
 
 def content_policy(scheme: str, host: str, inline: Iterable[str] = ()) -> str:
@@ -237,26 +261,3 @@ async def _close(scope: Scope, send: Send) -> None:
             await send({"type": "websocket.close", "code": 1013})
         else:
             await send({"type": "http.response.body", "body": b""})
-
-
-async def _refuse(
-    scope: Scope, receive: Receive, send: Send, refusal: Refusal, gateway: Gateway
-) -> None:
-    """Answer a refused request; a websocket gets a plain 403 if uvicorn supports nothing else."""
-    kind = scope["type"]
-    if kind == "websocket" and "websocket.http.response" not in scope.get("extensions", {}):
-        await receive()
-        await send({"type": "websocket.close", "code": 1008})
-        return
-    prefix = "websocket.http.response" if kind == "websocket" else "http.response"
-    headers = {"cache-control": "no-store", "x-content-type-options": "nosniff"}
-    if refusal.status == 429:
-        headers["retry-after"] = "1"
-    if refusal.reason == "connections":
-        headers["connection"] = "close"
-    if refusal.location is not None:
-        headers["location"] = scope.get(PREFIX, "") + refusal.location
-    answer = gateway.explain(refusal, scope, headers)
-    start = {"status": answer.status_code, "headers": answer.raw_headers}
-    await send({"type": f"{prefix}.start", **start})
-    await send({"type": f"{prefix}.body", "body": answer.body})

@@ -7,101 +7,73 @@ same browser could reach the robot, by a cross-site websocket or by DNS rebindin
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Container, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from urllib.parse import urlsplit
 
 from server.config import as_address
+from server.gateway.gateway import READING, Gateway
 from server.gateway.roles import Refusal, Role, Session
 
-PUBLIC_PATHS = frozenset({"/healthz", "/favicon.ico", "/manifest.webmanifest"})
-"""Paths that need no session and reveal nothing about the robot; extensions add theirs."""
-NOT_ADMITTED = Refusal(401, "session", "This browser is not admitted.")
-READING = ("GET", "HEAD", None)
-"""Methods that change nothing. None stands for a websocket, whose messages are checked later."""
+
+def check_host(gateway: Gateway, headers: Mapping[str, str]) -> Refusal | None:
+    """Refuse a request whose Host is not a name of the robot, as it may be DNS rebinding."""
+    host = headers.get("host", "")
+    name = host_name(host)
+    if name in gateway.names or (gateway.allows_addresses and as_address(name) is not None):
+        return None
+    open_at = gateway.addresses()
+    where = f" Open it by its address: {open_at[0]}."
+    advice = gateway.advise(short(name), short(f"http://{host}"))
+    sentence = f"This robot does not answer to {short(host)}.{where}{advice}"
+    return Refusal(421, "host", sentence, open_at=tuple(open_at))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AccessRules:
-    """The rules of one server.
+def check_origin(
+    gateway: Gateway, headers: Mapping[str, str], scheme: str, method: str | None
+) -> Refusal | None:
+    """Refuse a request that a page of another site has sent.
 
-    Args:
-        names: Names that the robot answers to; they may change while the server runs.
-        addresses: Returns the page's current addresses, to tell a client that used another name.
-        advise: Returns advice for a client that used this unknown name (or None) and this address.
-        allows_addresses: Also accept every IP address as Host, because DNS rebinding needs a name.
-        origins: Other origins of the robot's page, if a proxy serves the page.
-        public: Paths that need no session.
-        open: Paths on which a viewer may do more than read.
-        unknown: The refusal that a client without a session gets.
+    A page cannot forge the headers Origin and Sec-Fetch-Site; other programs can send anything in
+    them. `method` is None for a websocket.
     """
-
-    names: Container[str]
-    addresses: Callable[[], Sequence[str]] = tuple
-    advise: Callable[[str | None, str], str] = lambda name, address: ""
-    allows_addresses: bool = False
-    origins: tuple[str, ...] = ()
-    public: frozenset[str] = PUBLIC_PATHS
-    open: frozenset[str] = frozenset()
-    unknown: Refusal = NOT_ADMITTED
-
-    def check_host(self, headers: Mapping[str, str]) -> Refusal | None:
-        """Refuse a request whose Host is not a name of the robot, as it may be DNS rebinding."""
-        host = headers.get("host", "")
-        name = host_name(host)
-        if name in self.names or (self.allows_addresses and as_address(name) is not None):
+    origin, host = headers.get("origin"), headers.get("host", "")
+    if origin is not None:
+        if origin in (f"{scheme}://{host}", *gateway.origins):
             return None
-        open_at = list(self.addresses())
-        where = f" Open it by its address: {open_at[0]}." if open_at else ""
-        advice = self.advise(short(name), short(f"http://{host}"))
-        sentence = f"This robot does not answer to {short(host)}.{where}{advice}"
-        return Refusal(421, "host", sentence, open_at=tuple(open_at))
+        told = f"Origin is {short(origin)}, but the request went to {short(f'{scheme}://{host}')}"
+        return _cross_site(f"{told}.{gateway.advise('', short(origin))}")
+    site = headers.get("sec-fetch-site", "none")
+    # Another site may link to the page, but may not show it in a frame.
+    is_link = method in ("GET", "HEAD") and headers.get("sec-fetch-mode") == "navigate"
+    if site in ("none", "same-origin") or is_link:
+        return None
+    return _cross_site(f"Sec-Fetch-Site is {short(site)}.")
 
-    def check_origin(
-        self, headers: Mapping[str, str], scheme: str, method: str | None
-    ) -> Refusal | None:
-        """Refuse a request that a page of another site has sent.
 
-        A page cannot forge the headers Origin and Sec-Fetch-Site; other programs can send anything
-        in them. `method` is None for a websocket.
-        """
-        origin, host = headers.get("origin"), headers.get("host", "")
-        if origin is not None:
-            if origin in (f"{scheme}://{host}", *self.origins):
-                return None
-            told = (
-                f"Origin is {short(origin)}, but the request went to {short(f'{scheme}://{host}')}"
-            )
-            return _cross_site(f"{told}.{self.advise(None, short(origin))}")
-        site = headers.get("sec-fetch-site", "none")
-        # Another site may link to the page, but may not show it in a frame.
-        is_link = method in ("GET", "HEAD") and headers.get("sec-fetch-mode") == "navigate"
-        if site in ("none", "same-origin") or is_link:
-            return None
-        return _cross_site(f"Sec-Fetch-Site is {short(site)}.")
-
-    def admit(
-        self, path: str, method: str | None, headers: Mapping[str, str], session: Session | None
-    ) -> Role | Refusal:
-        """Return the role in which a request is admitted, or why it is not."""
-        is_public = path.partition("#")[0] in self.public  # some apps send the `#` encoded
-        role = session.role if session else Role.VIEWER
-        refusal: Refusal | None = None
-        if not session and not is_public:
-            refusal = self.unknown
-        elif role.paths is not None and not (is_public or role.paths.fullmatch(path)):
-            refusal = Refusal(403, "role", role.refusal, role.start)
-        elif not role.may_change and not self._may_any(role, path, method):
-            refusal = Refusal(403, "role", role.refusal)
-        if refusal is None:
-            return role
-        if refusal.location and "text/html" in headers.get("accept", ""):
-            return replace(refusal, status=303)
-        return replace(refusal, location=None)
-
-    def _may_any(self, role: Role, path: str, method: str | None) -> bool:
-        is_open = path in self.public or path in self.open
-        return method in READING or is_open or role.paths is not None
+def admit(
+    gateway: Gateway,
+    path: str,
+    method: str | None,
+    headers: Mapping[str, str],
+    session: Session | None,
+) -> Role | Refusal:
+    """Return the role in which a request is admitted, or why it is not."""
+    is_public = path.partition("#")[0] in gateway.public_paths  # some apps send the `#` encoded
+    role = session.role if session else Role.VIEWER
+    may_any = path in gateway.public_paths or path in gateway.open_paths or role.paths is not None
+    refusal: Refusal | None = None
+    if not session and not is_public:
+        refusal = gateway.not_admitted
+    elif role.paths is not None and not (is_public or role.paths.fullmatch(path)):
+        refusal = Refusal(403, "role", role.refusal, role.start)
+    elif not (role.may_change or method in READING or may_any):
+        refusal = Refusal(403, "role", role.refusal)
+    if refusal is None:
+        return role
+    if refusal.location and "text/html" in headers.get("accept", ""):
+        return replace(refusal, status=303)
+    return replace(refusal, location=None)
 
 
 def host_name(host: str) -> str:

@@ -124,10 +124,9 @@ def serve(app: Any, listeners: Sequence[socket.socket]) -> None:
     """Serve until SIGINT or SIGTERM, behind the gateway `app.state.gateway`."""
     gateway: Gateway = app.state.gateway
     server = make_server(app, gateway.tls_files)
-    if gateway.tls_files is not None:
-        server.config.load()
-        if server.config.ssl is not None:
-            gateway.use_tls(server.config.ssl)
+    server.config.load()
+    if server.config.ssl is not None:
+        gateway.use_tls(server.config.ssl)
     leave_out_of_collections()
     with contextlib.ExitStack() as stack:
         limited = [stack.enter_context(gateway.limit(one)) for one in listeners]

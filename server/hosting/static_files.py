@@ -64,7 +64,7 @@ def _hashes(html: str) -> list[str]:
     return [f"'sha256-{b64encode(each).decode()}'" for each in hashes]
 
 
-def _compress(response: Response, scope: Scope) -> Response:
+def _compress(response: FileResponse, scope: Scope) -> Response:
     """Return a text response, compressed if the client accepts that."""
     headers = response.headers
     if not headers.get("content-type", "").startswith(_TEXT):
@@ -72,13 +72,13 @@ def _compress(response: Response, scope: Scope) -> Response:
     headers["vary"] = "accept-encoding"
     if "gzip" not in Headers(scope=scope).get("accept-encoding", ""):
         return response
-    if isinstance(response, FileResponse):
-        data = Path(response.path).read_bytes()
-    else:
-        data = bytes(response.body)
     about_data = ("content-length", "accept-ranges")
     kept = {name: value for name, value in headers.items() if name not in about_data}
-    return Response(_pack(data), response.status_code, {**kept, "content-encoding": "gzip"})
+    return Response(
+        _pack(Path(response.path).read_bytes()),
+        response.status_code,
+        {**kept, "content-encoding": "gzip"},
+    )
 
 
 @lru_cache(maxsize=160)

@@ -9,12 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.errors import ConfigurationError
+from robot.testing import VirtualClock
 from server.access.config import NetworkConfig, PublicAddress, read_networks
-from server.access.gateway import advise
+from server.access.gateway import NetworkGateway
 from server.access.pairing import cookie_name
 from server.access.proxies import PREFIX, Proxies
 from server.gateway.roles import Refusal
-from server.gateway.rules import AccessRules
+from server.gateway.rules import check_host, check_origin
 
 PUBLIC = tuple(
     map(
@@ -169,13 +170,13 @@ def test_a_robot_without_pairing_refuses_requests_from_a_proxy() -> None:
 
 
 def test_without_the_setting_a_sentence_says_which_header_did_not_fit_and_what_to_set() -> None:
-    access = AccessRules(names=frozenset({"127.0.0.1"}), advise=advise)
+    gateway = NetworkGateway(NetworkConfig(), VirtualClock())
     asked = {"host": "127.0.0.1:8000", "origin": "https://home.example"}
-    refused = access.check_origin(asked, "http", "POST")
+    refused = check_origin(gateway, asked, "http", "POST")
     assert refused is not None
     assert "Origin is https://home.example" in refused.sentence
     assert "--behind-proxy https://home.example" in refused.sentence
-    wrong = access.check_host({"host": "home.example"})
+    wrong = check_host(gateway, {"host": "home.example"})
     assert wrong is not None and "--behind-proxy http://home.example" in wrong.sentence
 
 

@@ -17,9 +17,9 @@ from websockets.exceptions import InvalidStatus
 
 from server.access.config import NetworkConfig, NetworkLimits
 from server.access.pairing import Pairing, cookie_name
+from server.app import ROUTERS
 from server.config import Config, Limits
 from server.gateway.roles import Role
-from server.routes import routers
 from tests.kit.sizes import crossed
 from tests.server.live_robot import WEB
 from tests.server.virtual_connections import Exchange, VirtualSocket
@@ -58,7 +58,7 @@ def _routes(server: VirtualServer) -> set[tuple[str, str]]:
     added = (router for each in server.services.extensions.values() for router in each.routers)
     return {
         (method, route.path)
-        for router in (*routers(), *added)
+        for router in (*ROUTERS, *added)
         for route in router.routes
         if isinstance(route, APIRoute)
         for method in route.methods
@@ -376,10 +376,10 @@ def test_after_unpairing_no_other_tab_can_drive(
 ) -> None:
     cookie, body = _pair(lan, Role.PILOT), {"token": _pairing(lan).tokens[role]}
     with connect(lan.ws("/ws/drive"), additional_headers=cookie):
-        lan.wait_until(lambda: bool(lan.hub.clients))
+        lan.wait_until(lambda: bool(lan.hub.broadcast.clients))
         assert httpx.post(lan.address + path, json=body, headers=cookie).status_code == 200
         lan.forward(1.0)
-        assert bool(lan.hub.clients) is stays
+        assert bool(lan.hub.broadcast.clients) is stays
     status = httpx.get(lan.address, headers=cookie).status_code
     assert status == (200 if stays else 401)
 

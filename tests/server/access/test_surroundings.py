@@ -24,7 +24,7 @@ from server.access.pairing import Pairing
 from server.access.surroundings import CLAIM_EVERY_S, LOOK_EVERY_S, Surroundings, Watch
 from server.access.unknown_name import explain_unknown_name
 from server.gateway.roles import Role
-from server.gateway.rules import AccessRules
+from server.gateway.rules import check_host
 from server.hosting.serving import open_sockets
 from tests.kit.wait import wait_until
 
@@ -129,8 +129,8 @@ def test_the_robot_answers_only_to_names_that_the_network_gives_it(
     network.names = ["rover.fritz.box", "rover.school.example", "printer.school.example"]
     around = network.surroundings()
     around.ask(0.0)
-    access = AccessRules(names=around, addresses=lambda: around.page_addresses)
-    refusal = access.check_host({"host": f"{asked}:8000"})
+    gateway = NetworkGateway(LAN, VirtualClock(), surroundings=around)
+    refusal = check_host(gateway, {"host": f"{asked}:8000"})
     assert (refusal is None) is is_known
     if refusal is not None:
         assert "http://192.168.178.20:8000" in refusal.sentence

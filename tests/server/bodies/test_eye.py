@@ -22,8 +22,10 @@ from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
 from server.bodies.eye import encode_frame
 from server.bodies.eye_routes import EYE
+from server.config import Config
+from server.gateway.gateway import Gateway
 from server.gateway.roles import Refusal, Session
-from server.gateway.rules import AccessRules
+from server.gateway.rules import admit
 from server.protocol import parse_acknowledgement
 from tests.server.virtual_connections import VirtualSocket
 from tests.server.virtual_server import VirtualServer, connect
@@ -200,10 +202,10 @@ def test_a_robot_with_another_camera_says_so() -> None:
     ],
 )
 def test_a_phone_paired_as_the_eye_reaches_only_that_page(path: str, may: bool) -> None:
-    rules, session = AccessRules(names=frozenset({"robot"})), Session(EYE, "eye")
+    gateway, session = Gateway(Config(), VirtualClock()), Session(EYE, "eye")
     for accept in ("text/html", "*/*"):
         headers = {"accept": accept}
-        verdict = rules.admit(path, "GET", headers, session)
+        verdict = admit(gateway, path, "GET", headers, session)
         assert (verdict is EYE) == may
         if not may:
             assert isinstance(verdict, Refusal)

@@ -20,10 +20,10 @@ from robot.control.link_governor import LinkGovernorConfig
 from robot.errors import ConfigurationError, PluginError
 from robot.store.folder import default_root
 from server.access.config import NetworkLimits
+from server.app import ROUTERS
 from server.cli import serve
 from server.cli.main import main, make_parser
 from server.cli.settings import apply_to, build, read_settings
-from server.routes import routers
 from tests.kit.sizes import crossed
 
 REFERENCE = Path(__file__).resolve().parents[3] / "docs" / "reference"
@@ -194,6 +194,6 @@ def test_every_setting_is_in_the_reference() -> None:
 
 def test_every_address_is_in_the_reference() -> None:
     text = (REFERENCE / "http.md").read_text()
-    paths = [getattr(route, "path", "") for router in routers() for route in router.routes]
+    paths = [getattr(route, "path", "") for router in ROUTERS for route in router.routes]
     ours = [path for path in paths if not path.startswith("/api/") or "pair" in path]
     assert [path for path in ours if path not in text] == []
