@@ -26,8 +26,6 @@ from robot.types import StartStop
 
 log = logging.getLogger(__name__)
 PARTS = "drivelesson.persistence"
-
-
 _P = TypeVar("_P", bound="PersistencePart")
 
 

@@ -8,9 +8,7 @@ knows only the base class `Extension`, so an extension can be removed without ch
 from __future__ import annotations
 
 import asyncio
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any, ClassVar, TypeVar, cast
 
 from fastapi import APIRouter, HTTPException
@@ -30,22 +28,34 @@ _E = TypeVar("_E", bound="Extension")
 _T = TypeVar("_T")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Services:
     """The parts of one server. Routes get these parts from `services_of(request)`.
 
-    The caller starts and stops robot and persistence. Without persistence nothing is saved.
+    Nothing starts yet: the caller starts and stops robot and persistence, and the application the
+    other parts. Without persistence nothing is saved.
+
+    Args:
+        name: The robot's name, if no `hub` is given.
+        options: The options of `drivelesson serve`, for the extensions.
     """
 
-    config: Config
-    robot: Rig
-    identity: IdentityFile
-    hub: Hub
-    persistence: Persistence | None = None
-    gateway: Gateway
-    turned_away: Counter[str] = field(default_factory=Counter)
-    """Number of requests that the guard refused, by reason."""
-    extensions: dict[type[Extension], Extension] = field(default_factory=dict)
+    def __init__(
+        self,
+        config: Config,
+        robot: Rig,
+        *,
+        name: str = "robot",
+        hub: Hub | None = None,
+        persistence: Persistence | None = None,
+        gateway: Gateway | None = None,
+        options: Mapping[str, Any] | None = None,
+    ) -> None:
+        self.config, self.robot, self.persistence = config, robot, persistence
+        self.hub = hub = hub or Hub(config, robot, IdentityFile(None, name))
+        self.identity = hub.identity
+        self.gateway = gateway or gateway_type()(config, robot.clock)
+        self.gateway.has_priority = lambda person: person == hub.pilot
+        self.extensions = {kind: kind(self, options or {}) for kind in installed()}
 
     def extension(self, kind: type[_E]) -> _E:
         """Return an extension by its class; raises KeyError if it is not installed."""
@@ -67,7 +77,7 @@ class Services:
 
     def show(self) -> None:
         """Send the data of `shown` to all clients when it has changed. Any thread may call this."""
-        self.hub.announce("shown", shown=self.shown())
+        self.hub.broadcast.announce("shown", shown=self.shown())
 
     async def change_learner(self, change: Callable[[TrainingHistory], _T]) -> tuple[_T, bool]:
         """Change the learner on the loop's thread; return the result, and whether it is saved.
@@ -128,33 +138,6 @@ class Extension(StartStop):
 def installed() -> list[type[Extension]]:
     """Return the classes of the installed extensions, in the order of their names."""
     return [point.load() for point in points(EXTENSIONS)]
-
-
-def make_services(
-    config: Config,
-    robot: Rig,
-    *,
-    name: str = "robot",
-    identity: IdentityFile | None = None,
-    hub: Hub | None = None,
-    persistence: Persistence | None = None,
-    gateway: Gateway | None = None,
-    options: Mapping[str, Any] | None = None,
-) -> Services:
-    """Create the services for one robot. Nothing starts yet."""
-    identity = identity or IdentityFile(None, name)
-    hub = hub or Hub(config, robot, identity.now.name)
-    services = Services(
-        config=config,
-        robot=robot,
-        identity=identity,
-        hub=hub,
-        persistence=persistence,
-        gateway=gateway or gateway_type()(config, robot.clock),
-    )
-    services.gateway.has_priority = lambda person: person == hub.pilot
-    services.extensions.update({kind: kind(services, options or {}) for kind in installed()})
-    return services
 
 
 def services_of(connection: HTTPConnection) -> Services:

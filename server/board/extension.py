@@ -94,8 +94,9 @@ async def lock(request: Request, body: ClassLocks) -> dict[str, Any]:
     """Replace the locks by those in the request."""
     classroom = _classroom(request)
     await do(classroom.lock, body.locks)
-    services_of(request).hub.announce("locked", locks=sorted(classroom.locks))
-    return {"locks": sorted(classroom.locks)}
+    locks = sorted(classroom.locks)
+    services_of(request).hub.broadcast.announce("locked", locks=locks)
+    return {"locks": locks}
 
 
 @router.post("/invitation", dependencies=[ONLY_TEACHER])

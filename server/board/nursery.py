@@ -251,12 +251,12 @@ def _run(world: str, life: int) -> None:
     from server.cli.main import make_parser
     from server.config import Config
     from server.hosting.serving import websocket_protocol
-    from server.services import make_services
+    from server.services import Services
 
     make_policy("default-32")  # this call and the next three fill caches that all robots share
     websocket_protocol()
     usual = vars(make_parser("serve", is_extended=False).parse_args([]))  # plugins' options, too
-    app = create_app(make_services(Config(port=0), build_rig("sim"), options=usual))
+    app = create_app(Services(Config(port=0), build_rig("sim"), options=usual))
     for route in app.routes:  # FastAPI prepares a route when it first matches a URL
         route.matches({"type": "http", "method": "GET", "path": "/", "headers": []})
     gc.freeze()

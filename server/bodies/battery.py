@@ -22,15 +22,15 @@ class BatteryExtension(Extension):
         self._ends: EarlyEnds | None = None
 
     def start(self) -> None:
-        kept, robot, hub = self._services.persistence, self._services.robot, self._services.hub
+        kept, announce = self._services.persistence, self._services.hub.broadcast.announce
         if kept is None:
             return
-        ends = EarlyEnds(kept.storage.root / FILE, lambda: hub.announce("battery_bears"))
+        ends = EarlyEnds(kept.storage.root / FILE, lambda: announce("battery_bears"))
         if ends.is_weak:
             log.warning("the program ended %d times as drives began: check the battery", ends.count)
-            hub.announce("check_battery", detail=str(ends.count))
+            announce("check_battery", detail=str(ends.count))
         self._ends = ends
-        ends.start(robot.loop)
+        ends.start(self._services.robot.loop)
 
     def stop(self) -> None:
         if self._ends is not None:

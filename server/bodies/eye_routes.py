@@ -11,10 +11,9 @@ from fastapi import APIRouter, Request, WebSocket
 from fastapi.responses import FileResponse, Response
 
 from robot.bodies.phone.camera import PhoneCamera
-from robot.clock import Clock
 from robot.errors import ConfigurationError
 from server.bodies.eye import EyeClock, parse_frame, parse_text
-from server.clients.hub import Hub
+from server.clients.client import RefusalCounter
 from server.clients.rate_limit import RateLimit
 from server.clients.telemetry import describe_state
 from server.gateway.guard import role_of
@@ -50,16 +49,15 @@ async def eye_page(request: Request) -> Response:
 class _Eye:
     """The websocket of a phone that is the robot's camera; a newer phone replaces it."""
 
-    def __init__(self, websocket: WebSocket, hub: Hub, camera: PhoneCamera) -> None:
+    def __init__(self, websocket: WebSocket, services: Services, camera: PhoneCamera) -> None:
         self._websocket = websocket
-        self._hub = hub
+        self._services = services
         self._camera = camera
-        self._clock: Clock = hub.clock
+        self._clock = services.robot.clock
         self._eye_clock = EyeClock()
-        limits = hub.config.limits
+        limits = services.config.limits
         self._pace = RateLimit(per_second=limits.frames_per_second, burst=limits.frames_per_second)
-        self._refusals_left = limits.refused_before_closing
-        self._shut_out = asyncio.Event()
+        self._refusals = RefusalCounter(limits.refused_before_closing, services.hub.refused)
 
     async def run(self) -> None:
         """Serve the phone until it disconnects or another phone replaces it."""
@@ -75,8 +73,8 @@ class _Eye:
                 hear=self._hear,
                 see=self._see,
                 sending=self._publish(),
-                shut_out=self._shut_out,
-                idle_s=self._hub.config.limits.idle_s,
+                refusals=self._refusals,
+                idle_s=self._services.config.limits.idle_s,
             )
         finally:
             if self._camera.source is self:
@@ -94,41 +92,38 @@ class _Eye:
         try:
             said = parse_text(text)
         except ProtocolError as error:
-            self._refuse(error)
+            self._refusals.note(error)
             return
         if said["type"] == "pong":
-            self._eye_clock.note(said["server_ms"], said["eye_ms"], self._hub.now_ms())
+            self._eye_clock.note(said["server_ms"], said["eye_ms"], self._now_ms())
         else:
-            self._hub.latch_emergency("eye", EYE)
+            self._services.hub.latch_emergency("eye", EYE)
 
     async def _see(self, data: bytes) -> None:
-        if self._camera.source is not self or self._shut_out.is_set():
+        if self._camera.source is not self or self._refusals.shut_out.is_set():
             return
         try:
             frame = parse_frame(data)
         except ProtocolError as error:
-            self._refuse(error)
+            self._refusals.note(error)
             return
         await self._websocket.send_bytes(encode_acknowledgement(frame.seq))
         taken_ms = self._eye_clock.to_ours(frame.taken_ms)
         if taken_ms is not None and self._pace.allows(self._clock.now_s()):
             self._camera.offer(frame.picture, taken_ms / 1000, covered=frame.is_covered)
 
-    def _refuse(self, error: ProtocolError) -> None:
-        self._hub.refused[error.code] += 1
-        self._refusals_left -= 1
-        if self._refusals_left <= 0:
-            self._shut_out.set()
+    def _now_ms(self) -> float:
+        return 1000 * self._clock.now_s()
 
     async def _publish(self) -> None:
-        options = self._camera.options
+        options, robot = self._camera.options, self._services.identity.now.name
         size = {"width": options.eye_width, "height": options.eye_height}
-        hello = encode_message("hello", **size, rate_hz=options.eye_rate, robot=self._hub.name)
+        hello = encode_message("hello", **size, rate_hz=options.eye_rate, robot=robot)
         await self._websocket.send_text(hello)
         while True:
-            now_ms = self._hub.now_ms()
+            now_ms = self._now_ms()
             await self._websocket.send_text(encode_message("ping", server_ms=now_ms))
-            state = describe_state(self._hub.robot.loop.state, now_ms)
+            state = describe_state(self._services.robot.loop.state, now_ms)
             await self._websocket.send_text(
                 encode_message("state", **{name: state[name] for name in _STATE_FIELDS})
             )
@@ -137,15 +132,15 @@ class _Eye:
 
 @router.websocket("/ws/eye")
 async def eye(websocket: WebSocket) -> None:
-    hub = services_of(websocket).hub
-    camera = hub.robot.camera
+    services = services_of(websocket)
+    camera = services.robot.camera
     await websocket.accept()
     if role_of(websocket) not in (Role.PILOT, EYE):
         await websocket.close(4003, "this browser may only watch")
     elif not isinstance(camera, PhoneCamera):
         await websocket.close(4004, "the robot has another camera: serve it with --camera phone")
     else:
-        await _Eye(websocket, hub, camera).run()
+        await _Eye(websocket, services, camera).run()
 
 
 class EyeExtension(Extension):

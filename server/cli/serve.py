@@ -29,6 +29,7 @@ from robot.devices.plugins import (
 from robot.entry_points import EXTENSIONS, points
 from robot.errors import ConfigurationError, PluginError, RecordingError
 from robot.policy.registry import MOST_NODES, full_name, split_name
+from robot.store.disk import Announce
 from robot.store.folder import Storage, default_root
 from robot.store.prepare import prepare
 from server.cli.parser import Parser, declare, number, whole
@@ -43,7 +44,6 @@ if TYPE_CHECKING:
     from robot.control.loop import LoopConfig
     from robot.devices.rig import Rig
     from robot.store.models.autosave import Autosave
-    from server.clients.hub import Hub
     from server.persistence import Persistence
     from server.services import Services
 
@@ -162,30 +162,28 @@ def _make_services(
     from server.clients.hub import Hub
     from server.identity import IdentityFile
     from server.persistence import Persistence
-    from server.services import make_services
+    from server.services import Services
 
     config, given = gateway.config, vars(args)
     moved = prepare(config.data)
     storage = Storage(config.data, must_be_usable=False)
     identity = IdentityFile(config.data, args.name)
-    name, used = identity.now.name, _recorded(args, rig)
-    hub = Hub(config, rig, name)
-    kept = Persistence(storage, rig, name=name, options=used, announce=hub.announce, settings=given)
-    _report_problems(moved, storage.fault, hub)
-    return kept, make_services(
-        config, rig, identity=identity, hub=hub, persistence=kept, gateway=gateway, options=given
-    )
+    hub = Hub(config, rig, identity)
+    name, used, announce = identity.now.name, _recorded(args, rig), hub.broadcast.announce
+    kept = Persistence(storage, rig, name=name, options=used, announce=announce, settings=given)
+    _report_problems(moved, storage.fault, announce)
+    return kept, Services(config, rig, hub=hub, persistence=kept, gateway=gateway, options=given)
 
 
-def _report_problems(moved: list[tuple[str, str]], fault: str | None, hub: Hub) -> None:
+def _report_problems(moved: list[tuple[str, str]], fault: str | None, announce: Announce) -> None:
     """Report damaged files that were set aside, or a storage fault, on the page and in the log."""
     if moved:
         sentence = ", ".join(f"{name} -> {where}" for name, where in moved)
         log.warning("set aside in the data folder: %s", sentence)
-        hub.announce("set_aside", detail=sentence)
+        announce("set_aside", detail=sentence)
     if fault:
         log.warning("nothing can be saved: %s", fault)
-        hub.announce("nothing_kept", detail=fault)
+        announce("nothing_kept", detail=fault)
 
 
 def _recorded(args: argparse.Namespace, rig: Rig) -> dict[str, str]:

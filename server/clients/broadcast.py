@@ -8,25 +8,20 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import secrets
-from collections import Counter
 from collections.abc import Callable, Sequence
 
 from robot.control.state import Tick
 from robot.devices.rig import Rig
 from robot.types import Decision, DrivenBy, Frame, Mode, PilotCommand
 from server.clients.client import Client
-from server.clients.freshness import NonceLedger, why_refused
+from server.clients.emergency_stop import EmergencyStop
+from server.clients.freshness import NonceLedger
 from server.clients.lease import Lease
 from server.clients.telemetry import SOON_S, STATE_EVERY_S, describe_state
 from server.clients.video import Encoder, VideoHub
 from server.config import Config
-from server.gateway.roles import Role
-from server.protocol import ErrorCode, ProtocolError, encode_message
+from server.protocol import encode_message
 
-_FIRST_STOP = 2**31
-"""A server's first STOP has a random number below this, so that no old message names it by
-chance."""
 LASTING = ("set_aside", "nothing_kept", "check_battery")
 """Events that are also sent to clients that join later."""
 _ENDS = {"kept_again": "nothing_kept", "battery_bears": "check_battery"}
@@ -34,42 +29,58 @@ _ENDS = {"kept_again": "nothing_kept", "battery_bears": "check_battery"}
 
 
 class Broadcast:
-    """Sends messages to the clients of one robot. `clients` has the connected clients by id."""
+    """Sends messages to the clients of one robot. `clients` has the connected clients by id.
 
-    def __init__(self, config: Config, robot: Rig) -> None:
-        self.config = config
-        self.robot = robot
-        self.clock = robot.clock
+    `lease` and `emergency` are only read here. `published_s` is the time of the newest state.
+    """
+
+    def __init__(self, config: Config, robot: Rig, lease: Lease, emergency: EmergencyStop) -> None:
+        self._loop, self._clock = robot.loop, robot.clock
+        self._lease, self._emergency = lease, emergency
         self.clients: dict[str, Client] = {}
-        self.lease = Lease()
-        self.nonces = NonceLedger()
-        self.refused: Counter[ErrorCode] = Counter()
-        self.stop_held_by: Role | None = None
-        """The role that stopped the robot, if only that role may release it."""
-        self.stop_number = 1 + secrets.randbelow(_FIRST_STOP)
-        """The number of the newest STOP; each STOP adds one, even while another is latched."""
+        self.nonces = NonceLedger(robot.loop.config.gate.command_timeout_s)
         self.event_loop: asyncio.AbstractEventLoop | None = None
         self._needed_every_s, self._is_watched = 0.0, False
-        self.video = VideoHub(
-            Encoder(config.jpeg_quality), robot.clock, robot.camera.for_the_eye, self._note_need
-        )
-        self._limit_s = robot.loop.config.gate.command_timeout_s
+        encoder, for_the_eye = Encoder(config.jpeg_quality), robot.camera.for_the_eye
+        self.video = VideoHub(encoder, robot.clock, for_the_eye, self.note_need)
         self._previous_pilots: Decision | None = None
-        self._sent: object = None
-        self._sent_s = 0.0
+        self._urgent_sent: object = None
+        self.published_s = 0.0
         self._frame: Frame | None = None
         self._is_tick_due = False
         self._lasting: tuple[tuple[str, str], ...] = ()
+        self._unsubscribe: Callable[[], None] = lambda: None
+
+    def start(self) -> None:
+        self.event_loop = asyncio.get_running_loop()
+        self._unsubscribe = self._loop.subscribe(self._hear)
+        self.note_need()
+
+    def stop(self) -> None:
+        self._unsubscribe()
+        self.event_loop = None
+        self._loop.need_picture_every(0.0)
+
+    def add(self, client: Client) -> None:
+        """Add a client, and send it the lasting events."""
+        self.clients[client.id] = client
+        self.note_need()
+        for _, text in self._lasting:
+            client.send(text)
+
+    def remove(self, client: Client) -> None:
+        self.clients.pop(client.id, None)
+        self.note_need()
 
     def _hear(self, tick: Tick) -> None:
         """Note one tick; runs on the control loop's thread."""
         self._frame = tick.frame or self._frame
         if tick.refused:
-            self._soon(self._tell_refused, tick.refused)
+            self.soon(self._tell_refused, tick.refused)
         is_wanted = (tick.frame and self._is_watched) or (self.clients and self._is_due())
         if is_wanted and not self._is_tick_due:
             self._is_tick_due = True
-            self._soon(self._note_tick)
+            self.soon(self._note_tick)
 
     def _note_tick(self) -> None:
         """Publish the newest tick at most once per wake-up: first the state, then the picture."""
@@ -82,43 +93,49 @@ class Broadcast:
 
     def _is_due(self) -> bool:
         """True if the state is due: something urgent changed, or the interval has passed."""
-        state, since_s = self.robot.loop.state, self.clock.now_s() - self._sent_s
+        state, since_s = self._loop.state, self._clock.now_s() - self.published_s
         is_slow = state.camera.period_s > SOON_S and state.decision.mode is not Mode.STOPPED
-        return since_s >= (SOON_S if is_slow else STATE_EVERY_S) or self._urgent() != self._sent
+        every_s = SOON_S if is_slow else STATE_EVERY_S
+        return since_s >= every_s or self._urgent() != self._urgent_sent
 
     def _urgent(self) -> object:
         """Return the part of the state whose changes are published at once, such as the pilot."""
-        state = self.robot.loop.state
+        state = self._loop.state
         decision = state.decision
         is_pilots = decision.driven_by is DrivenBy.PILOT
         return (
             decision.action if is_pilots else None,  # a program waits for its command's result
             *(decision.mode, decision.driven_by, decision.stop_reason, decision.asks_pilot),
             *(state.link.level, state.emergency, state.fault),
-            self.stop_held_by,
-            self.stop_number,
+            self._emergency.held_by,
+            self._emergency.number,
         )
 
+    def publish_new_pilot(self) -> None:
+        """Publish the state; nobody drives in it until the new pilot does."""
+        self._previous_pilots = self._loop.state.decision
+        self.publish_state()
+
     def publish_state(self) -> None:
-        self._sent, self._sent_s = self._urgent(), self.clock.now_s()
+        self._urgent_sent, self.published_s = self._urgent(), self._clock.now_s()
         if not self.clients:
             return
-        owner = self.lease.owner
-        loop = self.robot.loop
+        now_s, owner, loop = self.published_s, self._lease.owner, self._loop
+        held_by = self._emergency.held_by
         state = {
-            **describe_state(loop.state, self.now_ms(), is_resting=loop.is_resting),
-            "nonce": self.nonces.issue(self._sent_s),
+            **describe_state(loop.state, now_s * 1000, is_resting=loop.is_resting),
+            "nonce": self.nonces.issue(now_s),
             "pilot": owner,
-            "wheel_asked": self.lease.is_asked,
-            "stop_held_by": self.stop_held_by and self.stop_held_by.value,
-            "stop_number": self.stop_number,
+            "wheel_asked": self._lease.is_asked,
+            "stop_held_by": held_by and held_by.value,
+            "stop_number": self._emergency.number,
             "viewers": len(self.clients) - (owner in self.clients),
         }
         if loop.state.decision is self._previous_pilots and state["driven_by"] is DrivenBy.PILOT:
-            state["driven_by"] = DrivenBy.NOBODY  # the new pilot has not driven yet
+            state["driven_by"] = DrivenBy.NOBODY
         texts: dict[bool, str] = {}  # each text is encoded once for all clients
         for client in self.clients.values():
-            if client.is_state_due((self._sent, owner), self._sent_s):
+            if client.is_state_due((self._urgent_sent, owner), now_s):
                 is_pilot = client.id == owner
                 if is_pilot not in texts:
                     texts[is_pilot] = encode_message("state", you_are_pilot=is_pilot, **state)
@@ -126,18 +143,18 @@ class Broadcast:
 
     def show_newest(self) -> None:
         """Pass the newest frame to the video, unless nobody watches."""
-        is_old = self.robot.loop.is_resting and not self.video.viewers
+        is_old = self._loop.is_resting and not self.video.viewers
         if self._frame is not None and self._frame is not self.video.newest and not is_old:
-            self.video.show(self._frame, self.nonces.issue(self.clock.now_s()))
+            self.video.show(self._frame, self.nonces.issue(self._clock.now_s()))
 
-    def _note_need(self) -> None:
+    def note_need(self) -> None:
         """Tell the loop the rate at which clients need pictures, if the rate has changed."""
         self._is_watched = self.video.viewers > 0
         is_shown = any(not client.is_idle for client in self.clients.values())
         every_s = 0.0 if is_shown else self.video.needed_every_s
         if every_s != self._needed_every_s and self.event_loop is not None:
             self._needed_every_s = every_s
-            self.robot.loop.need_picture_every(every_s)
+            self._loop.need_picture_every(every_s)
 
     def announce(self, name: str, **fields: object) -> None:
         """Send an event to all clients; an event of `LASTING` also goes to clients that join later.
@@ -149,7 +166,7 @@ class Broadcast:
             self._lasting = (*self._lasting, (name, text))
         elif name in _ENDS:
             self._lasting = tuple(one for one in self._lasting if one[0] != _ENDS[name])
-        self._soon(self._send_to_all, text)
+        self.soon(self._send_to_all, text)
 
     def _send_to_all(self, text: str) -> None:
         for client in self.clients.values():
@@ -159,16 +176,9 @@ class Broadcast:
         """Tell clients which commands the gate refused, and why."""
         for command in refused:
             if client := self.clients.get(command.pilot):
-                self.refuse(client, why_refused(command.frame_id, command.seq, self._limit_s))
+                client.refuse(self.nonces.why_refused(command.frame_id, command.seq))
 
-    def refuse(self, client: Client, error: ProtocolError) -> None:
-        self.refused[error.code] += 1
-        client.refuse(error)
-
-    def now_ms(self) -> float:
-        return self.clock.now_s() * 1000
-
-    def _soon(self, call: Callable[..., None], *args: object) -> None:
+    def soon(self, call: Callable[..., None], *args: object) -> None:
         """Schedule a call on the event loop; may be called on any thread."""
         with contextlib.suppress(RuntimeError):  # the server's event loop has just ended
             if self.event_loop is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections import deque
+from collections import Counter, deque
 
 from server.clients.rate_limit import RateLimit
 from server.config import Limits
@@ -18,6 +18,28 @@ IDLE_STATE_EVERY_S = 5.0
 pilot or fault is sent to it immediately."""
 
 
+class RefusalCounter:
+    """Counts the refused messages of one connection; `shut_out` is set if there are too many.
+
+    Refusals of late messages do not count, because a slow link causes them.
+
+    Args:
+        most: The number of refusals after which the client must be disconnected.
+        by_code: Counts the refusals of all connections.
+    """
+
+    def __init__(self, most: int, by_code: Counter[ErrorCode]) -> None:
+        self.number = 0
+        self.shut_out = asyncio.Event()
+        self._most, self._by_code = most, by_code
+
+    def note(self, error: ProtocolError) -> None:
+        self._by_code[error.code] += 1
+        self.number += error.code is not ErrorCode.STALE
+        if self.number >= self._most:
+            self.shut_out.set()
+
+
 class Client:
     """One open `/ws/drive`: checks its message numbers, limits its rate, queues its messages.
 
@@ -26,19 +48,17 @@ class Client:
     """
 
     def __init__(
-        self, client_id: str, role: Role, limits: Limits, now_s: float, person: str = ""
+        self, client_id: str, role: Role, person: str, limits: Limits, refused: Counter[ErrorCode]
     ) -> None:
         self.id = client_id
         self.role = role
         self.person = person
         self._last_seq = 0
         self.pace = RateLimit(per_second=limits.messages_per_second, burst=limits.messages_burst)
-        self.refused = 0
-        self._most_refused = limits.refused_before_closing
-        self.shut_out = asyncio.Event()
+        self.refusals = RefusalCounter(limits.refused_before_closing, refused)
         self.is_idle = self.is_answer_due = False
         self._sent: object = None
-        self._sent_s = now_s
+        self._sent_s = 0.0
         self._answers: deque[str] = deque(maxlen=_OUTBOX)
         self._state: str | None = None
         self._waiting = asyncio.Event()
@@ -55,13 +75,8 @@ class Client:
         self._waiting.set()
 
     def refuse(self, error: ProtocolError) -> None:
-        """Queue the answer to a refused message; disconnect a client after too many refusals.
-
-        Refusals of late messages do not count, because a slow link causes them.
-        """
-        self.refused += error.code is not ErrorCode.STALE
-        if self.refused >= self._most_refused:
-            self.shut_out.set()
+        """Count a refused message, and queue the answer to it."""
+        self.refusals.note(error)
         self.send(encode_error(error))
 
     def send_state(self, text: str) -> None:

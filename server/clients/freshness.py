@@ -23,11 +23,12 @@ class NonceLedger:
     link or a queue. The check trusts only the robot's own clock, and nobody can guess a nonce.
 
     Args:
+        limit_s: Age above which a command is refused, in seconds.
         below: Returns a random whole number from 0 to its argument minus one.
     """
 
-    def __init__(self, below: Callable[[int], int] = secrets.randbelow) -> None:
-        self._below = below
+    def __init__(self, limit_s: float, below: Callable[[int], int] = secrets.randbelow) -> None:
+        self._limit_s, self._below = limit_s, below
         self._issued_s: OrderedDict[int, float] = OrderedDict()
 
     def issue(self, now_s: float) -> int:
@@ -43,11 +44,11 @@ class NonceLedger:
         """Return when a nonce was issued; `NEVER_S` if the nonce is unknown or forgotten."""
         return NEVER_S if nonce is None else self._issued_s.get(nonce, NEVER_S)
 
-
-def why_refused(frame: int | None, seq: int, limit_s: float) -> ProtocolError:
-    """Return the error for a command that is too old, or that names no frame (`frame` is None)."""
-    if frame is None:
-        why = "'frame' must name the frame on the screen: nobody drives without a picture"
-        return ProtocolError(ErrorCode.NO_PICTURE, why, seq)
-    why = f"'nonce' was not issued within the last {1000 * limit_s:.0f} ms: message too old"
-    return ProtocolError(ErrorCode.STALE, why, seq)
+    def why_refused(self, frame: int | None, seq: int) -> ProtocolError:
+        """Return the error for a command that is too old, or that names no frame."""
+        if frame is None:
+            why = "'frame' must name the frame on the screen: nobody drives without a picture"
+            return ProtocolError(ErrorCode.NO_PICTURE, why, seq)
+        limit_ms = 1000 * self._limit_s
+        why = f"'nonce' was not issued within the last {limit_ms:.0f} ms: message too old"
+        return ProtocolError(ErrorCode.STALE, why, seq)

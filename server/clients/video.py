@@ -121,11 +121,6 @@ class VideoHub:
         return len(self._viewers) + len(self._watchers)
 
     @property
-    def newest_bytes(self) -> int:
-        """Size of the last picture sent, in bytes; 0 if none was sent."""
-        return max((len(picture.data) for picture in self._pictures.values()), default=0)
-
-    @property
     def needed_every_s(self) -> float:
         """Interval in seconds at which the viewers need pictures: 0 for all, inf for none."""
         if self._watchers:

@@ -30,7 +30,7 @@ class IntegrationsExtension(Extension):
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
         self.frame_ages = FrameAges()
-        services.hub.video.on_drawn = self.frame_ages.note
+        services.hub.broadcast.video.on_drawn = self.frame_ages.note
 
     @property
     def routers(self) -> Sequence[APIRouter]:

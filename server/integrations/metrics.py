@@ -42,13 +42,12 @@ def _measure(services: Services, ages: FrameAges) -> Iterator[Any]:
     from prometheus_client.core import HistogramMetricFamily as Histogram
     from prometheus_client.core import SummaryMetricFamily as Summary
 
-    hub = services.hub
-    video, state = hub.video, hub.robot.loop.state
-    age_s = hub.robot.clock.now_s() - state.now_s
+    broadcast, state = services.hub.broadcast, services.robot.loop.state
+    video, age_s = broadcast.video, services.robot.clock.now_s() - state.now_s
     modes = {mode.value: int(state.decision.mode is mode) for mode in Mode}
     stops = {reason.value: state.stops.get(reason, 0) for reason in StopReason}
-    refused = {code.value: hub.refused[code] for code in ErrorCode}
-    turned_away = dict(sorted(services.turned_away.items()))
+    refused = {code.value: services.hub.refused[code] for code in ErrorCode}
+    turned_away = dict(sorted(services.gateway.refused.items()))
     yield _one(Gauge, "loop_rate_hz", "New camera frames per second", state.cycle_hz)
     yield _one(Counter, "loop_turns_total", "Ticks of the control loop", state.cycles)
     yield _one(Counter, "loop_late_cycles_total", "Ticks that were late", state.late_cycles)
@@ -56,7 +55,7 @@ def _measure(services: Services, ages: FrameAges) -> Iterator[Any]:
     yield _many(Gauge, "mode", "1 for the robot's current mode, else 0", "mode", modes)
     yield _one(Gauge, "emergency", "1 while an emergency stop is latched", int(state.emergency))
     yield _many(Counter, "stops_total", "Stops by reason", "reason", stops)
-    yield _one(Gauge, "pages", "Open control sockets", len(hub.clients))
+    yield _one(Gauge, "pages", "Open control sockets", len(broadcast.clients))
     yield _one(Gauge, "viewers", "Browsers that see the picture", video.viewers)
     yield _one(Counter, "frames_sent_total", "Frames sent to viewers", video.frames_sent)
     yield _one(Counter, "frames_encoded_total", "Frames encoded for viewers", video.frames_encoded)

@@ -40,12 +40,12 @@ _MEDIA_TYPE = "multipart/x-mixed-replace; boundary=frame"
 @router.get("/video.mjpg", include_in_schema=False)
 async def mjpeg(request: Request) -> StreamingResponse:
     """Stream the newest frames until the viewer disconnects or its key is replaced."""
-    hub = services_of(request).hub
-    frame = hub.robot.camera.latest()
+    services = services_of(request)
+    broadcast, gateway = services.hub.broadcast, services.gateway
+    frame = services.robot.camera.latest()
     if frame is not None:
         # encode now, because a missing OpenCV can be answered with 501 only before the stream
-        hub.video.encoder.encode_jpeg(frame)
-    gateway = services_of(request).gateway
+        broadcast.video.encoder.encode_jpeg(frame)
     sent, room = itertools.count(1), Room(measure_connection(gateway.peer(request.scope)))
 
     def is_allowed() -> bool:
@@ -57,14 +57,14 @@ async def mjpeg(request: Request) -> StreamingResponse:
     if isinstance(gateway.session_by_address(request.scope), Session):
         headers["cross-origin-resource-policy"] = "cross-origin"
         headers["access-control-allow-origin"] = "*"
-    stream = frames_of(hub.video, hub.clock, room.is_there)
+    stream = frames_of(broadcast.video, services.robot.clock, room.is_there)
     if "VLC/" in request.headers.get("user-agent", ""):
         parts = _parts_that_end_at_once(_padded_for_vlc(stream), is_allowed)
     elif _is_browser(request):
         parts = _parts_that_end_at_once(stream, is_allowed)
     else:
         parts = _parts_with_length(stream, is_allowed)
-    hub.show_newest()
+    broadcast.show_newest()
     return StreamingResponse(parts, media_type=_MEDIA_TYPE, headers=headers)
 
 

@@ -47,24 +47,20 @@ class CameraAnswer:
 
 
 @dataclass
-class Changed:
-    """The settings after a change."""
+class ChangeAnswer:
+    """The settings after a change; `kept` is false if the next start would use the old model."""
 
     learner: str
     speed: float
-
-
-@dataclass
-class ChangeAnswer(Changed):
-    """The settings after a change; `kept` is false if the next start would use the old model."""
-
     kept: bool
 
 
 @dataclass
-class SettingsAnswer(Changed):
+class SettingsAnswer:
     """The settings, and the values to which they can be set."""
 
+    learner: str
+    speed: float
     name: str
     colour: str
     colours: list[str]
@@ -124,8 +120,7 @@ async def change_settings(request: Request, body: SettingsChange) -> ChangeAnswe
         is_kept = kept.models.current == begun
     if named:
         now = await do(lambda: services.identity.change(**named))
-        services.hub.name = now.name
-        services.hub.announce("renamed", robot=now.name, colour=now.colour)
+        services.hub.broadcast.announce("renamed", robot=now.name, colour=now.colour)
     if body.speed is not None:
         loop.speed_share = body.speed
     return ChangeAnswer(loop.state.learner, loop.speed_share, is_kept)

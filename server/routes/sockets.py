@@ -10,6 +10,7 @@ from fastapi import WebSocket
 from starlette.websockets import WebSocketDisconnect
 
 from robot.clock import Clock
+from server.clients.client import RefusalCounter
 from server.gateway.guard import note_use
 from server.hosting.serving import DIRECT
 
@@ -29,7 +30,7 @@ async def converse(
     *,
     hear: Callable[[str | bytes], None],
     sending: Coroutine[Any, Any, None],
-    shut_out: asyncio.Event,
+    refusals: RefusalCounter,
     idle_s: float | None = None,
     see: Callable[[bytes], Coroutine[Any, Any, None]] | None = None,
 ) -> None:
@@ -41,32 +42,27 @@ async def converse(
     """
     heard_s = clock.now_s()
 
-    def note(message: str | bytes) -> None:
+    def note(message: Any, handle: Callable[[Any], Any] = hear) -> Any:
         nonlocal heard_s
         heard_s = clock.now_s()
         note_use(websocket.scope, heard_s)
-        hear(message)
+        return handle(message)
 
     async def receive() -> None:
-        while True:
-            try:
-                event = dict(await asyncio.wait_for(websocket.receive(), idle_s))
-            except TimeoutError:
-                if idle_s is None or clock.now_s() - heard_s < idle_s:
-                    continue
-                await websocket.close(1001, "idle for too long")
-                return
-            if event["type"] == "websocket.disconnect":
-                return
+        while (event := await websocket.receive())["type"] != "websocket.disconnect":
             text = event.get("text")
             if text is None and see is not None:
-                note_use(websocket.scope, clock.now_s())
-                await see(event["bytes"])
+                await note(event["bytes"], see)
             else:
                 note(event["bytes"] if text is None else text)
 
+    async def close_when_idle(limit_s: float) -> None:
+        while (left_s := heard_s + limit_s - clock.now_s()) > 0:
+            await clock.pause(left_s)
+        await websocket.close(1001, "idle for too long")
+
     async def show_out() -> None:
-        await shut_out.wait()
+        await refusals.shut_out.wait()
         await clock.pause(_LAST_S)
         await websocket.close(1008, "too many refused messages")
 
@@ -74,11 +70,12 @@ async def converse(
         direct.on_text = note
         if see is None:
             direct.on_bytes = note
-    await end_with_either(receive(), sending, show_out())
+    idle = () if idle_s is None else (close_when_idle(idle_s),)
+    await end_with_either(receive(), sending, show_out(), *idle)
 
 
 async def end_with_either(*parts: Coroutine[Any, Any, None]) -> None:
-    """Run both directions of a websocket until one of them ends or the client disconnects."""
+    """Run the parts of a websocket until one of them ends or the client disconnects."""
     try:
         await first_of(*parts)
     except Exception as error:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-import itertools
 
 from fastapi import APIRouter, HTTPException, Request, WebSocket
 from fastapi.responses import Response
 
+from server.clients.client import RefusalCounter
 from server.clients.rate_limit import RateLimit
 from server.clients.video import Viewer
 from server.gateway.guard import person_of
@@ -23,15 +23,16 @@ _SELDOM_MS = 60_000
 @router.websocket("/ws/video")
 async def video(websocket: WebSocket) -> None:
     """Send the video to one viewer until it disconnects, at most one frame every `every_ms`."""
-    hub = services_of(websocket).hub
+    services = services_of(websocket)
+    broadcast, clock = services.hub.broadcast, services.robot.clock
     await websocket.accept()
     every_ms = websocket.query_params.get("every_ms", "0")
     if not (every_ms.isdecimal() and len(every_ms) <= 5 and int(every_ms) <= _SELDOM_MS):
         await websocket.close(1008, f"every_ms must be a whole number up to {_SELDOM_MS}")
         return
-    limits, direct = hub.config.limits, fast_path(websocket)
+    limits, direct = services.config.limits, fast_path(websocket)
     pace = RateLimit(per_second=limits.frames_per_second, burst=limits.frames_per_second)
-    refused, shut_out = itertools.count(1), asyncio.Event()
+    refusals = RefusalCounter(limits.refused_before_closing, services.hub.refused)
     waiting: asyncio.Queue[bytes] = asyncio.Queue()
 
     async def send_waiting() -> None:
@@ -41,34 +42,33 @@ async def video(websocket: WebSocket) -> None:
     def hear(message: str | bytes) -> None:
         """Handle an acknowledgement; any other message is refused and counted."""
         try:
-            now_s = hub.clock.now_s()
+            now_s = clock.now_s()
             if not pace.allows(now_s):
                 raise ProtocolError(ErrorCode.TOO_FAST, "too many acknowledgements a second")
             if isinstance(message, str):
                 raise ProtocolError(ErrorCode.MALFORMED, "acknowledgements must be bytes")
-            hub.video.acknowledge(viewer, parse_acknowledgement(message), now_s)
+            broadcast.video.acknowledge(viewer, parse_acknowledgement(message), now_s)
         except ProtocolError as error:
-            hub.refused[error.code] += 1
-            if next(refused) == limits.refused_before_closing:
-                hub.video.remove(viewer)
-                shut_out.set()
+            refusals.note(error)
+            if refusals.shut_out.is_set():
+                broadcast.video.remove(viewer)
 
     send = waiting.put_nowait if direct is None else direct.write_now
     viewer = Viewer(send, int(every_ms) / 1000, person_of(websocket))
-    hub.show_newest()
-    hub.video.add(viewer)
+    broadcast.show_newest()
+    broadcast.video.add(viewer)
     try:
-        await converse(websocket, hub.clock, hear=hear, sending=send_waiting(), shut_out=shut_out)
+        await converse(websocket, clock, hear=hear, sending=send_waiting(), refusals=refusals)
     finally:
-        hub.video.remove(viewer)
+        broadcast.video.remove(viewer)
 
 
 @router.get("/picture.jpg", include_in_schema=False)
 def picture(request: Request) -> Response:
     """Return the newest picture, for pages whose network blocks websockets."""
-    hub = services_of(request).hub
-    frame = hub.robot.camera.latest()
+    services = services_of(request)
+    frame = services.robot.camera.latest()
     if frame is None:
         raise HTTPException(503, "The camera has given no picture yet.")
-    headers = {"cache-control": "no-store"}
-    return Response(hub.video.encoder.encode_jpeg(frame), media_type="image/jpeg", headers=headers)
+    jpeg = services.hub.broadcast.video.encoder.encode_jpeg(frame)
+    return Response(jpeg, media_type="image/jpeg", headers={"cache-control": "no-store"})

@@ -245,7 +245,7 @@ class StudyExtension(Extension):
         kept = services.persistence
         self.conductor: Conductor | None = None
         if kept is not None:
-            self.conductor = Conductor(services.robot, kept, services.hub.announce)
+            self.conductor = Conductor(services.robot, kept, services.hub.broadcast.announce)
 
     def start(self) -> None:
         if self.conductor is not None:

@@ -53,7 +53,7 @@ def start(folder: Path) -> dict[str, object]:
     from server.cli.main import commands, main
     from server.config import Config
     from server.persistence import Persistence
-    from server.services import make_services
+    from server.services import Services
 
     class Body(Driver):
         name = default_camera = "none"
@@ -94,7 +94,7 @@ def start(folder: Path) -> dict[str, object]:
     rig = Rig(Body(), Blind(clock), make_policy("default-8"), clock)
     storage = Storage(folder / "data")
     os.environ["DRIVELESSON_DATA"] = str(storage.root)
-    services = make_services(
+    services = Services(
         Config(port=0, web=folder / "web"), rig, persistence=Persistence(storage, rig)
     )
     with TestClient(create_app(services), base_url="http://127.0.0.1") as client:

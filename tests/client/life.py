@@ -254,7 +254,7 @@ class Life:
             self._driver_id = drivers.pop()
         self._was_latched |= tick.emergency
         if self._was_emergency and not tick.emergency:
-            number = self.server.hub.stop_number
+            number = self.server.hub.emergency.number
             if number not in self.released:
                 self.violate(f"STOP {number} was undone, which nobody has released")
         self._was_emergency = tick.emergency
@@ -352,7 +352,7 @@ class Life:
         if page is None:
             self.come_or_go()
             return
-        self.released.add(self.server.hub.stop_number)
+        self.released.add(self.server.hub.emergency.number)
         self.server.rig.loop.release_emergency()
         page.pilot.is_silent = False
         page.pilot.send(type="take")

@@ -69,7 +69,7 @@ def metrics_of_a_robot() -> str:
         pilot.mode("train")
         pilot.hold("forward")
         await world.forward(1.0)
-        world.services.turned_away["rate"] += 1
+        world.services.gateway.refused["rate"] += 1
         ages = world.services.extension(IntegrationsExtension).frame_ages
         return render_metrics(world.services, ages).decode()
 

@@ -27,7 +27,7 @@ from server.config import Config
 from server.identity import COLOURS, IdentityFile
 from server.lab.served import served
 from server.persistence import Persistence
-from server.services import Services, make_services
+from server.services import Services
 from tests.kit.ports import free_port
 
 KEY = ClassKey("k" * 40)
@@ -70,7 +70,7 @@ def running_class(
                 now = dt.datetime.now(dt.UTC)
                 made = make_certificates(data / "tls", ["127.0.0.1"], now)
                 gateway.tls_files = str(made.key), str(made.chain)
-            services = make_services(
+            services = Services(
                 config,
                 rig,
                 identity=identity,

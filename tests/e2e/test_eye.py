@@ -21,7 +21,7 @@ from robot.types import Frame
 from server.app import create_app
 from server.config import Config
 from server.lab.served import served
-from server.services import make_services
+from server.services import Services
 from tests.kit.wait import wait_until
 from tests.server.live_robot import WEB
 
@@ -67,7 +67,7 @@ def robot_with_an_eye() -> Iterator[tuple[Rig, str]]:
     camera = PhoneCamera(PhoneOptions(), clock)
     rig = Rig(ReplayDriver(), camera, make_policy("default-32"), clock)
     config = Config(port=0, web=WEB)
-    with rig, served(create_app(make_services(config, rig)), config) as address:
+    with rig, served(create_app(Services(config, rig)), config) as address:
         yield rig, address
 
 

@@ -25,7 +25,9 @@ def test_no_pictures_are_sent_to_a_page_that_does_not_show_them(phone: Any, worl
             phone.evaluate(SET_HIDDEN, True)
         else:
             phone.evaluate(f"location.hash = '{place}'")
-        wait_until(lambda: world.services.hub.video.viewers == 0, f"no pictures go to {place}")
+        wait_until(
+            lambda: world.services.hub.broadcast.video.viewers == 0, f"no pictures go to {place}"
+        )
         drawn = frames()
         phone.wait_for_timeout(500)
         assert frames() == drawn, place

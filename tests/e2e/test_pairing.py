@@ -32,7 +32,7 @@ def test_scanning_the_code_pairs_the_browser(tmp_path: Path, chromium: Any) -> N
         page.goto(f"{server.address}/pair#{pairing.tokens[Role.PILOT]}")
         page.wait_for_url(server.address + "/")
         page.wait_for_selector("video-view[data-frames]", state="attached", timeout=40_000)
-        assert server.hub.clients
+        assert server.hub.broadcast.clients
         assert "script" not in context.cookies()[0]["value"]
         assert context.cookies()[0]["httpOnly"] and context.cookies()[0]["sameSite"] == "Strict"
         assert [text for text in complaints if "Content Security Policy" in text] == []

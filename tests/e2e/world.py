@@ -22,10 +22,11 @@ from robot.types import Action, Mode, Pose
 from server.app import create_app
 from server.clients.hub import Hub
 from server.config import Config
+from server.identity import IdentityFile
 from server.lab.served import served
 from server.persistence import Persistence
 from server.recordings.part import Recordings
-from server.services import Services, make_services
+from server.services import Services
 from tests.joined_page import joined_page
 from tests.kit.wait import wait_until
 
@@ -129,9 +130,9 @@ def running_world(
     if robot == "sim":
         options.setdefault("frame_rate_hz", 5.0)
     rig = build_rig(robot, learner=learner, options=options, config=limits)
-    hub = Hub(config, rig, "Rover")
-    persistence = Persistence(Storage(folder), rig, name="Rover", announce=hub.announce)
-    services = make_services(config, rig, name="Rover", hub=hub, persistence=persistence)
+    hub = Hub(config, rig, IdentityFile(None, "Rover"))
+    persistence = Persistence(Storage(folder), rig, name="Rover", announce=hub.broadcast.announce)
+    services = Services(config, rig, hub=hub, persistence=persistence)
     with rig, persistence, served(create_app(services), config) as address:
         yield World(address, services)
 

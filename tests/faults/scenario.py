@@ -47,7 +47,8 @@ class FaultWorld(ServedWorld):
         camera = FakeCamera(clock, pictures=[_PICTURE])
         super().__init__(clock, camera=camera, policy=FakePolicy())
         self.driver.takes_points = proportional
-        self.hub.nonces = NonceLedger(random.Random(1).randrange)  # the same length in every run
+        # All nonces have the same length in every run.
+        self.hub.broadcast.nonces = NonceLedger(0.3, random.Random(1).randrange)
 
     def connect(self, path: str, on_message: Callable[[str | bytes], None]) -> HubSocket:
         """Open a connection through the link."""
@@ -79,7 +80,7 @@ class FaultWorld(ServedWorld):
         self.camera.age_s = self.dice.uniform(0.0, 0.04)
         self.link.conditions = LinkConditions(delay_s=self.dice.uniform(0.0, 0.02))
         self.page.vanish()
-        await self.until(lambda: not self.hub.clients)
+        await self.until(lambda: not self.hub.broadcast.clients)
         self.page = await self.pilot(sees=True)
 
     async def drive(self, mode: str) -> None:
@@ -181,10 +182,10 @@ class HubSocket:
         else:
             viewer = Viewer(lambda message: self._down.send(message, len(message)))
             self._up = world.link.line(lambda data: self._draw(viewer, data), throttled=False)
-            self._leave = lambda: hub.video.remove(viewer)
+            self._leave = lambda: hub.broadcast.video.remove(viewer)
             self.task = asyncio.get_running_loop().create_future()
-            hub.show_newest()
-            hub.video.add(viewer)
+            hub.broadcast.show_newest()
+            hub.broadcast.video.add(viewer)
 
     def send(self, message: str | bytes) -> None:
         """Send one message to the server."""
@@ -214,7 +215,9 @@ class HubSocket:
 
     def _draw(self, viewer: Viewer, data: bytes) -> None:
         hub = self._world.hub
-        hub.video.acknowledge(viewer, parse_acknowledgement(data), hub.clock.now_s())
+        hub.broadcast.video.acknowledge(
+            viewer, parse_acknowledgement(data), self._world.clock.now_s()
+        )
 
 
 Change = Callable[[FaultWorld], None]

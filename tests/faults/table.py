@@ -57,7 +57,7 @@ def _speak_late(world: FaultWorld) -> None:
 
 def _is_picture_old(world: FaultWorld) -> bool:
     """True once the pilot sees a picture that is older than the governor allows."""
-    frame = world.hub.video.captured_s.get(world.page.picture or 0)
+    frame = world.hub.broadcast.video.captured_s.get(world.page.picture or 0)
     return frame is not None and world.clock.now_s() - frame > 0.5
 
 
@@ -194,11 +194,11 @@ _INTRODUCTION = [
     "",
     "This page says what the robot does at each fault, in each mode. `make docs` writes the page,",
     "and the tests check its table in every run. For the table, a pilot drives a robot over a",
-    "link, in virtual time. The server's hub, protocol, control loop and gate are the real ones.",
-    "The camera gives 10 to 30 pictures a second, and the fault occurs at a random moment. The",
-    "number in brackets is the longest time of 1,000 such drives, in milliseconds; it is the same",
-    "in every run, on every machine. The tests repeat the drives with proportional steering, and",
-    "the robot stops within the same times.",
+    "link, in virtual time, with the server's real hub, protocol, control loop and gate, and with",
+    "a camera of 10 to 30 pictures a second. The fault occurs at a random moment. The number in",
+    "brackets is the longest time of 1,000 such drives, in milliseconds; it is the same in every",
+    "run, on every machine. The tests repeat the drives with proportional steering, and the robot",
+    "stops within the same times.",
 ]
 _BODIES_INTRODUCTION = [
     "## Each body, when its server is gone",
@@ -207,16 +207,15 @@ _BODIES_INTRODUCTION = [
     "driver and the real firmware of each body run in virtual time. Messages between them are",
     "delayed by up to 80 ms, and around the time of the fault by up to 1.2 s. Some bodies differ:",
     "",
-    "- `ev3-stock` and `lego-education`: LEGO's firmware cannot detect a late command. For these",
-    "  bodies, the table therefore assumes that messages are delayed by at most 50 ms around the",
-    "  time of the fault.",
+    "- `ev3-stock` and `lego-education`: around the time of the fault, messages are delayed by at",
+    "  most 50 ms, because LEGO's firmware cannot detect a late command.",
     "- `ev3-remote`: messages have no delay. The brick refuses late commands, as its agent's",
     "  own tests show.",
     "- `ev3`: messages have no delay, because they are sent over the motors' cables.",
     "- `ros`: the robot's base has no timeout of its own.",
     "",
-    f"We measured {bodies.DRIVES} drives for each cell. The number in brackets is the longest time",
-    "from the fault until the body stood still, in milliseconds.",
+    "The number in brackets is the longest time from the fault until the body stood, in",
+    f"milliseconds, of {bodies.DRIVES} drives.",
 ]
 _CLOSING = [
     "After each fault the robot waits for an explicit start: it never moves by itself when a",

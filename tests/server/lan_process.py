@@ -24,7 +24,7 @@ from server.app import create_app
 from server.hosting.logs import start_logging
 from server.hosting.serving import leave_out_of_collections
 from server.lab.served import served
-from server.services import make_services
+from server.services import Services
 from tests.server.access.unpaired_flood import PATIENCE_S
 
 from .live_robot import WEB
@@ -85,7 +85,7 @@ def main(web: str) -> None:
     clock = RealClock()
     rig = Rig(FakeDriver(), FakeCamera(clock), make_policy("published-8"), clock)
     gateway = NetworkGateway(config, rig.clock, pairing)
-    services = make_services(config, rig, name="bench", gateway=gateway)
+    services = Services(config, rig, name="bench", gateway=gateway)
     with rig, served(create_app(services), config) as address:
         leave_out_of_collections()
         notes = {"address": address, "threads": threading.active_count()}

@@ -27,7 +27,7 @@ from server.config import Config
 from server.lab.served import served
 from server.persistence import Persistence
 from server.protocol import encode_acknowledgement, parse_picture
-from server.services import Services, make_services
+from server.services import Services
 
 WEB = Path(__file__).resolve().parents[2] / "web"
 STANDING_AFTER_S = 60.0
@@ -79,7 +79,7 @@ def live_server(
     gateway = NetworkGateway(config, rig.clock, pairing)
     if certificates is not None:
         gateway.tls_files = str(certificates.key), str(certificates.chain)
-    services = make_services(config, rig, name="bench", persistence=persistence, gateway=gateway)
+    services = Services(config, rig, name="bench", persistence=persistence, gateway=gateway)
     with (
         rig,
         served(create_app(services), config) as address,

@@ -14,7 +14,7 @@ from robot.policy.registry import make_policy
 from robot.testing import FakeCamera, FakeDriver
 from server.config import Config
 from server.identity import COLOURS, NAMES, Identity, IdentityFile
-from server.services import Services, make_services
+from server.services import Services
 
 from .virtual_server import VirtualServer
 
@@ -56,11 +56,15 @@ def test_clients_are_told_of_a_new_name(monkeypatch: pytest.MonkeyPatch) -> None
         assert http.get("/api/settings").json()["name"] == "bench"
         heard: list[dict[str, object]] = []
         monkeypatch.setattr(
-            server.hub, "announce", lambda name, **fields: heard.append({"event": name, **fields})
+            server.hub.broadcast,
+            "announce",
+            lambda name, **fields: heard.append({"event": name, **fields}),
         )
         assert http.put("/api/settings", json={"name": "Ada", "colour": COLOURS[1]}).is_success
         assert heard == [{"event": "renamed", "robot": "Ada", "colour": COLOURS[1]}]
-        assert server.hub.name == http.get("/api/settings").json()["name"] == "Ada"
+        assert http.get("/api/settings").json()["name"] == "Ada"
+        with server.pilot() as pilot:
+            assert pilot.hello["robot"] == "Ada"
         assert http.put("/api/settings", json={"name": "a/b"}).status_code == 409
         assert http.put("/api/settings", json={"colour": "red"}).status_code == 409
 
@@ -68,15 +72,15 @@ def test_clients_are_told_of_a_new_name(monkeypatch: pytest.MonkeyPatch) -> None
 def make() -> Services:
     clock = RealClock()
     rig = Rig(FakeDriver(), FakeCamera(clock), make_policy("published-8"), clock)
-    return make_services(Config(port=0), rig)
+    return Services(Config(port=0), rig)
 
 
 def test_an_event_reaches_present_clients_and_a_lasting_event_also_later_ones() -> None:
-    make().hub.announce("nobody_listens")  # before the start
+    make().hub.broadcast.announce("nobody_listens")  # before the start
     with VirtualServer() as server:
         with server.pilot() as first:
-            server.hub.announce("model_saved", model="kitchen")
-            server.hub.announce("nothing_kept", detail="full")
+            server.hub.broadcast.announce("model_saved", model="kitchen")
+            server.hub.broadcast.announce("nothing_kept", detail="full")
             first.wait_for(lambda m: m.get("name") == "model_saved" and m["model"] == "kitchen")
             first.wait_for(lambda m: m.get("name") == "nothing_kept")
         with server.pilot() as second:

@@ -66,7 +66,7 @@ def a_pilot_drives_and_the_robot_stands_when_it_vanishes() -> None:
             pilot.socket.send("x" * 70_000)
             pilot._threads[0].join(_PATIENCE_S)
             assert pilot.socket.close_code == 1009, "a huge message closes the connection"
-        wait_until(lambda: not server.hub.clients, "the hub lets it go", _PATIENCE_S)
+        wait_until(lambda: not server.hub.broadcast.clients, "the hub lets it go", _PATIENCE_S)
 
 
 def _drives(server: LiveServer, pilot: Pilot) -> bool:

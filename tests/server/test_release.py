@@ -30,7 +30,7 @@ async def _by_another_page(world: ServedWorld) -> None:
     before, world.link.conditions = world.link.conditions, LinkConditions()
     other = await world.pilot()
     other.send(type="stop")
-    await world.until(lambda: world.hub.stop_number > other.hello.get("stop_number", 0))
+    await world.until(lambda: world.hub.emergency.number > other.hello.get("stop_number", 0))
     world.link.conditions = before
 
 
@@ -86,7 +86,7 @@ async def test_a_release_after_a_reconnection_names_the_stop_of_the_new_state(
 
 def test_a_message_to_an_earlier_server_never_names_a_stop_of_this_server() -> None:
     async def number(world: ServedWorld) -> int:
-        return world.hub.stop_number
+        return world.hub.emergency.number
 
     assert virtually(number) != virtually(number)
 
@@ -135,7 +135,7 @@ async def test_a_start_requested_before_a_stop_does_not_start_the_released_robot
 async def test_on_links_of_any_delay_no_order_undoes_a_stop_that_its_sender_had_not_seen(
     world: ServedWorld, seed: int
 ) -> None:
-    dice, seen = world.dice, {world.hub.stop_number}
+    dice, seen = world.dice, {world.hub.emergency.number}
     pages = [await world.pilot(sees=True) for _ in range(2)]
     for _ in range(40):
         page = dice.choice(pages)
@@ -153,5 +153,5 @@ async def test_on_links_of_any_delay_no_order_undoes_a_stop_that_its_sender_had_
         else:
             page.send(type=step)
         await world.until(
-            lambda: world.loop.state.emergency or world.hub.stop_number in seen, 0.06, step
+            lambda: world.loop.state.emergency or world.hub.emergency.number in seen, 0.06, step
         )

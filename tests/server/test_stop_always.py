@@ -141,7 +141,7 @@ class PeopleAtOneRobot(RuleBasedStateMachine):
         self.server.forward(1.0)  # at most one request in this time is allowed, for any client
         assert self._open(person), f"the {person} cannot come back"
 
-    @precondition(lambda self: self.server.hub.clients)
+    @precondition(lambda self: self.server.hub.broadcast.clients)
     @invariant()
     def places_are_counted(self) -> None:
         assert self.server.services.gateway.admission.sockets.taken <= LIMITS.clients

@@ -89,11 +89,13 @@ async def test_a_pilot_on_a_slow_link_is_not_disconnected(world: ServedWorld) ->
     for _ in range(30):
         pilot.mode("train")
         await world.forward(1.0)
-    assert [client.shut_out.is_set() for client in world.hub.clients.values()] == [False]
+    assert [
+        client.refusals.shut_out.is_set() for client in world.hub.broadcast.clients.values()
+    ] == [False]
     assert world.hub.refused[ErrorCode.STALE] > 20, "the link is as slow as that"
     for _ in range(20):
         pilot.send(type="dance")
-    await world.until(lambda: not world.hub.clients, what="who is hostile is sent away")
+    await world.until(lambda: not world.hub.broadcast.clients, what="who is hostile is sent away")
 
 
 @pytest.mark.parametrize("part", ["note_lateness", "pass_on_if_lapsed", "publish_state"])
@@ -105,10 +107,11 @@ async def test_a_fault_in_the_hubs_timer_stops_the_robot_but_not_the_timer(
     pilot.mode("train")
     pilot.hold("forward")
     await world.until(lambda: world.driver.now is Action.FORWARD)
-    owner = {"note_lateness": world.loop, "pass_on_if_lapsed": world.hub.lease}
+    owners = (world.loop, world.hub.lease, world.hub.broadcast)
+    owner = next(each for each in owners if hasattr(each, part))
     with monkeypatch.context() as broken:
         # `publish_state` fails for the named caller: a tick, or the timer without a tick.
-        broken.setattr(owner.get(part, world.hub), part, _fail)
+        broken.setattr(owner, part, _fail)
         if part == "publish_state":
             world.camera.is_frozen = True
         await world.until(world.stands)

@@ -20,7 +20,7 @@ from robot.types import Action, Mode, Point
 from server.app import create_app
 from server.config import Config
 from server.protocol import encode_acknowledgement, parse_picture
-from server.services import make_services
+from server.services import Services
 
 from .live_robot import WEB
 
@@ -78,7 +78,7 @@ class ServedWorld(VirtualRobot):
 
     def __init__(self, clock: VirtualClock, config: Config | None = None, **options: Any) -> None:
         super().__init__(clock, **options)
-        self.services = make_services(config or Config(web=WEB), self.rig, name="virtual")
+        self.services = Services(config or Config(web=WEB), self.rig, name="virtual")
         self.hub = self.services.hub
         self.link = Link(self.dice)
         self._stack = contextlib.AsyncExitStack()

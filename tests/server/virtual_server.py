@@ -27,7 +27,7 @@ from server.access.pairing import Pairing
 from server.app import create_app
 from server.config import Config
 from server.persistence import Persistence
-from server.services import make_services
+from server.services import Services
 
 from .virtual import Pilot, Socket
 from .virtual_connections import Body, Exchange, VirtualSocket
@@ -62,7 +62,7 @@ class VirtualServer:
         if data is not None:
             persistence = Persistence(Storage(data), rig, name=name)
         config = config or Config(port=0, web=WEB)
-        self.services = make_services(
+        self.services = Services(
             config,
             rig,
             name="bench",

@@ -26,12 +26,13 @@ from robot.store.folder import Storage
 from robot.testing import FakeCamera, FakeDriver
 from server.access.config import NetworkLimits
 from server.app import create_app
+from server.clients.video import VideoHub
 from server.config import Config
 from server.hosting.serving import leave_out_of_collections
 from server.lab.bench.peer import serve_plain
 from server.lab.served import served
 from server.persistence import Persistence
-from server.services import make_services
+from server.services import Services
 
 _COUNTED = ("serving_s", "process_s", "frames", "late_cycles", "stops")
 
@@ -121,7 +122,7 @@ def _serve(line: Connection, kind: str, rate_hz: float) -> None:
             config = NetworkConfig(port=0, host="127.0.0.1", lan=True, data=folder)
             more["gateway"] = NetworkGateway(config, rig.clock, Pairing(1000))
             more["persistence"] = Persistence(Storage(folder), rig)
-        services = make_services(config, rig, name="bench", **more)
+        services = Services(config, rig, name="bench", **more)
         pairing = getattr(services.gateway, "pairing", None)
         stack.enter_context(rig)
         if services.persistence is not None:
@@ -145,16 +146,21 @@ def _serve(line: Connection, kind: str, rate_hz: float) -> None:
                 "late_cycles": state.late_cycles,
                 "changes": [(at_s, action.value) for at_s, action in driver.changes],
                 "threads": threading.active_count(),
-                "tasks": len(asyncio.all_tasks(services.hub.event_loop)),
+                "tasks": len(asyncio.all_tasks(services.hub.broadcast.event_loop)),
                 "moved_s": driver.moved_s,
                 "mode": state.decision.mode.value,
                 "stop_reason": state.decision.stop_reason,
                 "stops": sum(state.stops.values()),
                 "ticked_s": ticked_s[-1000:],
-                "bytes": services.hub.video.newest_bytes,
+                "bytes": _picture_bytes(services.hub.broadcast.video),
                 "tokens": {r.value: t for r, t in pairing.tokens.items()} if pairing else {},
             }
             line.send(found)
+
+
+def _picture_bytes(video: VideoHub) -> int:
+    """Return the size of the newest picture as viewers get it; 0 without viewers."""
+    return len(video.encoder.encode(video.newest).data) if video.newest else 0
 
 
 def _serving_cpu_s() -> float:

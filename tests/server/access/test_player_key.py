@@ -82,7 +82,7 @@ def test_a_stream_ends_when_its_key_is_replaced(server: VirtualServer, tmp_path:
             if n_parts == 5:
                 PlayerKey(tmp_path).remove()
             assert n_parts < 100, "it goes on"
-    server.wait_until(lambda: server.hub.video.viewers == 0)
+    server.wait_until(lambda: server.hub.broadcast.video.viewers == 0)
 
 
 def test_only_the_owner_can_read_the_key(tmp_path: Path) -> None:

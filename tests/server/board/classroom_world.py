@@ -24,7 +24,7 @@ from server.board.teacher_session import Status
 from server.board.transport import HttpAnswer, RobotAddress, ServerPlace, UnreachableError
 from server.config import Config
 from server.gateway.roles import Role
-from server.services import make_services
+from server.services import Services
 from tests.server.virtual import ServedWorld, Socket, with_first_argument
 from tests.server.virtual_connections import Exchange
 from tests.server.virtual_server import WEB, threads_of_the_pool_inline
@@ -52,7 +52,7 @@ class Pupil(ServedWorld):
     def _begin(self, name: str, key: ClassKey | None) -> None:
         config = Config(port=self.port, web=WEB)
         self.classroom = Classroom(key) if key else None
-        self.services = make_services(
+        self.services = Services(
             config,
             self.rig,
             name=name,

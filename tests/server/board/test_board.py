@@ -129,13 +129,13 @@ async def test_only_a_state_that_is_newer_than_a_stop_confirms_or_clears_it(
     """A separate request confirms the stop while the websocket still delivers older states."""
     one, link = await world.first()
     hear, link._note_state = link._note_state, lambda _: None  # the line is slow
-    free = {"emergency": False, "stop_held_by": None, "stop_number": one.hub.stop_number}
+    free = {"emergency": False, "stop_held_by": None, "stop_number": one.hub.emergency.number}
     world.board.stop()
     hear({"emergency": True, "stop_held_by": None})
     assert link.stop.stage is Stopping.ASKED, "a pupil's own, which the pupil may release"
     await world.until(lambda: link.stop.stage is Stopping.STOPPED, 2.0, "by a request")
     assert any("/api/stop" in path for _, path in world.network.requests)
-    number = one.hub.stop_number
+    number = one.hub.emergency.number
     held = {"emergency": True, "stop_held_by": "teacher", "stop_number": number}
     for late in (free, free, held):
         hear(late)
@@ -262,16 +262,19 @@ async def test_pictures_come_only_while_somebody_looks_and_about_one_a_second(
     other = list(world.pupils.values())[1]
     world.board.join(page)
     await world.clock.pause(2.0)
-    assert not page.pictures and one.hub.video.frames_sent == 0
+    assert not page.pictures and one.hub.broadcast.video.frames_sent == 0
     world.board.watch(page, [link.number])
     await world.clock.pause(10.0)
-    assert 9 <= one.hub.video.frames_sent <= 12 and other.hub.video.frames_sent == 0
+    assert (
+        9 <= one.hub.broadcast.video.frames_sent <= 12
+        and other.hub.broadcast.video.frames_sent == 0
+    )
     assert set(page.pictures) == {link.number}
     world.board.watch(page, [])
     await world.clock.pause(0.5)
-    sent = one.hub.video.frames_sent
+    sent = one.hub.broadcast.video.frames_sent
     await world.clock.pause(10.0)
-    assert one.hub.video.frames_sent == sent and one.hub.video.viewers == 0
+    assert one.hub.broadcast.video.frames_sent == sent and one.hub.broadcast.video.viewers == 0
     world.board.leave(page)
 
 
@@ -287,10 +290,10 @@ async def test_pictures_and_news_wait_while_a_stop_is_under_way(world: ClassWorl
     world.board.stop()
     assert not world.board.at_leisure.is_set()
     page.pictures.clear()
-    sent = one.hub.video.frames_sent
+    sent = one.hub.broadcast.video.frames_sent
     await world.until(lambda: _latched(one), STOP_S, "it stands")
     await world.clock.pause(CONFIRM_S - 0.1)
-    assert one.hub.video.frames_sent <= sent + 1, "the last one was under way"
+    assert one.hub.broadcast.video.frames_sent <= sent + 1, "the last one was under way"
     await world.until(world.board.at_leisure.is_set, CONFIRM_S, "it is told who is lost")
     assert world.link(lost).stop.stage is Stopping.NOT_REACHED
     await world.until(lambda: bool(page.pictures), 3.0, "pictures come again")

@@ -42,9 +42,9 @@ def test_a_player_gets_the_length_of_each_picture(server: VirtualServer) -> None
 
 @in_virtual_time()
 async def test_a_viewer_that_reads_again_gets_only_the_newest_frame(world: ServedWorld) -> None:
-    video, unread = world.hub.video, [0]
-    stream = frames_of(video, world.hub.clock, lambda size: unread[0] <= 1.5 * size)
-    world.hub.show_newest()
+    video, unread = world.hub.broadcast.video, [0]
+    stream = frames_of(video, world.clock, lambda size: unread[0] <= 1.5 * size)
+    world.hub.broadcast.show_newest()
     first = await anext(stream)
     unread[0] = 2 * len(first)
     waiting = asyncio.ensure_future(anext(stream))
@@ -112,19 +112,21 @@ def test_an_mjpeg_part_is_followed_at_once_by_the_next_header(server: VirtualSer
         for chunk in answer.iter_raw():
             received += chunk
             if received.count(marker) == 5:
-                assert server.hub.video.viewers == 1
+                assert server.hub.broadcast.video.viewers == 1
                 break
         assert received.endswith(marker), "a frame never waits for its end"
         assert received.count(b"\xff\xd8") == 5
         assert server.clock.now_s() - started_s < 2
-    server.wait_until(lambda: server.hub.video.viewers == 0, what="the stream ends with its viewer")
+    server.wait_until(
+        lambda: server.hub.broadcast.video.viewers == 0, what="the stream ends with its viewer"
+    )
 
 
 def test_an_mjpeg_viewer_of_a_frozen_camera_can_leave(server: VirtualServer) -> None:
     server.camera.is_frozen = True
     with httpx.Client() as client, client.stream("GET", server.address + "/video.mjpg"):
-        server.wait_until(lambda: server.hub.video.viewers == 1)
-    server.wait_until(lambda: server.hub.video.viewers == 0)
+        server.wait_until(lambda: server.hub.broadcast.video.viewers == 1)
+    server.wait_until(lambda: server.hub.broadcast.video.viewers == 0)
 
 
 def test_a_viewer_that_never_acknowledges_gets_one_frame_and_slows_no_other(
@@ -180,7 +182,7 @@ def test_a_stop_is_told_before_the_picture_of_its_moment_is_encoded() -> None:
         await world.clock.pause(0.5)
         order: list[str] = []
         page = world.connect("/ws/drive", lambda text: None)
-        encode, send = world.hub.video.encoder.encode, page._down.send
+        encode, send = world.hub.broadcast.video.encoder.encode, page._down.send
 
         def note_encoding(frame: Frame) -> Frame:
             order.append("picture")
@@ -191,7 +193,7 @@ def test_a_stop_is_told_before_the_picture_of_its_moment_is_encoded() -> None:
                 order.append("stop")
             send(message, n_bytes)
 
-        world.hub.video.encoder.encode = note_encoding  # type: ignore[method-assign]
+        world.hub.broadcast.video.encoder.encode = note_encoding  # type: ignore[method-assign]
         page._down.send = note_sending  # type: ignore[method-assign]
         await world.clock.pause(0.5)
         world.loop.latch_emergency()

@@ -1,0 +1,49 @@
+"""The newest STOP, numbered so that no older message undoes it. Pure: the time is an argument."""
+
+from __future__ import annotations
+
+import math
+import secrets
+
+from server.gateway.roles import Role
+from server.protocol import ErrorCode, ProtocolError
+
+_RECENT_S = 2.0
+"""For this time after a STOP, in seconds, a start must prove that it was sent after the STOP. Pages
+repeat a start for one second only, so after this time no start from before the STOP comes."""
+
+
+class EmergencyStop:
+    """The newest STOP.
+
+    Attributes:
+        number: The number of the newest STOP; each STOP adds one, even while another is latched.
+        held_by: The role that stopped the robot, if only that role may release it.
+    """
+
+    def __init__(self) -> None:
+        self.number = 1 + secrets.randbelow(2**31)  # so no old message names it by chance
+        self.held_by: Role | None = None
+        self._pressed_s = -math.inf
+
+    def press(self, role: Role, now_s: float) -> None:
+        """Number a STOP; a role may reserve the release for itself."""
+        if role.holds_stop:
+            self.held_by = role
+        self.number += 1
+        self._pressed_s = now_s
+
+    def check_release(self, number: int, role: Role) -> None:
+        """Raise ProtocolError if a role may not release STOP, or has not seen the newest one."""
+        if number != self.number:
+            sentence = "STOP was pressed again after this release; look, then release STOP again"
+            raise ProtocolError(ErrorCode.NEWER_STOP, sentence)
+        if self.held_by is not None and role is not self.held_by:
+            sentence = f"only the {self.held_by.value} may release STOP"
+            raise ProtocolError(ErrorCode.STOP_HELD, sentence)
+
+    def check_start(self, seq: int, proven_s: float, now_s: float) -> None:
+        """Raise ProtocolError if a start, sent at `proven_s` or later, may be older than STOP."""
+        if proven_s < self._pressed_s >= now_s - _RECENT_S:
+            sentence = "STOP was pressed after this choice; look, then choose the mode again"
+            raise ProtocolError(ErrorCode.NEWER_STOP, sentence, seq)
