@@ -95,7 +95,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     restore.add_argument("key", nargs="?", metavar="WORD", help="the word that `delete` printed")
     add("compact", compact, "apply the edits to the recorded file itself")
     add("title", set_title, "give a recording a title").add_argument("title")
-    add("protect", protect, "protect a recording: never suggest deleting it")
+    add("protect", protect, "protect a recording, so that the page never suggests deleting it")
     add("unprotect", protect, "remove the protection of a recording")
     for point in points(VERBS):
         added: EpisodeVerb = point.load()
