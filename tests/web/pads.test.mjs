@@ -156,6 +156,35 @@ test('a pad of an unknown layout is shown its directions, which are remembered b
   assert.equal(again.look(), 'left');
 });
 
+for (const rest of [9 / 7, 23 / 7]) {
+  test(`a cross that the browser reports as one axis drives all its ways, at rest at ${rest.toFixed(1)}`, () => {
+    const page = drivingPage();
+    const pad = makePad({ id: '0079-0006-Arcade', mapping: '', axes: [0, 0, rest], buttons: [] });
+    const way = (/** @type {number} */ number) => (2 * number) / 7 - 1; // clockwise from ahead
+    page.pads = [pad];
+    page.look();
+    const press = (/** @type {number} */ number, frames = 5) => {
+      pad.axes[2] = way(number);
+      const held = page.look(frames);
+      pad.axes[2] = rest;
+      page.look(40);
+      return held;
+    };
+    press(6);
+    page.offered();
+    page.look(LET_GO_MS / FRAME_MS + 2);
+    for (const [asked, number] of [['left', 6], ['right', 2], ['forward', 0], ['backward', 4]]) {
+      assert.equal(page.asked, asked);
+      press(number);
+      if (number === 6) press(6); // the same way once more is not another direction
+    }
+    assert.equal(page.asked, undefined);
+    for (const [move, number] of [['left', 6], ['right', 2], ['forward', 0], ['backward', 4]]) assert.equal(press(number), move);
+    assert.equal(page.look(), null);
+    assert.ok(['forward', 'right'].includes(press(1)), 'between two ways it drives one of them');
+  });
+}
+
 test('of two pads the one that was touched last drives, and the page says so', () => {
   const page = drivingPage();
   const [one, two] = [makePad({ id: 'One' }), makePad({ id: 'Two', index: 1 })];

@@ -27,8 +27,15 @@ export const LET_GO_MS = 600;
 const valueOf = (button) => button?.value ?? Number(button?.pressed ?? false);
 /** The values of all of a pad's axes, and then of its buttons. @param {Pad} pad */
 export const valuesOf = (pad) => [...pad.axes, ...pad.buttons.map(valueOf)];
+/** Values of a cross on one axis that differ by less are neighbours: it has eight, 2/7 apart. */
+const HAT_STEP = 0.3;
+/** True for a cross that the browser reports as one axis: at rest its value is beyond the ends of an axis. @param {number} rest */
+const isHat = (rest) => Math.abs(rest) > 1.1;
 /** @param {Pad} pad @param {Input} input */
-const wayOf = (pad, { kind, index, rest, full }) => ((kind === 'axes' ? pad.axes[index] ?? rest : valueOf(pad.buttons[index])) - rest) / (full - rest);
+const wayOf = (pad, { kind, index, rest, full }) => {
+  const value = kind === 'axes' ? pad.axes[index] ?? rest : valueOf(pad.buttons[index]);
+  return isHat(rest) ? Number(Math.abs(value - full) < HAT_STEP) : (value - rest) / (full - rest);
+};
 
 /** Reads a pad as one of the standard layout. Inputs that were not seen at rest since the pad was connected count as not pushed. */
 export class RestedPad {
@@ -153,7 +160,8 @@ export class PadChoice {
   /** Note an input that was pushed and released. @param {'axes' | 'buttons'} kind @param {number} index @param {number} rest */
   take(kind, index, rest) {
     const { full, choice } = this;
-    const isTaken = Object.values(choice).some((one) => one.kind === kind && one.index === index && (one.full - one.rest) * (full - rest) > 0);
+    const isSame = (/** @type {Input} */ one) => (isHat(rest) ? Math.abs(one.full - full) < HAT_STEP : (one.full - one.rest) * (full - rest) > 0);
+    const isTaken = Object.values(choice).some((one) => one.kind === kind && one.index === index && isSame(one));
     if (!isTaken) choice[this.open.shift() ?? ''] = { kind, index, rest, full };
     this.begin();
   }
