@@ -27,6 +27,9 @@ _BAR_PX = 56
 _BAR, _TEXT, _NO_COLOUR = 37, 218, 128
 """Brightness of the bar and of its text, and the colour difference of grey, as H.264 stores them:
 black is 16, and white is 235."""
+_ONE_THREAD_PX = 160 * 120
+"""Number of pixels up to which only one thread encodes pictures. Several threads need a third more
+CPU time for pictures that are so small."""
 SUFFIXES = (".mp4", ".mov", ".mkv")
 """Suffixes of films: containers that support H.264."""
 H264, AV1 = "libx264", "libsvtav1"
@@ -91,6 +94,8 @@ def _encode(
                 stream.pix_fmt = "yuv420p"
                 stream.codec_context.gop_size = key_every
                 stream.codec_context.max_b_frames = 0
+                if frame.width * frame.height <= _ONE_THREAD_PX:
+                    stream.codec_context.thread_count = 1
             elif (frame.height, frame.width) != (stream.height, stream.width):
                 raise RecordingError("the pictures of a film must all have one size")
             frame.pts, frame.time_base = count, Fraction(1, fps)
