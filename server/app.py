@@ -56,8 +56,5 @@ def create_app(services: Services) -> FastAPI:
 
     # NOTE: `lifespan` is set here, because FastAPI has such an argument only since 0.93.
     app.router.lifespan_context = lifespan
-    for each in extensions:
-        services.gateway.public_paths |= each.public_paths
-        services.gateway.open_paths |= each.open_paths
     app.add_middleware(Guard, gateway=services.gateway)
     return app

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 from fastapi import APIRouter, HTTPException
 from starlette.requests import HTTPConnection
@@ -93,15 +93,7 @@ class Services:
 
 
 class Extension(StartStop):
-    """Base class of an extension's part in a server; a subclass overrides the methods it needs.
-
-    Attributes:
-        public_paths: Paths that need no session.
-        open_paths: Paths on which a viewer may do more than read.
-    """
-
-    public_paths: ClassVar[frozenset[str]] = frozenset()
-    open_paths: ClassVar[frozenset[str]] = frozenset()
+    """Base class of an extension's part in a server; a subclass overrides the methods it needs."""
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
         """Store the parts of the server; `options` are those of `drivelesson serve`."""

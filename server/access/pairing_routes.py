@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 from urllib.parse import quote
 
@@ -15,7 +16,7 @@ from server.gateway.gateway import PREFIX
 from server.gateway.guard import person_of
 from server.gateway.roles import Refusal
 from server.routes.answers import Route
-from server.services import Extension, services_of
+from server.services import Extension, Services, services_of
 
 router = APIRouter(route_class=Route)
 _YEAR_S = 365 * 24 * 3600
@@ -117,5 +118,8 @@ class AccessExtension(Extension):
     """Adds the pairing page and its routes to a robot's server."""
 
     routers = (router,)
-    public_paths = frozenset({"/pair", "/api/pair", "/pair/pair.js", "/pair/pair.css", "/ca.crt"})
-    open_paths = frozenset({"/api/unpair"})
+
+    def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
+        page = {"/pair", "/api/pair", "/pair/pair.js", "/pair/pair.css"}
+        services.gateway.public_paths |= {*page, "/ca.crt"}
+        services.gateway.open_paths.add("/api/unpair")

@@ -167,9 +167,9 @@ class ClassroomExtension(Extension):
     """
 
     routers = (router,)
-    public_paths = frozenset({"/api/class/hello", "/api/class/join"})
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
+        services.gateway.public_paths |= {"/api/class/hello", "/api/class/join"}
         file: Path | None = options.get("class_key")
         self.classroom: Classroom | None = options.get("classroom")
         if file is not None:

@@ -36,7 +36,7 @@ Check = Callable[[str, str | None, Role], Refusal | None]
 
 
 class Gateway:
-    """Admits every client of this computer as a pilot.
+    """Admits all clients of this computer as pilots. Extensions add credentials, checks and paths.
 
     Attributes:
         credentials: Functions that return the session that a request's headers prove, or None.
