@@ -6,12 +6,11 @@ in radians. Counter-clockwise and forward are positive. The name of a plain numb
 
 from __future__ import annotations
 
-import math
 import re
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import ClassVar, NamedTuple, Self
 from weakref import WeakValueDictionary
@@ -22,7 +21,7 @@ _NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
 class Action(str):
     """A command to the motors, by name. All actions except STOP are moves; a learner learns moves.
 
-    Drivers can declare more moves (`robot.driver`). A name is a lower-case letter, then up to 31
+    Drivers can declare more moves (`robot.moves`). A name is a lower-case letter, then up to 31
     letters, digits or underscores. There is one object for each name, also after pickling and
     copying, so `is` and `==` are equivalent.
 
@@ -79,7 +78,7 @@ DEFAULT_MOVES: tuple[Action, ...] = (Action.FORWARD, Action.LEFT, Action.RIGHT)
 class Point(NamedTuple):
     """Steering and throttle, each from -1 to 1: right and ahead are positive.
 
-    A point accompanies a move, for bodies that are steered proportionally (`robot.driver.move_at`).
+    A point accompanies a move, for bodies that are steered proportionally (`robot.moves.move_at`).
     """
 
     steering: float
@@ -155,16 +154,6 @@ class Pose:
     y_m: float
     heading_rad: float
     is_estimate: bool = False
-
-    def along(self, turn_rad: float, way_m: float) -> Pose:
-        """Return the pose after an arc with this turn and length."""
-        middle_rad = self.heading_rad + turn_rad / 2
-        return replace(
-            self,
-            x_m=self.x_m + way_m * math.cos(middle_rad),
-            y_m=self.y_m + way_m * math.sin(middle_rad),
-            heading_rad=math.remainder(self.heading_rad + turn_rad, math.tau),
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,11 +7,25 @@ drift, so the pose is marked as estimated.
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 from robot.driver import ACTION_TIMEOUT_S
 from robot.types import Pose
 
 Pair = tuple[float, float]
 """One value for the left wheel, and one for the right wheel."""
+
+
+def along(pose: Pose, turn_rad: float, way_m: float) -> Pose:
+    """Return the pose after an arc with this turn and length."""
+    middle_rad = pose.heading_rad + turn_rad / 2
+    return replace(
+        pose,
+        x_m=pose.x_m + way_m * math.cos(middle_rad),
+        y_m=pose.y_m + way_m * math.sin(middle_rad),
+        heading_rad=math.remainder(pose.heading_rad + turn_rad, math.tau),
+    )
 
 
 class DeadReckoning:
@@ -41,7 +55,7 @@ class DeadReckoning:
         (left_m, right_m), self._told_m = self._told_m, (0.0, 0.0)
         if wheels_m is not None and before_m is not None:
             left_m, right_m = wheels_m[0] - before_m[0], wheels_m[1] - before_m[1]
-        self._pose = self._pose.along((right_m - left_m) / self._track_m, (left_m + right_m) / 2)
+        self._pose = along(self._pose, (right_m - left_m) / self._track_m, (left_m + right_m) / 2)
         return self._pose
 
     def _roll(self, now_s: float) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from robot.devkit.dead_reckoning import along
 from robot.devkit.wheels import CLASSIC_POINTS, TwoWheels
 from robot.simulator.world import Obstacle, World
 from robot.types import Pose
@@ -35,7 +36,7 @@ Overlap = tuple[float, float, float]
 def move(pose: Pose, left_mps: float, right_mps: float, dt_s: float) -> Pose:
     """Return the pose after `dt_s` at these wheel speeds, without walls: an arc of a circle."""
     turn_rad = (right_mps - left_mps) / TRACK_M * dt_s
-    return pose.along(turn_rad, (left_mps + right_mps) / 2 * dt_s)
+    return along(pose, turn_rad, (left_mps + right_mps) / 2 * dt_s)
 
 
 def push_out(world: World, pose: Pose) -> tuple[Pose, list[float]]:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.devices.options import Options, option
-from robot.driver import ACTION_TIMEOUT_S, CLASSIC, Driver
+from robot.driver import ACTION_TIMEOUT_S, Driver
 from robot.errors import ConfigurationError, NotConnectedError, did_you_mean
+from robot.moves import CLASSIC
 from robot.simulator.simulation import Simulation
 from robot.simulator.world import World, load_world, tinted, world_names
 from robot.types import Action, Point, Sensors
@@ -100,7 +101,7 @@ class SimDriver(Driver):
 
     def sense(self) -> Sensors:
         with self._lock:
-            return self.simulation.sense()
+            return self.simulation.sensors.read()
 
     def stop(self) -> None:
         with self._lock:

@@ -1,22 +1,60 @@
-"""The simulated body's sensors: the distances to walls and things, and the bumpers. Pure."""
+"""The simulated body's sensors: the distances to walls and things, and the bumpers."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot.simulator.body import RADIUS_M, turned
 from robot.simulator.world import Obstacle, World
-from robot.types import Pose
+from robot.types import Pose, Sensors
 
 SONAR_RANGE_M = 2.55
 SONAR_HALF_CONE_RAD = math.radians(12.5)
+_SONAR_NOISE_M = 0.005
+"""Standard deviation of the sonar's noise, in metres."""
 _SONAR_RAYS_RAD = np.linspace(-SONAR_HALF_CONE_RAD, SONAR_HALF_CONE_RAD, 7)
 _LEFT_BUMPER_RAD = math.radians(-10), math.radians(80)
 """Bearings of the left bumper, relative to straight ahead; the right bumper mirrors it."""
+
+
+class Sensed(Protocol):
+    """The robot whose surroundings are sensed (`Simulation`)."""
+
+    world: World
+    pose: Pose
+    contacts_rad: list[float]
+    is_noisy: bool
+
+
+class SimSensors:
+    """Reads the sensors of a simulated robot; `seed` determines the sonar's noise."""
+
+    def __init__(self, robot: Sensed, seed: int) -> None:
+        self._robot = robot
+        self._rng = np.random.default_rng((seed, 1))
+        self._measured: tuple[World | None, Pose | None, float] = None, None, 0.0
+
+    def read(self) -> Sensors:
+        """Return the readings: sonar with noise, bumpers, and the true pose."""
+        world, pose = self._robot.world, self._robot.pose
+        noise_m = float(self._rng.normal(0.0, _SONAR_NOISE_M)) if self._robot.is_noisy else 0.0
+        measured_in, measured_at, free_m = self._measured
+        # Measure again only if the robot has moved or the world has changed.
+        if measured_in is not world or measured_at != pose:
+            free_m = sonar_m(world, pose)
+            self._measured = world, pose, free_m
+        pressed = bumpers(self._robot.contacts_rad)
+        return Sensors(
+            distance_m=max(0.0, free_m + noise_m),
+            bumped=any(pressed),
+            bumpers=pressed,
+            pose=pose,
+        )
 
 
 def bumpers(contacts_rad: Sequence[float]) -> tuple[bool, bool]:

@@ -1,4 +1,4 @@
-"""A simulated robot in a world: body, sensors, camera and noise, advanced by `step`.
+"""A simulated robot in a world: body, camera and noise, advanced by `step`.
 
 The simulation uses no clock and no thread. The simulator's driver and camera run the simulation in
 real time; experiments step it as fast as they can. The same world, seed and actions yield the same
@@ -14,21 +14,20 @@ from numpy.typing import NDArray
 
 from robot.simulator.body import WHEELS, WHEELS_MPS, move, push_out
 from robot.simulator.renderer import Renderer
-from robot.simulator.sensors import bumpers, sonar_m
+from robot.simulator.sensors import SimSensors, bumpers
 from robot.simulator.things import move_things
 from robot.simulator.world import World
-from robot.types import Action, Point, Pose, Sensors
+from robot.types import Action, Point, Pose
 
 _LONGEST_STEP_S = 0.02
 DRIFT_S = 1.0
 """Time constant of the wheels' drift to one side, in seconds."""
 
 
-_SLIP_SHARE, _SONAR_NOISE_M, _PIXEL_NOISE = 0.04, 0.005, 3.0
-"""Standard deviations of the noise of each wheel's speed (as a share of the speed), of the sonar
-(in metres) and of each pixel (of 255). The wheels' noise applies to steps of a fiftieth of a
-second. The noise is larger in shorter steps, so that the robot's path is equally uncertain at any
-frame rate."""
+_SLIP_SHARE, _PIXEL_NOISE = 0.04, 3.0
+"""Standard deviations of the noise of each wheel's speed (as a share of the speed) and of each
+pixel (of 255). The wheels' noise applies to steps of a fiftieth of a second. The noise is larger in
+shorter steps, so that the robot's path is equally uncertain at any frame rate."""
 
 
 class Simulation:
@@ -42,6 +41,8 @@ class Simulation:
     Attributes:
         drift_share: Standard deviation of a slow drift of the wheels on straight moves, as a share
             of their speed: one wheel turns faster, the other slower. 0 means no drift.
+        sensors: The robot's sensors.
+        contacts_rad: Bearings at which the body touches something, relative to straight ahead.
         action: The current move.
         point: The current steering and throttle; None if the robot is not driven proportionally.
         first_world: The initial state of the world. Any thread may set `first_world` to another
@@ -53,16 +54,15 @@ class Simulation:
         self.world = self.first_world = self._entered = world
         self.is_noisy = is_noisy
         self._seed = seed
-        self._motion_rng, self._sonar_rng, self._pixel_rng = (
-            np.random.default_rng((seed, stream)) for stream in range(3)
+        self._motion_rng, self._pixel_rng, self._drift_rng = (
+            np.random.default_rng((seed, stream)) for stream in (0, 2, 4)
         )
-        self._drift_rng = np.random.default_rng((seed, 4))
         self._drift = 0.0
         self.drift_share = 0.0
         self._renderer: Renderer | None = None
         self._grain: tuple[NDArray[np.int16], NDArray[np.int16]] | None = None
-        self._measured: tuple[World | None, Pose | None, float] = None, None, 0.0
-        self._contacts_rad: list[float] = []
+        self.sensors = SimSensors(self, seed)
+        self.contacts_rad: list[float] = []
         self.pose = self._start_pose()
         self.action = Action.STOP
         self.point: Point | None = None
@@ -82,7 +82,7 @@ class Simulation:
         starts vary."""
         first_world = self.first_world
         self.world = first_world
-        self._contacts_rad = []
+        self.contacts_rad = []
         self.action, self.point = Action.STOP, None
         self.pose = self._start_pose()
         # set after `world`, because `shown_world` reads both on another thread
@@ -94,26 +94,10 @@ class Simulation:
         chosen = self.first_world
         return self.world if chosen is self._entered else chosen
 
-    def sense(self) -> Sensors:
-        """Return the sensors' readings: sonar with noise, bumpers, and the true pose."""
-        noise_m = float(self._sonar_rng.normal(0.0, _SONAR_NOISE_M)) if self.is_noisy else 0.0
-        measured_in, measured_at, free_m = self._measured
-        # Measure again only if the robot has moved or the world has changed.
-        if measured_in is not self.world or measured_at != self.pose:
-            free_m = sonar_m(self.world, self.pose)
-            self._measured = self.world, self.pose, free_m
-        pressed = bumpers(self._contacts_rad)
-        return Sensors(
-            distance_m=max(0.0, free_m + noise_m),
-            bumped=any(pressed),
-            bumpers=pressed,
-            pose=self.pose,
-        )
-
     @property
     def bumpers(self) -> tuple[bool, bool]:
         """State of the left and the right bumper: True if pressed."""
-        return bumpers(self._contacts_rad)
+        return bumpers(self.contacts_rad)
 
     @property
     def is_pushing(self) -> bool:
@@ -128,7 +112,7 @@ class Simulation:
     @property
     def is_touching(self) -> bool:
         """True while the body touches a wall or a thing, on any side."""
-        return bool(self._contacts_rad)
+        return bool(self.contacts_rad)
 
     def render(self) -> NDArray[np.uint8]:
         """Return the camera's picture, shape (120, 160, 3), RGB."""
@@ -168,7 +152,7 @@ class Simulation:
         scale = self.speed_scale
         moved = move(self.pose, left_mps * scale, right_mps * scale, dt_s)
         self.world = move_things(self.world, moved, dt_s)
-        self.pose, self._contacts_rad = push_out(self.world, moved)
+        self.pose, self.contacts_rad = push_out(self.world, moved)
 
     def _drift_on(self, dt_s: float) -> None:
         """Update the drift: an Ornstein-Uhlenbeck process with standard deviation `drift_share`."""

@@ -24,7 +24,7 @@ def film_a_good_pilot(frames: int) -> tuple[FrameEvent, ...]:
     simulation = Simulation(load_world("box"), seed=5)
     held, shots = FORWARD, []
     for i in range(frames):
-        near = simulation.sense().distance_m or 0.0
+        near = simulation.sensors.read().distance_m or 0.0
         held = LEFT if near < (0.4 if held is FORWARD else 0.7) else FORWARD
         pixels = simulation.render()
         picture = functools.partial(

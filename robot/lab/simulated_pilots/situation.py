@@ -95,7 +95,7 @@ class Situation:
 
 def observe(simulation: Simulation, frame_id: int, at_s: float) -> Situation:
     """Return the situation at the robot's current place."""
-    sensors = simulation.sense()
+    sensors = simulation.sensors.read()
     ranges = ranges_m(simulation.world, simulation.pose, FAN_RAD)
     return Situation(
         frame_id=frame_id,

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from robot.bodies.ev3.driver import ChassisDriver, ChassisOptions, wheels_of
-from robot.devkit.dead_reckoning import DeadReckoning
+from robot.devkit.dead_reckoning import DeadReckoning, along
 from robot.devkit.wheels import CLASSIC_POINTS
 from robot.driver import ACTION_TIMEOUT_S, Driver
 from robot.errors import DriveError
@@ -104,7 +104,7 @@ def test_a_chassis_counts_the_way_of_its_wheels(action: Action, reversed_motors:
         after = driver.sense().pose
         left_m, right_m = (0.2 * mps for mps in driver.wheels_mps(action))
         turned_rad = (right_m - left_m) / driver.options.track_m
-        truth = START.along(turned_rad, (left_m + right_m) / 2)
+        truth = along(START, turned_rad, (left_m + right_m) / 2)
         assert after is not None
         assert (after.x_m, after.y_m) == pytest.approx((truth.x_m, truth.y_m))
         driver.body.turned_deg = None  # an agent that sends none: the orders count

@@ -24,7 +24,7 @@ def run(seed: int, steps: int = 30) -> tuple[object, bytes]:
     for _ in range(steps):
         simulation.step(0.1)
         picture = simulation.render()
-    sensed = simulation.sense()
+    sensed = simulation.sensors.read()
     simulation.close()
     return (sensed.pose, sensed.distance_m), picture.tobytes()
 
@@ -59,8 +59,8 @@ def test_the_robot_pushes_a_wall_when_it_drives_against_it(
     simulation.action, simulation.point = Action.LEFT, None
     assert not simulation.is_pushing, "a turn rolls back"
     simulation.action, simulation.point = Action.FORWARD, None
-    assert simulation.sense().bumped
-    assert (simulation.sense().distance_m or 0) < 0.1
+    assert simulation.sensors.read().bumped
+    assert (simulation.sensors.read().distance_m or 0) < 0.1
 
 
 def test_the_speed_scale_scales_the_distance() -> None:
