@@ -18,6 +18,7 @@ from robot.store.folder import Storage
 from robot.store.lock import FolderLock
 from robot.store.models.autosave import Autosave
 from robot.store.models.journal import Journal
+from robot.store.models.journal_writer import JournalWriter
 from robot.store.models.recovery import newest_boot, recover
 from robot.store.models.store import ModelStore
 from robot.store.models.trial import try_model
@@ -83,7 +84,8 @@ class Persistence(StartStop):
         self._presence: Presence | None = None
         self._is_gone = False
         self.models = ModelStore(storage, rig.clock.wall_s, announce)
-        self.journal = Journal(storage.journal, announce, clock=rig.clock)
+        self.journal = Journal()
+        self.writer = JournalWriter(self.journal, storage.journal, announce, clock=rig.clock)
         self.autosave = Autosave(
             rig.loop,
             self.models,
@@ -94,7 +96,7 @@ class Persistence(StartStop):
         )
         self.disk = DiskThread(rig.clock)
         self.disk.add(self._watch_folder)
-        self.disk.add(self.journal.sync)
+        self.disk.add(self.writer.sync)
         self.disk.add(self.autosave.save_if_due)
         self.disk.add(self._note_failure)
         kinds: list[type[PersistencePart]] = [point.load() for point in points(PARTS)]
@@ -140,7 +142,7 @@ class Persistence(StartStop):
             self._presence = Presence(self.storage.root)
             self._presence.watch()
         self.storage.sweep()
-        self.journal.start(after=newest_boot(self.models))
+        self.writer.start(after=newest_boot(self.models))
         self.autosave.start()
         for part in self._parts.values():
             part.start()
@@ -191,7 +193,7 @@ class Persistence(StartStop):
             part.stop()
         self.disk.stop()
         self.autosave.stop()
-        self.journal.stop()
+        self.writer.stop()
         if self._presence is not None:
             self._presence.end_watch()
         self._lock.stop()

@@ -89,7 +89,7 @@ class Services:
         made, number = await self.on_loop(lambda: (change(history), history.changes))
         if self.persistence is None:
             return made, False
-        return made, await self.persistence.journal.written(number)
+        return made, await self.persistence.writer.written(number)
 
 
 class Extension(StartStop):

@@ -216,7 +216,7 @@ class Life:
                 person: {"cookie": f"{name}={secret}"} for person, secret in self.secrets.items()
             } | {"stranger": {}}
             server.forward(0.5)
-            if (writer := server.persistence.journal._writer) is not None:
+            if (writer := server.persistence.writer._writer) is not None:
                 writer._files = self.disk.lay_beneath(writer._files)
             found = read(server, self.secrets, GROUPS)
             for sentence in lost(self.wanted, found):

@@ -140,7 +140,7 @@ def ask(
         }
         disk = Disk(root)
         disk.install(patch.setattr)
-        if (writer := kept.journal._writer) is not None:
+        if (writer := kept.writer._writer) is not None:
             writer._files = disk.lay_beneath(writer._files)
         options: dict[str, Any] = {}
         if isinstance(body, bytes):

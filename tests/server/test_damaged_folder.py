@@ -254,7 +254,7 @@ def test_every_message_is_obeyed_even_if_the_disk_cannot_be_written(tmp_path: Pa
     ):
         disk = Disk(tmp_path)
         disk.install(patch.setattr)
-        if (writer := server.persistence.journal._writer) is not None:
+        if (writer := server.persistence.writer._writer) is not None:
             writer._files = disk.lay_beneath(writer._files)
         disk.fail(0, lasts=True)
         for mode in ("train", "autonomous", "train"):
@@ -270,7 +270,7 @@ def test_every_message_is_obeyed_even_if_the_disk_cannot_be_written(tmp_path: Pa
         for word, is_pilot in (("yield", False), ("take", True)):
             pilot.send(type=word)
             pilot.wait_for_state(you_are_pilot=is_pilot)
-        server.wait_until(lambda: server.persistence.journal.fault is not None, what="it is said")
+        server.wait_until(lambda: server.persistence.writer.fault is not None, what="it is said")
         assert pilot.errors() == [] and disk.calls
         disk.heal()
 

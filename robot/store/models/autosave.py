@@ -13,8 +13,8 @@ from collections.abc import Callable, Collection
 from functools import partial
 
 from robot.control.loop import ControlLoop
-from robot.driver import CLASSIC
 from robot.errors import ConfigurationError, RobotError
+from robot.moves import CLASSIC
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.store.disk import Announce, no_announcement

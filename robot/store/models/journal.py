@@ -10,22 +10,40 @@ of changes since then. No clock is involved.
 
 from __future__ import annotations
 
+import secrets
+import threading
+from collections import deque
 from collections.abc import Callable
+from typing import Any
 
 from robot.control.state import Tick
-from robot.policy.events import Edited, Taught
+from robot.policy.events import Edited, HistoryEvent, Taught
 from robot.policy.history import TrainingHistory
-from robot.store.models.journal_writer import JournalWriter, Record
 from robot.store.models.model import JournalPosition, Model, take_model
 
 _MOST_WAITING = 8192
 _TRY_AGAIN_S = 5.0
+Record = tuple[dict[str, Any], HistoryEvent | Model | None]
+"""A record to be written. Its head contains `change`, the number of the last change, and `kind`:
+- `event`: the change itself;
+- `checkpoint`: the complete learner, with the model's `name`;
+- `saved`: all changes up to this one are saved in a model's file;
+- `drive`: a drive began after this change; some learners then localise themselves again."""
 
 
-class Journal(JournalWriter):
-    """Queues the learner's changes; `note` and `copy` are for the loop's thread."""
+class Journal:
+    """Numbers the learner's changes, and queues them for a `JournalWriter`, which calls `take` and
+    `require_checkpoint`, and chooses `boot`. `note` and `copy` are for the loop's thread."""
 
-    _drives = 0
+    def __init__(self) -> None:
+        self.run = secrets.token_hex(8)
+        self.boot = 0
+        self.wake: Callable[[], None] = lambda: None
+        self._lock = threading.Lock()
+        self._queue: deque[Record] = deque()
+        self._needs_checkpoint = True
+        self._try_again_s = 0.0
+        self._drives = 0
 
     def note(
         self, history: TrainingHistory, in_use: Callable[[], tuple[str | None, str]], tick: Tick
@@ -47,10 +65,7 @@ class Journal(JournalWriter):
             self._put((head, self.copy(history, place)))
             return
         first = history.changes - len(events) + 1
-        heads = (
-            {"kind": "event", "change": change} for change in range(first, history.changes + 1)
-        )
-        self._put(*zip(heads, events, strict=True))
+        self._put(*(({"kind": "event", "change": n}, one) for n, one in enumerate(events, first)))
 
     def copy(self, history: TrainingHistory, place: str) -> Model:
         """Copy the learner's current state with its journal position."""
@@ -67,8 +82,22 @@ class Journal(JournalWriter):
                 self._needs_checkpoint = True
                 return
             self._queue.extend(records)
-        self._thread.wake()
+        self.wake()
 
     def note_saved(self, change: int) -> None:
         """Record that all changes up to this one are saved, so that recovery does not need them."""
         self._put(({"kind": "saved", "change": change}, None))
+
+    def take(self) -> list[Record]:
+        """Return and remove the queued records."""
+        with self._lock:
+            records = list(self._queue)
+            self._queue.clear()
+        return records
+
+    def require_checkpoint(self, *, has_failed: bool) -> None:
+        """Have the next record contain the complete learner. If writing `has_failed`, the record
+        is queued after a while, even without a change."""
+        if not has_failed:
+            self._try_again_s = 0.0  # set before `_needs_checkpoint`: the loop reads both
+        self._needs_checkpoint = True

@@ -14,11 +14,8 @@ import contextlib
 import json
 import logging
 import re
-import secrets
 import shutil
-import threading
 import zlib
-from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -27,6 +24,7 @@ from robot.clock import Clock, RealClock
 from robot.policy.events import HistoryEvent, describe_event, to_json
 from robot.store.disk import Announce, DiskThread, no_announcement
 from robot.store.folder import paths_in
+from robot.store.models.journal import Journal, Record
 from robot.store.models.model import Model, encode_model
 from robot.store.presence import require_present
 from robot.store.records import RecordWriter, open_new
@@ -40,13 +38,6 @@ _KEPT_PARTS = 2
 _SPARE_BYTES = 8 * 2**20
 _PART = re.compile(r"(\d{6,12})-(\d{2,9})\.([ab])", re.ASCII)
 HEAD = b"\n"
-
-Record = tuple[dict[str, Any], HistoryEvent | Model | None]
-"""A record to be written. Its head contains `change`, the number of the last change, and `kind`:
-- `event`: the change itself;
-- `checkpoint`: the complete learner, with the model's `name`;
-- `saved`: all changes up to this one are saved in a model's file;
-- `drive`: a drive began after this change; some learners then localise themselves again."""
 
 
 def list_parts(folder: Path) -> list[Part]:
@@ -67,36 +58,32 @@ class Part(NamedTuple):
 
 
 class JournalWriter:
-    """Writes the journal of one start; `announce` is called once when writing fails.
+    """Writes what a journal queues; `announce` is called once when writing fails.
 
     `sync` runs on the disk's thread, and `write_waiting` on the journal's.
     """
 
     def __init__(
         self,
+        journal: Journal,
         folder: Path,
         announce: Announce = no_announcement,
         open_file: Callable[[Path], BinaryIO] = open_new,
         clock: Clock | None = None,
     ) -> None:
-        self.run = secrets.token_hex(8)
-        self.boot = 0
         self.fault: str | None = None
         """The reason why the journal cannot be written now; None if all is well."""
-        self._folder = folder
+        self._journal, self._folder = journal, folder
         self._announce = announce
         self._open_file = open_file
         self._clock = clock or RealClock()
-        self._lock = threading.Lock()
-        self._queue: deque[Record] = deque()
         self._thread = DiskThread(self._clock, "journal", every_s=None)
         self._thread.add(self.write_waiting)
+        journal.wake = self._thread.wake
         self._writer: RecordWriter | None = None
         self._written = 0
         self._part = 0
         self._longest_bytes = 0
-        self._needs_checkpoint = True
-        self._try_again_s = 0.0
 
     def start(self, after: int = 0) -> None:
         """Start writing. The number of this start is above `after`, the number of the run that
@@ -106,7 +93,7 @@ class JournalWriter:
 
     def open_boot(self, after: int = 0) -> None:
         """Choose the number of this start; one thread may then call `write_waiting`."""
-        self.boot = max([after, *(part.boot for part in list_parts(self._folder))]) + 1
+        self._journal.boot = max([after, *(part.boot for part in list_parts(self._folder))]) + 1
 
     def stop(self) -> None:
         self._thread.stop()
@@ -121,11 +108,11 @@ class JournalWriter:
         cannot be written at all.
         """
         until_s = self._clock.now_s() + _LONGEST_WAIT_S
-        while self.boot and self._written < change and self._clock.now_s() < until_s:
+        while self._journal.boot and self._written < change and self._clock.now_s() < until_s:
             if self.fault is not None:
                 return False
             await self._clock.pause(0.005)
-        return bool(self.boot) and self._written >= change
+        return bool(self._journal.boot) and self._written >= change
 
     def sync(self) -> None:
         writer = self._writer
@@ -134,9 +121,7 @@ class JournalWriter:
 
     def write_waiting(self) -> None:
         """Write the queued records. Never raises: a failure is reported, and writing is retried."""
-        with self._lock:
-            records = list(self._queue)
-            self._queue.clear()
+        records = self._journal.take()
         if not records:
             return
         try:
@@ -163,8 +148,7 @@ class JournalWriter:
             self._longest_bytes = self._writer.written_bytes + PART_BYTES
             self._remove_old_parts()
         elif self._writer.written_bytes > self._longest_bytes:
-            self._try_again_s = 0.0  # set before `_needs_checkpoint`: the loop reads both
-            self._needs_checkpoint = True
+            self._journal.require_checkpoint(has_failed=False)
 
     def _begin_part(self) -> None:
         self._close()
@@ -173,7 +157,7 @@ class JournalWriter:
         if shutil.disk_usage(self._folder).free < _SPARE_BYTES:
             raise OSError(28, "the disk is full")
         self._part += 1
-        paths = Part(self.boot, self._part).files(self._folder)
+        paths = Part(self._journal.boot, self._part).files(self._folder)
         self._writer = RecordWriter(paths, self._open_file)
 
     def _close(self) -> None:
@@ -189,7 +173,7 @@ class JournalWriter:
 
     def _give_up(self, error: Exception) -> None:
         self._close()
-        self._needs_checkpoint = True
+        self._journal.require_checkpoint(has_failed=True)
         if self.fault is None:
             sentence = getattr(error, "strerror", None) or str(error) or type(error).__name__
             self.fault = str(sentence)

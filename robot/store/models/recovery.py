@@ -13,10 +13,10 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from robot.driver import Move
 from robot.errors import UNREADABLE, RobotError
+from robot.moves import Move
+from robot.policy.changes import replay
 from robot.policy.events import DriveBegun, Edited, HistoryEvent, LogEvent, Taught, read_event
-from robot.policy.replay import replay
 from robot.store.models.journal_writer import HEAD, Part, list_parts
 from robot.store.models.model import (
     MAX_BYTES,

@@ -97,7 +97,7 @@ def live(folder: Path, out: int, wall_s: float) -> None:
     persistence.part(Recordings).recorder.recording._config = RecorderConfig(spare_bytes=0)
     rig.loop.subscribe(note)  # first, so that everything on the disk was reported before
     with rig:
-        persistence.journal._thread.add(tell_kept)
+        persistence.writer._thread.add(tell_kept)
         persistence.start()
         # Last, because the counted records are queued for the disk already.
         rig.loop.subscribe(note_queued)

@@ -16,14 +16,15 @@ from typing import Any, BinaryIO, ClassVar
 import numpy as np
 
 from robot.coaching.gallery import images
-from robot.driver import Move, names
 from robot.errors import RecordingError
 from robot.learner.base import State
+from robot.moves import Move, names
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.store.folder import Storage
 from robot.store.models.autosave import Autosave
 from robot.store.models.journal import _TRY_AGAIN_S, Journal
+from robot.store.models.journal_writer import JournalWriter
 from robot.store.models.model import same_nodes
 from robot.store.models.recovery import newest_boot, recover
 from robot.store.models.store import ModelStore
@@ -96,7 +97,8 @@ class Life(BenchRobot):
         self.rng, self.disk = rng, Disk()
         storage = Storage(folder)
         self.store = DiskStore(storage, self.disk, wall_s)
-        self.journal = Journal(storage.journal, open_file=self.disk.open)
+        self.journal = Journal()
+        self.writer = JournalWriter(self.journal, storage.journal, open_file=self.disk.open)
         self.autosave = Autosave(self.loop, self.store, self.journal, moves=self.policy.moves)
         queue = self.loop.submit
 
@@ -108,7 +110,7 @@ class Life(BenchRobot):
         self.loop.submit = submit  # type: ignore[method-assign]
         recovered = recover(storage.journal, self.store, declared)
         self.recovered = recovered is not None
-        self.journal.open_boot(newest_boot(self.store))
+        self.writer.open_boot(newest_boot(self.store))
         self.autosave.start()
         if recovered:
             self.autosave.adopt(recovered)
@@ -203,8 +205,8 @@ class Life(BenchRobot):
 
     def write(self) -> None:
         """Give the journal's thread its turn: everything before it must survive from now on."""
-        self.journal.write_waiting()
-        if self.journal.fault is None and not self.journal._needs_checkpoint:
+        self.writer.write_waiting()
+        if self.writer.fault is None and not self.journal._needs_checkpoint:
             self.durable, self.journalled = [self.state()], [self.state()]
 
     def _changed(self) -> None:
@@ -214,7 +216,7 @@ class Life(BenchRobot):
     def die(self) -> None:
         """Be killed: data that was only in memory is lost."""
         self.journal._queue.clear()
-        self.journal.stop()
+        self.writer.stop()
 
 
 def same(a: State, b: State) -> bool:

@@ -29,7 +29,7 @@ class KeptRobot(BenchRobot):
         self.autosave = Autosave(
             self.loop,
             self.store,
-            Journal(storage.journal),
+            Journal(),
             announce=lambda name, **fields: self.told.append(name),
         )
         self.autosave.start()

@@ -16,7 +16,7 @@ import pytest
 
 from robot.clock import RealClock
 from robot.coaching.gallery import images
-from robot.driver import Move
+from robot.moves import Move
 from robot.store.disk import DiskThread
 from robot.store.folder import Storage
 from robot.store.models.journal_writer import PART_BYTES, list_parts
@@ -201,7 +201,7 @@ def test_the_journal_stays_small_and_needs_no_model(tmp_path: Path) -> None:
         for _ in range(5):
             life.teach()
         life.write()
-        life.journal._writer.written_bytes += PART_BYTES // 3  # type: ignore[union-attr]
+        life.writer._writer.written_bytes += PART_BYTES // 3  # type: ignore[union-attr]
     assert len(list_parts(tmp_path / "journal")) == 2
     life.write()
     life.die()
@@ -233,10 +233,10 @@ def check_a_disk_whose_flush_hangs_holds_up_no_record(
 
     life = Life(tmp_path, [0.0], random.Random(5), writes=False)
     monkeypatch.setattr(os, "fsync", flush)
-    life.journal._clock = life.journal._thread._clock = RealClock()
-    life.journal.start()
+    life.writer._clock = life.writer._thread._clock = RealClock()
+    life.writer.start()
     disk = DiskThread(RealClock())
-    disk.add(life.journal.sync)
+    disk.add(life.writer.sync)
     disk.start()
     try:
         life.teach()
@@ -244,8 +244,8 @@ def check_a_disk_whose_flush_hangs_holds_up_no_record(
         for _ in range(3):
             life.teach()
             changes = life.loop.history.changes
-            asyncio.run(asyncio.wait_for(life.journal.written(changes), 60))
-            assert life.journal._written == changes
+            asyncio.run(asyncio.wait_for(life.writer.written(changes), 60))
+            assert life.writer._written == changes
             monkeypatch.setattr(os, "fsync", lambda handle: None)  # only for the copy's own files
             left = Storage(tmp_path / f"left-{changes}")
             shutil.copytree(tmp_path / "journal", left.journal)
@@ -254,7 +254,7 @@ def check_a_disk_whose_flush_hangs_holds_up_no_record(
     finally:
         goes_on.set()
         disk.stop()
-        life.journal.stop()
+        life.writer.stop()
 
 
 @crossed(how=["remove", "empty", "cut", "rubbish"], seed=range(5))
