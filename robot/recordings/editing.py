@@ -12,8 +12,8 @@ from typing import BinaryIO, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.driver import CLASSIC
 from robot.errors import UNREADABLE, ConfigurationError
+from robot.moves import CLASSIC
 from robot.policy.events import Edited, Taught, Undone, read_point
 from robot.recordings.columns import Labels
 from robot.recordings.edits import Edit, Notes, Range, trim

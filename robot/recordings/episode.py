@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from robot.driver import Move
 from robot.errors import UNREADABLE, RecordingError
+from robot.moves import Move
 from robot.recordings.columns import FrameTable, Labels, LessonTable, read_fields
 from robot.recordings.images import decode_image
 from robot.recordings.index import INDEX, Columns, read_columns

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 
-from robot.driver import Move
 from robot.errors import told_as
+from robot.moves import Move
 from robot.types import Action
 
 

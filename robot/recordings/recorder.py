@@ -10,12 +10,10 @@ vector, so that no example is lost.
 from __future__ import annotations
 
 import contextlib
-import secrets
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -29,9 +27,10 @@ from robot.recordings.ending import end_cut_recordings
 from robot.recordings.messages import Fields, Messages, Topic, describe_tick
 from robot.recordings.open_recording import OpenRecording
 from robot.recordings.reader import require_mcap
-from robot.recordings.writer import EpisodeWriter, describe_run
+from robot.recordings.recorded_run import RecordedRun
+from robot.recordings.writer import EpisodeWriter
 from robot.store.disk import Announce, DiskThread, no_announcement
-from robot.store.models.model import Model, take_model
+from robot.store.models.model import Model
 from robot.types import Action, Frame, Mode
 
 _KEPT_IDS = 512
@@ -147,24 +146,17 @@ class Recorder:
         **about: Any,
     ) -> None:
         self._loop = loop
-        self._about = about
         self._config = config or RecorderConfig()
-        self._run_id = secrets.token_hex(8)
         self._folder = folder
         self.recording = OpenRecording(folder, self._config, open_file, announce, loop.clock)
         self.queue = RecordingQueue(self.recording, self._config)
         self._disk = disk or DiskThread(loop.clock)
         self._disk.add(self.queue.write_waiting)
         self._unsubscribe: Callable[[], None] = lambda: None
-        self._base: Model | None = None
-        self._is_open = False
-        self._is_kept = False
-        """True if the learner changed or the robot moved; otherwise the recording is discarded."""
+        self._run = RecordedRun(loop, self.queue, about)
         self._mode = Mode.STOPPED
         self._moved_s = 0.0
         self._lead: deque[Frame] = deque(maxlen=self._config.lead_frames)
-        self._n_taught = 0
-        """Number of examples that this recording contains, minus those that were undone."""
 
     def start(self) -> None:
         """Start recording. If the library `mcap` is missing, nothing is recorded and
@@ -182,7 +174,7 @@ class Recorder:
 
     def stop(self) -> None:
         """Finish the recording, preferably while the loop still runs; idempotent."""
-        if self._is_open:
+        if self._run.is_open:
             with contextlib.suppress(TimeoutError):
                 self._loop.clock.result(self._loop.submit(self._end), 2.0)
         self._unsubscribe()
@@ -199,8 +191,9 @@ class Recorder:
 
     def note(self, tick: Tick) -> None:
         """Queue the data of one tick for recording."""
-        if self._base is None and not self._is_open:
-            self._base = self._take()
+        run = self._run
+        if run.base is None and not run.is_open:
+            run.take_base()
             return
         mode, now_s = tick.decision.mode, tick.now_s
         is_moving = mode is not Mode.STOPPED
@@ -209,36 +202,34 @@ class Recorder:
         events = self._own_events(tick.history_events)
         if began and self.recording.fault is not None:
             # the disk's thread ended the recording; the next one begins with these events
-            if self._is_open:
-                self.finish()
+            if run.is_open:
+                run.finish()
                 events = ()
             self.recording.fault = None
-        if not self._is_open and (is_moving or events):
-            self._open(now_s)
+        if not run.is_open and (is_moving or events):
+            run.begin(now_s)
         is_over = self._is_over(tick, events)
-        if self._is_open:
+        if run.is_open:
             self._record(tick, events)
         elif tick.frame is not None:
             self._remember(tick.frame)
         self._mode = mode
         if is_over:
-            self.finish()
+            run.finish()
 
     def write_result(self, of: str, fields: Fields) -> None:
         """Add an extension's result to the current recording; drop it if there is no recording."""
-        if self._is_open:
+        if self._run.is_open:
             now_s = self._loop.clock.now_s()
             result: Messages = [(Topic.RESULT, {"of": of, **fields})]
             self.queue.write_messages(now_s, lambda: result)
 
     def keep(self) -> None:
         """Keep the current recording even if the robot neither moved nor learned."""
-        self._is_kept = True
+        self._run.is_kept = True
 
     def finish(self) -> None:
-        if self._is_open:
-            self._base = self._take()
-            self._close(final=self._base)
+        self._run.finish()
 
     def begin_anew(self) -> None:
         """Finish the current recording, and drop the pictures kept for the beginning of the
@@ -250,26 +241,10 @@ class Recorder:
         """Return the events to record. If the policy was replaced, close the recording and return
         no events."""
         if any(isinstance(event, Replaced) for event in events):
-            if self._is_open:
-                self._close(final=None)
-            self._base = self._take()
+            self._run.end(final=None)
+            self._run.take_base()
             return ()
         return events
-
-    def _open(self, now_s: float) -> None:
-        wall_ns = round(1e9 * self._loop.clock.wall_s())
-        state = self._loop.state
-        run = describe_run(
-            episode_id=make_id(wall_ns),
-            run_id=self._run_id,
-            origin_ns=wall_ns - round(now_s * 1e9),
-            started_at_s=wall_ns / 1e9,
-            learner=state.learner,
-            moves=tuple(move.value for move in state.moves),
-            **self._about,
-        )
-        self.queue.begin(run, self._base)
-        self._is_open, self._is_kept, self._n_taught = True, False, 0
 
     def _record(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> None:
         frames: list[Frame] = []
@@ -284,7 +259,7 @@ class Recorder:
         if frames or is_begun or events or tick.decision.mode is not Mode.STOPPED:
             self.queue.write_tick(tick, frames, events, is_shown=bool(frames), is_begun=is_begun)
         is_drive = tick.sent != Action.STOP and self._config.keeps_drives
-        self._is_kept |= is_drive or bool(events)
+        self._run.is_kept |= is_drive or bool(events)
 
     def _remember(self, frame: Frame) -> None:
         self._lead.append(frame)
@@ -296,26 +271,12 @@ class Recorder:
         """True if the recording must end: after a pause, and when an undo removed examples of an
         earlier recording."""
         for event in events:
-            self._n_taught += isinstance(event, Taught)
+            self._run.n_taught += isinstance(event, Taught)
             if isinstance(event, Undone):
-                self._n_taught -= len(event.frame_ids)
-        reached_back = self._n_taught < 0  # the undo removed examples of an earlier recording
+                self._run.n_taught -= len(event.frame_ids)
+        reached_back = self._run.n_taught < 0  # the undo removed examples of an earlier recording
         is_pause = tick.now_s - self._moved_s >= self._config.pause_s and not events
         return reached_back or is_pause
-
-    def _close(self, final: Model | None) -> None:
-        self.queue.end(final, is_kept=self._is_kept)
-        self._is_open = False
-
-    def _take(self) -> Model:
-        history, now_s = self._loop.history, self._loop.clock.wall_s()
-        return take_model(history.policy, history.taught, saved_at_s=now_s)
-
-
-def make_id(wall_ns: int) -> str:
-    """Name a recording by its time, in UTC, so that names sort by time."""
-    at = datetime.fromtimestamp(wall_ns / 1e9, UTC)
-    return f"{at:%Y-%m-%d_%H%M%S}_{wall_ns // 10**6 % 1000:03d}"
 
 
 def _write_messages(writer: EpisodeWriter, now_s: float, describe: Callable[[], Messages]) -> None:

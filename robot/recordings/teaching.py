@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.errors import ConfigurationError
+from robot.policy.changes import replay
 from robot.policy.events import Edited, LogEvent, Taught, Undone
 from robot.policy.policy import Policy
-from robot.policy.replay import replay
 from robot.recordings.edits import Notes
 from robot.recordings.episode import Episode
 from robot.recordings.messages import EDITED

@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any, BinaryIO
 
-from robot.driver import Move
 from robot.errors import UNREADABLE
+from robot.moves import Move
 from robot.policy.events import HistoryEvent, describe_event, read_event, to_json
 from robot.recordings.images import camera_channel, encode_image
 from robot.recordings.index import INDEX, SECTION_FRAMES, Columns, encode
