@@ -13,50 +13,16 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections import deque
-from dataclasses import dataclass
 from itertools import accumulate
 
-USUAL_PERIOD_S = 1 / 30
-"""Camera period that the link's limits assume, in seconds. If a camera's period is longer, the
-difference is added to the limits."""
+from robot.control.config import CameraTimingConfig
+from robot.control.state import USUAL_PERIOD_S, CameraState
+
 SLOW_PERIOD_S = 0.75
 """A camera with this period or a longer one is reported as too slow, in seconds. Nobody can steer
 by so few pictures; webcams usually deliver ten to thirty a second."""
 _LEAST_SCALE = 0.05
 """Lower bound of the speed scale: bodies refuse 0, and no camera needs a lower scale than this."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CameraTimingConfig:
-    """Bounds of the adapted limits, in seconds."""
-
-    longest_timeout_s: float = 0.5
-    """Age of the newest picture above which the robot stops; at 0.16 m/s it has then travelled 8
-    cm. If the camera's period exceeds `full_speed_s`, the excess is added to this limit. The robot
-    then drives slower, so the distance stays within 8 cm."""
-    full_speed_s: float = 0.3
-    """Largest age of the newest picture at full speed: the robot then travels 5 cm at 0.16 m/s.
-    With older pictures it slows down, so that it travels no further on one picture."""
-    growth_s_per_s: float = 0.05
-    """Most growth of an estimate while the robot may move; no limit while it stands still."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CameraState:
-    """Estimates about the camera, and the limits that follow from them."""
-
-    period_s: float = USUAL_PERIOD_S
-    delivery_age_s: float = 0.0
-    """Age of the camera's pictures on arrival."""
-    timeout_s: float = 0.2
-    """Largest age of the newest picture while the robot may move."""
-    speed_scale: float = 1.0
-    """Share of full speed at which the robot does not travel too far on one picture."""
-    slack_s: float = 0.0
-    """The part of the age of the pilot's picture that is due to this camera's period."""
-    sight_slack_s: float = 0.0
-    """Extra time without a new picture before the pilot counts as blind, for a camera of fewer than
-    five pictures a second. If one picture is lost, the next comes after two periods."""
 
 
 class CameraTiming:

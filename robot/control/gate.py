@@ -17,32 +17,12 @@ import logging
 import math
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from robot.control.config import GateConfig
 from robot.types import Action, Decision, DrivenBy, Mode, PilotCommand, Prediction, StopReason
 
 log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GateConfig:
-    """Time limits, in seconds."""
-
-    pilot_timeout_s: float = 0.3
-    """Longest silence of the pilot in TRAIN, while the pilot drives or is about to drive."""
-    supervision_timeout_s: float = 0.45
-    """Longest time since the pilot's last proven presence, in every mode. The time counts from the
-    proven time of the last command, so transit time is included. Even if the stop comes one tick
-    later, the robot stands still within 0.5 s."""
-    command_timeout_s: float = 0.3
-    """Largest age of a command that is obeyed. The age counts from the command's proven time."""
-    frame_timeout_s: float = 0.2
-    """Largest age of the newest picture while the robot may move. The limit is higher for a slower
-    camera: see `robot.control.camera_timing`."""
-    start_patience_s: float = 0.5
-    """Longest time that a started robot stands still and waits for a first fresh picture."""
-    novel_speed_scale: float = 0.5
-    """Share of full speed while the robot drives straight on a view unlike all learned views."""
 
 
 class Gate:

@@ -7,62 +7,14 @@ falls only after the link has been clearly better for a while (hysteresis).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from enum import StrEnum
 
-from robot.control.camera_timing import CameraState
+from robot.control.config import LinkGovernorConfig
+from robot.control.state import CameraState, LinkLevel, LinkState
 from robot.types import PilotCommand
-
-
-class LinkLevel(StrEnum):
-    """Quality of the link, from good to unusable."""
-
-    GOOD = "good"
-    SLOW = "slow"  # the pilot is warned
-    CAPPED = "capped"  # the robot also drives slower
-    NOT_LEARNING = (
-        "not_learning"  # the robot also learns nothing: labels would belong to the wrong pictures
-    )
-    TOO_SLOW = "too_slow"  # the robot stops
-
 
 _LEVELS = tuple(LinkLevel)
 _FADES = 0.9
 """Factor by which the recorded lateness of the computer falls until the next measurement."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkGovernorConfig:
-    """Ages of the pilot's picture, in seconds, above which each step is taken."""
-
-    warn_s: float = 0.2
-    cap_speed_s: float = 0.25
-    stop_learning_s: float = 0.3
-    stop_s: float = 0.5
-    busy_s: float = 0.1
-    """Lateness of the computer above which the robot drives slower; it does not stop yet."""
-    capped_speed_scale: float = 0.5
-    """Share of full speed that is allowed above `cap_speed_s` or `busy_s`."""
-    recovery_share: float = 0.85
-    """The level falls only if the age is below this share of the level's threshold."""
-    recovery_s: float = 1.0
-    """Time for which the age must stay that low before the level falls."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkState:
-    """Estimates about the link and the computer, and the limits that follow from them."""
-
-    level: LinkLevel = LinkLevel.GOOD
-    age_s: float | None = None
-    """Age of the picture that the pilot reacts to; None if the age is unknown."""
-    is_busy: bool = False
-    """True if this computer is late, whatever the link."""
-    must_stop: bool = False
-    may_learn: bool = True
-    """True if labels belong to the right pictures, so the robot may learn."""
-    speed_scale: float = 1.0
-    """Share of full speed that is allowed."""
 
 
 def age_of_link_s(

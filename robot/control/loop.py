@@ -1,185 +1,31 @@
-"""The control loop: from the newest frame to features, policy, gate and drive; learning comes last.
+"""The control loop of one robot, with the requests of other threads.
 
-`ControlLoop.tick` runs one tick, with time as an argument, and never waits. Experiments call `tick`
-directly, as fast as they can; a rig calls it in real time, on a thread. Other threads queue their
-requests in a mailbox, so the loop never waits for a network.
+`ControlLoop.tick` runs one tick (`cycle.py`), with time as an argument, and never waits.
+Experiments call `tick` directly, as fast as they can; a rig calls it in real time, on a thread.
+Other threads queue their requests in a mailbox, so the loop never waits for a network.
 """
 
 from __future__ import annotations
 
-import contextlib
-import logging
-import math
-import threading
-from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, TypeVar
 
-from robot.camera import Camera
-from robot.clock import Clock
-from robot.control.camera_timing import CameraTiming, CameraTimingConfig
-from robot.control.gate import Gate, GateConfig
-from robot.control.link_governor import LinkGovernor, LinkGovernorConfig, LinkState
-from robot.control.online_learning import OnlineLearning
-from robot.control.state import LATE_CYCLE_S, SteadyFault, Tick
-from robot.control.watchdog import Watchdog
-from robot.driver import BodyButton, Driver
-from robot.errors import CameraError, DriveError, PluginErrors, RobotError
-from robot.policy.policy import Policy
-from robot.types import (
-    Action,
-    Decision,
-    DrivenBy,
-    Frame,
-    Mode,
-    PilotCommand,
-    Point,
-    Sensors,
-    StopReason,
-)
+from robot.control.cycle import STANDS_S, Cycle
+from robot.control.state import Tick
+from robot.types import Action, Mode, PilotCommand, Point, StopReason
 
-log = logging.getLogger(__name__)
-_T = TypeVar("_T")
-_Commands = list[PilotCommand]
-_STANDS_S = 0.04
-"""Upper bound of tick time plus actuator latency, in seconds. The loop stops the robot this much
-earlier, so that the wheels have stopped when the pilot's picture expires."""
 _SHORTEST_WAIT_S = 0.001
-_RESTS_AFTER_S = 1.0
-"""Time for which a robot stands still unwatched before it rests, in seconds. In this time a person
-can reload the page, and the loop can measure the camera's rate."""
-_RESTING_SHARE = 0.9
-"""The next picture is taken after this share of the requested period, as cameras can be early."""
 _RESTING_WAIT_S = 0.25
 """Longest time between two ticks at rest, in seconds. The time is below `ACTION_TIMEOUT_S`, so that
 a body's watchdog does not expire."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LoopConfig:
-    """The loop's time limits, in seconds, and its options."""
+class ControlLoop(Cycle):
+    """One robot's loop. Only one thread calls `tick`; any thread may call the other methods."""
 
-    gate: GateConfig = field(default_factory=GateConfig)
-    governor: LinkGovernorConfig = field(default_factory=LinkGovernorConfig)
-    camera: CameraTimingConfig = field(default_factory=CameraTimingConfig)
-    longest_wait_s: float = 0.05
-    """Longest time between two ticks, even if the camera sends no pictures."""
-    stall_s: float = 0.3
-    """Gap between two ticks after which the robot stops: the computer slept or the process was held
-    up, so commands received in the gap are stale."""
-
-
-class Mailbox:
-    """Requests that any thread queues, and that the loop's thread runs between two ticks. The event
-    `wake` is set when a request must run now."""
-
-    def __init__(self) -> None:
-        self.wake = threading.Event()
-        self._requests: deque[tuple[Future[Any] | None, Callable[[], Any]]] = deque()
-        self.answers: list[Callable[[], None]] = []
-
-    def put(self, request: Callable[[], _T], *, is_urgent: bool = False) -> Future[_T]:
-        """Queue a request to be run on the loop's thread; an urgent request runs before all others.
-
-        Everything that reads or changes the training history is put here: undo, edits, saving,
-        replacing. The future is done at the end of the tick that ran the request, after the state
-        was published and every listener was called.
-        """
-        future: Future[_T] = Future()
-        add = self._requests.appendleft if is_urgent else self._requests.append
-        add((future, request))
-        self.wake.set()
-        return future
-
-    def note(self, request: Callable[[], None], *, is_news: bool) -> None:
-        """Queue a request without an answer; the request must not raise. If `is_news` is False, the
-        request does not wake the loop, and runs in the next tick, at most 50 ms later."""
-        self._requests.append((None, request))
-        if is_news:
-            self.wake.set()
-
-    def serve(self) -> None:
-        """Run all requests in order, including requests that are queued while others run.
-
-        The callers get the results when `answer` is called.
-        """
-        while self._requests:
-            future, request = self._requests.popleft()
-            if future is None:
-                request()
-                continue
-            if not future.set_running_or_notify_cancel():  # the caller cancelled the request
-                continue
-            try:
-                self.answers.append(partial(future.set_result, request()))
-            except Exception as error:  # pass the error to the caller; the loop goes on
-                self.answers.append(partial(future.set_exception, error))
-
-    def answer(self) -> None:
-        """Complete the futures of the requests that were run, because the tick is over."""
-        answers, self.answers = self.answers, []
-        for answer in answers:
-            answer()
-
-
-class ControlLoop:
-    """One robot's loop. Only one thread calls `tick`; other methods may be called on any thread.
-
-    Attributes:
-        clock: The clock of the loop and of the other parts of the rig.
-        learning: Perception and learning; use it only through `submit`.
-        history: The training history of `learning`; use it only through `submit`.
-        submit: Queues a function to run between two ticks; see `Mailbox.put`.
-        state: The newest tick, for any thread; a frozen value.
-        watchdog: Stops the body at the pilot's deadline; a rig runs the watchdog's thread. Every
-            caller of the body holds `watchdog.body`.
-        wake: Set when there is a reason for a tick: a frame, a command, a request.
-        speed_share: Share of full speed that a person allows, in (0, 1].
-        error: The last error of the loop.
-    """
-
-    def __init__(
-        self,
-        driver: Driver,
-        camera: Camera,
-        policy: Policy,
-        clock: Clock,
-        config: LoopConfig | None = None,
-    ) -> None:
-        self.config = config or LoopConfig()
-        self.clock = clock
-        self.learning = OnlineLearning(policy, clock, driver.declared_moves)
-        self._body = PluginErrors("robot", driver.name, DriveError, self._stop_body)
-        self.watchdog = Watchdog(self._stop_body, clock)
-        self.history = self.learning.history
-        self.speed_share = 1.0
-        self.error: Exception | None = None
-        self._driver, self._camera = driver, camera
-        self._has_buttons = getattr(driver.take_button, "__func__", 0) is not Driver.take_button
-        self._gate = Gate(self.config.gate, on_stop=self._forget_drive)
-        self._link = LinkGovernor(self.config.governor)
-        self._timing = CameraTiming(self.config.gate.frame_timeout_s, self.config.camera)
-        self._mailbox = Mailbox()
-        self.submit, self.wake = self._mailbox.put, self._mailbox.wake
-        self._world_s = camera.world_s if camera.world_waits else float
-        """Converts a time to the world's clock, by which the gate and the link governor work."""
-        self._commands: list[tuple[PilotCommand, PilotCommand]] = []
-        """The commands of this tick, as received, and with times of the world's clock."""
-        self._asked: tuple[Action | None, Point | None] | None = None
-        self._fault: str | None = None
-        self._steady = SteadyFault()
-        self._last_mode = Mode.TRAIN
-        self._epoch = object()
-        self._listeners: dict[object, tuple[Callable[[Tick], None], bool]] = {}
-        self._enough_every_s = self._rest_every_s = 0.0
-        self._stirred_s = clock.now_s()
-        self.state = self._summed_up(Tick(now_s=clock.now_s(), decision=self._gate.stand()), None)
-        camera.listen(self._hear_camera)
-
-    # Requests from other threads -------------------------------------------------------------
+    _asked: tuple[Action | None, Point | None] | None = None
+    _epoch = object()
 
     def subscribe(
         self, listener: Callable[[Tick], None], *, modes_only: bool = False
@@ -199,11 +45,6 @@ class ControlLoop:
         """The mode at this moment, for requests. `state` has the mode after the last full tick."""
         return self._gate.mode
 
-    @property
-    def is_resting(self) -> bool:
-        """True while the robot stands still and takes fewer pictures because no more are needed."""
-        return self._rest_every_s > 0.0
-
     def need_picture_every(self, seconds: float) -> Future[None]:
         """Set how often a picture is needed while the robot stands. If `seconds` is 0, all pictures
         are needed; if `seconds` is infinite, nobody looks. A robot that may move takes all pictures
@@ -220,7 +61,7 @@ class ControlLoop:
         longest_s = self.config.longest_wait_s
         if self._gate.mode is Mode.STOPPED:
             return _RESTING_WAIT_S if self.is_resting else longest_s
-        stands_s = self._world_s(self.clock.now_s()) + _STANDS_S
+        stands_s = self._world_s(self.clock.now_s()) + STANDS_S
         slack_s = self._timing.state.sight_slack_s
         return min(longest_s, max(_SHORTEST_WAIT_S, self._link.blind_in_s(stands_s, slack_s)))
 
@@ -240,7 +81,7 @@ class ControlLoop:
         is_slow = self._timing.state.period_s > self.config.longest_wait_s
         is_news = held != self._asked or (is_slow and self._gate.mode is not Mode.STOPPED)
         self._asked = held
-        self._mailbox.note(lambda: self._note(command), is_news=is_news)
+        self._mailbox.note(partial(self._note, command), is_news=is_news)
 
     def set_mode(
         self, mode: Mode, *, proven_s: float | None = None, frame_id: int | None = None
@@ -275,261 +116,6 @@ class ControlLoop:
         epoch = self._epoch
         return self.submit(lambda: self._gate.release_emergency() if self._epoch is epoch else None)
 
-    # One tick --------------------------------------------------------------------------------
-
-    def tick(self, now_s: float) -> Tick:
-        """Run one tick. Never raises: an error stops the robot and is reported in `state`."""
-        started_s, world_s = self.clock.now_s(), self._world_s(now_s)
-        frame, sensors, link = None, Sensors(), self.state.link
-        taken, refused = _Commands(), _Commands()
-        try:
-            self._is_held_up(now_s - self.state.now_s)
-            self._mailbox.serve()
-            if self._has_buttons:
-                self._heed_button()
-            link = self._link.state(world_s + _STANDS_S, self._timing.state.sight_slack_s)
-            taken, refused = self._receive(link, world_s)
-            frame = self._look(now_s)
-            sensors = self._sense()
-            decision, sent = self._drive(*self._decide(link, world_s), started_s)
-            if self._gate.mode is not Mode.STOPPED:  # a stopped robot does not learn
-                self.learning.learn(
-                    taken,
-                    is_intervention=self._gate.mode is Mode.AUTONOMOUS,
-                    may_learn=link.may_learn,
-                )
-        except Exception as error:  # outermost handler: on any error, stop first
-            self._break_down(error)
-            decision, sent = self._gate.stand(), Action.STOP
-        return self._publish(
-            Tick(
-                now_s=now_s,
-                decision=decision,
-                sent=sent,
-                frame=frame,
-                commands=tuple(taken),
-                refused=tuple(refused),
-                sensors=sensors,
-                link=link,
-                source_age_s=self._camera.source_age_s,
-                fault=self._shown_fault(now_s, may_move=decision.mode is not Mode.STOPPED),
-                cycle_s=self.clock.now_s() - started_s,
-            )
-        )
-
-    def _shown_fault(self, now_s: float, *, may_move: bool) -> str | None:
-        """Return the sentence to show for the present fault, or for one that has just ended."""
-        fault = self._camera.fault or self._fault
-        if not fault and not self._camera.world_waits and not self.is_resting:
-            fault = self._timing.fault
-        is_well = fault is None and self._steady.shown is None
-        return None if is_well else self._steady.show(fault, now_s, may_move=may_move)
-
-    def _is_held_up(self, seconds: float) -> bool:
-        """Stop if the computer was held up for `seconds`, because the last decision is outdated."""
-        is_harmless = self._gate.mode is Mode.STOPPED or self._camera.world_waits
-        if is_harmless or seconds <= self.config.stall_s:
-            return False
-        why = f"The computer was held up for {seconds:.1f} s. Close other programs, then go on."
-        self._stop(StopReason.LOOP_FAULT, why)
-        return True
-
-    def _heed_button(self) -> None:
-        """Obey a button on the robot: any button stops it, and START starts a stopped robot."""
-        try:
-            button = self._ask("take_button")
-        except DriveError as error:
-            self._stop(StopReason.DRIVE_FAULT, str(error))
-            return
-        stood = self.state.decision.mode is Mode.STOPPED
-        if button is BodyButton.START and stood and self._gate.mode is Mode.STOPPED:
-            if not self.state.emergency:  # ignore a button that was pressed before the release
-                self._start(self._last_mode)
-        elif button is not None:
-            self._gate.trip(StopReason.BUTTON)
-
-    def _receive(self, link: LinkState, world_s: float) -> tuple[_Commands, _Commands]:
-        """Obey the pilot's commands; return the accepted and the refused commands."""
-        commands, self._commands = self._commands, []
-        if link.must_stop:
-            self._gate.trip(StopReason.LINK_SLOW)
-        if self._gate.mode is Mode.STOPPED:
-            return [], []
-        taken = [one for one, there in commands if self._gate.receive(there, world_s)]
-        return taken, [one for one, _ in commands if one not in taken]
-
-    def _look(self, now_s: float) -> Frame | None:
-        """Process the camera's newest frame if it is new; return it, or None."""
-        last, frame = self.state, self._camera.latest()
-        if self._rest_every_s and not self._is_due(frame):
-            return None
-        delivered_s = max(now_s, self.clock.now_s())
-        is_robots = last.decision.driven_by is DrivenBy.ROBOT
-        try:
-            is_new = self.learning.look(
-                frame,
-                last.decision.action if is_robots else None,
-                bumped=bool(last.sensors.bumped),
-                takes_points=self._driver.takes_points,
-                delivered_s=delivered_s,
-            )
-        except CameraError as error:
-            self._fault = str(error)
-            return None
-        if frame is None or not is_new:
-            return None
-        may_move = self._gate.mode is not Mode.STOPPED
-        if may_move:
-            self._fault = None  # clears the error of an earlier picture; the fault of a stop stays
-        is_moving = may_move and not self._camera.world_waits
-        if not self._rest_every_s:
-            times_s = self._world_s(frame.captured_s), self._world_s(delivered_s)
-            self._timing.note(*times_s, is_moving=is_moving)
-        return frame
-
-    def _is_due(self, frame: Frame | None) -> bool:
-        """Return False for a frame that comes before the next picture is needed
-        (`need_picture_every`)."""
-        last, least_s = self.learning.frame, _RESTING_SHARE * self._rest_every_s
-        return not least_s or not frame or not last or frame.captured_s - last.captured_s >= least_s
-
-    def _hear_camera(self) -> None:
-        """Wake the loop for a new frame or fault; runs on the camera's thread."""
-        if not self.is_resting or self._is_due(self._camera.latest()):
-            self.wake.set()
-
-    def _sense(self) -> Sensors:
-        try:
-            sensors = self._ask("sense")
-            if not isinstance(sensors, Sensors):
-                raise self._body.converted("sense", TypeError(f"returned {sensors!r}, no Sensors"))
-            return sensors
-        except DriveError as error:
-            self._stop(StopReason.DRIVE_FAULT, str(error))
-            return Sensors()
-
-    def _decide(self, link: LinkState, world_s: float) -> tuple[Decision, float]:
-        """Choose who drives, at the lowest of all speed limits. Also return the time at which the
-        order expires."""
-        frame, waits = self.learning.frame, self._camera.world_waits
-        decision = self._gate.select(
-            world_s,
-            self.learning.prediction,
-            math.inf if frame is None else 0.0 if waits else world_s - frame.captured_s,
-            self._timing.state.timeout_s,
-            camera_fault=self._camera.fault is not None,
-        )
-        camera_scale = 1.0 if waits else self._timing.state.speed_scale
-        scale = min(decision.speed_scale, link.speed_scale, camera_scale)
-        is_move = decision.action is not Action.STOP and not waits
-        until_s = self._gate.silent_at_s if is_move else math.inf
-        return replace(decision, speed_scale=scale * self.speed_share), until_s
-
-    def _drive(
-        self, decision: Decision, until_s: float, started_s: float
-    ) -> tuple[Decision, Action]:
-        """Send the decision to the motors; return the decision that was carried out and the action.
-
-        The process may have been held up within this tick. So a decision is not sent if it is too
-        old, or if the pilot has just become silent.
-        """
-        try:
-            if not self._is_held_up(self.clock.now_s() - started_s):
-                with self.watchdog.body:
-                    decision = decision if self.watchdog.order(until_s) else self._gate.stand()
-                    action, point, scale = decision.action, decision.point, decision.speed_scale
-                    sent: Action = self._ask("drive", action, point, speed_scale=scale)
-                if not self._is_held_up(self.clock.now_s() - started_s):
-                    return decision, sent
-        except DriveError as error:
-            self._stop(StopReason.DRIVE_FAULT, str(error))
-        return self._gate.stand(), Action.STOP
-
-    def _publish(self, tick: Tick) -> Tick:
-        """Pass the tick to all listeners; then complete the requests."""
-        try:
-            before, self.state = self.state, self._summed_up(tick, self.state)
-            is_same = tick.decision.mode is before.decision.mode
-            if not is_same:
-                self._ask("show", tick.decision.mode)
-            for listener, modes_only in tuple(self._listeners.values()):
-                if not (modes_only and is_same):
-                    listener(self.state)
-            self._rest_or_not(tick.now_s)
-        except Exception as error:  # an error of a listener or the camera also stops the robot
-            self._break_down(error)
-        finally:
-            if self._mailbox.answers:
-                self._mailbox.answer()
-        return self.state
-
-    def _summed_up(self, tick: Tick, before: Tick | None) -> Tick:
-        """Return the tick with its events and the state at its end; `before` is the previous
-        tick."""
-        learning, frame = self.learning, self.learning.frame
-        policy = learning.history.policy
-        return replace(
-            tick,
-            cycles=before.cycles + 1 if before else 0,
-            late_cycles=before.late_cycles + (tick.cycle_s > LATE_CYCLE_S) if before else 0,
-            prediction=learning.prediction,
-            history_events=learning.take_events(),
-            cycle_hz=learning.frame_rate_hz,
-            frame_id=frame.frame_id if frame else None,
-            frame_captured_s=frame.captured_s if frame else None,
-            agreement=learning.agreement.share,
-            agreement_frames=learning.agreement.n_examples,
-            emergency=self._gate.emergency,
-            fault=tick.fault or learning.fault,
-            stops=dict(self._gate.stops),
-            camera=self._timing.state,
-            taught=dict(learning.history.taught),
-            n_nodes=policy.learner.n_nodes_,
-            max_nodes=policy.max_nodes,
-            learner=policy.name,
-            moves=policy.moves,
-            learner_times=dict(learning.timings),
-        )
-
-    def _rest_or_not(self, now_s: float) -> None:
-        """Tell the camera whether it may rest."""
-        if self._gate.mode is not Mode.STOPPED or not self._enough_every_s:
-            self._stirred_s = now_s
-        every_s = self._enough_every_s if now_s - self._stirred_s >= _RESTS_AFTER_S else 0.0
-        if every_s != self._rest_every_s:
-            self._rest_every_s = every_s
-            self._timing.pause()  # the gap between two pictures is not the camera's period
-            self.learning.note_pause(is_over=not every_s)
-            self._camera.rest(every_s)
-
-    # Requests, run on the loop's thread, and every way to stop ---------------------------------
-
-    def _note(self, command: PilotCommand) -> None:
-        """Record a command; the link is also measured by commands that come too late."""
-        times = self.learning.times_of(command.frame_id, command.seen_id)
-        proven_s = command.received_s if command.proven_s is None else command.proven_s
-        received_s = self._world_s(command.received_s)
-        there = replace(command, received_s=received_s, proven_s=self._world_s(proven_s))
-        if times is not None:
-            (captured_s, delivered_s), seen_s = times
-            named_s = self._world_s(captured_s), self._world_s(delivered_s)
-            seen_s, now_s = self._world_s(seen_s), self._world_s(self.clock.now_s())
-            self._link.judge(there, named_s, seen_s, self._timing.state, now_s)
-        self._commands.append((command, there))
-
-    def _start(
-        self, mode: Mode, proven_s: float | None = None, frame_id: int | None = None
-    ) -> bool:
-        now_s = self._world_s(self.clock.now_s())
-        proven_s = None if proven_s is None else self._world_s(proven_s)
-        is_taken = self._gate.start(mode, now_s, proven_s)
-        if is_taken and mode is not Mode.STOPPED:
-            self._forget_drive()
-            self._fault, self._last_mode = None, mode
-            times = self.learning.times_of(frame_id)
-            self._link.note_seen(self._world_s(times[1]) if times else now_s)
-        return is_taken
-
     def _change_pilot(self) -> None:
         self._gate.trip(StopReason.PILOT_GONE)
         self._link.forget()
@@ -537,35 +123,3 @@ class ControlLoop:
     def _latch_emergency(self) -> None:
         self._gate.latch_emergency()
         self._ask("stop")
-
-    def _forget_drive(self) -> None:
-        """Forget the state of the drive that ends; earlier commands no longer count."""
-        self._commands.clear()
-        self.learning.reset()
-
-    def _stop(self, reason: StopReason, fault: str) -> None:
-        """Stop the motors immediately, and report the fault."""
-        self._stop_body()
-        self._gate.trip(reason)
-        self._fault = fault
-
-    def _ask(self, name: str, *args: object, **options: object) -> Any:
-        """Call a method of the driver, and convert its errors to DriveErrors."""
-        try:
-            with self.watchdog.body:
-                return getattr(self._driver, name)(*args, **options)
-        except RobotError:
-            raise
-        except Exception as error:  # the driver may be a plugin and raise anything
-            raise self._body.converted(name, error) from error
-
-    def _stop_body(self) -> None:
-        with self.watchdog.body, contextlib.suppress(Exception):
-            self._driver.stop()  # a body that cannot be reached ends its move by itself
-
-    def _break_down(self, error: Exception) -> None:
-        before, fault = self._fault, f"An internal error occurred: {error}"
-        self._stop(StopReason.LOOP_FAULT, fault)
-        self.error = error
-        if fault != before:  # log the fault once, not thirty times a second
-            log.exception("the loop stopped the robot")

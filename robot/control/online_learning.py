@@ -15,8 +15,9 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from robot.clock import Clock
-from robot.driver import Move
+from robot.control.state import Timing
 from robot.learner.base import Vector
+from robot.moves import Move
 from robot.policy.events import HistoryEvent, Replaced, Undone
 from robot.policy.history import TrainingHistory
 from robot.policy.policy import Policy
@@ -93,14 +94,6 @@ CORRECTS_BEYOND = 0.1
 """Difference in steering above which a proportional command corrects the robot."""
 MEMORY_FRAMES = 64
 """Number of the newest frames that can still be labelled: two seconds at 30 frames a second."""
-
-
-@dataclass(frozen=True, slots=True)
-class Timing:
-    """Number of runs of a step, and their total time."""
-
-    count: int = 0
-    total_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,15 +5,70 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 
-from robot.control.camera_timing import CameraState
-from robot.control.link_governor import LinkState
-from robot.control.online_learning import Timing
 from robot.policy.events import HistoryEvent
 from robot.types import Action, Decision, Frame, PilotCommand, Prediction, Sensors, StopReason
 
 LATE_CYCLE_S = 0.1
 """Duration above which a tick counts as late, in seconds."""
+USUAL_PERIOD_S = 1 / 30
+"""Camera period that the link's limits assume, in seconds. If a camera's period is longer, the
+difference is added to the limits."""
+
+
+class LinkLevel(StrEnum):
+    """Quality of the link, from good to unusable."""
+
+    GOOD = "good"
+    SLOW = "slow"  # the pilot is warned
+    CAPPED = "capped"  # the robot also drives slower
+    NOT_LEARNING = (
+        "not_learning"  # the robot also learns nothing: labels would belong to the wrong pictures
+    )
+    TOO_SLOW = "too_slow"  # the robot stops
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkState:
+    """Estimates about the link and the computer, and the limits that follow from them."""
+
+    level: LinkLevel = LinkLevel.GOOD
+    age_s: float | None = None
+    """Age of the picture that the pilot reacts to; None if the age is unknown."""
+    is_busy: bool = False
+    """True if this computer is late, whatever the link."""
+    must_stop: bool = False
+    may_learn: bool = True
+    """True if labels belong to the right pictures, so the robot may learn."""
+    speed_scale: float = 1.0
+    """Share of full speed that is allowed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraState:
+    """Estimates about the camera, and the limits that follow from them."""
+
+    period_s: float = USUAL_PERIOD_S
+    delivery_age_s: float = 0.0
+    """Age of the camera's pictures on arrival."""
+    timeout_s: float = 0.2
+    """Largest age of the newest picture while the robot may move."""
+    speed_scale: float = 1.0
+    """Share of full speed at which the robot does not travel too far on one picture."""
+    slack_s: float = 0.0
+    """The part of the age of the pilot's picture that is due to this camera's period."""
+    sight_slack_s: float = 0.0
+    """Extra time without a new picture before the pilot counts as blind, for a camera of fewer than
+    five pictures a second. If one picture is lost, the next comes after two periods."""
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """Number of runs of a step, and their total time."""
+
+    count: int = 0
+    total_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

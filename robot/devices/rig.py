@@ -9,7 +9,8 @@ from typing import Any
 
 from robot.camera import Camera
 from robot.clock import Clock, RealClock, Worker
-from robot.control.loop import ControlLoop, LoopConfig
+from robot.control.config import LoopConfig
+from robot.control.loop import ControlLoop
 from robot.control.state import Tick
 from robot.devices.driver_thread import DriverThread
 from robot.devices.options import make_options

@@ -15,9 +15,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robot.control.camera_timing import CameraTimingConfig
-from robot.control.gate import GateConfig
-from robot.control.link_governor import LinkGovernorConfig
+from robot.control.config import CameraTimingConfig, GateConfig, LinkGovernorConfig, LoopConfig
 from robot.devices.options import options_of
 from robot.devices.plugins import (
     camera_names,
@@ -41,7 +39,6 @@ from server.hosting.serving import end_by_signals, open_sockets, serve
 from server.hosting.starting_page import StartingPage, StartingPart
 
 if TYPE_CHECKING:
-    from robot.control.loop import LoopConfig
     from robot.devices.rig import Rig
     from robot.store.models.autosave import Autosave
     from server.persistence import Persistence
@@ -242,8 +239,6 @@ def _make_config(args: argparse.Namespace) -> Config:
 
 
 def _make_loop_config(settings: Settings) -> LoopConfig:
-    from robot.control.loop import LoopConfig
-
     return LoopConfig(
         gate=build(GateConfig, settings.tables.get("gate", {}), "gate"),
         governor=build(LinkGovernorConfig, settings.tables.get("governor", {}), "governor"),

@@ -36,13 +36,15 @@ SUBJECTS: dict[str, tuple[str, ...]] = {
     ),
     "robot.control.link_governor": ("tests/robot/control/test_link_governor.py",),
     "robot.policy.history": ("tests/robot/policy/test_history.py",),
-    "robot.policy.replay": ("tests/robot/policy/test_history.py",),
+    "robot.policy.changes": ("tests/robot/policy/test_history.py",),
+    "robot.control.config": ("tests/robot/control",),
     "robot.control.gate": (
         "tests/robot/control/test_gate.py",
         "tests/robot/control/test_loop.py",
         "tests/robot/control/test_loop_stops.py",
     ),
-    "robot.control.loop": (
+    "robot.control.loop": ("tests/robot/control/test_loop_requests.py", "tests/robot/control"),
+    "robot.control.cycle": (
         "tests/robot/control/test_loop_turns.py",
         "tests/robot/control/test_loop_requests.py",
         "tests/robot/control/test_loop.py",

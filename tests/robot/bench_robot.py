@@ -12,7 +12,7 @@ import numpy as np
 
 from robot.camera import Camera
 from robot.clock import Clock
-from robot.control.loop import LoopConfig
+from robot.control.config import LoopConfig
 from robot.control.state import Tick
 from robot.devices.rig import Rig
 from robot.driver import Driver

@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot.control.camera_timing import USUAL_PERIOD_S, CameraTiming, CameraTimingConfig
-from robot.control.state import Tick
+from robot.control.camera_timing import CameraTiming
+from robot.control.config import CameraTimingConfig
+from robot.control.state import USUAL_PERIOD_S, Tick
 from robot.types import Action, Mode, PilotCommand, StopReason
 from tests.kit.sizes import crossed, examples, few, size
 from tests.robot.bench_robot import BenchRobot

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from robot.control.gate import Gate, GateConfig
+from robot.control.config import GateConfig
+from robot.control.gate import Gate
 from robot.types import Action, Decision, DrivenBy, Mode, PilotCommand, Prediction, StopReason
 
 LEFT_PREDICTED = Prediction(

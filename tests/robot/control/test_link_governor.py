@@ -2,14 +2,9 @@ from __future__ import annotations
 
 import pytest
 
-from robot.control.camera_timing import CameraState
-from robot.control.link_governor import (
-    LinkGovernor,
-    LinkGovernorConfig,
-    LinkLevel,
-    LinkState,
-    age_of_link_s,
-)
+from robot.control.config import LinkGovernorConfig
+from robot.control.link_governor import LinkGovernor, age_of_link_s
+from robot.control.state import CameraState, LinkLevel, LinkState
 from robot.types import Action, Mode, PilotCommand, StopReason
 from tests.robot.bench_robot import BenchRobot
 

@@ -8,9 +8,8 @@ from functools import partial
 
 import pytest
 
-from robot.control.link_governor import LinkLevel
-from robot.control.loop import Mailbox
-from robot.control.state import Tick
+from robot.control.cycle import Mailbox
+from robot.control.state import LinkLevel, Tick
 from robot.driver import BodyButton
 from robot.types import Action, DrivenBy, Mode, StopReason
 from tests.robot.bench_robot import BenchRobot, started

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot.control.link_governor import LinkLevel
-from robot.control.loop import LoopConfig
+from robot.control.config import LoopConfig
+from robot.control.state import LinkLevel
 from robot.types import Action, Mode, StopReason
 from tests.robot.bench_robot import BenchRobot, started
 

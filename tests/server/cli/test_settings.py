@@ -14,9 +14,7 @@ from typing import Any
 
 import pytest
 
-from robot.control.camera_timing import CameraTimingConfig
-from robot.control.gate import GateConfig
-from robot.control.link_governor import LinkGovernorConfig
+from robot.control.config import CameraTimingConfig, GateConfig, LinkGovernorConfig
 from robot.errors import ConfigurationError, PluginError
 from robot.store.folder import default_root
 from server.access.config import NetworkLimits

@@ -1,0 +1,73 @@
+"""The time limits of the control loop, which the settings can change."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GateConfig:
+    """Time limits of the gate, in seconds."""
+
+    pilot_timeout_s: float = 0.3
+    """Longest silence of the pilot in TRAIN, while the pilot drives or is about to drive."""
+    supervision_timeout_s: float = 0.45
+    """Longest time since the pilot's last proven presence, in every mode. The time counts from the
+    proven time of the last command, so transit time is included. Even if the stop comes one tick
+    later, the robot stands still within 0.5 s."""
+    command_timeout_s: float = 0.3
+    """Largest age of a command that is obeyed. The age counts from the command's proven time."""
+    frame_timeout_s: float = 0.2
+    """Largest age of the newest picture while the robot may move. The limit is higher for a slower
+    camera: see `robot.control.camera_timing`."""
+    start_patience_s: float = 0.5
+    """Longest time that a started robot stands still and waits for a first fresh picture."""
+    novel_speed_scale: float = 0.5
+    """Share of full speed while the robot drives straight on a view unlike all learned views."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkGovernorConfig:
+    """Ages of the pilot's picture, in seconds, above which each step is taken."""
+
+    warn_s: float = 0.2
+    cap_speed_s: float = 0.25
+    stop_learning_s: float = 0.3
+    stop_s: float = 0.5
+    busy_s: float = 0.1
+    """Lateness of the computer above which the robot drives slower; it does not stop yet."""
+    capped_speed_scale: float = 0.5
+    """Share of full speed that is allowed above `cap_speed_s` or `busy_s`."""
+    recovery_share: float = 0.85
+    """The level falls only if the age is below this share of the level's threshold."""
+    recovery_s: float = 1.0
+    """Time for which the age must stay that low before the level falls."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraTimingConfig:
+    """Bounds of the limits that adapt to the camera, in seconds."""
+
+    longest_timeout_s: float = 0.5
+    """Age of the newest picture above which the robot stops; at 0.16 m/s it has then travelled 8
+    cm. If the camera's period exceeds `full_speed_s`, the excess is added to this limit. The robot
+    then drives slower, so the distance stays within 8 cm."""
+    full_speed_s: float = 0.3
+    """Largest age of the newest picture at full speed: the robot then travels 5 cm at 0.16 m/s.
+    With older pictures it slows down, so that it travels no further on one picture."""
+    growth_s_per_s: float = 0.05
+    """Most growth of an estimate while the robot may move; no limit while it stands still."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopConfig:
+    """All time limits of a control loop, in seconds."""
+
+    gate: GateConfig = field(default_factory=GateConfig)
+    governor: LinkGovernorConfig = field(default_factory=LinkGovernorConfig)
+    camera: CameraTimingConfig = field(default_factory=CameraTimingConfig)
+    longest_wait_s: float = 0.05
+    """Longest time between two ticks, even if the camera sends no pictures."""
+    stall_s: float = 0.3
+    """Gap between two ticks after which the robot stops: the computer slept or the process was held
+    up, so commands received in the gap are stale."""
