@@ -7,7 +7,8 @@ import platform
 from collections.abc import Generator, Iterator
 from itertools import cycle, islice
 
-from robot.control.loop import ControlLoop, LoopConfig
+from robot.control.config import LoopConfig
+from robot.control.loop import ControlLoop
 from robot.devices.rig import Rig, build_rig
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs
 from robot.lab.ideas import make_learner

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robot.driver import point_of
 from robot.lab.simulated_pilots.situation import Situation
+from robot.moves import point_of
 from robot.study.profile import Profile, behavior_profile, compare
 from robot.types import Action, DrivenBy, Point, Pose
 

@@ -10,8 +10,8 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from robot.control.link_governor import LinkGovernorConfig
-from robot.control.loop import ControlLoop, LoopConfig
+from robot.control.config import LinkGovernorConfig, LoopConfig
+from robot.control.loop import ControlLoop
 from robot.errors import RobotError
 from robot.lab.metrics import DriveLog, DriveSample
 from robot.lab.simulated_pilots.pilot import SimulatedPilot

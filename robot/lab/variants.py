@@ -7,16 +7,20 @@ part.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 from robot.learner.base import Vector
+from robot.learner.classifier import GROUP_COST, LINEAR_SHARE, N_VOTERS, BSOCClassifier
+from robot.learner.ridge import ContextRidge, RecursiveRidge
 from robot.policy.action_filter import ActionFilter
-from robot.policy.features import GreyFeatures
+from robot.policy.features import Features, GradientFeatures, GreyFeatures
+from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Seen
 from robot.policy.pilot_pace import PilotPace
 from robot.policy.policy import Policy
-from robot.policy.registry import Design, split_name
+from robot.policy.registry import BALANCE, split_name
 from robot.types import Action, Prediction
 
 
@@ -45,6 +49,62 @@ class MovePolicy(Policy):
         if said.action is None or said.point is None:
             return said
         return replace(said, point=self.usual_point(said.action))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Design:
+    """The parts and constants of a learner; the defaults are those of `make_default`."""
+
+    features: Callable[[], Features] = GradientFeatures
+    action_filter: Callable[[MoveKinds], ActionFilter] = ActionFilter
+    is_linear: bool = True
+    is_smooth: bool = True
+    """True if the linear part expects similar weights in adjacent cells (`GradientFeatures`)."""
+    is_contextual: bool = True
+    """True if the current move is an input of the linear part; if False, the move has inertia."""
+    linear_share: float = LINEAR_SHARE
+    group_cost: float = GROUP_COST
+    n_voters: int = N_VOTERS
+    balance: float = BALANCE
+    is_integer: bool = False
+    """True if the learner computes in integers only, on any machine."""
+    forgets: bool = True
+    thins: bool = True
+    knows_repeats: bool = True
+    adapts: bool = True
+    policy: type[Policy] = Policy
+
+    def make(self, number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
+        """Return the policy; a `Maker`."""
+        features, is_whole = self.features(), integer or self.is_integer
+        # The linear part takes a floating-point step for each pair of gradients in each example.
+        ridge = ContextRidge if self.is_contextual else RecursiveRidge
+        is_linear = self.is_linear and not is_whole
+        alike = GradientFeatures.alike() if self.is_smooth else None
+        learner = BSOCClassifier(
+            number,
+            group_cost=self.group_cost,
+            n_voters=self.n_voters,
+            linear=ridge(GradientFeatures.n_gradients, alike=alike) if is_linear else None,
+            linear_share=self.linear_share,
+            balance=self.balance,
+            integer=is_whole,
+            forgets=self.forgets and not is_whole,
+        )
+        brighten = None
+        if self.adapts and not integer and isinstance(features, GradientFeatures):
+            brighten = features.brightened
+        return self.policy(
+            name,
+            number,
+            learner,
+            features,
+            moves=moves,
+            action_filter=self.action_filter,
+            thins=self.thins,
+            brighten=brighten,
+            knows_repeats=self.knows_repeats and not is_whole,
+        )
 
 
 VARIANTS: dict[str, Design] = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from statistics import median
 
 import numpy as np
 
@@ -22,25 +23,18 @@ MARGIN = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cost:
-    """Times of one policy at one size, in seconds: the median and the 99th percentile."""
+    """Times of one policy at one size, in seconds, for each repetition of a step."""
 
     max_nodes: int
-    extract_s: float
-    propose_s: float
-    propose_p99_s: float
-    learn_s: float
-    learn_p99_s: float
+    extract_s: Sequence[float]
+    propose_s: Sequence[float]
+    learn_s: Sequence[float]
 
     @property
     def frame_s(self) -> float:
         """Typical time of one taught frame. The time is a sum of medians, because the slowest ticks
         depend on the machine's other tasks; `MARGIN` leaves time for these."""
-        return self.extract_s + self.propose_s + self.learn_s
-
-    @property
-    def rate_hz(self) -> float:
-        """The frame rate that this time allows if the machine has no other tasks."""
-        return 1.0 / self.frame_s
+        return sum(map(median, (self.extract_s, self.propose_s, self.learn_s)))
 
 
 def sample_frames(count: int) -> list[Frame]:
@@ -83,14 +77,7 @@ def measure(
         policy.learn(noisy.clip(0, 255).astype(np.uint8), DEFAULT_MOVES[i % 3])
     propose = times(lambda i: policy.propose(i, xs[i % len(xs)]), repeats)
     learn = times(lambda i: policy.learn(xs[i % len(xs)], DEFAULT_MOVES[i % 3]), repeats)
-    return Cost(
-        max_nodes=max_nodes,
-        extract_s=float(np.median(extract)),
-        propose_s=float(np.median(propose)),
-        propose_p99_s=float(np.percentile(propose, 99)),
-        learn_s=float(np.median(learn)),
-        learn_p99_s=float(np.percentile(learn, 99)),
-    )
+    return Cost(max_nodes=max_nodes, extract_s=extract, propose_s=propose, learn_s=learn)
 
 
 def choose_max_nodes(

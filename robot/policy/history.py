@@ -14,11 +14,11 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from robot.driver import Move
 from robot.learner.base import State, Vector
+from robot.moves import Move
+from robot.policy.changes import make, replay
 from robot.policy.events import DriveBegun, Edited, HistoryEvent, LogEvent, Replaced, Taught, Undone
 from robot.policy.policy import Policy
-from robot.policy.replay import make, replay
 from robot.types import Action, Example
 
 SNAPSHOT_EVERY_S = 10.0

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from robot.driver import Move, describe, side_of
+from robot.learner.base import Mirror
 from robot.learner.part import Stateful, Value
 from robot.learner.values import many, name
+from robot.moves import Move, describe, side_of
 from robot.types import Action
 
 
@@ -36,7 +37,7 @@ class MoveKinds(Stateful):
         self.describe(())
 
     def describe(self, declared: Iterable[Move]) -> None:
-        """Sort the moves by their declared steering and throttle (`robot.driver.Move`)."""
+        """Sort the moves by their declared steering and throttle (`robot.moves.Move`)."""
         known = [(move.name, move.point) for move in describe(self._moves, declared)]
         points = self.points = {name: point for name, point in known if point is not None}
         sides = {name: side_of(point.steering) for name, point in points.items()}
@@ -54,6 +55,14 @@ class MoveKinds(Stateful):
             points[point]: points.get((-point[0], point[1]), points[point]) for point in points
         }
         return {move: other for move, other in pairs.items() if move != other}
+
+    def mirror(self, features: object) -> Mirror | None:
+        """Return how mirroring an image changes its vector and its label. None if the features have
+        no mirror image, or no turn has an opposite turn."""
+        pairs, places = self.mirrored(), getattr(features, "mirror", None)
+        if places is None or not pairs:
+            return None
+        return Mirror(places(), {str(move): str(other) for move, other in pairs.items()})
 
     def restored(self) -> None:
         sides = ((-1, self._left), (1, self._right))

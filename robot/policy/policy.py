@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from robot.learner import votes
-from robot.learner.base import Learner, Mirror, NotFittedError, State, Vector, checked_vector
+from robot.learner.base import Learner, NotFittedError, State, Vector, checked_vector
 from robot.learner.part import Stateful, Value
 from robot.learner.values import count, flag
 from robot.policy.action_filter import ActionFilter
@@ -24,6 +24,8 @@ class Policy(Stateful):
 
     A policy is a list of parts (`part.py`). Each frame and each example passes through all parts in
     a fixed order, and the declared state of each part is saved, loaded and checked.
+
+    `changes.py` makes the other changes of a policy.
 
     Not thread-safe: only the control loop's thread may use a policy.
 
@@ -44,8 +46,7 @@ class Policy(Stateful):
         kinds: The kinds of the moves (turns and straight moves); `describe` sets the kinds of a
             body's declared moves.
         n_seen: Number of learned examples.
-        alike: True if the pilot says that left and right are alike here. The linear part then also
-            learns each example mirrored; the images stay as they are.
+        alike: True if the pilot says that left and right are alike here (`changes.set_alike`).
         recognition: The part that records when each learned image was matched last.
     """
 
@@ -201,7 +202,7 @@ class Policy(Stateful):
         """
         n_values = self._n_values
         for x, label, _, point in examples:  # check before any part is changed
-            self._check_move(label)
+            self.check_move(label)
             if len(x) != n_values:
                 n_values = checked_vector(x, n_values).size
             if point is not None and not all(-1.0 <= share <= 1.0 for share in point):
@@ -223,7 +224,8 @@ class Policy(Stateful):
                     part.on_example(lesson)
         self.n_seen, self._n_values = self.n_seen + len(lessons), n_values
 
-    def _check_move(self, label: Action) -> None:
+    def check_move(self, label: Action) -> None:
+        """Raise ValueError if a label is not one of `moves`."""
         if label not in self.moves:
             raise ValueError(f"{label!r} is not one of the moves {', '.join(self.moves)}")
 
@@ -272,7 +274,8 @@ class Policy(Stateful):
 
     def restored(self) -> None:
         self._n_proposals, self._last_s = 0, None
-        self.learner.mirror = self._mirror() if self.alike else None
+        is_mirrored = self.alike and self.learner.abilities.mirrors
+        self.learner.mirror = self.kinds.mirror(self.features) if is_mirrored else None
         self._n_values = next((len(node.image) for node in self.learner.nodes()), None)
         self._smoothing.reset()
 
@@ -283,60 +286,3 @@ class Policy(Stateful):
             if not node.votes.keys() <= set(self.moves):
                 yield "it has labels that are not among its moves"
                 break
-
-    def begin_like(self, earlier: Sequence[State]) -> int:
-        """Begin with weights of policies from earlier places; return how many of them were used.
-
-        From the first example on, the learner also uses the weights of the earlier policies, but
-        its own examples count more. Call this method before the first example.
-
-        Args:
-            earlier: States of policies (`get_state`). States of other kinds of learners are
-                ignored, and so are states with moves that this policy does not have.
-        """
-        usable = [
-            replace(state, kind=state.kind.removeprefix("policy:"))
-            for state in earlier
-            if set(state.labels) <= set(self.moves)
-        ]
-        return self.learner.begin_like(usable)
-
-    @property
-    def can_be_alike(self) -> bool:
-        """True if this policy supports `set_alike`. The learner and the features must be able to
-        mirror an example, and at least one turn must have an opposite turn."""
-        return self._mirror() is not None
-
-    def set_alike(self, alike: bool) -> None:
-        """Learn all past and future examples mirrored too; if `alike` is False, end this.
-
-        Raises:
-            ValueError: If the learner, features or moves cannot be mirrored.
-        """
-        mirror = self._mirror()
-        if mirror is None:
-            raise ValueError(
-                "This learner cannot be told that left and right are alike: it needs a linear part "
-                "and two moves that mirror each other."
-            )
-        if alike != self.alike:
-            self.learner.reflect(mirror, alike)
-            self.alike = alike
-
-    def _mirror(self) -> Mirror | None:
-        pairs, places = self.kinds.mirrored(), getattr(self.features, "mirror", None)
-        if places is None or not pairs or not self.learner.abilities.mirrors:
-            return None
-        return Mirror(places(), {str(move): str(other) for move, other in pairs.items()})
-
-    def relabel_node(self, node_id: int, label: Action) -> None:
-        """Make one learned image vote only for `label`.
-
-        Raises:
-            LookupError: If there is no such node.
-            ValueError: If `label` is not one of `moves`.
-        """
-        self._check_move(label)
-        usual = self.usual_point(label) if self.learner.abilities.angles else None
-        steered = () if usual is None else (usual.steering,)
-        self.learner.relabel_node(node_id, Action(label), *steered)

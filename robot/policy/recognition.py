@@ -23,11 +23,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.driver import side_of
 from robot.learner.base import Learner, Vector
 from robot.learner.clusters import MOST_FRAMES
 from robot.learner.part import Array, Value
 from robot.learner.values import Names, count, demand, number, table
+from robot.moves import side_of
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import PolicyPart, Seen, TaughtExample
 from robot.types import Action, Point

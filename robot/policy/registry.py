@@ -8,17 +8,15 @@ from __future__ import annotations
 import platform
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint
 
 from robot.entry_points import points
 from robot.errors import ConfigurationError, MissingExtraError, PluginError, did_you_mean
-from robot.learner.classifier import GROUP_COST, LINEAR_SHARE, N_VOTERS, BSOCClassifier
-from robot.learner.ridge import ContextRidge, RecursiveRidge
+from robot.learner.classifier import BSOCClassifier
+from robot.learner.ridge import ContextRidge
 from robot.policy.action_filter import ActionFilter
-from robot.policy.features import Features, GradientFeatures, GreyFeatures
-from robot.policy.move_kinds import MoveKinds
+from robot.policy.features import GradientFeatures, GreyFeatures
 from robot.policy.policy import Policy
 from robot.types import DEFAULT_MOVES, Action
 
@@ -37,63 +35,18 @@ BALANCE = 0.2
 """Extra weight of rare labels, so that few examples of a turn are enough to learn the turn."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Design:
-    """The parts and constants of a learner; the defaults are the values that drove best."""
-
-    features: Callable[[], Features] = GradientFeatures
-    action_filter: Callable[[MoveKinds], ActionFilter] = ActionFilter
-    is_linear: bool = True
-    is_smooth: bool = True
-    """True if the linear part expects similar weights in adjacent cells (`GradientFeatures`)."""
-    is_contextual: bool = True
-    """True if the current move is an input of the linear part; if False, the move has inertia."""
-    linear_share: float = LINEAR_SHARE
-    group_cost: float = GROUP_COST
-    n_voters: int = N_VOTERS
-    balance: float = BALANCE
-    is_integer: bool = False
-    """True if the learner computes in integers only, on any machine."""
-    forgets: bool = True
-    thins: bool = True
-    knows_repeats: bool = True
-    adapts: bool = True
-    policy: type[Policy] = Policy
-
-    def make(self, number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-        """Return the policy; a `Maker`."""
-        features, is_whole = self.features(), integer or self.is_integer
-        # The linear part takes a floating-point step for each pair of gradients in each example.
-        ridge = ContextRidge if self.is_contextual else RecursiveRidge
-        is_linear = self.is_linear and not is_whole
-        alike = GradientFeatures.alike() if self.is_smooth else None
-        learner = BSOCClassifier(
-            number,
-            group_cost=self.group_cost,
-            n_voters=self.n_voters,
-            linear=ridge(GradientFeatures.n_gradients, alike=alike) if is_linear else None,
-            linear_share=self.linear_share,
-            balance=self.balance,
-            integer=is_whole,
-            forgets=self.forgets and not is_whole,
-        )
-        brighten = None
-        if self.adapts and not integer and isinstance(features, GradientFeatures):
-            brighten = features.brightened
-        return self.policy(
-            name,
-            number,
-            learner,
-            features,
-            moves=moves,
-            action_filter=self.action_filter,
-            thins=self.thins,
-            brighten=brighten,
-            knows_repeats=self.knows_repeats and not is_whole,
-        )
-
-
-make_default = Design().make
+def make_default(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
+    """Return the learner that drove best; a `Maker`. In integers only, it has no linear part, which
+    takes a floating-point step for each pair of gradients in each example."""
+    features = GradientFeatures()
+    linear = None if integer else ContextRidge(features.n_gradients, alike=features.alike())
+    learner = BSOCClassifier(
+        number, linear=linear, balance=BALANCE, integer=integer, forgets=not integer
+    )
+    brighten = None if integer else features.brightened
+    return Policy(
+        name, number, learner, features, moves=moves, brighten=brighten, knows_repeats=not integer
+    )
 
 
 def make_published(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot.errors import ConfigurationError
+from robot.learner.base import State
 from robot.policy.policy import Policy
 from robot.store.folder import Storage, check_name, fold, paths_in, size_of
 from robot.store.models.autosave import Autosave
@@ -98,8 +99,6 @@ class ModelLibrary:
         """Let a new policy begin with the weights of earlier models, which were taught at places
         that may resemble the new place.
 
-        See `Policy.begin_like`.
-
         Raises:
             ConfigurationError: If a model does not exist or is of another kind, or there are more
                 than `MOST_EARLIER`.
@@ -111,7 +110,7 @@ class ModelLibrary:
             )
         # `to_policy` checks the model, because an uploaded file can contain anything.
         states = [self._store.load(name).to_policy().get_state() for name in names]
-        if policy.begin_like(states) < len(names):
+        if begin_like(policy, states) < len(names):
             raise ConfigurationError(
                 f"a new model of {policy.name} cannot begin like {', '.join(names)}: these must be "
                 "models of this learner with these moves, and the learner needs a linear part"
@@ -136,3 +135,22 @@ class ModelLibrary:
         if not nodes:
             return np.zeros((1, 1), np.uint8)
         return policy.features.thumbnail(max(nodes, key=lambda node: node.frames).image)
+
+
+def begin_like(policy: Policy, earlier: Sequence[State]) -> int:
+    """Begin with weights of policies from earlier places; return how many of them were used.
+
+    From the first example on, the learner also uses the weights of the earlier policies, but its
+    own examples count more. Call this before the first example.
+
+    Args:
+        policy: The policy that begins.
+        earlier: States of policies (`Policy.get_state`). States of other kinds of learners are
+            ignored, and so are states with moves that the policy does not have.
+    """
+    usable = [
+        replace(state, kind=state.kind.removeprefix("policy:"))
+        for state in earlier
+        if set(state.labels) <= set(policy.moves)
+    ]
+    return policy.learner.begin_like(usable)

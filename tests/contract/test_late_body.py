@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from robot.devkit.connected_driver import ConnectedDriver
-from robot.driver import ACTION_TIMEOUT_S, point_of
+from robot.driver import ACTION_TIMEOUT_S
+from robot.moves import point_of
 from robot.testing import VirtualClock
 from robot.testing.cases import DriverCase
 from robot.testing.driver_contract import DriverContract

@@ -10,6 +10,7 @@ from robot.errors import MissingExtraError
 from robot.lab.baselines import RIVALS
 from robot.lab.variants import VARIANTS
 from robot.learner import Learner
+from robot.policy.changes import relabel
 from robot.policy.example_selection import Repeats
 from robot.policy.history import TrainingHistory
 from robot.policy.policy import Policy
@@ -87,7 +88,7 @@ def test_images_can_be_edited_or_the_learner_says_that_it_has_none(kind: str) ->
     teach(policy, 40)
     if not policy.learner.abilities.images:
         for edit in (
-            lambda: policy.relabel_node(0, MOVES[0]),
+            lambda: relabel(policy, 0, MOVES[0]),
             lambda: policy.learner.delete_node(0),
             lambda: policy.learner.pin_node(0),
         ):
@@ -95,7 +96,7 @@ def test_images_can_be_edited_or_the_learner_says_that_it_has_none(kind: str) ->
                 edit()
         return
     first, second = (image.node_id for image in images(policy)[:2])
-    policy.relabel_node(first, Action.RIGHT)
+    relabel(policy, first, Action.RIGHT)
     policy.learner.delete_node(second)
     shown = {image.node_id: image for image in images(policy)}
     assert second not in shown

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from robot.driver import CLASSIC, side_of
 from robot.learner.base import (
     Abilities,
     BaseLearner,
@@ -22,6 +21,7 @@ from robot.learner.base import (
 )
 from robot.learner.part import Array, Stateful, Value
 from robot.learner.values import count
+from robot.moves import CLASSIC, side_of
 from robot.policy.policy import Policy
 from robot.types import Point, Prediction
 

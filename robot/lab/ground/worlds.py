@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.driver import Move, move_at, side_of
 from robot.errors import ConfigurationError, did_you_mean, need
+from robot.moves import Move, move_at, side_of
 from robot.types import Action, Point
 
 Picture = NDArray[np.uint8]

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from robot.devkit.wheels import USUAL_THROTTLE
-from robot.driver import CLASSIC, move_at
 from robot.lab.simulated_pilots.situation import Situation
+from robot.moves import CLASSIC, move_at
 from robot.types import Action, Point, Pose
 
 

@@ -39,12 +39,12 @@ def run(args: argparse.Namespace) -> int:
 def _as_dict(cost: autosize.Cost) -> dict[str, float]:
     return {
         "max_nodes": cost.max_nodes,
-        "extract_us": cost.extract_s * 1e6,
-        "predict_us": cost.propose_s * 1e6,
-        "predict_p99_us": cost.propose_p99_s * 1e6,
-        "learn_us": cost.learn_s * 1e6,
-        "learn_p99_us": cost.learn_p99_s * 1e6,
-        "frames_per_second": cost.rate_hz,
+        "extract_us": float(np.median(cost.extract_s)) * 1e6,
+        "predict_us": float(np.median(cost.propose_s)) * 1e6,
+        "predict_p99_us": float(np.percentile(cost.propose_s, 99)) * 1e6,
+        "learn_us": float(np.median(cost.learn_s)) * 1e6,
+        "learn_p99_us": float(np.percentile(cost.learn_s, 99)) * 1e6,
+        "frames_per_second": 1.0 / cost.frame_s,
     }
 
 

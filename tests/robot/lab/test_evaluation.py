@@ -13,12 +13,14 @@ import pytest
 from robot.errors import RecordingError
 from robot.exchange.npz import load_recording
 from robot.lab import evaluation
+from robot.lab.variants import Design
 from robot.policy.features import GradientFeatures
 from robot.policy.image import to_grey
-from robot.policy.registry import Design, make_policy
+from robot.policy.registry import make_policy
 from robot.types import DEFAULT_MOVES, Action
 from server.__main__ import main
 from tests.kit.sizes import only_full
+from tests.kit.states import same_state
 from tests.robot.footage import write_footage
 
 FOUND = os.environ.get(
@@ -247,3 +249,17 @@ def test_a_proportional_baseline_makes_the_move_that_its_angle_counts_as(name):
             assert said.label == move and said.angle == pytest.approx(angle, abs=0.05)
     with pytest.raises(ValueError):
         first.relabel_node(1, "left")
+
+
+def test_a_design_without_changes_is_the_default_learner():
+    policies = make_policy("default-8"), Design().make(8, "default-8", DEFAULT_MOVES, False)
+    rng = np.random.default_rng(0)
+    for i in range(60):
+        x = rng.integers(0, 256, 1584).astype(np.uint8)
+        for policy in policies:
+            policy.learn(x, DEFAULT_MOVES[i // 7 % 3], i / 10)
+    one, other = policies
+    assert same_state(one.get_state(), other.get_state())
+    for under_way in (None, Action.LEFT):
+        proposed = [policy.propose(1, x, under_way=under_way, at_s=7.0) for policy in policies]
+        assert proposed[0] == proposed[1] and proposed[0].action is not None

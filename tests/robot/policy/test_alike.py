@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from robot.learner.votes import rarity
+from robot.policy.changes import can_be_alike, set_alike
 from robot.policy.features import GradientFeatures
 from robot.policy.history import TrainingHistory
 from robot.policy.registry import make_policy
 from robot.types import Action, Example, Point
+from server.library.models import begin_like
 from tests.kit.frames import frame_of
 from tests.kit.states import same_state
 
@@ -56,11 +58,11 @@ def test_saying_that_sides_are_alike_teaches_the_other_side_at_any_time(first):
     policy = make_policy("default-8", (F, L, R))
     drive = one_sided(policy)
     if first:
-        policy.set_alike(True)
+        set_alike(policy, True)
     for x, label in drive:
         policy.learn(x, label)
     assert first or says(policy, "right") is not L
-    policy.set_alike(True)
+    set_alike(policy, True)
     assert says(policy, "right") is L and says(policy, "left") is R and says(policy, "none") is F
 
 
@@ -73,12 +75,12 @@ def scores(policy, context=None):
 
 def test_the_result_is_the_same_before_and_after_the_examples():
     before, after = (make_policy("default-8", (F, L, R)) for _ in range(2))
-    before.set_alike(True)
+    set_alike(before, True)
     for policy in (before, after):
         policy.learn(*one_sided(policy)[0], 0.0, Point(0.8, 0.5))
         for i, (x, label) in enumerate(one_sided(policy)):
             policy.learn(x, label, i / 10, Point(0.6 if label is R else 0.0, 0.5))
-    after.set_alike(True)
+    set_alike(after, True)
     assert before.learner.labels_ and set(before.learner.labels_) == set(after.learner.labels_)
     order = [after.learner.labels_.index(label) for label in before.learner.labels_]
     for context in (None, 0, 1):
@@ -96,8 +98,8 @@ def test_withdrawing_the_statement_leaves_no_trace():
     for one in (policy, plain):
         for x, label in one_sided(one):
             one.learn(x, label)
-    policy.set_alike(True)
-    policy.set_alike(False)
+    set_alike(policy, True)
+    set_alike(policy, False)
     for one, two in zip(scores(policy), scores(plain), strict=True):
         np.testing.assert_allclose(one[:2], two, atol=1e-3)
 
@@ -136,7 +138,7 @@ def test_undo_and_replay_are_exact():
 
 def test_an_image_that_is_deleted_is_forgotten_in_the_mirror_too():
     policy = make_policy("default-8", (F, L, R))
-    policy.set_alike(True)
+    set_alike(policy, True)
     for x, label in one_sided(policy, 2):
         policy.learn(x, label)
     for node in policy.learner.nodes():
@@ -148,14 +150,14 @@ def test_an_image_that_is_deleted_is_forgotten_in_the_mirror_too():
 @pytest.mark.parametrize("name", ["published-8", "knn-3", "integer-8", "without-linear-8"])
 def test_a_learner_without_symmetry_refuses_the_statement(name):
     policy = make_policy(name)
-    assert not policy.can_be_alike
+    assert not can_be_alike(policy)
     with pytest.raises(ValueError, match="cannot be told"):
-        policy.set_alike(True)
+        set_alike(policy, True)
 
 
 def test_moves_without_a_mirror_image_cannot_be_alike():
-    assert not make_policy("default-8", (F, L)).can_be_alike
-    assert make_policy("default-8").can_be_alike
+    assert not can_be_alike(make_policy("default-8", (F, L)))
+    assert can_be_alike(make_policy("default-8"))
 
 
 def test_a_start_from_earlier_models_knows_their_views_and_gives_way():
@@ -166,7 +168,7 @@ def test_a_start_from_earlier_models_knows_their_views_and_gives_way():
             policy.learn(policy.extract(frame_of(picture(wall, 100 * number + i))), label, i / 10)
     states = [policy.get_state() for policy in earlier]
     fresh, begun = make_policy("default-32"), make_policy("default-32")
-    assert begun.begin_like([*states, make_policy("published-8").get_state()]) == 2
+    assert begin_like(begun, [*states, make_policy("published-8").get_state()]) == 2
     assert begun.propose(1, begun.extract(frame_of(picture("left", 5)))).action is None
     for policy in (fresh, begun):
         for i in range(8):
@@ -184,7 +186,7 @@ def test_a_start_from_earlier_models_knows_their_views_and_gives_way():
     assert says(begun, "left") is L
     arrays, others = begun.get_state().arrays, again.get_state().arrays
     assert all(np.array_equal(arrays[name], others[name]) for name in arrays)
-    assert begun.begin_like(states) == 0  # too late: it has examples of its own
+    assert begin_like(begun, states) == 0  # too late: it has examples of its own
 
 
 def test_a_move_known_only_from_elsewhere_gets_no_votes_for_being_rare():

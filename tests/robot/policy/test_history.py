@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from robot.coaching.gallery import LearnedImage, images
-from robot.driver import Move
+from robot.moves import Move
+from robot.policy.changes import replay
 from robot.policy.events import Edited, HistoryEvent, LogEvent, Replaced, Taught, Undone
 from robot.policy.history import TrainingHistory
 from robot.policy.part import PolicyPart, TaughtExample
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
-from robot.policy.replay import replay
 from robot.store.models.model import same_nodes
 from robot.types import Action, Example, Point
 from tests.kit.sizes import crossed, few

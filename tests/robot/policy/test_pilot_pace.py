@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot.driver import Move
+from robot.moves import Move
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.pilot_pace import LONGEST_LOST_S, SHORTEST_LOST_S, STUCK_S, PilotPace
 from robot.types import Action, Point

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from robot.coaching.gallery import images
-from robot.driver import Move
 from robot.errors import ConfigurationError
 from robot.learner import votes
+from robot.moves import Move
 from robot.policy.registry import full_name, learner_kinds, make_policy, split_name
 from robot.types import Action, Point
 from tests.kit.frames import frame_of, noisy_blocks

@@ -12,10 +12,11 @@ import pytest
 
 from robot.coaching.gallery import images
 from robot.control.online_learning import CORRECTS_BEYOND
-from robot.driver import CLASSIC, move_at, point_of
 from robot.learner.base import State
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.ridge import ContextRidge
+from robot.moves import CLASSIC, move_at, point_of
+from robot.policy.changes import relabel
 from robot.policy.events import Taught, describe_event, read_event
 from robot.policy.history import TrainingHistory
 from robot.policy.policy import Policy
@@ -161,7 +162,7 @@ def test_a_policy_that_is_restored_goes_on_as_the_first(learner: str, seed: int)
             policy.learn(x, move_of(proportional(bend)), 0.1 * i, point)
         if i == 80:
             node = dice.choice(images(first))
-            first.relabel_node(node.node_id, dice.choice(list(node.votes)))
+            relabel(first, node.node_id, dice.choice(list(node.votes)))
             second.restore(first.get_state())
             policies.append(second)
         if i == 120:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from robot.control.online_learning import OnlineLearning
-from robot.driver import CLASSIC, Move
 from robot.lab.adapters.driving_learner import DrivingLearner
+from robot.moves import CLASSIC, Move
 from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
 from robot.types import Action, PilotCommand, Point
