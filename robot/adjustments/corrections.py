@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.camera import Camera, Mounting
-from robot.driver import Correction, Driver, move_at, point_of
+from robot.driver import Correction, Driver
 from robot.errors import ConfigurationError, DriveError, PluginErrors, need
+from robot.moves import move_at, point_of
 from robot.types import Action, Encoding, Frame, Point
 
 if TYPE_CHECKING:

@@ -1,14 +1,14 @@
 """Converts steering and throttle to the wheel speeds of a differential drive. Pure.
 
 Bodies differ only in the speeds of their moves. The steering and throttle of each move are those in
-`robot.driver.CLASSIC`. Between two moves the speeds are interpolated.
+`robot.moves.CLASSIC`. Between two moves the speeds are interpolated.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from robot.driver import CLASSIC
+from robot.moves import CLASSIC
 from robot.types import Action, Point
 
 Pair = tuple[float, float]

@@ -18,9 +18,9 @@ import numpy as np
 
 from robot.clock import RealClock
 from robot.devkit.pictures import Picture
-from robot.driver import CLASSIC, Move, point_of
 from robot.errors import RecordingError
 from robot.exchange.timeline import make_timeline
+from robot.moves import CLASSIC, Move, point_of
 from robot.policy.events import Taught
 from robot.recordings.writer import EpisodeWriter, describe_run
 from robot.store.folder import whole_file

@@ -6,9 +6,9 @@ import csv
 import json
 from pathlib import Path
 
-from robot.driver import describe
 from robot.exchange.files import write_picture
 from robot.exchange.steering import done_at
+from robot.moves import describe
 from robot.recordings.editing import moments
 from robot.recordings.edits import Notes
 from robot.recordings.episode import Episode

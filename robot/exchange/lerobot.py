@@ -27,7 +27,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.driver import Move, point_of
 from robot.errors import RecordingError, need
 from robot.exchange.film import AV, AV1, of_size, write_film
 from robot.exchange.lerobot_tables import (
@@ -42,6 +41,7 @@ from robot.exchange.lerobot_tables import (
 )
 from robot.exchange.steering import done_at
 from robot.exchange.timeline import make_timeline
+from robot.moves import Move, point_of
 from robot.policy.image import Pixels
 from robot.recordings.editing import EpisodeFrame, moments
 from robot.recordings.edits import Notes

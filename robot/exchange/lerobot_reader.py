@@ -16,7 +16,6 @@ from typing import Any
 
 from robot.devices.raw_value import RawValue, must_be, number, read, text, whole
 from robot.devkit.pictures import Picture, read_picture
-from robot.driver import CLASSIC
 from robot.errors import ConfigurationError, RecordingError, told_as
 from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
 from robot.exchange.files import parse, read_picture_file, read_text
@@ -36,6 +35,7 @@ from robot.exchange.steering import (
     read_number,
     read_point,
 )
+from robot.moves import CLASSIC
 from robot.types import DEFAULT_MOVES, Action
 
 _INTERVENTIONS = ("intervention", "complementary_info.is_intervention")

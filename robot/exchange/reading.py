@@ -7,8 +7,8 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from robot.driver import CLASSIC, TURNS_BEYOND
 from robot.errors import ConfigurationError, did_you_mean
+from robot.moves import CLASSIC, TURNS_BEYOND
 from robot.types import Action
 
 DEFAULT_THRESHOLD = TURNS_BEYOND

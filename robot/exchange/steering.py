@@ -6,9 +6,9 @@ import contextlib
 import math
 from collections.abc import Iterable, Sequence
 
-from robot.driver import Move, describe, move_at, point_of
 from robot.errors import RecordingError
 from robot.exchange.reading import Reading
+from robot.moves import Move, describe, move_at, point_of
 from robot.recordings.editing import EpisodeFrame
 from robot.types import DEFAULT_MOVES, Action, Point
 

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
-from robot.driver import CLASSIC, Move, names
 from robot.errors import RecordingError, told_as
 from robot.exchange.columns import Cells, ColumnTable, UnclearColumnsError, read_table_file
 from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
@@ -26,6 +25,7 @@ from robot.exchange.steering import (
     read_number,
     read_point,
 )
+from robot.moves import CLASSIC, Move, names
 from robot.recordings.moves import from_text
 from robot.store.folder import fold
 from robot.types import Action

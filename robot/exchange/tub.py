@@ -19,7 +19,6 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, TextIO
 
-from robot.driver import point_of
 from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
 from robot.exchange.files import PICTURES, files_ending, read_picture_file, write_picture
 from robot.exchange.reading import Reading
@@ -41,6 +40,7 @@ from robot.exchange.tub_records import (
     read_first,
     read_second,
 )
+from robot.moves import point_of
 from robot.recordings.editing import EpisodeFrame, moments
 from robot.recordings.edits import Notes
 from robot.recordings.episode import Episode

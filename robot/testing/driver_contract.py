@@ -16,8 +16,9 @@ import pytest
 from robot.clock import RealClock
 from robot.devices.options import options_of
 from robot.devices.plugins import camera_names, load_driver
-from robot.driver import ACTION_TIMEOUT_S, CLASSIC, describe, side_of
+from robot.driver import ACTION_TIMEOUT_S
 from robot.errors import ConfigurationError, DriveError, NotConnectedError
+from robot.moves import CLASSIC, describe, side_of
 from robot.testing.cases import DriverCase
 from robot.types import Action, Mode, Point, Sensors
 

@@ -8,7 +8,7 @@ import random
 from collections.abc import Callable
 from typing import Self
 
-from robot.control.loop import LoopConfig
+from robot.control.config import LoopConfig
 from robot.control.state import Tick
 from robot.devices.rig import Rig
 from robot.policy.policy import Policy

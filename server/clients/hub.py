@@ -13,7 +13,7 @@ from collections import Counter
 from concurrent.futures import Future
 
 from robot.devices.rig import Rig
-from robot.driver import describe, move_at
+from robot.moves import describe, move_at
 from robot.types import Mode, PilotCommand, StopReason
 from server import protocol
 from server.clients.broadcast import Broadcast

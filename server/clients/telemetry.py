@@ -9,7 +9,8 @@ from typing import Any
 
 from robot.camera import Camera
 from robot.control.state import Tick
-from robot.driver import Driver, describe
+from robot.driver import Driver
+from robot.moves import describe
 from robot.types import Prediction
 
 STATE_EVERY_S = 0.1

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from fastapi import APIRouter, HTTPException, Request
 
 from robot.devices.raw_value import RawValue
+from robot.policy.changes import can_be_alike
 from robot.policy.history import TrainingHistory
 from server.routes.answers import Route, answer
 from server.services import services_of
@@ -80,6 +81,6 @@ def _alike(history: TrainingHistory) -> AlikeAnswer:
     pairs = policy.kinds.mirrored().items()
     return AlikeAnswer(
         alike=policy.alike,
-        possible=policy.can_be_alike,
+        possible=can_be_alike(policy),
         one_sided=any(taught[one] >= _ONE_SIDED and not taught[other] for one, other in pairs),
     )

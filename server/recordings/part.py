@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any, BinaryIO
 
 from robot.devices.rig import Rig
-from robot.driver import describe
+from robot.moves import describe
 from robot.recordings.archive import copy_edited
 from robot.recordings.config import RecorderConfig
 from robot.recordings.editing import write_edited

@@ -17,8 +17,8 @@ from starlette.responses import FileResponse, StreamingResponse
 
 from robot.devices.encoders import encode_png
 from robot.devices.raw_value import RawValue, must_be, text
-from robot.driver import describe as describe_moves
 from robot.errors import NotFoundError
+from robot.moves import describe as describe_moves
 from robot.policy.image import to_rgb
 from robot.recordings.archive import join_recording, zip_recordings
 from robot.recordings.editing import edit_of, sample

@@ -26,8 +26,8 @@ from robot.bodies.ros.camera import RosCamera, RosCameraOptions
 from robot.bodies.ros.driver import RosDriver, RosOptions
 from robot.bodies.ros.topics import COMPRESSED, STAMPED, TWIST
 from robot.clock import RealClock
-from robot.driver import point_of
 from robot.errors import DriveError
+from robot.moves import point_of
 from robot.types import Action
 from tests.kit.wait import wait_until
 from tests.standins.dds_robot import BASE, HERE, IMAGES, own_domain

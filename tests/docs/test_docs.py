@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from robot.control.link_governor import LinkLevel
-from robot.driver import CLASSIC
+from robot.control.state import LinkLevel
+from robot.moves import CLASSIC
 from robot.types import Action, Mode, StopReason
 from server.protocol import ErrorCode
 from tests.docs import commands

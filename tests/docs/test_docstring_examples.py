@@ -11,6 +11,7 @@ MODULES = (
     "robot",
     "robot.camera",
     "robot.driver",
+    "robot.moves",
     "robot.learner",
     "robot.learner.classifier",
     "robot.testing.camera",

@@ -12,8 +12,8 @@ import jsonschema
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot.control.link_governor import LinkLevel
-from robot.driver import CLASSIC
+from robot.control.state import LinkLevel
+from robot.moves import CLASSIC
 from robot.types import DrivenBy, Mode, Point, StopReason
 from server.protocol import (
     ACKNOWLEDGEMENT,

@@ -17,11 +17,9 @@ from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 
-from robot import driver
+from robot import driver, moves
 from robot.coaching import lesson, trial_drive
-from robot.control.camera_timing import CameraTimingConfig
-from robot.control.gate import GateConfig
-from robot.control.link_governor import LinkGovernorConfig
+from robot.control.config import CameraTimingConfig, GateConfig, LinkGovernorConfig
 from robot.policy.registry import DEFAULT_NODES
 from server.access.config import NetworkLimits
 
@@ -30,6 +28,7 @@ _MARK = re.compile(r"(<!--= ([\w.]+)(?: (ms|bare))? -->)(.*?)(<!--/-->)")
 
 SOURCES: Mapping[str, object] = {
     "driver": driver,
+    "moves": moves,
     "lesson": lesson,
     "trial_drive": trial_drive,
     "gate": GateConfig(),

@@ -12,10 +12,7 @@ from typing import Any
 
 import pytest
 
-from robot.control.camera_timing import CameraTimingConfig
-from robot.control.gate import GateConfig
-from robot.control.link_governor import LinkGovernorConfig
-from robot.control.loop import LoopConfig
+from robot.control.config import CameraTimingConfig, GateConfig, LinkGovernorConfig, LoopConfig
 from robot.devices.rig import build_rig
 from robot.store.folder import Storage
 from robot.types import Action, Mode, Pose

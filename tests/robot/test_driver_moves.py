@@ -12,15 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.driver import (
-    CLASSIC,
-    Move,
-    describe,
-    move_at,
-    names,
-    point_of,
-    side_of,
-)
+from robot.moves import CLASSIC, Move, describe, move_at, names, point_of, side_of
 from robot.types import DEFAULT_MOVES, Action, Point
 
 NAMES = st.from_regex(r"[a-z][a-z0-9_]{0,31}", fullmatch=True)

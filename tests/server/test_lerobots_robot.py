@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from robot.driver import CLASSIC
+from robot.moves import CLASSIC
 from robot.types import Action
 from server.config import Config, Limits
 from tests.kit.sizes import IS_FULL

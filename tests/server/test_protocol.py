@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from robot.driver import Move, move_at
+from robot.moves import Move, move_at
 from robot.types import DEFAULT_MOVES, Action, Encoding, Point
 from server import protocol
 from server.protocol import ProtocolError, VideoFrame

@@ -35,7 +35,7 @@ export function reachOf(moves) {
   return { ahead: most(1), back: most(-1) };
 }
 
-/** The move nearest to a point, like `move_at` in robot/driver.py. @param {Point} point @param {readonly string[]} moves @returns {string | null} */
+/** The move nearest to a point, like `move_at` in robot/moves.py. @param {Point} point @param {readonly string[]} moves @returns {string | null} */
 export function moveOf({ steering, throttle }, moves) {
   const way = Math.sign(throttle);
   const goes = moves.filter((move) => Math.sign(pointOf(move)?.throttle ?? NaN) === way);

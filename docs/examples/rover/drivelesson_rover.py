@@ -16,8 +16,9 @@ os.environ.setdefault("MAVLINK20", "1")  # read by pymavlink when it is imported
 from pymavlink import mavutil
 
 from robot.devkit.host_watchdog import HostWatchdog
-from robot.driver import ACTION_TIMEOUT_S, CLASSIC, Move, point_of
+from robot.driver import ACTION_TIMEOUT_S
 from robot.errors import DriveError
+from robot.moves import CLASSIC, Move, point_of
 from robot.types import Action, Point, Sensors
 
 MAV = mavutil.mavlink

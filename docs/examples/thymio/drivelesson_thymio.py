@@ -18,8 +18,8 @@ import tdmclient
 
 from robot.devkit.host_watchdog import HostWatchdog
 from robot.devkit.wheels import TwoWheels
-from robot.driver import CLASSIC, point_of
 from robot.errors import DriveError
+from robot.moves import CLASSIC, point_of
 from robot.types import Action, Point, Sensors
 
 FULL = 500

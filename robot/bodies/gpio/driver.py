@@ -12,8 +12,9 @@ from robot.bodies.gpio.keeper_line import KeeperLine
 from robot.bodies.remote.driver import MessageLine, ReportingDriver
 from robot.clock import Clock
 from robot.devices.options import Options, option
-from robot.driver import CLASSIC, Correction
+from robot.driver import Correction
 from robot.errors import ConfigurationError, MissingExtraError
+from robot.moves import CLASSIC
 
 MAX_PIN = 27
 

@@ -17,8 +17,8 @@ import numpy as np
 
 from robot.bodies.gymnasium.action_names import names_of
 from robot.devkit.wheels import USUAL_THROTTLE
-from robot.driver import Move, side_of
 from robot.errors import ConfigurationError
+from robot.moves import Move, side_of
 from robot.types import Action, Point
 
 _MOST_NUMBERS = 64

@@ -14,8 +14,8 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from robot.devices.options import option
-from robot.driver import CLASSIC, Move
 from robot.errors import ConfigurationError
+from robot.moves import CLASSIC, Move
 from robot.types import Action, Point, Sensors
 
 MAX_BYTES = 512

@@ -29,8 +29,9 @@ from robot.bodies.ros.transport import DDS, TransportOptions, open_topics
 from robot.clock import Clock
 from robot.devices.options import option
 from robot.devkit.connected_driver import ConnectedDriver
-from robot.driver import ACTION_TIMEOUT_S, point_of
+from robot.driver import ACTION_TIMEOUT_S
 from robot.errors import ConfigurationError, DriveError
+from robot.moves import point_of
 from robot.types import Action, Point, Pose, Prediction, Sensors
 
 ORDERS, ALIVE = "/drivelesson/cmd_vel", "/drivelesson/alive"

@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 from robot.devkit.pictures import read_picture
-from robot.driver import CLASSIC, point_of
 from robot.errors import RecordingError
 from robot.exchange.drive import ImportReport, write_episode
 from robot.exchange.files import parse
 from robot.exchange.steering import read_meant
 from robot.exchange.tub_records import read_second
+from robot.moves import CLASSIC, point_of
 from robot.recordings.edits import Notes
 from robot.recordings.episode import open_episode
 from robot.recordings.teaching import count_steps

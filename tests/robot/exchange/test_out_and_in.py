@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot.driver import Move, describe, names, point_of
 from robot.errors import RecordingError
 from robot.exchange.folder import write_folder
 from robot.exchange.lerobot import write_lerobot
 from robot.exchange.npz import load_recording, write_npz
 from robot.exchange.steering import read_meant
 from robot.exchange.tub import write_tub
+from robot.moves import Move, describe, names, point_of
 from robot.policy.registry import make_policy
 from robot.recordings.edits import Notes
 from robot.recordings.episode import Episode, open_episode, taught_frames

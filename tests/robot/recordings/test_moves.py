@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.driver import Move, names
+from robot.moves import Move, names
 from robot.recordings.moves import from_text, to_text
 from tests.robot.test_driver_moves import moves
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from robot.coaching.gallery import images
-from robot.driver import Move, names
 from robot.errors import ConfigurationError
+from robot.moves import Move, names
 from robot.policy.autosize import sample_frames
 from robot.policy.events import HistoryEvent, Taught, describe_event
 from robot.policy.history import TrainingHistory

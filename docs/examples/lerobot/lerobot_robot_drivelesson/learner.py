@@ -18,9 +18,9 @@ from lerobot.configs import PreTrainedConfig
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from lerobot.utils.constants import OBS_STATE
 
-from robot.driver import point_of
 from robot.errors import ConfigurationError
 from robot.learner.base import BaseLearner, Evidence, State
+from robot.moves import point_of
 from robot.policy.features import THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH, GreyFeatures
 from robot.policy.image import to_rgb, to_small_grey
 from robot.policy.policy import Policy

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from robot.bodies.gpio.driver import GpioOptions
 from robot.bodies.gpio.wheels import Build, TimedMotors, steered, tracked
-from robot.driver import CLASSIC
 from robot.errors import ConfigurationError
+from robot.moves import CLASSIC
 
 SHARES = {
     "forward": (1, 1),

@@ -22,8 +22,8 @@ from robot.bodies.remote.plain import (
     parse_plain_order,
     parse_plain_report,
 )
-from robot.driver import CLASSIC
 from robot.errors import ConfigurationError
+from robot.moves import CLASSIC
 from robot.types import Action, Point, Sensors
 
 ANYTHING = st.recursive(

@@ -17,7 +17,7 @@ import pytest
 from robot.bodies.ros.camera import RosCamera, RosCameraOptions
 from robot.bodies.ros.driver import RosDriver, RosOptions
 from robot.clock import RealClock
-from robot.control.loop import LoopConfig
+from robot.control.config import LoopConfig
 from robot.devices.driver_thread import DriverThread
 from robot.devices.rig import Rig
 from robot.errors import CameraError, ConfigurationError, DriveError
