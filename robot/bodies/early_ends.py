@@ -1,9 +1,9 @@
 """Counts early ends in a row: the program ended just as the robot began to drive.
 
 If the battery is weak, its voltage collapses when the motors start: the computer or the program
-ends, a supervisor restarts it, and nobody learns why. A marker file on the disk survives the
-restart, so that the next run can report the reason. No marker is left by an update, by a Ctrl-C, or
-by a robot that is switched off while it stands still.
+ends, a supervisor restarts it, and nobody learns why. The program therefore writes a marker file
+when a drive begins. If the next run finds the marker, it counts one early end. No marker is left by
+an update, by a Ctrl-C, or by a robot that is switched off while it stands still.
 """
 
 from __future__ import annotations
@@ -26,13 +26,14 @@ log = logging.getLogger(__name__)
 SOON_S = 5.0
 """Driving time after which the battery counts as strong enough for the motors, in seconds."""
 ENOUGH = 2
-"""Number of early ends in a row from which the battery counts as weak."""
+"""Number of consecutive early ends after which the program warns of a weak battery."""
 _AGAIN_S = 60.0
 """Minimum time between two markers, in seconds, to save writes to the disk."""
 
 
 class EarlyEnds:
-    """Follows the control loop, and saves on the disk whether a drive has just begun.
+    """Marks in a file that a drive has begun. The mark is removed when the robot has driven for
+    `SOON_S`, or when the drive ends.
 
     Attributes:
         count: Number of early ends in a row, up to the previous run of the program.

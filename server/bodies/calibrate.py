@@ -155,7 +155,8 @@ def keep(file: Path, values: Mapping[str, float]) -> None:
     """Set top-level values of a TOML file; all other lines, including comments, stay unchanged.
 
     Raises:
-        ConfigurationError: If the file cannot be written, or if other values would change.
+        ConfigurationError: If the file cannot be written, or if the change would alter any other
+            setting.
     """
     with told_as(ConfigurationError, f"cannot write {file}", OSError, ValueError):
         text = file.read_text("utf-8-sig") if file.exists() else ""

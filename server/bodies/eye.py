@@ -93,7 +93,7 @@ def parse_text(text: str) -> dict[str, Any]:
     """Parse one text message: `stop`, or `pong` with two finite numbers.
 
     Raises:
-        ProtocolError: If the message is neither.
+        ProtocolError: If the message is neither `stop` nor a valid `pong`.
     """
     message = parse_object(text if len(text) < _MOST_TEXT else "")
     kind = message.get("type")

@@ -24,7 +24,8 @@ PUT_OFF = ("logging.config", "numpy.fft", "numpy.ma", "numpy.polynomial", "numpy
 
 
 class StandIn(ModuleType):
-    """A module that has an attribute of every name, so that code that imports `ssl` still loads.
+    """Replaces the module `ssl`. Every attribute that is looked up exists, so that code that
+    imports `ssl` still loads.
 
     Libraries use expressions such as `int(ssl.PROTOCOL_TLS_SERVER)` and `except ssl.SSLError`. So
     an attribute in capitals is the number 0, and every other attribute is an exception class.
@@ -47,7 +48,8 @@ class PutOff:
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Return a spec that loads the module later; None for other modules."""
+        """Return a spec for a module of `PUT_OFF`, which is then loaded at its first use. Return
+        None for all other modules."""
         if fullname not in PUT_OFF:
             return None
         spec = PathFinder.find_spec(fullname, path)

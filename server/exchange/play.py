@@ -1,4 +1,4 @@
-"""The verb `play` of `drivelesson episodes`: replays a recording into the page like a robot."""
+"""The command `drivelesson episodes play`: shows a recording on the page, as if it were a robot."""
 
 from __future__ import annotations
 

@@ -220,7 +220,8 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
     def roll(self, action: Action, seconds: float) -> Pair:
         """Drive for some seconds; return the distance that each wheel rolled.
 
-        The command is repeated, so that the robot stops if this program ends.
+        A command is valid only for a short time, and is repeated until the time is over. So the
+        robot stops if this program ends.
         """
         before, end_s = self.rolled_m(), self._clock.now_s() + seconds
         try:

@@ -26,7 +26,8 @@ OPTIONS = ChassisOptions()
 def measure(link: BrickLink, may_turn_wheels: Callable[[], bool]) -> BrickFacts:
     """Return all measurements of a remote brick; raises DriveError if the connection is lost.
 
-    `may_turn_wheels` asks the person once, before the only part that moves the robot.
+    One of the measurements turns the wheels. `may_turn_wheels` is called before it, to ask the
+    person for permission.
     """
     link.hold("doctor", "ping")
     try:

@@ -20,8 +20,9 @@ from robot.types import StartStop
 
 POLL_S = 0.002
 _SEEN_NS = 0
-"""The modification time that marks a command as obeyed. Comparing modification times would not be
-enough, because two commands in succession may get the same time."""
+"""When the fake brick reads a command file, it sets the file's modification time to this value. A
+file with any other modification time contains a new command. Comparing modification times would not
+be enough, because two commands in succession may get the same time."""
 MAX_SPEED = 1050
 """Maximum speed of a large motor, in counts a second. The kernel refuses a higher speed."""
 DEFAULTS = {

@@ -17,15 +17,17 @@ from robot.types import Frame
 Integers = NDArray[np.int64]
 N_BINS = 8
 _EDGES = (1, 2, 3, 4, 6, 9, 14, 21, 32, 48, 72)
-"""Lower bounds of the steps into which magnitudes of gradients are divided, in grey levels at half
-contrast. A smaller gradient counts as zero. Each bound is about 1.5 times the previous bound."""
+"""Each gradient's magnitude is rounded to one of a few steps. These are the lower bounds of the
+steps, in grey levels of a picture at half contrast. A smaller gradient counts as zero. Each bound
+is about 1.5 times the previous bound."""
 _N_STEPS = len(_EDGES) + 1
 _BEYOND = 108
 _SCALE = 4
 _LINE, _TWO_LINES = THUMBNAIL_WIDTH, 2 * THUMBNAIL_WIDTH
 _NOISE = 400
-"""Added to the sum of gradients of a neighbourhood of cells. In a plain neighbourhood, noise
-therefore does not count as strong gradients."""
+"""Number that is added to the sum of the gradients around a cell, before the cell's gradients are
+divided by this sum. In a plain neighbourhood, noise therefore does not count as strong
+gradients."""
 _FULL = 1023
 """Share of its neighbourhood's gradients at which a bin reaches its largest value, in units of
 1/4096."""

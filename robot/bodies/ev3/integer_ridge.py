@@ -115,7 +115,8 @@ class IntegerRidge(LinearPart):
         self._improve(self.n_features)
 
     def _improve(self, steps: int) -> None:
-        """Minimise the error by one weight at a time, each time the one with the largest effect."""
+        """Reduce the error by changing one weight per step: the weight with the largest
+        residual."""
         weights, residual, products = self._weights, self._residual, self._products
         for _ in range(steps):
             label, i = divmod(int(np.abs(residual).argmax()), self.size)

@@ -26,9 +26,9 @@ SILENCE_S = 0.4
 """Time without a report after which a brick counts as silent, in seconds. A brick sends ten reports
 a second. Each move ends by itself after at most this time."""
 GONE_S = PATIENCE_S + 1.0
-"""Time of silence after which a brick is joined again, in seconds. A brick needs less time to open
-its motors and sensors. A new connection is made because TCP, after a minute of silence, retries
-only once a minute on the old one."""
+"""Time without a report after which a new connection to the brick is made, in seconds. A brick
+needs less time to open its motors and sensors. A new connection is made because TCP, after a minute
+of silence, retries only once a minute on the old one."""
 PING_S = 0.1
 REJOIN_S = 0.5
 
@@ -95,7 +95,8 @@ class BrickLink:
         return f"the connection to the brick at {self.address} was lost ({why}); trying again"
 
     def hold(self, key: str, do: str, **rest: Any) -> None:
-        """Send a command. Every new connection sends it again, until `release`.
+        """Send a command. The command is sent again over every new connection, until `release` is
+        called.
 
         The first command connects to the agent.
 
@@ -113,8 +114,8 @@ class BrickLink:
         self.send(do, **rest)
 
     def release(self, *keys: str) -> None:
-        """Forget the named commands, and close the connection when no command is held any
-        more. Idempotent."""
+        """Stop repeating the commands with these keys. If no repeated command remains, close the
+        connection. Idempotent."""
         for key in keys:
             self._held.pop(key, None)
         if self._held or self._thread is None:
@@ -125,8 +126,9 @@ class BrickLink:
         self._thread = None
 
     def send(self, do: str, **rest: Any) -> None:
-        """Send one command. The command is sent even if no reports arrive, because they may only be
-        delayed. Raises DriveError if the connection is lost; then the brick stops by itself."""
+        """Send one command. The command is sent even if the brick is silent, because its reports
+        may be delayed. Raises DriveError if the connection is lost; then the brick stops by
+        itself."""
         lost = self._lost  # read once, because the thread sets it to None when it connects again
         if lost is not None:
             raise DriveError(lost)

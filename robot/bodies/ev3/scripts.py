@@ -30,8 +30,8 @@ done
 cat agent.log >&2
 exit 1
 """
-"""Script that receives a tar of agent.pyz, keep-agent, autostart and secret, and starts the
-agent."""
+"""Script that reads a tar archive with the files agent.pyz, keep-agent, autostart and secret. The
+script then starts the agent."""
 
 KEEP_SCRIPT = """\
 #!/bin/sh

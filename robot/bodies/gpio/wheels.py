@@ -55,7 +55,8 @@ def steered(straight_speed: float, turn_speed: float, servo_ends: Pair) -> Build
 
 
 class TimedMotors:
-    """Obeys orders of `robot.bodies.remote.plain`, each order at most once and never late.
+    """Drives motors by text orders in the format of `robot.bodies.remote.plain`. An order that
+    arrives twice is obeyed once, and an order that arrives late ends early.
 
     Args:
         motors: The left and the right motor, or the ESC and the servo.
@@ -90,8 +91,8 @@ class TimedMotors:
             self.stand()
 
     def obey(self, line: bytes, now_ms: int) -> BodyReport:
-        """Obey one line and return the report. A line that is not an order only requests the
-        report."""
+        """Execute the order in a line of text, and return a report of the body's state. A line that
+        is not an order only requests the report."""
         self.tick(now_ms)
         order = parse_plain_order(line, CLASSIC_POINTS)
         if order is not None and order.seq > self._seq:

@@ -1,4 +1,4 @@
-"""Finds the names that an environment gives its numbered actions.
+"""Finds names for an environment's actions, which Gymnasium only numbers.
 
 There is no standard. Atari and NES have a method `get_action_meanings()`. MiniGrid and MiniWorld
 have an enumeration `actions`. highway-env has a dictionary in `action_type`, and Stable-Retro a
@@ -31,7 +31,7 @@ _NOTHING_PRESSED = "noop"
 def names_of(env: Any, first: int, n: int) -> dict[int, str]:
     """Return the names of the actions `first` to `first + n - 1`, if there are any.
 
-    The names come from the outermost wrapper that names all these actions and no other action.
+    If the environment is wrapped, the names come from the outermost wrapper that has names.
     """
     for layer in _layers(env):
         for path in _KEPT_IN:

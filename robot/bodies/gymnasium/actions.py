@@ -51,7 +51,8 @@ class Number:
 
     @property
     def rest(self) -> float:
-        """Return the value that this number has at rest: the allowed value nearest to 0."""
+        """Return the allowed value nearest to 0. The robot stands still, as far as possible, if
+        each number has this value."""
         return min(max(0.0, self.least), self.most)
 
     @property
@@ -120,8 +121,8 @@ def moves_of(name: str, env: Any, table: str = "") -> dict[Move, Any]:
     one number.
 
     Raises:
-        ConfigurationError: If the table cannot be read or does not fit, or the number of moves is
-            too large or too small.
+        ConfigurationError: If the table cannot be read, if it does not fit the environment's
+            actions, or if there are too few or too many moves.
     """
     form = ActionForm(env.action_space, name)
     if not table and is_car_racing(name):
@@ -289,8 +290,8 @@ def _named(env: Any, form: ActionForm) -> Iterator[tuple[str, list[float]]]:
 
 
 def _distinct(chosen: _Chosen) -> Iterator[tuple[Move, list[float]]]:
-    """Yield a move for each pair of a name and an action. If several moves have the same name, the
-    second and later ones get a number."""
+    """Turn pairs of a name and an action into pairs of a move and an action. If several moves have
+    the same name, the second and later ones get a number."""
     taken: set[str] = set()
     for word, values in chosen:
         name, n = _as_action(word), 1

@@ -1,5 +1,5 @@
-"""Makes a robot of any Gymnasium environment with pictures; the moves are the environment's
-actions."""
+"""Drives a Gymnasium environment like a robot. The environment must provide pictures, and its
+actions are the robot's moves."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ class GymnasiumOptions(Options):
 class GymnasiumDriver(ConnectedDriver[bool]):
     """Acts in an environment, whose time passes only when the camera or a test calls `advance`.
 
-    Some environments, in particular their renderers, work only on the thread that made them. So
-    only one thread may call `advance`, `picture` and `close`, and this thread makes the
-    environment.
+    Some environments, in particular their renderers, work only on the thread that made them. The
+    environment is therefore made on the thread that calls `advance`, `picture` and `close`. No
+    other thread may call these methods.
     """
 
     name: ClassVar[str] = "gymnasium"
@@ -71,8 +71,8 @@ class GymnasiumDriver(ConnectedDriver[bool]):
         self._action: Any = None
         self._left_s = self._over_s = 0.0
         self.acted = threading.Event()
-        """Set by each `send_action`: the loop has acted on the last picture, so the next step may
-        come."""
+        """`send_action` sets this event. The event tells the camera that the loop has acted on the
+        last picture, so that the environment can make its next step."""
 
     def _make(self) -> Environment:
         chosen = self.options

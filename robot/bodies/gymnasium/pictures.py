@@ -25,8 +25,8 @@ pixel."""
 _MOST_CHANNELS = 48
 """Maximum number of channels in a stack of frames. An array with more channels is not a picture."""
 _LARGEST = 65535.0
-"""Largest number that may stand for white. If a space states a larger bound, it means "no
-bound"."""
+"""Largest number that may stand for white. An observation space with a larger upper bound is
+treated as unbounded."""
 _MADE_OF_IT = re.compile(r"mask|depth|segment|semantic|label|map|flow|normals|heat", re.I)
 """Names of the parts of an observation that are computed from the picture."""
 _PICTURE = re.compile(r"rgb|image|img|pixel|screen|camera|visual|frame", re.I)

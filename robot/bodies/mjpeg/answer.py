@@ -18,12 +18,13 @@ MAX_PART_BYTES = 4 * 2**20
 _PNG = b"\x89PNG\r\n\x1a\n"
 _START = re.compile(rb"\xff\xd8\xff|\x89PNG\r\n\x1a\n")
 _IN_SCAN = re.compile(rb"\xff[\xc4\xd8-\xdd]")
-"""The markers that may end a scan: tables, a new scan, the picture's end, or the next picture if
-this picture was cut off."""
+"""The JPEG markers that may follow the data of a scan: tables, another scan, or the picture's end.
+They include the start of a new picture, because the current picture may be truncated."""
 _TYPE = re.compile(rb"content-type:[ \t]*([\w/.+-]+)", re.IGNORECASE)
 _SOI, _EOI, _SOS = 0xD8, 0xD9, 0xDA
 _KEPT_BYTES = 256
-"""Number of bytes that are kept while no picture begins: they may be an incomplete head."""
+"""Bytes before a picture's start are discarded, except for the last `_KEPT_BYTES`, which may belong
+to an incomplete header."""
 
 
 class Answer(HTTPResponse):

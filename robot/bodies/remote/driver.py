@@ -56,8 +56,8 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
     hello: ClassVar[bytes] = HELLO
     no_answer: ClassVar[str]
     no_obedience: ClassVar[str]
-    """Advice at the end of two error messages: `no_answer` if a robot never answered,
-    `no_obedience` if it answers but does not obey."""
+    """Advice that ends an error message. `no_answer` is for a robot that never answered, and
+    `no_obedience` for a robot that answers but does not obey."""
 
     def __init__(self, options: Any, where: str, clock: Clock | None = None) -> None:
         """Store the options; `where` names the robot in a sentence, for example `the hub`."""
@@ -145,8 +145,9 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
             self._disobeyed = 0 if is_obeyed else self._disobeyed + 1
 
     def _exchange(self, message: bytes) -> None:
-        """Send a message, and use the newest report that comes in time. An error of the connection
-        is only noted; `_check_heard` raises it after `GONE_S`."""
+        """Send a message. Wait for a report for at most `REPLY_S`, and store the newest report that
+        has arrived. An error of the connection is only noted; `_check_heard` raises it after
+        `GONE_S`."""
         line = self._connection
         if line is None:
             return

@@ -60,8 +60,8 @@ class Order:
 
 
 def encode_order(order: Order, nonce: str, secret: str) -> bytes:
-    """Encode one order, signed so that it is valid only once, and only until the robot is
-    restarted."""
+    """Encode and sign one order. The order's number lets the robot refuse a repetition. The nonce
+    is new after each start of the robot, so that the robot then refuses older orders."""
     plain = asdict(order) | {"speed": round(order.speed, 4)}
     if (point := plain.pop("point")) is not None:
         plain |= {"steering": round(point.steering, 4), "throttle": round(point.throttle, 4)}

@@ -4,8 +4,8 @@ An order is `MOVE FOR_MS SPEED NUMBER SEEN_MS`, for example `forward 400 1.0 7 8
 word, `SEEN_MS`, is the body's time in its newest report. A report is `NUMBER MS DISTANCE BUMPER
 BATTERY`, for example `7 81240 420 0 80`: the number of the last obeyed order, the body's time in
 ms, the distance in mm, whether the bumper is pressed (0 or 1), and the battery in percent. `-`
-stands for a sensor that is missing. `?` requests a report. A body whose reports end in the word
-`points` also accepts orders that end in `STEERING THROTTLE`.
+stands for a sensor that is missing. `?` requests a report. A body that can steer proportionally
+adds the word `points` to its reports. Orders to such a body may end in `STEERING THROTTLE`.
 """
 
 from __future__ import annotations

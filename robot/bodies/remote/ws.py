@@ -14,7 +14,8 @@ from robot.clock import RealClock
 
 _OPENS_S, _OPENS_AGAIN_S, _SENDS_S = 4.0, 1.0, 0.5
 _MOST_UNANSWERED = 10
-"""Number of unanswered messages, sent in about 1.5 s, after which a connection counts as dead."""
+"""Maximum number of messages without an answer. If there are more, which takes about 1.5 s, the
+connection is closed and a new one is opened."""
 
 
 class WebsocketLine(ReconnectingLink):

@@ -1,9 +1,9 @@
 """DDS, the network protocol of ROS 2, without ROS: topics by Eclipse Cyclone DDS.
 
 All parts of this program share one participant per domain. Named peers are discovered by unicast.
-DDS itself notices only after ten seconds or more that another program is gone. This module
-therefore watches for missing acknowledgements, missing signs of life of the watchdog, and old
-pictures.
+DDS itself notices only after ten seconds or more that another program is gone. This module notices
+it sooner: messages are not acknowledged, the watchdog on the robot is silent, or no new picture
+arrives.
 """
 
 from __future__ import annotations
@@ -49,17 +49,18 @@ FOUND_S = 5.0
 _ASK_EVERY_S = 2
 """Interval of discovery messages to peers, in seconds."""
 _MOST_PROCESSES = 50
-"""Maximum number of processes of one peer that are discovered; each has a separate port."""
+"""Number of ports of each named peer to which discovery messages are sent. Each process of the peer
+has a separate port."""
 _LOOK_EVERY_S, _ANSWER_EVERY_S = 0.05, 0.05
-"""Maximum time for which the reading thread waits for messages, and for which the other thread
-waits for acknowledgements, in seconds."""
+"""One thread waits for messages, for at most `_LOOK_EVERY_S` at a time. Another thread waits for
+acknowledgements, for at most `_ANSWER_EVERY_S` at a time. Both are in seconds."""
 _HEARTBEAT = '<HeartbeatInterval min="1 ms" minsched="5 ms" max="20 ms">10 ms</HeartbeatInterval>'
-"""Interval at which acknowledgements are requested. By default, a writer that writes continuously
-may request no acknowledgement for seconds."""
+"""Interval at which acknowledgements are requested. With DDS's default settings, a writer that is
+never idle may wait several seconds before it requests an acknowledgement."""
 _LAST_ANSWER_S = 0.2
 """How long `close` waits for the acknowledgement of the last order, in seconds."""
 _SETTLED_S = 1.0
-"""Time for which DDS may take to match the robot's subscriber with this program's publisher, in
+"""Time limit within which DDS matches the robot's subscriber with this program's publisher, in
 seconds. After this time the topic counts as refused."""
 _BLOCKED_S = 0.1
 _TAKEN = 16
@@ -464,8 +465,8 @@ def neighbours_of(
 
 
 def _search(participant: DomainParticipant, clock: Clock, seconds: float) -> tuple[Endpoint, ...]:
-    """Search for some seconds. The readers end with this call, because DDS requires that they end
-    before their participant."""
+    """Search for some seconds. DDS requires that readers end before their participant. Those of
+    `neighbours` end when this function returns."""
     neighbours = Neighbours(participant, clock)
     clock.sleep(seconds)
     neighbours.look()

@@ -37,8 +37,8 @@ from robot.types import Action, Point, Pose, Prediction, Sensors
 ORDERS, ALIVE = "/drivelesson/cmd_vel", "/drivelesson/alive"
 """Topics of docs/examples/ros/watchdog.py: the velocities for it, and its signs of life."""
 _DISPUTED = "disputed"
-"""Frame id of the watchdog's signs of life while another node or a second server drives the robot,
-too."""
+"""The watchdog's signs of life have this frame id while a second program sends velocities to the
+robot."""
 _FIRST_SIGN_S = 3.0
 _FRESH_S = 1.0
 """Age from which a sensor's value is ignored, in seconds."""
@@ -80,7 +80,8 @@ class RosDriver(ConnectedDriver[Topics]):
     `cmd_vel` contains no duration. If this program, its computer or the network fails, the robot
     therefore stops only if its base has a timeout for velocities. With `watchdog`, a node of this
     project on the robot stops the robot. The node sends signs of life that contain its time, and
-    each order contains the newest of these times. Soon after this time, the node ends the order.
+    each order contains the newest of these times. The node stops obeying an order as soon as the
+    time in it is too old.
     """
 
     name: ClassVar[str] = "ros"

@@ -29,7 +29,8 @@ def dds_topic(name: str) -> str:
 
 
 def ros_topic(name: str) -> str | None:
-    """Return a topic's name in ROS; None for services, actions and other programs."""
+    """Return the ROS name of a DDS topic. Return None if the DDS topic is not a ROS topic, for
+    example if it belongs to a service."""
     return "/" + name.removeprefix(_PREFIX) if name.startswith(_PREFIX) else None
 
 
@@ -146,7 +147,8 @@ class Odometry(IdlStruct, typename="nav_msgs::msg::dds_::Odometry_"):
 
 @dataclass
 class Range(IdlStruct, typename="sensor_msgs::msg::dds_::Range_"):
-    """A distance. The variance that Jazzy appends is not read."""
+    """A distance. ROS 2 Jazzy added a field `variance` at the end of this message, which is not
+    read."""
 
     header: Header = field(default_factory=Header)
     radiation_type: uint8 = 0

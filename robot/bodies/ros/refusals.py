@@ -106,7 +106,7 @@ class Unwrapping:
 
 
 def _text_of_png(data: str) -> str:
-    """Return the text in the bytes of the pixels; rosbridge pads the last row with newlines."""
+    """Decode a PNG of rosbridge: the bytes of its pixels are a text, padded with newlines."""
     import numpy as np
 
     try:

@@ -45,7 +45,8 @@ class Topics(ABC):
     @property
     @abstractmethod
     def refusal(self) -> str:
-        """The message that the other end refuses, with its reason; empty if it refuses none."""
+        """Describes the message that the receiver refuses, with the reason. Empty if the receiver
+        refuses no message."""
 
     def refused(self, refusal: str) -> str:
         """Return the sentence for a refusal."""
@@ -53,8 +54,8 @@ class Topics(ABC):
 
     @abstractmethod
     def publish(self, topic: str, message: Message, ends: End | None = None) -> None:
-        """Publish one message, and wait until it is sent. If `ends` is given, its message is
-        published later, when its time has come.
+        """Publish one message, and wait until it is sent. `ends` is a second message, for example a
+        stop, and the delay after which it is published.
 
         Raises:
             OSError: If the message cannot be sent now; the message is then never sent.

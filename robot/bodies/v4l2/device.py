@@ -228,8 +228,8 @@ def _offered_sizes(fd: int, code: bytes) -> List[str]:
 
 
 def _offered(fd: int, request: int, asked: bytes) -> Iterator[bytes]:
-    """Yield the entries of one of the driver's lists. Entries are requested by index until the
-    driver refuses one."""
+    """Yield the entries of a list that the camera driver offers, such as its picture formats.
+    Entries are requested by index until the driver refuses one."""
     for index in range(64):
         try:
             yield fcntl.ioctl(fd, request, struct.pack("=I", index) + asked)

@@ -1,4 +1,5 @@
-"""A process that requests everything that a viewer may, as fast as it can: `greedy PORT COOKIE`."""
+"""A load generator that sends all requests that a viewer is allowed to send, as fast as it can.
+Usage: `greedy PORT COOKIE`."""
 
 from __future__ import annotations
 

@@ -45,7 +45,8 @@ def run(args: argparse.Namespace) -> int:
 async def _compare(
     count: int, size: int, turns: int, seconds: float, rate_hz: float
 ) -> dict[str, Any]:
-    """Measure the CPU time per viewer and frame of our serving thread and that of a plain server.
+    """Compare Drivelesson's server with a plain server: the CPU time of the serving thread per
+    viewer and frame.
 
     The viewers leave one server before they join the other, so that only one has work at a time.
     """

@@ -1,8 +1,8 @@
 """Measures how soon a phone can use the page, the load of its main thread, and the frame rates.
 
 A Chromium opens the page and holds Forward with one finger; the server is a separate process. To
-imitate a slow phone, Chromium slows down its main thread. For a first visit, it has a new profile
-and a slow link.
+imitate a slow phone, Chromium slows down its main thread. To imitate a first visit, Chromium has a
+new profile and a slow network.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ LINKS: dict[str, dict[str, float]] = {
     "DevTools' 3G": {"latency": 562.5, "downloadThroughput": 180_000, "uploadThroughput": 84_375},
 }
 """Slow links, each with the latency of a request in milliseconds and the rates in bytes per second.
-The second is a preset of Chromium's DevTools. Its latency is longer because DevTools delays each
-request only once, not each packet."""
+`DevTools' 3G` is a preset of Chromium's DevTools. Its latency is longer because DevTools delays
+each request only once, not each packet."""
 PHONE = 4
 _WATCH = """window.usableMs = new Promise((done, fail) => {
   setTimeout(() => fail(new Error('a person cannot teach within 30 s')), 30000);

@@ -62,9 +62,9 @@ def in_turns(own: Sequence[float], peer: Sequence[float]) -> dict[str, Any]:
     """Compare measurements of two servers that were made in turns.
 
     Returns:
-        The median of each server, and as `ratio` the median of own / peer over all turns. `ratio`
-        is None if the ratios of the turns differ by more than their median, because the machine was
-        then too busy.
+        The medians `own` and `peer`. In each turn both servers are measured, and `ratio` is the
+        median of the turns' ratios own / peer. `ratio` is None if the ratios of the turns differ by
+        more than their median, because the machine was then too busy.
     """
     ratios = [one / other for one, other in zip(own, peer, strict=True)]
     ratio, spread = statistics.median(ratios), max(ratios) - min(ratios)

@@ -42,8 +42,8 @@ class ServerUnderTest:
 
     Args:
         kind: `drivelesson`, or `paired` for a server that also has pairing, its limits and a data
-            folder. A number stands for the plain server of `peer.py`, and is the size of its
-            pictures in bytes.
+            folder. A number starts the plain server of `peer.py` instead, and is the size of
+            its pictures in bytes.
         rate_hz: The camera's frame rate, in Hz.
     """
 
@@ -62,14 +62,15 @@ class ServerUnderTest:
         return self._process.pid
 
     def ask(self, word: str = "") -> Any:
-        """Return the CPU times of the process and of its serving thread, and what loop and body
-        have noted. With the word `forget`, all training and notes are dropped first, and the answer
-        also has the memory in use."""
+        """Return the server's measurements: the CPU times of the process and of its serving thread,
+        and the counts and times of the control loop and the body. With the word `forget`, all
+        training and notes are dropped first, and the answer also has the memory in use."""
         self._line.send(word)
         return self._read()
 
     async def watch(self, seconds: float) -> dict[str, Any]:
-        """Wait for `seconds`; return what the server used and did meanwhile, and the start time."""
+        """Return the server's measurements over the next `seconds`, and the time at which they
+        began."""
         before, start_s = self.ask(), time.monotonic()
         await asyncio.sleep(seconds)
         after, lasted_s = self.ask(), time.monotonic() - start_s

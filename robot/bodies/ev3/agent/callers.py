@@ -139,8 +139,8 @@ class CallerLimiter:
             self._make_room("too many others wait to join")
 
     def _make_room(self, why: str) -> None:
-        """Drop the oldest unjoined connection of the address with the most unjoined connections, so
-        that a flood evicts only its own connections."""
+        """Drop one connection that has not joined: the oldest one of the address that has the most
+        such connections. So an address that opens many connections loses only its own."""
         unjoined = [caller for caller in self.callers if not caller.has_joined]
         names = [caller.name for caller in unjoined]
         if unjoined:

@@ -39,9 +39,9 @@ class DevicePort:
         return str(text).partition("\n")[0]
 
     def write(self, name: str, value: object) -> None:
-        """Set an attribute. A newline is appended, as by `echo`. If the attribute is a plain file,
-        as in tests, the end of a longer old value remains after the newline, and readers ignore
-        it."""
+        """Set an attribute. A newline is appended, as by `echo`. Tests use plain files, which are
+        not truncated: if the old value was longer, its end remains after the newline. `read`
+        ignores everything after the newline."""
         text = "{}\n".format(value)
         self._files[name] = self._device.set_attr_raw(self._files.get(name), name, text)
 

@@ -1,4 +1,4 @@
-"""The agent's release. In the agent's archive, `robot.bodies.ev3.archive` replaces this value by
-the real release."""
+"""The agent's release. The agent's archive contains another version of this file, which
+`robot.bodies.ev3.archive` writes with the real release."""
 
 RELEASE = "not packed"

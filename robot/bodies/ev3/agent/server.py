@@ -19,9 +19,9 @@ SILENCE_S = 1.5
 """Time of silence after which a controller counts as gone, so that another controller may join, in
 seconds."""
 STALE_S = 0.4
-"""Maximum age of the report that a move names, in seconds by the brick's clock. The agent drops a
-move with an older report. Each move names the newest report that the controller had received. A
-report is sent every 0.1 s, so a dropped move was delayed by at least 0.3 s."""
+"""Each move contains the time of the newest report that the controller had received, by the brick's
+clock. If more than `STALE_S` seconds have passed since then, the agent drops the move. Reports are
+0.1 s apart, which accounts for up to 0.1 s of this delay. The network accounts for the rest."""
 REPORT_S = 0.1
 
 

@@ -47,8 +47,9 @@ def command(count: int, codes: bytes, results: int = 0) -> bytes:
 
 
 def parse_answer(message: bytes, asked: int, results: int = 0) -> bytes:
-    """Return the global variables in the answer to question number `asked`. Raises DriveError if
-    the answer belongs to another question, reports a failure, or has fewer than `results` bytes."""
+    """Return the global variables in the brick's answer. `asked` is the number of the question.
+    Raises DriveError if the answer belongs to another question, reports a failure, or has fewer
+    than `results` bytes."""
     length, count, kind = _ANSWER.unpack(message[: _ANSWER.size].ljust(_ANSWER.size, b"\0"))
     if kind == _ERROR:
         raise DriveError("the brick refused a command")
@@ -70,7 +71,8 @@ def stop(ports: int) -> bytes:
 
 
 def reset(ports: int) -> bytes:
-    """Reset the motors' counts, and a reversed direction, which another program may have left."""
+    """Set the motors' counts to zero and their direction to normal, because another program may
+    have reversed the direction."""
     return b"\xa2" + number(0) + number(ports) + b"\xa7" + b"".join(map(number, (0, ports, 1)))
 
 
