@@ -70,6 +70,8 @@ FPS = 20
 the same for all."""
 SENSORS = "sensors"
 _SENSORS = ("distance_m", "bumped", "battery")
+_NOTHING = 1e30
+"""Older recordings have larger numbers where a sensor saw nothing."""
 _QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 _STATISTICS = ("min", "max", "mean", "std", *_QUANTILES)
 _OWN = ("intervention", PILOT, DEGREES, SENSORS)
@@ -335,7 +337,8 @@ def _readings(episode: Episode) -> list[tuple[NDArray[np.float64], NDArray[np.fl
     start_s, found = episode.start_s, [(array("d"), array("f")) for _ in _SENSORS]
     for now_s, words in episode.messages(Topic.SENSORS):
         for name, (times_s, values) in zip(_SENSORS, found, strict=True):
-            if (value := words.get(name)) is not None:
+            value = words.get(name)
+            if value is not None and abs(value) < _NOTHING:
                 values.append(float(value))
                 times_s.append(now_s - start_s)
     return [(np.frombuffer(times_s), np.frombuffer(values, "f")) for times_s, values in found]

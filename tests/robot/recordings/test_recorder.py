@@ -4,23 +4,25 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import random
 import threading
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
 from robot.clock import Clock
 from robot.coaching.gallery import images
-from robot.policy.events import Taught
+from robot.policy.events import Taught, to_json
 from robot.recordings.episode import open_episode, taught_frames
-from robot.recordings.messages import Topic
+from robot.recordings.messages import SCHEMAS, Topic, describe_sensors
 from robot.store.disk import FLUSH_EVERY_S
 from robot.testing import VirtualClock
-from robot.types import Action, Mode
+from robot.types import Action, Game, Mode, Pose, Sensors
 from tests.kit.protobuf import read_protobuf
 from tests.kit.sizes import seeds
 from tests.robot.store.models.lives import Disk
@@ -106,6 +108,27 @@ def test_every_message_is_valid_against_its_schema(tmp_path: Path) -> None:
                 assert image.timestamp.seconds * 10**9 + image.timestamp.nanos == message.log_time
     topics = {"/command", "/decision", "/prediction", "/sensors", "/mode", "/lesson"}
     assert seen == {"/camera", *topics}
+
+
+@pytest.mark.parametrize("none", [math.inf, -math.inf, math.nan])
+def test_a_reading_that_is_no_finite_number_counts_as_missing(none: float) -> None:
+    """Drivers state infinity for an obstacle out of reach; JSON has no such number, and the mean
+    of an exported dataset would be infinite, too."""
+    sensors = Sensors(
+        distance_m=none,
+        bumped=np.bool_(True),  # type: ignore[arg-type]
+        battery_share=none,
+        pose=Pose(x_m=1.0, y_m=none, heading_rad=0.0),
+        game=Game(number=1, score=none, reward=none, is_over=False),
+    )
+    told = describe_sensors(sensors)
+    Draft202012Validator(SCHEMAS[Topic.SENSORS]).validate(json.loads(to_json(told)))
+    json.dumps(told, allow_nan=False)
+    assert (
+        told.items() >= {"distance_m": None, "bumped": True, "battery": None, "pose": None}.items()
+    )
+    near = describe_sensors(Sensors(distance_m=0.25, pose=Pose(x_m=1, y_m=2, heading_rad=3)))
+    assert (near["distance_m"], near["pose"]["y_m"]) == (0.25, 2)
 
 
 def test_standing_for_a_while_ends_a_recording_and_the_next_drive_begins_another(
