@@ -1,8 +1,9 @@
 """Reads pictures that are labelled by their folders (classes), or by the steering in their file
 names.
 
-Pictures with such labels have no times. Sources: huggingface/datasets, folder_based_builder;
-the collision avoidance of NVIDIA-AI-IOT/jetbot; Teachable Machine's exports.
+A folder or a file name does not tell when a picture was taken, so these pictures have no times.
+Sources: huggingface/datasets, folder_based_builder; the collision avoidance of
+NVIDIA-AI-IOT/jetbot; Teachable Machine's exports.
 """
 
 from __future__ import annotations
@@ -54,7 +55,8 @@ def are_classes(folder: Path) -> bool:
 
 
 def read_classes(folder: Path, reading: Reading, report: ImportReport) -> Drive:
-    """Read folders of pictures; each folder is named like a move or mapped to a move."""
+    """Read a folder of folders of pictures. A folder's name is the name of a move, or the person
+    has said which move it means."""
     others = [p.name for each in folders_in(folder) for p in files_ending(each, *_OTHER_PICTURES)]
     if others:
         kinds = sorted({Path(name).suffix.lower() for name in others})

@@ -161,8 +161,8 @@ def _lines(text: str, name: str, delimiter: str, report: ImportReport) -> Iterat
 
 
 def _json_lines(text: str, name: str, report: ImportReport) -> Iterator[Row]:
-    """Yield a table of lines of JSON: a row with the names of all fields, then a row of values for
-    each line."""
+    """Yield the rows of a table in the format JSON Lines. The first row has the names of all
+    fields; each JSON object is one more row."""
     found = []
     for number, line in enumerate(text.splitlines(), start=1):
         row = parse(line)
@@ -222,8 +222,8 @@ def _meanings(
 
 
 def _with_labels(header: Cells, rows: list[Row], reading: Reading) -> tuple[Cells, list[Row]]:
-    """Add a column of labels to a table that has a column for each move, as Roboflow writes it: 1
-    in the column of the picture's move, and 0 in the others."""
+    """Some tables, such as Roboflow's, have one column per move: 1 for the picture's move, and 0
+    for the others. Add a column with the name of this move."""
     moves = {i: reading.move(plain(name)) for i, name in enumerate(header)}
     there = [i for i, move in moves.items() if move is not None]
     cells = [[_FLAGS.get(row[i].strip().lower()) for i in there] for _, row in rows]
@@ -267,9 +267,9 @@ def _of_pictures(sample: list[Cells], width: int) -> list[int]:
 
 
 def _picture_columns(named: list[int], of_pictures: list[int], names: list[str]) -> list[int]:
-    """Choose the column of the main camera's pictures. Columns that are named like pictures are
-    tried first, then all columns that contain names of pictures; columns of side cameras are left
-    out."""
+    """Choose the column of the main camera's pictures. Prefer columns whose names suggest pictures.
+    If there are none, take the columns that contain names of pictures. A side camera is chosen only
+    if there is no other camera."""
     chosen = [i for i in named if i in of_pictures] or named or of_pictures
     ahead = [i for i in chosen if not _SIDES.search(names[i])]
     return ahead or chosen

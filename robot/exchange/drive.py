@@ -206,8 +206,8 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
 
 
 def _hint(drive: Drive) -> str | None:
-    """Return a hint for a drive in which the car was steered, but which has examples to only one
-    side; None for all other drives."""
+    """Return a hint for a drive with examples of turning to one side only. Return None if there are
+    examples to both sides, or if there is too little steering to judge."""
     labels, written = drive.report.labels, [s.steering for s in drive.shots if s.label]
     steered = [s for s in written if isinstance(s, int | float) and math.isfinite(s)]
     missing = [side for side in (Action.LEFT, Action.RIGHT) if not labels[side]]
@@ -235,8 +235,8 @@ def _write_label(writer: EpisodeWriter, shot: FrameEvent, frame_id: int, t_s: fl
 
 
 def _moves_with(labels: Iterable[Action | None]) -> tuple[Action, ...]:
-    """Return the moves among the labels. The usual three moves are included, unless all labels are
-    other moves.
+    """Return the moves among the labels. If one of the usual three moves is among the labels, or if
+    there are no labels, all usual three are included.
     """
     found = dict.fromkeys(label for label in labels if label is not None)
     if not found or not found.keys().isdisjoint(DEFAULT_MOVES):
@@ -245,8 +245,8 @@ def _moves_with(labels: Iterable[Action | None]) -> tuple[Action, ...]:
 
 
 def _declared(shots: Iterable[FrameEvent]) -> tuple[Move, ...]:
-    """Return the moves that, in most pictures, have another steering or throttle than their names
-    imply."""
+    """Return the moves whose recorded steering and throttle are not the usual ones for their names.
+    The values of a move are those in more than half of its pictures."""
     said: dict[Action, list[Point]] = {}
     for shot in shots:
         if shot.label is not None and shot.does is not None:

@@ -129,9 +129,9 @@ class Pictures:
     def find(self, name: str) -> str:
         """Return a picture's path in the folder, by its name in a table.
 
-        If there is a file with this name, its path is returned. If there is no such file, the path
-        of a picture with the same file name is returned; of several such pictures, the picture
-        whose folders match best.
+        If there is a file with this name, its path is returned. If there is no such file, pictures
+        with the same file name in other folders are considered, and the one whose folders match
+        best is chosen.
 
         Raises:
             ValueError: If several pictures match equally well.

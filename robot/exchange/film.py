@@ -53,7 +53,7 @@ def write_film(
     Colours are stored as 4:2:0, which every player supports. The format 4:2:0 needs an even width
     and height, so an odd last row or column is left out. Key frames make seeking fast; there is one
     each second, or one every `key_every` pictures. Raises RecordingError if there are no pictures,
-    or if the pictures differ in size or have only one row or column.
+    if they have different sizes, or if they are less than two pixels wide or high.
     """
     frames = map(_to_frame, pictures)
     options = {"crf": str(crf), "preset": preset}
@@ -167,7 +167,8 @@ class FilmReader:
             self._next = next(self._frames, None)
 
     def _decode(self, from_s: float) -> Iterator[Any]:
-        """Yield the decodable frames, from the last key frame before a time."""
+        """Seek to the last key frame before `from_s`, and yield all frames from there on. End
+        early if the film is damaged."""
         av = need(*AV)
         try:
             with av.open(str(self._path)) as container:

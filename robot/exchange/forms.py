@@ -66,9 +66,9 @@ class Form:
         label: Where the label comes from, with sign, unit and range.
         time: Where the time comes from.
         find: Returns the drives at a path, or None if the path does not have this format. The
-            function must be quick; damage is reported when a drive is read.
-        is_whole: True if the format describes a folder as a whole. Formats with False are tried
-            last, in folders in which no other format was recognised.
+            function must be quick, so it does not check the data for damage.
+        is_whole: True if the format has typical files by which it is recognised. Formats with False
+            would match nearly any folder, so they are tried last.
     """
 
     name: str

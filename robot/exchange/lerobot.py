@@ -63,7 +63,7 @@ have the same codec, because a merge copies the films' bytes."""
 _STEERED = ("steering.pos", "throttle.vel")
 """Names of the action's elements, as in the package for LeRobot (docs/examples/lerobot)."""
 RESULTS = "meta/drivelesson_results.json"
-"""File with the results of extensions, by recording. The file is written only if there are
+"""File with the results of extensions, by recording. The file is missing if no extension has
 results."""
 FPS = 20
 """Default number of pictures per second of a dataset. Datasets can be merged only if this number is
@@ -120,9 +120,9 @@ def write_lerobot(
 
     `fps` is the number of pictures per second; `task` describes the robot's task. The columns of a
     dataset depend only on the robot's moves, so datasets of one robot can be merged. A `plain`
-    dataset contains only taught frames. The columns of a plain dataset are those that LeRobot's own
-    command records from this project's robots, so a plain dataset and a recorded one can be merged.
-    Raises RecordingError if there are no pictures.
+    dataset contains only taught frames. A plain dataset has the same columns as a dataset that the
+    command `lerobot-record` makes with the same robot. The two can therefore be merged. Raises
+    RecordingError if there are no pictures.
     """
     need(*PYARROW)
     need(*AV)
@@ -310,16 +310,17 @@ class _Table:
 
 
 def _moves(parts: Sequence[_Part]) -> list[str]:
-    """Return all moves of the robots, used or not, and all other labels."""
+    """Return the moves that the robots declare, and all other moves that occur in the recordings or
+    as labels."""
     known = {str(move.name) for part in parts for move in part.episode.declared_moves}
     known |= {str(move) for part in parts for move in (*part.episode.moves, *part.labels)}
     return sorted(known - {str(Action.STOP)})
 
 
 def _sensed(parts: Sequence[_Part]) -> Iterator[NDArray[np.float32]]:
-    """Yield, for each part, the sensors' last values at each picture, shape (pictures, sensors).
-    Pictures before a sensor's first value get the first value, and all pictures get 0 if the sensor
-    has no value."""
+    """For each part, yield the values that the sensors had at each picture, shape (pictures,
+    sensors). A sensor has its last reported value. Pictures before a sensor's first value get the
+    first value, and all pictures get 0 if the sensor has no value."""
     for _, same in groupby(parts, key=lambda part: part.source):
         of = list(same)
         readings = _readings(of[0].episode)

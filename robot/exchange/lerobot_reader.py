@@ -39,8 +39,8 @@ from robot.moves import CLASSIC
 from robot.types import DEFAULT_MOVES, Action
 
 _INTERVENTIONS = ("intervention", "complementary_info.is_intervention")
-"""Names of the column that marks interventions. Unless another column names the driver, the pilot
-drove only the frames with an intervention."""
+"""Names of the column that marks interventions. If the dataset has such a column, only the frames
+with an intervention are examples. The column `pilot` has precedence."""
 _FIELD = re.compile(r"\{(\w+)(?::0(\d)d)?\}")
 _MOST_S = 1e7
 Record = dict[str, Any]
@@ -49,8 +49,9 @@ _VELOCITIES: dict[tuple[str, str], Pair] = {
     ("linear_velocity", "angular_velocity"): (1.0, 1.0),
     ("x.vel", "theta.vel"): (FULL_MPS, FULL_TURN_DEG_S),
 }
-"""Names of the action's elements for speed ahead and for turning left, and their values at full
-speed: shares for the EarthRover Mini, metres and degrees per second for LeKiwi."""
+"""Each pair of names denotes an action's forward speed and its turning speed to the left. The
+numbers are the values at full speed. The EarthRover Mini (first pair) uses shares of full speed,
+and LeKiwi (second pair) uses metres and degrees per second."""
 
 
 class _Info(RawValue):
@@ -230,7 +231,8 @@ class LerobotDataset:
         return index / self._info.fps if isinstance(index, int) and 0 <= index < _MOST_S else None
 
     def _place_of(self, *names: str) -> int | None:
-        """Return the index of the action's element with one of these names."""
+        """An action is a vector with named elements. Return the index of the element that has one
+        of these names; None if there is none."""
         there = _names(self._info.features.get("action", {}).get("names"))
         return next((i for i, name in enumerate(there) if _bare(name) in names), None)
 
@@ -297,7 +299,8 @@ def _info_of(feature: Record) -> Record:
 def _names(given: object) -> list[str]:
     """Return the names of a vector's elements, in lower case.
 
-    In some datasets the names are nested below another name; others map each name to its index.
+    Most datasets have a list of names. Some have a dictionary that maps each name to its index, or
+    a dictionary with one entry whose value is the list.
     """
     if isinstance(given, dict):
         places = [place for place in given.values() if type(place) is int]

@@ -13,8 +13,8 @@ from robot.errors import RecordingError, need, told_as
 Columns = dict[str, NDArray[Any]]
 """Columns of the table of frames: for each feature one value per frame."""
 PILOT = "pilot"
-"""Name of the column with the index of the taught move among the feature's moves; -1 if no move was
-taught."""
+"""Name of the column that contains the move that the pilot taught, as its index in the feature's
+list of names. The index is -1 if no move was taught."""
 DEGREES = "degrees"
 """Name of the column that is true if the pilot steered proportionally, and false if the pilot chose
 a move."""

@@ -107,7 +107,8 @@ def write_npz(episode: Episode, notes: Notes, path: Path) -> int:
 def _write_npz(
     path: Path, columns: Mapping[str, NDArray[Any]], pictures: IO[bytes], size: int
 ) -> None:
-    """Write the file like `np.savez`, but copy one array from a file."""
+    """Write the file like `np.savez`. The pictures are copied from an open file, so that they need
+    not fit into memory."""
     header = {"descr": "|u1", "fortran_order": False, "shape": (size,)}
     with zipfile.ZipFile(path, "x") as archive:
         with archive.open("jpeg.npy", "w", force_zip64=True) as member:

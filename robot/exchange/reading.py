@@ -1,5 +1,5 @@
-"""The settings that a person gives an import: how much steering counts as a turn, and what names
-mean."""
+"""The options of an import: for example, how much steering counts as a turn, and which moves the
+names in the data mean."""
 
 from __future__ import annotations
 
@@ -66,8 +66,8 @@ class Reading:
         return (share - trim) / (1.0 - trim if share > trim else 1.0 + trim)
 
     def move(self, name: str) -> Action | None:
-        """Return the move of a class, by the person's setting or by the class's name; None means no
-        move."""
+        """Return the move that a name in the data means: the move that the person gave for this
+        name, or else the move with this name. Return None if there is no such move."""
         return self.moves.get(as_word(name)) or _KNOWN.get(as_word(name))
 
 

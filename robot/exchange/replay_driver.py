@@ -1,4 +1,5 @@
-"""A body without hardware, for recorded footage: it remembers the last action."""
+"""A stand-in for a robot's body, used when a recording is replayed. It has no hardware, and only
+stores the last action."""
 
 from __future__ import annotations
 

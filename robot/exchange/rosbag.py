@@ -47,7 +47,7 @@ _CONVERTED = {
     "bayer_gbrg8": "BayerGR2RGB",
     "bayer_grbg8": "BayerGB2RGB",
 }
-"""For each of ROS's encodings, OpenCV's name for the conversion from it to a colour picture."""
+"""For each encoding of ROS, the OpenCV conversion that makes a colour picture from it."""
 _CHANNELS = {_AS_IT_IS: 3, "BGR2RGB": 3, "RGBA2RGB": 4, "BGRA2RGB": 4}
 Order = tuple[int, float, float]
 """A velocity command: its time in nanoseconds, speed ahead (m/s) and turn to the left (rad/s)."""
@@ -63,10 +63,11 @@ def is_bag(path: Path) -> bool:
 
 
 def read_bag(path: Path, reading: Reading, report: ImportReport) -> Drive:
-    """Read a bag; its pictures are read when the drive is written.
+    """Read a bag. The pictures are not read now, but one by one when the imported recording is
+    written.
 
-    Raises RecordingError if the bag is damaged or has no camera or no velocities, or if it has
-    several cameras or velocities and none was chosen (`--topics`).
+    Raises RecordingError if the bag is damaged, or if it has no camera or no velocities. It is also
+    raised if there are several of them and the person has chosen none with `--topics`.
     """
     bag = _Bag(path)
     with bag.opened() as reader:

@@ -57,7 +57,7 @@ def _at(path: Path, *, is_whole: bool) -> list[Source]:
 
 def _why_none(path: Path) -> str:
     """Return the reason why nothing at a path can be imported, for an error message that begins
-    with the path. The reason lists the kinds of files."""
+    with the path. The reason tells which files were found."""
     names = list(islice(_names(path), _MOST_LOOKED_AT))
     for endings, why in UNUSABLE.items():
         if those := [name for name in names if name.lower().endswith(endings)]:

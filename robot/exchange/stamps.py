@@ -25,7 +25,7 @@ _WRITTEN = re.compile(
 )
 _SINCE_1970 = {1e17: 1e-9, 1e14: 1e-6, 1e11: 1e-3}
 """A number above one of these bounds is a time since 1970, in nanoseconds, microseconds or
-milliseconds. Each bound maps to the factor that converts such a number to seconds."""
+milliseconds. Multiplied by the factor of its bound, the number is a time in seconds."""
 _FIRST_S, _LAST_S = 1e9, 4e9
 """Bounds of times since 1970 in seconds: the years 2001 and 2096."""
 _LONGEST_STEP_S, _LONGEST_PAUSE_S = 5.0, 3600.0
@@ -36,8 +36,8 @@ somebody took one by one, whose times since 1970 tell the unit."""
 def seconds_of(value: object, name: str = "") -> float | None:
     """Return a time in seconds; None if `value` is not a time.
 
-    A date without a time zone counts as UTC, because only differences between times matter, and
-    daylight saving time would make some differences wrong. `name` is the time's name, which may
+    A date without a time zone is read as UTC. Only differences between times are used, and UTC has
+    no daylight saving time, which would change some of them. `name` is the time's name, which may
     contain a unit, as in `timestamp[ns]`.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):

@@ -44,9 +44,10 @@ def read_meant(
 
     A car has only FORWARD, LEFT and RIGHT, so standing or backing up is not an example.
 
-    `written` are the values that a program wrote under `names`: the angle (full lock to the left is
-    -1) and the throttle. If there is only the angle, the returned point is None. An angle beyond
-    the threshold is a turn. Raises ValueError if a value is not a number in its range.
+    `written` contains the values that a recording program wrote: the steering angle (-1 is full
+    lock to the left), and the throttle if it is known. `names` contains their names, for error
+    messages. If there is only the angle, the returned point is None. An angle beyond the threshold
+    is a turn. Raises ValueError if a value is not a number in its range.
     """
     reading = reading or Reading()
     is_whole = len(written) == 2
@@ -60,8 +61,8 @@ def read_meant(
 
 
 def read_steering(value: object, name: str, reading: Reading) -> float:
-    """Return an angle from -1 to 1 without its trim; raises ValueError if it is beyond full
-    lock."""
+    """Return the steering, from -1 to 1, after the trim has been subtracted. Raises ValueError if
+    the value in the data is beyond full lock."""
     if reading.full_lock == 1.0:
         return reading.steering(read_share(value, name))
     return reading.steering(read_number(value, name))
@@ -130,8 +131,8 @@ def _clipped(share: float) -> float:
 def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Point | None]:
     """Return the action at a picture: the pilot's label, or else the action that was sent.
 
-    Also return its steering and throttle. If the robot was steered proportionally, they are the
-    values that were driven. Otherwise they are those of the move, or None.
+    Also return its steering and throttle. If the pilot or the robot steered proportionally, the
+    values are those that were recorded. Otherwise they are those of the move, or None.
     """
     point = moment.point if moment.label else moment.sent_point
     done = moment.label or Action(moment.sent or Action.STOP)

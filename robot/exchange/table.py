@@ -36,8 +36,8 @@ a table only if it names pictures."""
 ENDINGS = (".csv", ".tsv", ".jsonl", LIST)
 
 _FULL_SPEEDS = (1.0, 100.0, 255.0, 1023.0, 32767.0)
-"""Values at which different programs drive a motor at full speed. Full speed in a table is the
-smallest of these values that is not below the table's largest value."""
+"""Values at which different programs drive a motor at full speed. For example, full speed is
+assumed to be 255 if the largest value in a table is 200."""
 _MOVES = 0.05
 """Speed, in any unit, above which a car counts as moving. Simulators write small speeds for
 standing cars."""
@@ -92,7 +92,8 @@ def read_table(path: Path, reading: Reading, report: ImportReport) -> Drive:
 
 
 def names_pictures(path: Path) -> bool:
-    """True if a table names pictures in its first lines."""
+    """Return whether the table at this path has a column with names of pictures. Only the first
+    lines are read."""
     try:
         head = "\n".join([*read_head(path).splitlines()[:50], ""])
         table = read_table_file(head, path.name, Reading(), ImportReport())

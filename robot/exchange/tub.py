@@ -68,7 +68,8 @@ _encode = json.JSONEncoder(allow_nan=False, sort_keys=True).encode
 
 
 def read_tub(folder: Path, reading: Reading, report: ImportReport) -> Drive:
-    """Read a tub; its pictures are read when the drive is written.
+    """Read a tub. The pictures are not read now, but one by one when the imported recording is
+    written.
 
     A record has no label if the autopilot drove, or if the driver is unknown. Raises
     RecordingError if no record can be used.
@@ -161,11 +162,11 @@ def write_tub(episode: Episode, notes: Notes, folder: Path, *, taught_only: bool
     Pictures are written without loss, as their JPEG bytes or as PNG. Each record also contains the
     label, the frame id, and whether the label was a correction. So importing the tub yields the
     same examples, whatever the threshold for turns is. If the pilot steered proportionally, the
-    record says so, and contains the pilot's angle and throttle. Other records contain the angle and
-    throttle of the move. If the robot has a move without steering and throttle, such as `push`, the
-    tub has no columns for angle and throttle, because a zero would teach a car to stand. The
-    robot's proposal is in `pilot/angle` and `pilot/throttle`. `taught_only` leaves out frames that
-    were not taught.
+    record says so, and contains the pilot's angle and throttle. For a move, the record contains the
+    move's usual angle and throttle. If the robot has a move without steering and throttle, such as
+    `push`, the tub has no columns for angle and throttle, because a zero would teach a car to
+    stand. The robot's proposal is in `pilot/angle` and `pilot/throttle`. `taught_only` leaves out
+    frames that were not taught.
     """
     folder.mkdir(parents=True)
     with tempfile.TemporaryFile("w+", dir=folder, encoding="ascii", newline="\n") as lines:

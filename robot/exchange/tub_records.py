@@ -18,8 +18,8 @@ from robot.exchange.files import parse, read_text
 
 IMAGE = "cam/image_array"
 MOVES, RESULTS = "drivelesson_moves", "drivelesson_results"
-"""Keys that only this program writes in a manifest: the moves, which reveal damaged labels,
-and the results of extensions."""
+"""Keys that a manifest has only if this program wrote it. `MOVES` lists the moves, by which a
+damaged label can be recognised. `RESULTS` has the results of extensions."""
 _MOST_LINE_CHARS = 2**20
 _DECODER = json.JSONDecoder()
 Record = dict[str, Any]
@@ -48,8 +48,8 @@ def read_first(folder: Path, report: ImportReport) -> list[Placed]:
 
 
 def read_second(folder: Path, report: ImportReport) -> tuple[list[Placed], list[str] | None]:
-    """Return the records of a tub of version 2 that were not deleted, and the moves in a manifest
-    of this program."""
+    """Return the records of a tub of version 2, without the deleted ones. If this program wrote the
+    tub, also return the moves that its manifest lists."""
     names, deleted, moves = _read_manifest(folder, report)
     records = []
     for name in names:

@@ -47,8 +47,8 @@ _MOST_LOSSES = 3
 """Number of workers that may be lost while they run a task, before the task is given up."""
 
 OnWorkers = Callable[[int, str], object]
-"""Called with the number of workers that get tasks, and a sentence about what has changed. The
-sentence is empty if nothing has changed."""
+"""A callback that receives the number of workers in use, and a sentence about the latest change.
+The sentence is empty if nothing has changed."""
 
 
 def run_on_cluster(
@@ -88,8 +88,8 @@ def _tidy_up() -> None:
     """Free the memory that a trial leaves on a worker, so that it does not grow with each trial.
 
     A trial's objects have reference cycles and take some MB. In a process with as many objects as
-    Dask's, Python rarely collects such cycles. Dask may also keep samples of the stacks of the
-    last thousand seconds.
+    Dask's, Python rarely collects such cycles. Dask's profiler also keeps samples of call stacks,
+    for about a thousand seconds. They are deleted, too.
     """
     gc.collect()
     with contextlib.suppress(AttributeError, ValueError):
@@ -112,7 +112,7 @@ class _Worker:
     """The key of the worker's task; empty while the worker is being identified."""
     is_used: bool = False
     said_s: float = 0.0
-    """Duration of the worker's silence when it was last reported, in seconds."""
+    """The user was last told that the worker had been silent for this time, in seconds."""
 
 
 class _Run:

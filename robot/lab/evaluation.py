@@ -31,8 +31,8 @@ Vectors = dict[tuple[type[Features], str, str, float], list[Vector]]
 """Cache of the feature vectors of each drive in each light. Learners with the same features share
 the vectors."""
 Seen = Sequence[tuple[Vector, Action, Point | None]]
-"""A drive in the form in which a learner gets it: for each frame the vector, the label, and the
-label's steering and throttle; these are None if unknown."""
+"""The examples of a drive. Each example has the feature vector, the label, and the pilot's steering
+and throttle (None if the pilot did not steer proportionally)."""
 
 
 class Pair(NamedTuple):
@@ -51,8 +51,9 @@ class FramesToLearn(NamedTuple):
 
     Attributes:
         frames: Maximum number of frames; None means all frames.
-        in_a_row: True to learn the first frames, as when a pilot teaches. False to learn frames
-            spread evenly over the drive, which favours learners that need few examples.
+        in_a_row: If True, the first frames are learned, as when a pilot teaches. If False, the
+            learned frames are spread evenly over the drive, so that a few frames already show all
+            of it. This favours learners that need few examples.
     """
 
     frames: int | None = None
@@ -108,7 +109,8 @@ def evaluate(
     light: float = 1.0,
     lessons: Sequence[FramesToLearn] = (WHOLE_DRIVE,),
 ) -> Iterator[Result]:
-    """Yield the figures of `judge` for each learner, lesson and pair, with their names.
+    """Teach each learner each lesson of each pair, and test it. Yield the figures of `judge`, with
+    the names of learner, lesson and pair.
 
     Args:
         light: Share of the light that is left in the test.
@@ -132,8 +134,8 @@ def evaluate(
 
 
 def seen_by(policy: Policy, drive: Drive, known: Vectors, light: float = 1.0) -> Seen:
-    """Return a drive in the policy's features; the brightness of the drive is multiplied by
-    `light`."""
+    """Return the labelled frames of a drive as examples for the policy. Before the features are
+    computed, the brightness is multiplied by `light`."""
     # Policies of one kind share vectors only if their features do not depend on earlier pictures.
     whose = policy.name if getattr(policy.features, "__dict__", True) else ""
     key = (type(policy.features), whose, drive.name, light)
@@ -158,10 +160,10 @@ def judge(policy: Policy, train: Seen, test: Seen, lesson: FramesToLearn = WHOLE
     Returns:
         Shares between 0 and 1. `calibration_error` is the expected difference between confidence
         and accuracy in ten equal bins of confidence (Guo et al. 2017). `novel` is the share of
-        views unlike all examples. If the drives have angles, there are also the mean error, the
-        correlation, and the root mean square of the change from frame to frame, which is smaller
-        for smoother driving. `learn_ms` and `predict_ms` are the times per frame on this machine,
-        without the extraction of features.
+        views unlike all examples. If the drives have angles, there are also the mean error and the
+        correlation of the angles, and the root mean square of their change from frame to frame.
+        This change is small if the driving is smooth. `learn_ms` and `predict_ms` are the times per
+        frame on this machine, without the extraction of features.
     """
     started_s = time.perf_counter()
     n_taught = teach(policy, train, lesson)
@@ -190,7 +192,7 @@ def judge(policy: Policy, train: Seen, test: Seen, lesson: FramesToLearn = WHOLE
 
 
 def teach(policy: Policy, drive: Seen, lesson: FramesToLearn = WHOLE_DRIVE) -> int:
-    """Teach a policy another drive, perhaps in a place that is new to it.
+    """Teach a policy one drive. The policy may have learned other drives before.
 
     Returns the number of learned frames.
     """
@@ -247,8 +249,9 @@ _MEASURES = {
 
 
 def table(results: Sequence[Result]) -> Table:
-    """Return a table with one row for each pair, learner and lesson. Below, one row for each
-    learner and lesson has the means over all pairs; for times it has the medians."""
+    """Return a table with one row for each pair, learner and lesson. At the end of the table, each
+    learner and lesson has one more row with the mean of each figure over all pairs, or the median
+    of each time."""
     names = ("place", "train", "test", "learner", "lesson")
     rows: list[tuple[Cell, ...]] = [
         (*(r[name] for name in names), f"{r['correct']}/{r['frames']}", *_measures([r]))

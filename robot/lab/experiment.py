@@ -39,7 +39,7 @@ class ExperimentSettings:
 
     @property
     def learner(self) -> str:
-        """Return the learner of an experiment that takes only one."""
+        """Return the learner. Some experiments accept only one, and use this property."""
         if len(self.learners) > 1:
             raise ConfigurationError(
                 "habits, ready and degrees take only one --learner, not " + ", ".join(self.learners)
@@ -72,7 +72,8 @@ def seeded(
     first: int = 0,
     least: int = 1,
 ) -> Iterator[Task]:
-    """Yield each case with every seed from `first` on; there are at least `least` seeds."""
+    """Yield each case with several seeds, which count up from `first`. The number of seeds is a
+    setting of the experiment, but not less than `least`."""
     for case in cases:
         for seed in range(max(least, settings.n_seeds)):
             yield Task(run, {**case, "seed": first + seed})
@@ -85,10 +86,11 @@ class Experiment:
     Attributes:
         plan: Makes the tasks to run.
         tables: Makes the tables of the results.
-        drawn: Columns of each table that are also plotted. The rows are on the horizontal axis.
-        plots: Makes further plots.
-        times_machine: True if the experiment measures time, so that its runs are made one after the
-            other on this machine.
+        drawn: Columns of each table that are also plotted. The horizontal axis has one place for
+            each row.
+        plots: Makes plots in addition to those of `drawn`.
+        times_machine: True if the experiment measures computing time. Its runs are then made one
+            after the other on this machine.
     """
 
     title: str

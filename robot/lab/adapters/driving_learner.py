@@ -100,7 +100,7 @@ class DrivingLearner:
         return prediction
 
     def teach(self, move: str, *, is_correction: bool = False, point: Point | None = None) -> None:
-        """Learn a person's move on the last picture.
+        """Learn the move that a person made when the person saw the last picture.
 
         Args:
             move: The person's move.

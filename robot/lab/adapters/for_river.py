@@ -48,8 +48,8 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
     """
 
     _room = 16
-    """Number of features that fit into a vector. If more features come, the number is at least
-    doubled."""
+    """Number of features that fit into a vector. The vector is enlarged to at least double its size
+    when a new feature does not fit."""
 
     def __init__(
         self, max_nodes: int = 32, n_voters: int = N_VOTERS, group_cost: float = GROUP_COST

@@ -22,7 +22,8 @@ except ImportError as error:
 
 
 class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
-    """An online classifier of at most `max_nodes` images, optionally with an online ridge.
+    """An online classifier that stores at most `max_nodes` images as prototypes. A linear part, an
+    online ridge regression, can be added.
 
     Scale the features to about [0, 1] or to variance 1 first, because distances are sums over
     features. Predictions do not change the learner, and may run on several threads.

@@ -120,7 +120,8 @@ def _tenth_parts(n_examples: int) -> int:
 
 
 class AngleBaseline(Baseline):
-    """A regression of another library, which learns steering angles instead of labels."""
+    """Wraps a regression model of another library. The model learns steering angles instead of
+    labels."""
 
     abilities = Abilities(angles=True)
     fields = (

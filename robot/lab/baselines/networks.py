@@ -162,9 +162,10 @@ class ConvolutionalNetwork:
         self._moments = [(np.zeros_like(w), np.zeros_like(w)) for w in self.weights]
 
     def _forward(self, xs: Floats) -> tuple[list[tuple[Floats, Floats]], Floats]:
-        """Return the inputs of the layers, and the outputs. Each input is returned in two forms: as
-        values, shape (n, values), and as the windows of a convolution, shape (n, windows, values of
-        a window + 1). The last value of each window is 1, for the bias."""
+        """Return the inputs of the layers, and the outputs. Each layer's inputs are returned as a
+        pair. The first array has the plain values, shape (n, values). The second has the values in
+        the windows of a convolution, shape (n, windows, values per window + 1). The last value of
+        each window is 1, for the bias."""
         layers: list[tuple[Floats, Floats]] = []
         values: Floats = xs
         for places, weights in zip(self._places, self.weights, strict=True):

@@ -64,8 +64,8 @@ def som(make: Any, number: int, n_examples: int) -> Prototypes:
 
 
 def gng(make: Any, number: int, n_examples: int) -> Prototypes:
-    """Return a growing neural gas. During the fit, its images are added at regular intervals, up to
-    `number`."""
+    """Return a growing neural gas. During the fit, the gas adds prototypes at regular intervals,
+    until it has `number` of them."""
 
     def cluster(xs: Images) -> Images:
         every = max(len(xs) // number, 1)
