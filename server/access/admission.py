@@ -86,11 +86,12 @@ class ConnectionLimiter:
         in_all: The total number of slots.
         each: The number of slots that one person may have; a crowd (`Session.is_crowd`) may have
             all.
-        keeps: Returns True for the persons who can lose a slot only to each other.
+        is_protected: Returns True for the persons who can lose a slot only to each other.
     """
 
-    def __init__(self, in_all: int, each: int, keeps: Callable[[str], bool]) -> None:
-        self._in_all, self._each, self._keeps = max(1, in_all), max(1, each), keeps
+    def __init__(self, in_all: int, each: int, is_protected: Callable[[str], bool]) -> None:
+        self._in_all, self._each = max(1, in_all), max(1, each)
+        self._is_protected = is_protected
         self._of: dict[str, list[Slot]] = {}
         self.taken = self.evicted = 0
 
@@ -154,8 +155,8 @@ class ConnectionLimiter:
         """Of all persons who could lose a slot to the newcomer, return the largest number of slots
         that one has."""
         own = self._of.get(newcomer, [])
-        yielding = [places for person, places in self._of.items() if not self._keeps(person)]
-        if self._keeps(newcomer):
+        yielding = [places for person, places in self._of.items() if not self._is_protected(person)]
+        if self._is_protected(newcomer):
             yielding = yielding or list(self._of.values())
         most = max(map(len, yielding), default=0)
 
@@ -165,7 +166,7 @@ class ConnectionLimiter:
             # Take a slot only from a person who keeps at least as many slots as the newcomer will
             # have. Otherwise the two persons would evict each other in turns.
             has_more = len(places) > len(own) + 1 or (places is own and len(own) == most)
-            return (has_more or self._keeps(newcomer)) and any(
+            return (has_more or self._is_protected(newcomer)) and any(
                 one.gives_way(before_s) for one in places
             )
 
@@ -176,27 +177,35 @@ class ConnectionLimiter:
 
 
 class AdmissionControl:
-    """Counts connections, websockets and requests."""
+    """Counts connections, websockets and requests.
 
-    def __init__(self, limits: NetworkLimits, capacity: int) -> None:
+    Args:
+        capacity: The number of connections that the process may open.
+        is_protected: Returns True for the owner, the pilot and the teacher.
+        recognise: Returns a request's session, found by its first bytes and address; None if
+            unknown.
+    """
+
+    def __init__(
+        self,
+        limits: NetworkLimits,
+        capacity: int,
+        is_protected: Callable[[str], bool] = lambda person: False,
+        recognise: Callable[[bytes, str], Session | None] = lambda head, address: None,
+    ) -> None:
         self.limits = limits
-        self.keeps: Callable[[str], bool] = lambda person: False
-        """Returns True for the owner, the pilot and the teacher."""
-        self.recognise: Callable[[bytes, str], Session | None] = lambda head, address: None
-        """Returns a request's session, found by its first bytes and address; None if unknown."""
+        self._is_protected, self._recognise = is_protected, recognise
         n_pending = min(limits.pending, max(1, capacity // 2))
         # No pending connection has priority: the server knows its address, but no session.
         self.pending = ConnectionLimiter(
             n_pending, limits.pending_per_address, lambda address: True
         )
         self.admitted = ConnectionLimiter(
-            capacity - n_pending, limits.connections_each, lambda person: self.keeps(person)
+            capacity - n_pending, limits.connections_each, is_protected
         )
-        self.sockets = ConnectionLimiter(
-            limits.clients, limits.clients_each, lambda person: self.keeps(person)
-        )
+        self.sockets = ConnectionLimiter(limits.clients, limits.clients_each, is_protected)
         # Limit uploads, because each upload takes as much memory as a model's file.
-        self.uploads = ConnectionLimiter(limits.uploads, 1, lambda person: self.keeps(person))
+        self.uploads = ConnectionLimiter(limits.uploads, 1, is_protected)
         self.connections: dict[Peer, Slot] = {}
         self._paces = RateLimits()
         self._read_until_s = self._asked_s = self._expired_s = 0.0
@@ -232,7 +241,7 @@ class AdmissionControl:
             False if the session opens connections too fast. The listener then answers 429 without
             parsing the request, which costs little.
         """
-        session = self.recognise(head, address)
+        session = self._recognise(head, address)
         if session is None or session.is_crowd:
             return True
         each = self.limits.connections_each
@@ -268,7 +277,7 @@ class AdmissionControl:
             take = partial(self.admitted.take, session, now_s, place.close)
             is_at_limit = self.admitted.is_at_limit(session)
             admitted = take(answer_s=self.limits.idle_s)
-            if admitted is None and lasts and (is_at_limit or self.keeps(session.name)):
+            if admitted is None and lasts and (is_at_limit or self._is_protected(session.name)):
                 admitted = take()
             # the connection has lost its slot, which belonged to another session
             if admitted is None and not place.is_taken:

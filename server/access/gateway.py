@@ -87,9 +87,9 @@ class NetworkGateway(Gateway):
         config = self.config
         self.is_tls, self.allows_addresses = config.tls, config.needs_pairing
         self.origins = tuple(public.origin for public in config.public)
-        self.admission = AdmissionControl(config.limits, connection_capacity())
-        self.admission.keeps = self.is_kept
-        self.admission.recognise = self._recognise
+        self.admission = AdmissionControl(
+            config.limits, connection_capacity(), self.is_protected, self._recognise
+        )
         self._cookie = cookie_name(config)
         self._player_key = PlayerKey(config.data)
         self.surroundings = surroundings or Surroundings(config)
@@ -310,9 +310,9 @@ class NetworkGateway(Gateway):
     def anonymous(self, address: str) -> Session:
         return Session(Role.VIEWER, address_key(address))
 
-    def is_kept(self, person: str) -> bool:
+    def is_protected(self, person: str) -> bool:
         is_owner = self.pairing is not None and self.pairing.is_owner(person)
-        return is_owner or super().is_kept(person)
+        return is_owner or super().is_protected(person)
 
     @property
     def is_full(self) -> bool:

@@ -180,7 +180,7 @@ class ClassroomExtension(Extension):
             return
         services.gateway.credentials.append(self._recognise)
         services.gateway.checks.append(self._check)
-        services.gateway.kept.add(TEACHER.value)
+        services.gateway.protected.add(TEACHER.value)
 
     def keep_signed_out(self, sessions: Sessions) -> str:
         """Remember ended sessions, so that they can be restored; return a key for them."""

@@ -33,7 +33,7 @@ _UNWATCHED_S = 0.5
 
 
 class Hub:
-    """The server's side of one robot.
+    """Handles the messages of one robot's clients; one client at a time has the wheel.
 
     Attributes:
         broadcast: Sends the clients states, pictures and events.

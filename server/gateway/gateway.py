@@ -41,7 +41,7 @@ class Gateway:
     Attributes:
         credentials: Functions that return the session that a request's headers prove, or None.
         checks: Functions that may refuse a request by path, method (None: websocket) and role.
-        kept: Names of sessions whose connections are never evicted for others.
+        protected: Names of sessions whose connections are never evicted for others.
         has_priority: Returns True for the name of the pilot's session, whose connections are not
             evicted either.
         public_paths: Paths that need no session and reveal nothing about the robot.
@@ -65,7 +65,7 @@ class Gateway:
         self.config, self.clock = config, clock
         self.credentials: list[Credential] = []
         self.checks: list[Check] = []
-        self.kept: set[str] = set()
+        self.protected: set[str] = set()
         self.has_priority: Callable[[str], bool] = lambda person: False
         self.public_paths = {"/healthz", "/favicon.ico", "/manifest.webmanifest"}
         self.open_paths: set[str] = set()
@@ -167,9 +167,9 @@ class Gateway:
         refusals = (check(path, method, role) for check in self.checks)
         return next((refusal for refusal in refusals if refusal), None)
 
-    def is_kept(self, person: str) -> bool:
+    def is_protected(self, person: str) -> bool:
         """True if the connections of this session are never evicted for others."""
-        return person in self.kept or self.has_priority(person)
+        return person in self.protected or self.has_priority(person)
 
     # Limits: a server on loopback needs none ----------------------------------------------------
 

@@ -18,7 +18,7 @@ LIMITS = NetworkLimits(
 CAPACITY = 16
 ADDRESSES = ("10.0.0.1", "10.0.0.2", "fe80::1", "fe80::2", "2001:db8::1")
 PEOPLE = ("owner", "pilot", "viewer", "greedy", "other")
-KEPT = ("owner", "pilot")
+PROTECTED = ("owner", "pilot")
 
 
 class PeopleAtTheDoor(RuleBasedStateMachine):
@@ -26,8 +26,8 @@ class PeopleAtTheDoor(RuleBasedStateMachine):
 
     def __init__(self) -> None:
         super().__init__()
-        self.admission, self.now_s, self.port = AdmissionControl(LIMITS, CAPACITY), 0.0, 0
-        self.admission.keeps = KEPT.__contains__
+        self.admission = AdmissionControl(LIMITS, CAPACITY, PROTECTED.__contains__)
+        self.now_s, self.port = 0.0, 0
         self.connections: dict[Peer, str | None] = {}
         self.closed: list[Peer] = []
 
@@ -54,7 +54,7 @@ class PeopleAtTheDoor(RuleBasedStateMachine):
             self._ask(peer, person, lasts=lasts)
 
     def _ask(self, peer: Peer, person: str | None, *, lasts: bool) -> None:
-        role = Role.PILOT if person in KEPT else Role.VIEWER
+        role = Role.PILOT if person in PROTECTED else Role.VIEWER
         session = None if person is None else Session(role=role, name=person)
         waiting = self.admission.pending.taken
         self.admission.asked(peer, session, self.now_s, lasts=lasts)
@@ -80,7 +80,7 @@ class PeopleAtTheDoor(RuleBasedStateMachine):
         self.now_s += seconds
         self.admission.expire(self.now_s)
 
-    @rule(address=st.sampled_from(ADDRESSES), person=st.sampled_from(KEPT))
+    @rule(address=st.sampled_from(ADDRESSES), person=st.sampled_from(PROTECTED))
     def a_stop_arrives(self, address: str, person: str) -> None:
         """Whatever happened before, the connection is accepted, and is still open when it is
         read."""
@@ -89,7 +89,7 @@ class PeopleAtTheDoor(RuleBasedStateMachine):
         self._ask(peer, person, lasts=False)
         assert peer in self.connections
 
-    @rule(address=st.sampled_from(ADDRESSES), person=st.sampled_from(KEPT))
+    @rule(address=st.sampled_from(ADDRESSES), person=st.sampled_from(PROTECTED))
     def who_drives_comes_back(self, address: str, person: str) -> None:
         self.arrive(address, 1)
         peer = (address, self.port)
@@ -259,7 +259,7 @@ def test_a_session_whose_connections_are_all_busy_gets_429_and_keeps_them() -> N
 
 
 def test_a_person_with_many_connections_never_evicts_a_person_with_fewer() -> None:
-    places = ConnectionLimiter(8, 6, KEPT.__contains__)
+    places = ConnectionLimiter(8, 6, PROTECTED.__contains__)
     gone = list[str]()
 
     def come(person: str, now_s: float) -> bool:

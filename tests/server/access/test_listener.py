@@ -182,12 +182,11 @@ def what_has_come_is_read_before_it_is_pushed_out() -> None:
 
 
 def of_all_that_wait_a_stop_is_handed_on_first_and_of_one_person_a_share() -> None:
-    admission = AdmissionControl(NetworkLimits(connections_each=8), 500)
-
     def recognise(head: bytes, address: str) -> Session | None:
         return Session(role=Role.VIEWER, name="greedy") if b"cookie: greedy" in head else None
 
-    admission.recognise = recognise
+    limits = NetworkLimits(connections_each=8)
+    admission = AdmissionControl(limits, 500, recognise=recognise)
 
     async def scenario() -> None:
         listener = _listener(admission)
