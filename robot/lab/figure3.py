@@ -37,8 +37,8 @@ PUBLISHED = {
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
-    """Plan a task for every learner in every place with every seed, and on every pair of
-    recordings."""
+    """Plan one task for each combination of learner, place and seed. Also plan one task for each
+    learner and pair of recordings, if there are recordings."""
     learners = settings.learners or (*LEARNERS, *(RIVALS if find_spec("minigng") else ()))
     cases = (
         {**settings.taught(trial), "trial": number, "learner": learner}

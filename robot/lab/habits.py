@@ -82,7 +82,8 @@ def _drives(results: Iterable[Result], phases: Sequence[str] = ("before", "after
 
 
 def _share(drives: Sequence[Result], name: str) -> float:
-    """Return the robots' sum of a figure, divided by their teachers' sum; 0 if the latter is 0."""
+    """Sum a figure over all drives of the robots and over those of their teachers. Return the ratio
+    of the two sums; 0 if the teachers' sum is 0."""
     whole = float(sum(own["teacher"][name] for own in drives))
     return float(sum(own[name] for own in drives)) / whole if whole else 0.0
 
@@ -137,18 +138,19 @@ def _gate(runs: Runs) -> Table:
 
 _MEANS = ("driven_m", "covered_m2", "steering_per_s")
 DRIFT_SHARE = 0.15
-"""Drift of the wheels while a simulated pilot teaches. This drift changes the heading of a robot
-that drives straight by 17 degrees a second (standard deviation)."""
+"""Standard deviation of the drift of the wheels' speeds while a simulated pilot teaches, as a share
+of the speed. This drift changes the heading of a robot that drives straight by 17 degrees a second
+(standard deviation)."""
 
 
 def run_habit(params: Params) -> Result:
     """Run one robot of this experiment: teach it, let it drive unaided, correct it, let it drive
     unaided again. For comparison, the pilot then drives from where the robot began to drive.
 
-    In one minute neither the robot nor the pilot sees the whole place. From different starting
-    points, their drives would therefore differ. The pilot's minutes also have the frame rate of the
-    lesson. With ten pictures a second a pilot reacts later than with thirty, and therefore follows
-    a wall differently.
+    One minute is too short to drive through the whole place. From different starting points, their
+    drives would therefore differ. The pilot's minutes also have the frame rate of the lesson. With
+    ten pictures a second a pilot reacts later than with thirty, and therefore follows a wall
+    differently.
 
     Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `teach_s`, `correct_s`, `alone_s`,
     `reference_s`.
@@ -176,7 +178,8 @@ def beside_pilot(
 ) -> dict[str, Any]:
     """Return the figures of a robot's minute, and of its pilot's minute from the same start.
 
-    The pilot's longest push may also be one in the lesson, from which the robot learned.
+    The pilot's longest push is the longest one in its minutes and in the lesson, because the robot
+    may have learned the push there.
     """
     minutes = [
         drive_by_hand(
@@ -203,8 +206,8 @@ def beside_pilot(
 
 
 def ssd_in_place(drive: DriveLog, pilot: SimulatedPilot) -> float:
-    """Return the sum of squared differences (SSD) between a drive and the moves that the pilot
-    would make at each tick of this drive.
+    """Compare a drive with the moves that the pilot would have made in the same situations. Return
+    the sum of squared differences (SSD).
 
     A pilot who drives in curves soon circles in one place. If robot and pilot drove separately,
     they would circle in different places, and therefore make different moves. In the same place,

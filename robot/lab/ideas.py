@@ -1,5 +1,5 @@
-"""Makes learners, teachers and trials by name: the name of a built-in one or of an entry point, or
-`path.py:Name`."""
+"""Makes learners, teachers and trials by name. The name may be built in, be an entry point of an
+installed package, or have the form `path.py:Name`."""
 
 from __future__ import annotations
 

@@ -36,8 +36,8 @@ def identify_all() -> dict[str, str]:
 
 
 def differences(ours: Mapping[str, str], theirs: Mapping[str, str]) -> list[str]:
-    """Describe in words how another process differs from this one; the most important
-    difference comes first."""
+    """Describe how the versions in another process (`theirs`) differ from the versions in this
+    process (`ours`). The most important difference comes first."""
     if theirs["drivelesson"] == MISSING:
         return ["it does not have Drivelesson"]
     names = dict.fromkeys((*ours, *theirs))
@@ -65,8 +65,8 @@ def fingerprint(folder: Path | None) -> str:
 def arithmetic() -> str:
     """Return a fingerprint of numpy's results on this machine, to the last digit.
 
-    The results depend on the processor, on the linear algebra library, and on the number of threads
-    that share a sum.
+    The results depend on the processor and the linear algebra library. They also depend on the
+    number of threads, because each thread adds up a part of a sum.
     """
     try:
         import numpy as np

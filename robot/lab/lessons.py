@@ -143,8 +143,8 @@ def _trials(settings: ExperimentSettings) -> Iterable[Params]:
 
 
 def _tables_by_trial(runs: Runs) -> list[Table]:
-    """Return one table per trial: the minutes before and after retraining, and the teachers'
-    minutes."""
+    """Return one table for each trial. Its rows have the figures of the robot's minute before it
+    was retrained, of its minute afterwards, and of its teacher."""
     titles = {
         trial: f"Trial {trial}: {setting['world']}, {', '.join(setting['moves'])}"
         for trial, setting in TRIALS.items()

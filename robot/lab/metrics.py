@@ -39,7 +39,7 @@ class DriveSample:
     is_touching: bool = False
     is_pushing: bool = False
     point: Point | None = None
-    """Steering and throttle that the robot drove; None if it drove a move."""
+    """The steering and throttle that were sent to the robot. None if a named move was sent."""
     asks_pilot: bool = False
     proposed: Action | None = None
     wanted: Action | None = None
@@ -141,7 +141,7 @@ def agreement(log: DriveLog) -> float | None:
 
 
 def figures(log: DriveLog) -> dict[str, float]:
-    """Return the figures of a drive that every experiment reports."""
+    """Return those figures of a drive that are the same in all experiments."""
     return {
         "longest_push_s": longest_push_s(log),
         "pushing_s_per_min": pushing_s_per_minute(log),
@@ -192,8 +192,8 @@ def steering_per_s(steering: ArrayLike, at_s: ArrayLike) -> float:
 
 
 RARE_SHARE = 0.05
-"""Share of ticks below which a move is rare. Rare moves do not count in the sum of squared
-differences, to which a single slip of a hand could add 200."""
+"""Share of ticks below which a move is rare. The sum of squared differences ignores rare moves.
+Otherwise a move that a person made once by mistake could add 200 to the sum."""
 
 
 def move_shares(moves: Sequence[Action]) -> dict[Action, float]:

@@ -69,8 +69,8 @@ _COLUMNS: Columns = {
 
 
 BLOCKED_M = TEACHER_PARAMS["usual"].turn_at_m
-"""Free distance ahead, in metres, below which both pilots turn. The robot is tested on views in
-which the free distance is smaller."""
+"""Free distance ahead, in metres, below which both pilots turn. The robot is tested on views with
+less free distance than this."""
 LOOKS_HZ = 10.0
 NEW_S, ASKED_S, ALONE_S = 30.0, 40.0, 60.0
 
@@ -78,9 +78,9 @@ NEW_S, ASKED_S, ALONE_S = 30.0, 40.0, 60.0
 def run_mind(params: Params) -> Result:
     """Teach a robot LEFT, then RIGHT twice; test it after each lesson; then let it drive unaided.
 
-    Parameters: `world`, `learner`, `seed`, `old_s` (duration of the lesson with LEFT, in seconds),
-    and `is_told` (True if the pilot declares the change of mind before the first lesson with
-    RIGHT).
+    Parameters: `world`, `learner`, `seed`, `old_s` and `is_told`. `old_s` is the duration of the
+    lesson with LEFT, in seconds. If `is_told` is true, the pilot declares the change of mind before
+    RIGHT is taught.
     """
     world, seed = params["world"], params["seed"]
     rate_hz = (10.0, 30.0)[seed % 2]
@@ -107,10 +107,11 @@ def ask(policy: Policy, world: str, seed: int, seconds: float) -> dict[str, int]
     learns nothing.
 
     Returns:
-        `blocked`: number of views on which the pilot turns RIGHT because the way ahead is blocked;
-        `right` and `left`: number of these views on which the policy would turn to that side;
-        `turning`: number of all views on which the pilot turns, to either side;
-        `turning_right`: number of these views on which the policy would turn RIGHT.
+        Numbers of views. The pilot turns RIGHT on each of them.
+
+        - `turning`: all views; `turning_right`: those on which the policy would turn RIGHT, too.
+        - `blocked`: the views with less than `BLOCKED_M` of free way; `right` and `left`: those on
+          which the policy would turn RIGHT or LEFT.
     """
     policy.reset()
     pilot = HABITS["right"].pilot(f"asked {seed}")

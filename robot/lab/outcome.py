@@ -36,8 +36,8 @@ class Outcome:
 
 
 Contents = Mapping[str, tuple[str, bytes]]
-"""The files to which parameters of a task refer: maps the value of each such parameter to the path
-and the content of its file."""
+"""The files that a task's parameters refer to. A key is a parameter's value, and its item is the
+path and the content of the file."""
 
 
 def contents_of(task: Task) -> Contents:
@@ -64,8 +64,8 @@ def _in_words(error: BaseException | None) -> str:
 
 
 def _placed(params: Params, contents: Contents) -> Params:
-    """Write the contents to files in a temporary folder of this process; return the parameters with
-    the paths of these files."""
+    """Write each file in `contents` to a temporary folder of this process. Return the parameters
+    with the new paths."""
     placed = dict(params)
     for name, value in params.items():
         if isinstance(value, str) and value in contents:

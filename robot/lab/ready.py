@@ -27,7 +27,8 @@ FIRST_SEED = 700
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
-    """Plan one run for each pilot. Ten `seeds` make forty pilots."""
+    """Plan one run for each pilot. There are forty pilots for every ten `seeds`, and at least
+    forty."""
     habits = list(HABITS)
     for number in range(2 if settings.quick else PILOTS * max(1, settings.n_seeds // 10)):
         turn = number + number // len(habits)
@@ -77,8 +78,8 @@ TEACH_STEP_S, TRY_STEP_S = 10.0, 40.0
 
 
 def run_ready(params: Params) -> Result:
-    """Teach a robot, let it try and teach it again on the advice of `Lesson`; then let it drive
-    unaided for a minute.
+    """Teach a robot, and let it try to drive, in the order that `Lesson` advises. When the robot is
+    ready, or after `limit_s`, let it drive without help for a minute.
 
     Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `limit_s`, `in_time_s`. `missing` in
     the result is the page's list of what the robot still has to learn. It is taken after

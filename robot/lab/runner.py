@@ -18,7 +18,8 @@ from robot.store.folder import write_whole
 
 
 class Store:
-    """A folder of results, one small file each, by the keys of their tasks."""
+    """A folder with the results of tasks. Each result is a small file, and its name is the key of
+    its task."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder

@@ -20,7 +20,7 @@ Result = dict[str, Any]
 Figures that depend on the machine's speed are under `timing`.
 """
 _FILES = (".py", ".toml", ".npz")
-"""Suffixes of the files that a parameter may name: ideas, worlds and recordings."""
+"""Suffixes of the files that a task may need: Python files, worlds and recordings."""
 
 
 @dataclass(frozen=True, slots=True)

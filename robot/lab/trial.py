@@ -34,7 +34,7 @@ an experiment."""
 class Trial(StartStop):
     """A simulated robot, its loop and its pilot, on a clock that runs as fast as the machine can.
 
-    Use it as a context manager, so that its renderer is closed.
+    A trial is a context manager, which closes the simulator's renderer at the end.
 
     Args:
         rate_hz: Frames, ticks and heartbeats per second.

@@ -25,8 +25,8 @@ from robot.types import Action, Prediction
 
 
 class NoClock(ActionFilter):
-    """A variant of the action filter that never takes votes from a turn, however long the turn
-    lasts."""
+    """An action filter for comparison. The normal filter weakens turns that last too long, and this
+    one never does."""
 
     def _watch(self, *seen: Any) -> float:
         super()._watch(*seen)
@@ -42,7 +42,8 @@ class NoPace(ActionFilter):
 
 
 class MovePolicy(Policy):
-    """Steers by each move's mean steering, to measure the effect of the learned angle."""
+    """A policy that steers only by each move's mean steering. A comparison with this policy shows
+    what the learned steering angle contributes."""
 
     def propose(self, frame_id: int, x: Vector, **seen: Any) -> Prediction:
         said = super().propose(frame_id, x, **seen)

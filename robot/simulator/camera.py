@@ -19,21 +19,23 @@ _LONGEST_GAP_S = 0.25
 was, even after the machine was suspended."""
 
 _USUAL_FRAMES = 10
-"""Number of pictures over which the shortest period between pictures is averaged."""
+"""The shortest period between pictures is an exponential moving average over about this number of
+pictures."""
 _PER_TAKING, _PER_TAKING_S = 2, 0.1
 _USUALLY_LATE_S, _PER_LATENESS, _LONGEST_PERIOD_S = 0.01, 8, 0.2
-"""These constants determine the shortest period between pictures, which grows when the computer is
-busy. The period, at most `_LONGEST_PERIOD_S`, is the sum of two terms:
+"""When the computer is busy, the camera takes fewer pictures. The shortest period between pictures
+is the sum of two terms, but at most `_LONGEST_PERIOD_S`:
 
-- min(`_PER_TAKING` * duration, `_PER_TAKING_S`): the duration is the time from when a picture is
-  due until it is taken.
-- `_PER_LATENESS` * max(0, lateness - `_USUALLY_LATE_S`): the lateness is the time from when a
-  picture is due until the camera begins to take it.
+- `_PER_TAKING` times the time from when a picture is due until it is taken. This term is at most
+  `_PER_TAKING_S`.
+- `_PER_LATENESS` times the lateness in excess of `_USUALLY_LATE_S`. The lateness is the time from
+  when a picture is due until the camera begins to take it.
 
-`_USUALLY_LATE_S` allows for the timers of some systems, which are 8 ms late on average. All robots
-of a computer are equally late, so all take the same number of pictures. The lateness then stays
-near 20 ms. Pictures must not be later than that, because commands would be later, too: each thread
-that a command passes through adds a similar delay."""
+`_USUALLY_LATE_S` is a lateness that is normal even if the computer is not busy: on some systems,
+timers are 8 ms late on average. All robots of a computer are equally late, so all take the same
+number of pictures. The lateness then stays near 20 ms. Pictures must not be later than that,
+because commands would be later, too: each thread that a command passes through adds a similar
+delay."""
 _RESTING_STEP_S = 1.0
 """Period at which the world advances while no picture is needed, in seconds."""
 _EARLY_S = 0.01
@@ -53,8 +55,8 @@ class SimCamera(WorldCamera[SimDriver]):
     """Renders the simulated robot's view.
 
     In real time its pictures are JPEGs like a webcam's; a JPEG is encoded once, for the page, the
-    recording and the learner. Experiments call `capture` as fast as they can. `capture` returns raw
-    pixels, so that the results do not depend on a codec.
+    recording and the learner. In experiments, which do not run in real time, `capture` takes each
+    picture. `capture` returns raw pixels, so that the results do not depend on a codec.
 
     While somebody watches, a larger picture (320x240) is made with each JPEG; see `for_the_eye`.
     """
@@ -82,8 +84,8 @@ class SimCamera(WorldCamera[SimDriver]):
         return self._take()
 
     def for_the_eye(self, frame: Frame) -> Frame:
-        """Return the frame at 320x240. After the first request a large picture is made with the
-        next frame."""
+        """Return the frame at 320x240. For the first request, the small frame is returned. From
+        then on the camera renders a large picture with each frame."""
         self._asked_id = frame.frame_id
         large = self._large
         return large if large is not None and large.frame_id == frame.frame_id else frame

@@ -43,9 +43,9 @@ notify-level error
 audio-library-name null
 garbage-collect-states 0
 """
-"""Settings of Panda3D. Each pose creates new transform states. Panda3D would collect unused states
-in a task of its application object, which this program does not use. With `garbage-collect-states
-0`, states are freed as soon as no object refers to them."""
+"""Settings of Panda3D. Panda3D makes a new object, a transform state, for each pose. Panda3D would
+collect unused states in a task of its application object, which this program does not use. With
+`garbage-collect-states 0`, states are freed as soon as no object refers to them."""
 
 
 class _Window:

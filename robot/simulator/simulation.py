@@ -26,8 +26,8 @@ DRIFT_S = 1.0
 
 _SLIP_SHARE, _PIXEL_NOISE = 0.04, 3.0
 """Standard deviations of the noise of each wheel's speed (as a share of the speed) and of each
-pixel (of 255). The wheels' noise applies to steps of a fiftieth of a second. The noise is larger in
-shorter steps, so that the robot's path is equally uncertain at any frame rate."""
+pixel (of 255). The wheels' noise applies to steps of a fiftieth of a second. In shorter steps the
+standard deviation is larger. Otherwise the noise would average out at high frame rates."""
 
 
 class Simulation:
@@ -101,7 +101,7 @@ class Simulation:
 
     @property
     def is_pushing(self) -> bool:
-        """True while the robot drives forward, straight or in a curve, against a wall or a
+        """True while the robot drives forward or in a curve, but is held up by a wall or a
         thing."""
         return sum(self._wheels_mps) > 0.0 and any(self.bumpers)
 

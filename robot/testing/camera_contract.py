@@ -20,7 +20,8 @@ FROZEN_S = 3.0
 
 
 def take(camera: Camera, count: int) -> list[Frame]:
-    """Wait for `count` different frames: the newest frame at each call of the camera's listener."""
+    """Collect `count` frames. Each time the camera announces a picture, its newest frame is
+    taken."""
     frames: list[Frame] = []
     enough = threading.Event()
 

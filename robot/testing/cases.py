@@ -20,8 +20,8 @@ class DriverCase:
         is_moving: Returns whether the body moves now. The function must read the body's state, not
             the driver's. None if unknown; tests that need the function are skipped.
         cut_link: Cuts the connection to the body, in both directions; None if there is no
-            connection. If the body has no timeout of its own, the function also stops the motors
-            of the stand-in.
+            connection. If the real body stops at once when it loses the connection, without a
+            timeout, this function also stops the motors of the simulated body.
         now_s: The clock by which requests are timed; None means the machine's clock.
         budget_s: Longest duration of a request, in seconds; None means the contract's limit. A busy
             machine needs a higher limit.

@@ -23,11 +23,11 @@ from robot.testing.cases import DriverCase
 from robot.types import Action, Mode, Point, Sensors
 
 LOCAL_BUDGET_S = 0.01
-"""Upper bound for the quickest of some requests, in seconds. Requests must be short, because the
-control loop waits for each."""
+"""A driver must answer at least one of several equal requests within this time, in seconds.
+Requests must be short, because the control loop waits for each."""
 REMOTE_BUDGET_S = 0.2
-"""Upper bound for the quickest request of a driver that declares `is_remote`, in seconds: less than
-0.4 s, because a move that is not renewed by then ends."""
+"""The same limit for drivers that declare `is_remote`, in seconds. It is less than 0.4 s, because a
+robot stops if its move is not renewed within that time."""
 STANDS_WITHIN_S = 0.5
 """Time within which the body must stand still after its connection was cut, in seconds."""
 CUTS_S = (0.5, 5.0)
@@ -234,8 +234,9 @@ class DriverContract:
     def test_a_point_that_changes_quickly_is_driven_within_the_ramp(
         self, driver_case: DriverCase
     ) -> None:
-        """After `ramp_s` the body has reached the last steering and throttle. Before that, both
-        stay between the values that the body reaches at the `CORNERS`."""
+        """When `ramp_s` have passed since the last change, the body drives with the ordered
+        steering and throttle. During the ramp, its steering and throttle stay in the range of the
+        values that it reaches at the `CORNERS`."""
         driver, drives = driver_case.driver, driver_case.drives
         with driver:
             if not driver.takes_points:
@@ -384,8 +385,8 @@ def _sets_going(case: DriverCase, order: Callable[[], object], tries: int | None
 def _comes(case: DriverCase, is_so: Callable[[], bool]) -> bool:
     """Wait until `is_so` is true, for at most the body's budget; return whether it became true.
 
-    An order without acknowledgement may still be on its way when its call returns. The budget is
-    shorter than a move, so a move that arrived in time has not ended yet.
+    A driver without acknowledgements may return before the robot has received the order. The budget
+    is shorter than a move, so a move that arrived in time has not ended yet.
     """
     return _comes_within(case, is_so, min(_obeys_within_s(case), REMOTE_BUDGET_S))
 
@@ -440,7 +441,8 @@ def _check_cut_off(case: DriverCase, after_s: float) -> None:
 
 
 def _check_stays(case: DriverCase, otherwise: str) -> None:
-    """Check that the body has not moved again after the time in which a late order would arrive."""
+    """Check that the body still stands still when enough time has passed for a delayed order to
+    arrive."""
     assert not _comes(case, lambda: moving(case)), otherwise
 
 
@@ -449,7 +451,8 @@ def _check_sent(sent: object, asked: Action, by: str) -> None:
 
 
 def _check_points_as_moves(case: DriverCase, points: Iterable[Point]) -> None:
-    """Check that `send_point` returns the move that each point counts as."""
+    """A body without proportional steering makes a move instead of each point. Check that
+    `send_point` returns this move."""
     for point in points:
         sent = case.driver.send_point(point)
         _check_sent(sent, case.driver.move_of(point), f"send_point({tuple(point)})")
@@ -522,8 +525,8 @@ def _is_within(now: Point, limits: list[tuple[float, float]]) -> bool:
 
 
 def _steered_to(case: DriverCase, point: Point) -> Point:
-    """Send steering and throttle as the control loop does, and return the steering and throttle
-    that the body drives. The returned move must be independent of corrections."""
+    """Send steering and throttle in the way of the control loop. Return the steering and throttle
+    with which the body then drives. The returned move must be independent of corrections."""
     driver, move = case.driver, case.driver.move_of(point)
     now = _driven(case, lambda: _check_sent(driver.drive(move, point), move, "drive"))
     driver.stop()
@@ -538,8 +541,9 @@ def _check_same(now: Point, wanted: Point, what: str) -> None:
 
 
 def _moves_within(case: DriverCase, seconds: float, move: Action, step_s: float) -> bool:
-    """Send a move at each step; return whether the body moves at the end of at least one step. More
-    than one step is checked, because a check may come too late on a busy machine."""
+    """Send a move repeatedly, and check after each step whether the body moves. Return True if it
+    moved at least once. More than one step is checked, because a check may come too late on a busy
+    machine."""
     return _sets_going(case, partial(_ask, case, move, step_s), round(seconds / step_s))
 
 
@@ -552,8 +556,8 @@ def _ask(case: DriverCase, move: Action, step_s: float) -> None:
 
 
 def _quickest_s(request: Callable[[], object], now_s: Callable[[], float]) -> float:
-    """Return the shortest duration of some requests, because a busy machine makes the others
-    longer."""
+    """Make several requests, and return the duration of the shortest one. The longer ones may have
+    been slowed down by other programs on the machine."""
     taken_s = []
     for _ in range(_REQUESTS):
         start_s = now_s()

@@ -61,7 +61,8 @@ class Link:
         return line
 
     def forget(self, line: Line) -> None:
-        """Close one direction of a connection; the messages that it still carries are lost."""
+        """Close one direction of a connection. Messages that were sent but not delivered are
+        lost."""
         line.is_cut = True
         if line in self._lines:
             self._lines.remove(line)
@@ -107,7 +108,7 @@ class Line:
             event_loop.call_at(due_s, self.flush)
 
     async def has_room(self) -> None:
-        """Wait while the line is full."""
+        """Wait until the buffer has room for another message."""
         while self._bytes > self.HOLDS_BYTES and not self.is_cut:
             self._room.clear()
             await self._room.wait()

@@ -69,8 +69,8 @@ class VirtualClock(Clock):
         self._wall_ahead_s = wall_s - self.now_s()
 
     def _base_s(self) -> float:
-        """Return the time without the jumps of `advance`. While threads run, the event loop's own
-        time may be behind."""
+        """Return the clock's time without the seconds that `advance` has added. While threads run,
+        the event loop's own time may be behind."""
         event_loop = self._event_loop
         return self._now_s if event_loop is None else max(self._now_s, event_loop.now_s)
 
@@ -92,7 +92,7 @@ class VirtualClock(Clock):
     def wait(self, event: threading.Event, timeout_s: float | None = None) -> bool:
         """Block this thread while others run; see `Clock`.
 
-        A call on the event loop's thread blocks the event loop, as in real time.
+        A call on the event loop's thread blocks the event loop, as it would with a real clock.
 
         Raises:
             RuntimeError: If all threads wait indefinitely.
@@ -177,7 +177,8 @@ class VirtualClock(Clock):
 
 
 class _Lock:
-    """A reentrant lock whose holder may wait through the clock while others wait for the lock."""
+    """A reentrant lock for threads that run in virtual time. A thread that holds the lock may call
+    the clock's `wait`."""
 
     def __init__(self, clock: VirtualClock) -> None:
         self._clock = clock

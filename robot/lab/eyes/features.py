@@ -23,7 +23,8 @@ from robot.types import Action, Frame
 
 
 class EyesFeatures(PictureFeatures):
-    """Outputs of a frozen net in 2x5 parts, and a grey picture at a quarter of its contrast.
+    """The features are the outputs of a pretrained vision network, whose weights never change, for
+    2x5 parts of the picture. A grey picture follows; its contrast is reduced to a quarter.
 
     A vector has 2000 bytes. The grey part is for the gallery and for comparing frames. At this
     contrast the grey part contributes little to distances.
@@ -34,20 +35,21 @@ class EyesFeatures(PictureFeatures):
     n_outputs = n_others = n_rows * n_columns * CHANNELS
     contrast = 4
     step = 24.0
-    """Change of a vector's value per standard deviation of an output. The mean output has the value
-    128."""
+    """An element of the vector changes by this number if an output of the network changes by one
+    standard deviation. The mean output has the value 128."""
     penalty = 0.2
     """Penalty of the linear part.
 
-    After few examples robots drive better with a smaller penalty, after many with a larger one.
+    Robots that have learned few examples drive better with a smaller penalty. Robots that have
+    learned many examples drive better with a larger one.
     """
     balance = 0.25
     """Extra weight of rare labels. The weight is low because few examples of a turn are enough with
     the features of a vision net."""
     novelty_margin = 0.3
-    """In the net's features, a new corner differs more from all known corners than in gradients.
-    With the margin of other features, a robot would ask for help three times as often after a short
-    lesson, and drive no better."""
+    """A corner that the robot has never seen seems more novel by the network's outputs than by
+    gradients. With the margin of other features, a robot would ask for help three times as often
+    after a short lesson, and drive no better."""
 
     def __init__(self) -> None:
         self._network = Network()

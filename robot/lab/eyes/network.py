@@ -48,8 +48,8 @@ class Network:
     def run(self, rgb: NDArray[np.uint8]) -> Floats:
         """Return the outputs for a picture of shape (128, 160, 3): shape (80, 8, 10).
 
-        The outputs are standardised by `usual` and `spread`, each channel's mean and standard
-        deviation on the photographs of the training.
+        Each channel is standardised: `usual` is its mean and `spread` its standard deviation over a
+        set of photographs.
         """
         picture = (rgb.astype(np.float32) - GREY) / RANGE
         with self._lock:

@@ -80,7 +80,7 @@ def _means(results: Sequence[Result], name: str) -> list[float]:
 
 
 def score_at(stage: int) -> Callable[[Sequence[Result]], str]:
-    """Return the function that computes a cell of the table from the mean scores of the runs at one
+    """Return a function that fills a cell of the table: the mean of the runs' scores at one
     stage."""
     return lambda results: mean_in_interval(
         [statistics.fmean(result["stages"][stage]["scores"]) for result in results]

@@ -12,13 +12,14 @@ from robot.lab.task import Params, Result
 from robot.types import Action, Prediction
 
 FIRST_EXAMPLES = 50
-"""Number of examples that the teacher demonstrates, before the robot drives and is corrected or
-asks."""
+"""Number of examples in the first demonstration. Only then does the robot drive, and the teacher
+corrects it or answers its requests for help."""
 WRONG_FOR = 2
 """Number of wrong decisions in a row after which the teacher takes the wheel."""
 HOLDS_FOR = 5
-"""Least number of decisions for which the teacher keeps the wheel. After these decisions the
-teacher returns the wheel as soon as the robot would make the same move."""
+"""When the teacher corrects the robot, the teacher drives for at least this number of decisions.
+After these decisions the teacher returns the wheel as soon as the robot would make the same
+move."""
 UNSURE = 0.6
 """Confidence below which a robot asks, if it may ask at all. Such a robot also asks whenever
 Drivelesson's own loop would ask."""
@@ -27,11 +28,12 @@ _PATIENCE = 20
 because a robot that makes no mistakes gets no corrections."""
 _ALONE_SEED = 1_000_000
 TEACHER = "teacher"
-"""Name that takes the place of a learner's name for drives of the scripted teacher itself."""
+"""Used instead of a learner's name if the scripted teacher itself drives and is scored."""
 
 
 def run_ground(params: Params) -> Result:
-    """Teach, and let the robot drive unaided at each number of examples.
+    """Teach a robot in stages. After each stage, when it has a given number of examples, let it
+    drive without the teacher.
 
     Parameters: `world`, `learner`, `way` (`demonstration`, `corrections` or `asked`), `seed`,
     `counts` (numbers of examples), `drives` (number of unaided drives at each count). The learner

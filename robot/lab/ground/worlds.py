@@ -30,12 +30,12 @@ class ForeignWorld(ABC):
     true state.
 
     Attributes:
-        codes: The world's number for each move.
+        codes: Maps each move to its number in the world.
         longest: Maximum number of decisions in an episode.
-        frames: Number of the world's steps per decision.
+        frames: Number of steps in which the world repeats the move of one decision.
         score: The score of the episode so far.
-        point: Steering and throttle of the teacher's `wanted` move; None in a world that is driven
-            only by moves.
+        point: Steering and throttle of the teacher's `wanted` move. None if the world does not
+            support proportional steering.
     """
 
     codes: Mapping[str, int]
@@ -156,9 +156,9 @@ class CarRacing(ForeignWorld):
     """A car on a race track. The score is the percentage of the track's tiles that the car
     visited.
 
-    The moves are the five moves of the world's discrete form. The teacher knows the track. The
-    teacher steers to a point ahead only if the point is well to one side, because a move that
-    steers gives no gas. The teacher drives slower in bends.
+    The moves are the five discrete actions of CarRacing: left, right, gas, brake and nothing. The
+    teacher knows the track. The teacher steers to a point ahead only if the point is well to one
+    side, because a move that steers gives no gas. The teacher drives slower in bends.
 
     Args:
         names: The names of left, right, gas, brake and nothing.
@@ -234,7 +234,8 @@ CAR_MOVES = {
 class ProportionalCarRacing(CarRacing):
     """CarRacing in its continuous form, with the moves of the discrete form.
 
-    The teacher steers in proportion to the bearing of a point ahead, and accelerates meanwhile.
+    The teacher steers towards a point ahead, in proportion to the point's bearing. It accelerates
+    at the same time.
     """
 
     def __init__(self) -> None:

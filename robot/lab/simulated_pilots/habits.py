@@ -28,14 +28,13 @@ BOTH = (Action.LEFT, Action.RIGHT)
 
 
 class Person(Wanderer):
-    """A wanderer as irregular as a person: no two turns begin or end in the same way.
+    """A teacher that wanders like a person: each turn begins and ends a little differently.
 
     Args:
-        params: The distances at which the person wants to turn and to drive on.
-        irregularity: Standard deviation of the distance at each turn's start and end, as a share of
-            the distance.
-        overshoot_s: Mean time for which a turn goes on after the way is free; the time is
-            exponentially distributed.
+        params: The mean distances at which the person begins and ends a turn.
+        irregularity: Standard deviation of these distances, as a share of the mean.
+        overshoot_s: Mean time by which the person ends a turn too late. The time is exponentially
+            distributed.
     """
 
     def __init__(

@@ -65,8 +65,8 @@ class HumanDelayModel:
         self._wishes.append((now_s + self.config.reaction_s, action, point))
 
     def send(self, frame_id: int | None, frame_age_s: float, now_s: float) -> PilotCommand:
-        """Return a command with the held move and the frame on the screen. Call this at every
-        heartbeat."""
+        """Return the pilot's next command: the move whose button is pressed, and the number of the
+        frame on the screen. Call this at every heartbeat."""
         self._seq += 1
         return PilotCommand(
             held=(held := self._hold(now_s)),
@@ -98,8 +98,9 @@ class HumanDelayModel:
         return self._slip if slips else self._held
 
     def _begin_by_chance(self, now_s: float, dt_s: float) -> None:
-        """Begin a tremor or a lapse at random. Every call draws the same number of random
-        numbers."""
+        """Begin a tremor or a lapse at random. Each call draws the same number of random numbers,
+        whether or not something begins, so that later calls get the same random numbers in both
+        cases."""
         config = self.config
         tremor, lapse = self._chance.random(), self._chance.random()
         other = self._chance.choice(self._buttons)

@@ -16,12 +16,12 @@ class TakeoverPolicy:
     """Rules for when a pilot takes the wheel from the robot, and when the pilot returns it."""
 
     patience_s: float = 0.5
-    """The pilot takes the wheel if the teacher has tolerated none of the robot's moves during this
-    time, in seconds."""
+    """The pilot takes control if the teacher has disliked all of the robot's moves for this time,
+    in seconds."""
     shortest_hold_s: float = 0.8
     contented_s: float = 0.5
-    """The pilot returns the wheel if the robot's proposals agree with the pilot for this time, in
-    seconds."""
+    """The pilot gives back control if the robot has proposed the pilot's own moves for this time,
+    in seconds."""
     longest_hold_s: float = 8.0
     lenience: float = 0.5
     """Share of incidents in which the pilot first lets the robot get stuck and then shows the way
@@ -63,7 +63,8 @@ class SimulatedPilot:
         self._holds_since_s = self._annoyed_since_s = self._content_since_s = None
 
     def act(self, situation: Situation, proposed: Action | None) -> PilotCommand:
-        """See a frame with the robot's proposal; return the command of this heartbeat."""
+        """Look at a new frame and at the robot's proposal for it. Return the command that the pilot
+        then sends."""
         self._look_until(situation.at_s - EPSILON_S)
         self._screen = (situation, proposed)
         if self._looks_at_s is None:

@@ -1,7 +1,7 @@
 """Describes by a few numbers what a pilot sees on the screen.
 
-A person sees in the frame where there is room. A simulated pilot instead gets numbers from the
-simulated world at the time when the frame was taken.
+A person sees in the frame where there is room. A simulated pilot does not look at the frame. It
+gets distances from the simulated world, as they were when the frame was taken.
 """
 
 from __future__ import annotations
@@ -66,7 +66,8 @@ class Situation:
     def free_ways_m(self) -> NDArray[np.float64]:
         """The distances that the body could drive after a turn to each of `FAN_RAD`, shape (55,).
 
-        The body is a disc; every obstacle within its width is in its way.
+        The body is a disc. It is blocked by any obstacle that is less than its radius, plus a
+        margin, beside its path.
         """
         ways = _ways_m(self.ranges_m, FAN_RAD[None, :] - FAN_RAD[:, None])
         nearest: NDArray[np.float64] = ways.min(axis=1)
@@ -124,8 +125,8 @@ def _target(world: World, pose: Pose) -> Target | None:
 
 
 def _ways_m(ranges: NDArray[np.float64], bearings_rad: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the distance that the body can drive until it meets each point; infinite for a point
-    that it never meets."""
+    """For each point, return the distance that the body can drive straight ahead before it touches
+    the point. The distance is infinite if the body would pass the point."""
     aside, ahead = ranges * np.sin(bearings_rad), ranges * np.cos(bearings_rad)
     edge = np.sqrt(np.maximum(RADIUS_M**2 - aside**2, 0.0))
     is_in_the_way = (ahead > 0) & (np.abs(aside) < RADIUS_M + _MARGIN_M)

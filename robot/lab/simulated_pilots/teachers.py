@@ -23,8 +23,8 @@ class Teacher(Protocol):
     """
 
     def choose(self, situation: Situation) -> Action:
-        """Return the move that this teacher makes. The pilot calls this at each look, in the order
-        of time.
+        """Return the move that this teacher makes. The pilot calls this method each time it looks
+        at the screen. `situation.at_s` never decreases.
 
         Two looks may see the same picture, and some pictures are never looked at.
         """
@@ -68,11 +68,12 @@ class TeacherParams:
     """How a teacher drives: the distances, in metres, at which it turns and drives on."""
 
     turn_at_m: float = 0.22
-    """The teacher turns if the free distance ahead is less than this."""
+    """If the free distance ahead is below `turn_at_m`, the teacher turns."""
     go_at_m: float = 0.45
-    """The teacher drives on if the free distance is more than this."""
+    """A turn ends when the free distance ahead exceeds `go_at_m`."""
     danger_m: float = 0.06
-    """The teacher does not let the robot drive on if the free distance is less than this."""
+    """If the free distance ahead is below `danger_m`, the teacher takes control from a robot that
+    drives forward."""
     left_at: tuple[str, ...] = ()
     right_at: tuple[str, ...] = ()
     """The teacher turns left at the things in `left_at`, right at those in `right_at`, and the
@@ -84,7 +85,7 @@ class Wanderer:
     free.
 
     Args:
-        turns: If there is one turn, the teacher always turns this way. If there are two turns, the
+        turns: The turns that the teacher may make: LEFT, RIGHT or both. If both are allowed, the
             teacher chooses the shorter one and keeps to it until the way is free.
     """
 
@@ -168,7 +169,8 @@ class Steerer(Wanderer):
         is_cut: True if the body accepts only moves; the steering is then rounded to a move.
 
     Attributes:
-        point: Steering and throttle of the last chosen move; None if `is_cut`.
+        point: Steering and throttle that the last call of `choose` computed; None if the body
+            accepts only moves (`is_cut`).
     """
 
     FAR_M, NEAR_M = 0.45, 0.12
