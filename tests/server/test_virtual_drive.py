@@ -98,6 +98,18 @@ async def test_a_pilot_on_a_slow_link_is_not_disconnected(world: ServedWorld) ->
     await world.until(lambda: not world.hub.broadcast.clients, what="who is hostile is sent away")
 
 
+@in_virtual_time(Config(web=WEB, limits=Limits(idle_s=2.0)))
+async def test_only_a_client_that_falls_silent_is_disconnected(world: ServedWorld) -> None:
+    silent, talking = await world.pilot(), await world.pilot()
+    await world.forward(5.0)
+    assert len(world.hub.broadcast.clients) == 2
+    silent.is_silent = True
+    waited_s = await world.until(lambda: silent.socket.is_closed, what="the silent one is closed")
+    assert 1.5 < waited_s < 2.5 and silent.socket.close_code == 1001
+    await world.forward(5.0)
+    assert not talking.socket.is_closed and len(world.hub.broadcast.clients) == 1
+
+
 @pytest.mark.parametrize("part", ["note_lateness", "pass_on_if_lapsed", "publish_state"])
 @in_virtual_time()
 async def test_a_fault_in_the_hubs_timer_stops_the_robot_but_not_the_timer(
