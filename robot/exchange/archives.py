@@ -26,8 +26,8 @@ _ZIPS = (".zip", ".tm")
 ENDINGS = (*_ZIPS, ".tar", ".tar.gz", ".tgz", ".tar.bz2")
 _DAMAGED = (zipfile.BadZipFile, tarfile.TarError, zlib.error, EOFError, OSError, RuntimeError)
 _OF_ONE = (zipfile.BadZipFile, zlib.error, RuntimeError, ValueError)
-"""Errors after which only the damaged file of an archive is skipped. The system's errors for
-invalid file names (`_NO_NAME`) have the same effect."""
+"""Errors after which only the damaged file of an archive is skipped. Files with names that the
+system rejects (`_NO_NAME`) are skipped in the same way."""
 _NO_NAME = (errno.ENAMETOOLONG, errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.EINVAL)
 Entry = tuple[str, Callable[[], IO[bytes] | None]]
 

@@ -45,7 +45,8 @@ def class_folders(folder: Path) -> Classes:
 
 
 def are_classes(folder: Path) -> bool:
-    """True if at least two subfolders contain pictures, or if one does and is named like a move."""
+    """True if at least two subfolders contain pictures, or if the only subfolder with pictures has
+    the name of a move."""
     if any(files_ending(folder, *PICTURES)):
         return False
     classes = class_folders(folder)
@@ -75,7 +76,8 @@ def _below(folder: Path) -> Iterator[Path]:
 
 
 def read_class(folder: Path, reading: Reading, report: ImportReport) -> Drive:
-    """Read one folder of pictures that is named like a move or mapped to a move."""
+    """Read a folder whose pictures all have the same label: the move after which the folder is
+    named, or to which its name is mapped."""
     paths = by_number(files_ending(folder, *PICTURES))
     return _read(folder, {folder.name: paths}, "folder of a move", reading, report)
 
@@ -159,7 +161,7 @@ def read_steered(folder: Path, reading: Reading, report: ImportReport) -> Drive:
     """Read pictures whose names contain a number and the steering.
 
     The dash before the steering may be a minus or only a separator. Raises RecordingError if the
-    names do not show which of the two it is.
+    names do not show whether the dash is a minus or a separator.
     """
     paths = files_ending(folder, *PICTURES)
     named = _steered_names(paths)

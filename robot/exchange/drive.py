@@ -31,7 +31,8 @@ _MOST_PLACES, _MOST_REASONS = 3, 12
 """Maximum number of locations in the report for one reason, and maximum number of reasons in the
 report. All others are only counted."""
 _ENOUGH_TO_HINT = 10
-"""A drive with this number of examples or more gets a hint if it has no examples to one side."""
+"""A drive that lacks examples of turns to one side, left or right, gets a hint if it has at least
+this number of examples."""
 _LEAST_TRIM = 0.01
 
 
@@ -62,8 +63,8 @@ class ImportReport:
             self.remarks.append(text)
 
     def lines(self) -> list[str]:
-        """Return the remarks, then the number of skipped items, then each reason with its
-        locations."""
+        """Return the report as lines of text: the remarks, the number of skipped items, and a line
+        for each reason for skipping."""
         places: dict[str, list[str]] = {}
         for place, reason in self.skipped:
             places.setdefault(reason, []).append(place)
@@ -143,7 +144,8 @@ def drive_of(
     """Make a drive of the readable pictures. Raises RecordingError if no picture is readable.
 
     `read` converts a location and the item found there to a FrameEvent, or raises ValueError.
-    `what` names the source in errors; `about` are further fields of the drive.
+    `what` is the name of the source in error messages. `about` contains values for the remaining
+    fields of the drive.
     """
     shots = []
     for place, raw in found:

@@ -92,13 +92,13 @@ def parse(text: str) -> Any:
 
 def read_picture_file(folder: Path, name: str) -> Picture:
     """Read a picture of a folder by an untrusted name. Raises RecordingError if the name leads out
-    of the folder, or the file is missing, not a picture, or too large."""
+    of the folder, or if the file cannot be read as a picture."""
     return read_picture(_read_plain(folder, name) or _read_resolved(folder, name), "the picture")
 
 
 def _read_plain(folder: Path, name: str) -> bytes | None:
-    """Read a file that is no link and lies directly in this folder; return None for any other name
-    or file. This takes a fifth of the time of `_read_resolved`."""
+    """Read a file of this folder. Return None for a path with a subfolder, for a link, and for a
+    file that cannot be read. This takes a fifth of the time of `_read_resolved`."""
     if not _OPENS_NO_LINK or any(sign in name for sign in _SIGNS_OF_PATHS):
         return None
     try:

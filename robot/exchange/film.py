@@ -133,8 +133,8 @@ def to_jpeg(pixels: Pixels) -> Picture:
 
 
 class FilmReader:
-    """Reads the pictures of a film by their times, fastest if the times ascend. A picture is found
-    if its time differs by at most a tolerance that depends on `fps`."""
+    """Reads pictures of a film by their times. Reading in ascending order is fastest. A picture is
+    found if its time differs by at most a tolerance that depends on `fps`."""
 
     def __init__(self, path: Path, fps: float) -> None:
         self._path, self._fps = path, fps
@@ -154,8 +154,8 @@ class FilmReader:
         return to_jpeg(self._next.to_ndarray(format="rgb24"))
 
     def _begin(self, t_s: float) -> None:
-        """Decode from the last key frame before a time. If the film's index leads to a later key
-        frame, decode from the beginning."""
+        """Decode from the last key frame before a time. If the film's index is wrong and leads to a
+        key frame after this time, decode from the beginning."""
         for from_s in (t_s, 0.0):
             self._frames = self._decode(from_s)
             self._next = next(self._frames, None)
@@ -221,7 +221,8 @@ def _captioned(picture: Pixels, moment: EpisodeFrame) -> Any:
     """Return a video frame: the picture, enlarged to at least 480 rows, above a bar of text.
 
     FFmpeg enlarges the picture and converts its colours in one step. The text is grey, so it is
-    drawn only in the brightness plane. Both save most of the time in films of small pictures.
+    drawn only in the brightness plane. In films of small pictures, these two measures save most of
+    the encoding time.
     """
     import cv2
 

@@ -44,8 +44,8 @@ class Source(NamedTuple):
     """A drive that was found: its name for people, and the function that reads the drive.
 
     The function raises RecordingError if no picture can be used, or MissingExtraError. The pictures
-    themselves are read only when the drive is written. For recordings of this program, `copy` is
-    called instead of the function; `copy` writes the drive to a path.
+    themselves are read only when the drive is written. Only recordings of this program have a
+    function `copy`, which is called instead of `read`. It copies the recording to a path.
     """
 
     name: str
@@ -89,7 +89,8 @@ def refusing(path: Path, why: str) -> Source:
 
 
 def _one(is_it: Callable[[Path], bool], read: Callable[..., Drive]) -> Find:
-    """Return the `find` of a format in which each path holds one drive."""
+    """Return a function for `Form.find`. It returns one drive if `is_it` is true for the path, and
+    None otherwise."""
 
     def find(path: Path) -> list[Source] | None:
         return [Source(path.name, partial(read, path))] if is_it(path) else None

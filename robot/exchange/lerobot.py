@@ -75,8 +75,8 @@ _NOTHING = 1e30
 _QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 _STATISTICS = ("min", "max", "mean", "std", *_QUANTILES)
 _OWN = ("intervention", PILOT, DEGREES, SENSORS)
-"""Columns that LeRobot itself does not record. They are written unless the dataset is exported with
-`--plain`."""
+"""Columns that LeRobot itself does not record. Only an export with `--plain` leaves these columns
+out."""
 _STANDS = Point(0.0, 0.0)
 _CARD = """---
 task_categories: [robotics]
@@ -244,9 +244,9 @@ def _pictures(
 class _Table:
     """The values of all frames, and the description of each column.
 
-    The action of a frame is steering and throttle, or one number for each move if one of the
-    robot's moves has no steering and throttle. If all these numbers are zero, the robot stands
-    still.
+    The action of a frame is steering and throttle. If a move of the robot is not defined by
+    steering and throttle, the action is instead one number for each move. If all these numbers are
+    zero, the robot stands still.
     """
 
     def __init__(self, parts: Sequence[_Part], fps: int) -> None:

@@ -1,8 +1,8 @@
 """Reads LeRobot datasets of versions 2.0, 2.1 and 3.0, even damaged ones, one episode at a time.
 
-Version 2 has one table and one film per episode. In version 3 several episodes share a file, and a
-table lists where each episode's rows and seconds are. Source: lerobot, datasets/utils.py, and its
-documents lerobot-dataset-v3.mdx and porting_datasets_v3.mdx.
+Version 2 has one table and one film per episode. In version 3, several episodes share a table and a
+film, and another table lists the rows and the seconds of each episode. Source: lerobot,
+datasets/utils.py, and its documents lerobot-dataset-v3.mdx and porting_datasets_v3.mdx.
 """
 
 from __future__ import annotations
@@ -119,7 +119,8 @@ class LerobotDataset:
         return files
 
     def read(self, episode: int, reading: Reading, report: ImportReport) -> Drive:
-        """Read one episode; its pictures are read when the drive is written.
+        """Read the labels and times of one episode. Its pictures are read later, when the drive is
+        written.
 
         Raises RecordingError if no frame of the episode can be used.
         """

@@ -67,7 +67,8 @@ def write_episodes(folder: Path, rows: list[dict[str, Any]]) -> None:
 
 
 def write_tasks(folder: Path, task: str) -> None:
-    """Write the tasks. The tasks' texts are the index of the table, in pandas' format."""
+    """Write the table of tasks. Its index, in pandas' format, is the column with the tasks'
+    texts."""
     pa = need(*PYARROW)
     types = {"task_index": ("int64", "int64"), "task": ("unicode", "object")}
     described = [

@@ -1,9 +1,9 @@
 """`.npz` recordings for the evaluation: JPEG frames in time order, each with a label.
 
 Frames may also have the steering (`angle`) and the `throttle`; if these are NaN, only the label
-counts. A pilot who steers by short taps makes the angle jump, so a recording may also contain the
-mean angle over a moment (`angle_mean`), from which its labels were made. If there is an
-`angle_mean`, it counts instead of `angle`.
+counts. If a recording contains `angle_mean`, this angle is used instead of `angle`, and the labels
+were made from it. It is the mean angle over a short time, because the angle itself jumps when a
+pilot taps the steering.
 """
 
 from __future__ import annotations

@@ -130,8 +130,8 @@ class _Bag:
             raise RecordingError(f"the ROS bag {self._path} cannot be read: {why}") from error
 
     def pictures(self, topic: str) -> Callable[[int], Picture]:
-        """Return a function that reads one picture of a topic by its number; ascending order is
-        fastest."""
+        """Return a function that takes a number and returns the picture of this topic with this
+        number. Reading in ascending order is fastest."""
         messages: Iterator[tuple[Any, str]] = iter(())
         following = 0
 

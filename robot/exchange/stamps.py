@@ -24,8 +24,9 @@ _WRITTEN = re.compile(
     r"(?::(\d\d)(?:[.,:](\d{1,9}))?)? ?(?:([APap])\.?[Mm]\.?)?"
 )
 _SINCE_1970 = {1e17: 1e-9, 1e14: 1e-6, 1e11: 1e-3}
-"""A number above one of these bounds is a time since 1970, in nanoseconds, microseconds or
-milliseconds. Multiplied by the factor of its bound, the number is a time in seconds."""
+"""A number above the first bound is a time since 1970 in nanoseconds; above the second, in
+microseconds; above the third, in milliseconds. Multiplied by the factor of its bound, the number is
+a time in seconds."""
 _FIRST_S, _LAST_S = 1e9, 4e9
 """Bounds of times since 1970 in seconds: the years 2001 and 2096."""
 _LONGEST_STEP_S, _LONGEST_PAUSE_S = 5.0, 3600.0
@@ -120,8 +121,8 @@ def _written(text: str) -> datetime | None:
 def seconds_in_name(name: str) -> float | None:
     """Return the time in a picture's name; None if the name contains no time.
 
-    Two forms are recognised. The first is ten digits of seconds since 1970, optionally followed by
-    the digits of a fraction. The second is a date and a time of day.
+    Two forms of a time are recognised: ten digits of seconds since 1970, which may be followed by
+    the digits of a fraction; and a date with a time of day.
     """
     stem = re.split(r"[\\/]", name)[-1].rpartition(".")[0]
     if found := _DIGITS.search(stem):

@@ -30,8 +30,8 @@ _STEERED = "the angle", "the throttle"
 LabelAndPoint = tuple[Action | None, Point | None]
 """The label of a picture, and the steering and throttle of the label if known."""
 LabelAndPoints = tuple[Action | None, Point | None, Point | None]
-"""The label of a picture, the pilot's steering and throttle if the pilot steered proportionally,
-and the steering and throttle of the label if known."""
+"""The label of a picture, the pilot's steering and throttle, and the label's steering and throttle.
+The second value is None unless the pilot steered proportionally, the third is None if unknown."""
 
 
 def read_meant(
@@ -99,7 +99,8 @@ def point_or_none(written: Sequence[object], names: Sequence[str] = _STEERED) ->
 
 
 def at_velocity(linear: float, turn: float, reading: Reading) -> LabelAndPoint:
-    """Return the label of a velocity, given as shares of full speed ahead and of a full left turn.
+    """Return the label of a velocity. `linear` is a share of full speed ahead, and `turn` a share
+    of the fastest turn to the left.
 
     Shares beyond -1 and 1 count as full. A turn without speed is a spin.
     """
@@ -131,8 +132,9 @@ def _clipped(share: float) -> float:
 def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Point | None]:
     """Return the action at a picture: the pilot's label, or else the action that was sent.
 
-    Also return its steering and throttle. If the pilot or the robot steered proportionally, the
-    values are those that were recorded. Otherwise they are those of the move, or None.
+    Also return its steering and throttle. If the pilot or the robot steered proportionally, these
+    are the values that were recorded. Otherwise they are the values that the move declares, or None
+    if it declares none.
     """
     point = moment.point if moment.label else moment.sent_point
     done = moment.label or Action(moment.sent or Action.STOP)

@@ -31,8 +31,8 @@ from robot.store.folder import fold
 from robot.types import Action
 
 LIST = ".txt"
-"""Suffix of lists with lines such as `1.jpg 0.5`. Any text file may have this suffix, so a file is
-a table only if it names pictures."""
+"""Suffix of lists with lines such as `1.jpg 0.5`. Other text files have the same suffix, so a file
+is read only if it contains names of pictures."""
 ENDINGS = (".csv", ".tsv", ".jsonl", LIST)
 
 _FULL_SPEEDS = (1.0, 100.0, 255.0, 1023.0, 32767.0)
@@ -181,8 +181,7 @@ def _labelled(
 def _steered(table: ColumnTable, reading: Reading, cells: Cells) -> LabelAndPoint:
     """Return the label of a row from its steering.
 
-    A car that rolls without throttle counts as driving, and stands still only if speed and throttle
-    are both 0.
+    If the table has speeds, a car that rolls without throttle counts as driving.
     """
     angle, throttle = (table.number(cells, role) for role in ("steering", "throttle"))
     named = "the angle", "the throttle"

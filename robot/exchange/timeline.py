@@ -1,4 +1,5 @@
-"""Makes a time line from imperfect times: equal, descending, with jumps or gaps, or missing."""
+"""Makes a time line from imperfect times: times may be missing, equal or out of order, and may
+jump."""
 
 from __future__ import annotations
 
@@ -17,8 +18,8 @@ _LONGEST_PAUSE_S = 60.0
 """Longest pause within a session, in seconds. A longer pause means that a new session began or that
 the clock was set."""
 _CUT_PAUSE_S = 2.0
-"""A pause of more than `_LONGEST_PAUSE_S` is shortened to this length, in seconds. The shortened
-pause still counts as a gap."""
+"""A pause that is longer than `_LONGEST_PAUSE_S` is replaced by a pause of this length, in seconds.
+The shortened pause still counts as a gap."""
 _USUAL_S = 1 / 20
 _MOST_S = 1e11
 
@@ -33,8 +34,8 @@ class Timeline:
 
     @property
     def gap_s(self) -> float:
-        """Length of a gap, in seconds. Films and datasets are cut between two pictures that are
-        farther apart."""
+        """A longer time between two pictures is a gap, in seconds. Films and datasets are cut at
+        gaps."""
         return max(_SHORTEST_GAP_S, 3 * self.usual_s)
 
     @property
@@ -43,8 +44,8 @@ class Timeline:
         return min(max(round(1 / self.usual_s), 1), 60)
 
     def evenly(self, fps: int) -> list[NDArray[np.intp]]:
-        """Return an array of indices for each stretch without a gap: those of the pictures that are
-        nearest to evenly spaced times, `fps` a second."""
+        """Choose `fps` pictures for each second. Return an array of indices for each stretch
+        without a gap: at evenly spaced times, the nearest picture is chosen."""
         times_s = np.array(self.times_s)
         begins = [0, *(np.flatnonzero(np.diff(times_s) > self.gap_s) + 1)]
         stretches = [times_s[a:b] for a, b in pairwise([*begins, len(times_s)])]

@@ -1,10 +1,15 @@
 """Tubs of donkeycar: versions 1 and 2 are read, version 2 is written.
 
 A tub of version 1 is a folder with files `record_N.json`, each next to its picture. A tub of
-version 2 contains `manifest.json` (five lines of JSON: names of inputs, types of inputs, metadata,
-more metadata, catalogs), the pictures in `images/`, files `catalog_N.catalog` with one JSON record
-per line, and for each catalog a `.catalog_manifest` with the lengths of these lines. Source:
-donkeycar, parts/tub_v2.py and parts/datastore_v2.py.
+version 2 contains:
+
+- `manifest.json`: names of inputs, types of inputs, metadata, more metadata and catalogs, one line
+  of JSON each
+- `images/`: the pictures
+- `catalog_N.catalog`: one JSON record per line
+- `catalog_N.catalog_manifest`: the lengths of the lines of this catalog
+
+Source: donkeycar, parts/tub_v2.py and parts/datastore_v2.py.
 """
 
 from __future__ import annotations
@@ -164,9 +169,9 @@ def write_tub(episode: Episode, notes: Notes, folder: Path, *, taught_only: bool
     same examples, whatever the threshold for turns is. If the pilot steered proportionally, the
     record says so, and contains the pilot's angle and throttle. For a move, the record contains the
     move's usual angle and throttle. If the robot has a move without steering and throttle, such as
-    `push`, the tub has no columns for angle and throttle, because a zero would teach a car to
-    stand. The robot's proposal is in `pilot/angle` and `pilot/throttle`. `taught_only` leaves out
-    frames that were not taught.
+    `push`, the tub has no columns for angle and throttle. From zeros in these columns, a car would
+    learn to stand still. The robot's proposal is in `pilot/angle` and `pilot/throttle`.
+    `taught_only` leaves out frames that were not taught.
     """
     folder.mkdir(parents=True)
     with tempfile.TemporaryFile("w+", dir=folder, encoding="ascii", newline="\n") as lines:

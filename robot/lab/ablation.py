@@ -30,8 +30,8 @@ unaided."""
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
-    """Plan runs of all kinds of learners in the simulator, in the worlds whose library is
-    installed, and on all footage."""
+    """Plan runs of all kinds of learners: in the simulator, on all footage, and in each third-party
+    world whose library is installed."""
     for trial, nodes in list(NODES.items())[: 1 if settings.quick else None]:
         learners = [f"{kind}-{nodes}" for kind in KINDS]
         yield from seeded(run_lesson, trial_cases(trial, learners, settings), settings)

@@ -31,8 +31,8 @@ def interval(values: Sequence[float]) -> tuple[float, float]:
 def difference_by_chance(values: Sequence[float], others: Sequence[float]) -> tuple[float, float]:
     """Return the 90 % bootstrap interval of the difference between two medians.
 
-    Half of the sum of squared differences (SSD) in one minute of driving is due to chance. Even the
-    medians of two groups of sixty robots may differ by a fifth by chance.
+    Half of the sum of squared differences (SSD) in one minute of driving is due to chance. Even
+    between the medians of two groups of sixty robots, a difference of a fifth may be due to chance.
     """
     rng = np.random.default_rng(0)
     ours, theirs = (

@@ -1,9 +1,9 @@
 """Runs tasks on the workers of a Dask cluster, one at a time per worker.
 
 Before its first task, a worker reports everything that affects its figures (`identify`). A worker
-whose figures would differ gets no task. Each task is assigned to one worker, and reassigned if this
-worker is lost. A task is submitted as text for Python's `eval`, so that neither the scheduler nor a
-worker needs this program to read it.
+whose report differs from this computer's gets no task. Each task is assigned to one worker, and
+reassigned if this worker is lost. A task is submitted as a call of Python's `eval` with a text.
+Neither the scheduler nor a worker needs this program to unpickle such a call.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ _CONNECT_S = 10.0
 _LOOK_S = 1.0
 """Interval at which the scheduler is asked for its workers, in seconds."""
 _FIRST_WORKER_S, _NO_WORKER_S = 10.0, 60.0
-"""Time without any worker after which `run_on_cluster` gives up, in seconds: at the start, and
-later."""
+"""`run_on_cluster` gives up when there has been no worker for this time, in seconds:
+`_FIRST_WORKER_S` before the first worker comes, and `_NO_WORKER_S` later."""
 _SILENT_S = 20.0
 """Interval at which a worker that is silent or not yet identified is reported, in seconds."""
 _FROZEN_S = 60.0
@@ -44,7 +44,8 @@ _FETCH_S = 3.0
 that was killed.
 """
 _MOST_LOSSES = 3
-"""Number of workers that may be lost while they run a task, before the task is given up."""
+"""If this number of workers is lost while they run the same task, the experiment ends with an
+error."""
 
 OnWorkers = Callable[[int, str], object]
 """A callback that receives the number of workers in use, and a sentence about the latest change.
@@ -85,7 +86,7 @@ def run_packed(packed: bytes) -> Outcome:
 
 
 def _tidy_up() -> None:
-    """Free the memory that a trial leaves on a worker, so that it does not grow with each trial.
+    """Free the memory that a finished trial still occupies on a worker.
 
     A trial's objects have reference cycles and take some MB. In a process with as many objects as
     Dask's, Python rarely collects such cycles. Dask's profiler also keeps samples of call stacks,
@@ -234,7 +235,7 @@ class _Run:
                 self._submit(address, _RUN, packed=pickle.dumps((task, contents_of(task))))
 
     def _submit(self, address: str, text: str, **names: Any) -> None:
-        """Let a worker evaluate a text of Python in which these names are defined."""
+        """Let a worker evaluate a Python expression; `names` contains its variables."""
         future = self._client.submit(
             eval, text, names, workers=[address], allow_other_workers=False, pure=False
         )

@@ -66,7 +66,8 @@ class FramesToLearn(NamedTuple):
         return f"first {self.frames}" if self.in_a_row else f"{self.frames} spread"
 
     def places(self, n: int) -> NDArray[np.intp]:
-        """Return the indices of the frames to learn in a drive of `n`, in order."""
+        """Return the indices, in ascending order, of the frames to learn from a drive of `n`
+        frames."""
         count = min(self.frames or n, n)
         return (
             np.arange(count) if self.in_a_row else np.linspace(0, n - 1, count).round().astype(int)
@@ -77,8 +78,9 @@ WHOLE_DRIVE = FramesToLearn()
 
 
 def load_pairs(folder: Path | str) -> list[Pair]:
-    """Return two pairs, one in each direction, for every place X that has X_A.npz and X_B.npz in
-    `folder`. Raises RecordingError if there is no such folder or pair, or a recording is broken."""
+    """Load the recordings of all places in a folder. A place X has the recordings X_A.npz and
+    X_B.npz, and yields two pairs: train on A and test on B, and the reverse. Raises RecordingError
+    if there is no such folder or pair, or a recording is broken."""
     # imported here, because it is part of another extension
     from robot.exchange.npz import load_recording
 

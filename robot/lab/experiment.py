@@ -103,7 +103,8 @@ class Experiment:
 
 
 def group(runs: Runs, *names: str) -> dict[tuple[Any, ...], list[Result]]:
-    """Group results by the parameters of these names, in the order of the tasks."""
+    """Group results by the values of the parameters `names`. The groups keep the order of the
+    tasks."""
     groups: dict[tuple[Any, ...], list[Result]] = {}
     for task, result in runs:
         groups.setdefault(tuple(task.params.get(name) for name in names), []).append(result)

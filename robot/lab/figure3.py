@@ -49,8 +49,8 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
 
 
 def recorded_tasks(settings: ExperimentSettings, learners: Iterable[str]) -> Iterator[Task]:
-    """Yield a task for every learner on every pair of recordings; none without a folder of
-    recordings."""
+    """Yield a task for every learner on every pair of recordings. If the settings name no folder of
+    recordings, there are no tasks."""
     pairs = recorded_pairs(Path(settings.recordings)) if settings.recordings else []
     for (train, test), learner in product(pairs[:2] if settings.quick else pairs, learners):
         params = {"train": str(train), "test": str(test), "learner": learner}

@@ -139,8 +139,8 @@ def _gate(runs: Runs) -> Table:
 _MEANS = ("driven_m", "covered_m2", "steering_per_s")
 DRIFT_SHARE = 0.15
 """Standard deviation of the drift of the wheels' speeds while a simulated pilot teaches, as a share
-of the speed. This drift changes the heading of a robot that drives straight by 17 degrees a second
-(standard deviation)."""
+of the speed. On a straight drive, the heading then changes at random, with a standard deviation of
+17 degrees a second."""
 
 
 def run_habit(params: Params) -> Result:
@@ -148,8 +148,8 @@ def run_habit(params: Params) -> Result:
     unaided again. For comparison, the pilot then drives from where the robot began to drive.
 
     One minute is too short to drive through the whole place. From different starting points, their
-    drives would therefore differ. The pilot's minutes also have the frame rate of the lesson. With
-    ten pictures a second a pilot reacts later than with thirty, and therefore follows a wall
+    drives would therefore differ. The pilot also drives at the frame rate of the lesson. With ten
+    pictures a second a pilot reacts later than with thirty, and therefore follows a wall
     differently.
 
     Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `teach_s`, `correct_s`, `alone_s`,

@@ -130,7 +130,8 @@ mean, standard deviation, maximum."""
 def trial_cases(
     trial: int, learners: Iterable[str], settings: ExperimentSettings
 ) -> Iterable[Params]:
-    """Return the cases of one of the paper's trials, with retraining."""
+    """Return the parameters of one run for each learner: the paper's trial with this number, with
+    retraining."""
     for learner in learners:
         yield {**settings.taught(TRIALS[trial]), **_RETRAINED, "trial": trial, "learner": learner}
 

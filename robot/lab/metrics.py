@@ -130,8 +130,8 @@ def asking_share(log: DriveLog) -> float:
 
 
 def agreement(log: DriveLog) -> float | None:
-    """Return the share of ticks on which robot and teacher chose the same move, among the ticks on
-    which both chose one."""
+    """Return the share of ticks on which robot and teacher chose the same move. Ticks on which one
+    of them chose no move are left out."""
     both = [
         moment.proposed is moment.wanted
         for moment in log
@@ -155,8 +155,8 @@ def figures(log: DriveLog) -> dict[str, float]:
 
 
 def against(log: DriveLog, teacher: DriveLog, moves: tuple[Action, ...]) -> dict[str, Any]:
-    """Return the figures of a drive, and the difference of its Behavior Profile from the
-    teacher's."""
+    """Return the figures of a drive, with the difference between the robot's Behavior Profile and
+    the teacher's."""
     difference = compare(teacher.profile(), log.profile(), moves)
     rare = rare_moves(move_shares(teacher.actions()), move_shares(log.actions()))
     return {
@@ -203,7 +203,8 @@ def move_shares(moves: Sequence[Action]) -> dict[Action, float]:
 
 
 def rare_moves(teacher: Mapping[Action, float], robot: Mapping[Action, float]) -> set[Action]:
-    """Return the moves that both drivers make on less than `RARE_SHARE` of their ticks."""
+    """Return the moves whose share is less than `RARE_SHARE` for the teacher and also for the
+    robot."""
     return {
         move
         for move in {*teacher, *robot}

@@ -37,7 +37,8 @@ def tables_of(
     """Return the tables that show some results. Each result comes with the title of its table and
     the name of its row.
 
-    Tables and rows are in the order of the results; `head` is the title of the rows' names.
+    Tables and rows are in the order of the results. `head` is the heading of the first column,
+    which contains the names of the rows.
     """
     tables: dict[str, dict[str, list[Result]]] = {}
     for title, row, result in results:

@@ -33,9 +33,8 @@ is the sum of two terms, but at most `_LONGEST_PERIOD_S`:
 
 `_USUALLY_LATE_S` is a lateness that is normal even if the computer is not busy: on some systems,
 timers are 8 ms late on average. All robots of a computer are equally late, so all take the same
-number of pictures. The lateness then stays near 20 ms. Pictures must not be later than that,
-because commands would be later, too: each thread that a command passes through adds a similar
-delay."""
+number of pictures. The lateness then stays near 20 ms. Commands then stay fast, too: each thread
+that handles a command is delayed about as much as a picture."""
 _RESTING_STEP_S = 1.0
 """Period at which the world advances while no picture is needed, in seconds."""
 _EARLY_S = 0.01
@@ -80,7 +79,7 @@ class SimCamera(WorldCamera[SimDriver]):
         return self._show(picture.tobytes(), Encoding.RGB, self.clock.now_s())
 
     def take_jpeg(self) -> Frame:
-        """Take one picture now, on this thread, in the real-time format."""
+        """Take one picture now, on this thread, as a JPEG."""
         return self._take()
 
     def for_the_eye(self, frame: Frame) -> Frame:

@@ -36,8 +36,8 @@ _CYLINDER_SIDES = 16
 
 
 _LOCK = threading.RLock()
-"""Lock that every call of Panda3D holds. Panda3D releases the GIL while it draws, and two threads
-that draw at the same time would change each other's pixels by single grey levels."""
+"""Lock that every call of Panda3D holds. Panda3D releases the GIL while it draws. Without the lock,
+two threads could draw at the same time, and some pixels would be wrong by one grey level."""
 _OWN_SETTINGS = """
 notify-level error
 audio-library-name null

@@ -26,8 +26,8 @@ DRIFT_S = 1.0
 
 _SLIP_SHARE, _PIXEL_NOISE = 0.04, 3.0
 """Standard deviations of the noise of each wheel's speed (as a share of the speed) and of each
-pixel (of 255). The wheels' noise applies to steps of a fiftieth of a second. In shorter steps the
-standard deviation is larger. Otherwise the noise would average out at high frame rates."""
+pixel (of 255). The noise of the wheels is given for a step of 0.02 s. In shorter steps the standard
+deviation is larger. Otherwise the noise would average out at high frame rates."""
 
 
 class Simulation:
@@ -90,7 +90,8 @@ class Simulation:
 
     @property
     def shown_world(self) -> World:
-        """The current world, or the new world in which the next step begins."""
+        """The world to show: the current world, or a newly chosen world that the simulation has not
+        entered yet."""
         chosen = self.first_world
         return self.world if chosen is self._entered else chosen
 

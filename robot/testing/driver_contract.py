@@ -45,8 +45,8 @@ _REQUESTS = 20
 _PATIENCE_S = 5.0
 _LOOK_EVERY_S = 0.01
 _GRACE_S = 0.1
-"""Time by which the end of a move may be late, in seconds: on a busy machine the threads of the
-driver and of the stand-in wake late."""
+"""Maximum delay of the end of a move, in seconds. On a busy machine, the threads of the driver and
+of the fake robot wake late."""
 _CORRECTIONS = {"reverse": "both", "swap_sides": True, "trim": 0.1}
 _STEP_S, _HALF_WAY_S = 0.1, ACTION_TIMEOUT_S / 2
 
@@ -373,8 +373,9 @@ class TestDriver(DriverContract):
 
 
 def _sets_going(case: DriverCase, order: Callable[[], object], tries: int | None = None) -> bool:
-    """Return whether the body moves after at most `tries` orders. The default is one order, or more
-    on a busy machine, where a move may have ended before it is checked."""
+    """Return whether the body moves after at most `tries` orders. The default is one order. It is
+    `_REQUESTS` orders for a busy machine (a case with `budget_s`), because a move may end there
+    before it is checked."""
     for _ in range(tries or (_REQUESTS if case.budget_s else 1)):
         order()
         if _comes(case, lambda: moving(case)):
@@ -424,7 +425,7 @@ def _check_goes_on(case: DriverCase, move: Action) -> None:
 
 
 def _check_ended(case: DriverCase, after_s: float, what: str) -> None:
-    """Check that the body stands still, because a move lasts at most `ACTION_TIMEOUT_S`."""
+    """Check that the body stands still after the longest duration of a move, `ACTION_TIMEOUT_S`."""
     assert _comes_within(case, lambda: not moving(case), _GRACE_S), (
         f"the body still moves {1000 * after_s:.0f} ms after {what}, but a move must end after "
         f"{1000 * ACTION_TIMEOUT_S:.0f} ms. Give the body a timeout, or let the driver inherit "
@@ -490,7 +491,8 @@ def _driven(case: DriverCase, send: Callable[[], object]) -> Point:
 
 
 def _hold(case: DriverCase, send: Callable[[], object], seconds: float) -> None:
-    """Let time pass while an order is renewed, because a ramp may take longer than one order."""
+    """Repeat an order for some time, because the body may need longer than one order to reach its
+    speed."""
     while seconds > 1e-9:
         step_s = min(seconds, _STEP_S)
         case.forward(step_s)

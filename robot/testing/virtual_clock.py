@@ -70,7 +70,7 @@ class VirtualClock(Clock):
 
     def _base_s(self) -> float:
         """Return the clock's time without the seconds that `advance` has added. While threads run,
-        the event loop's own time may be behind."""
+        the time of the event loop may lag behind this clock's."""
         event_loop = self._event_loop
         return self._now_s if event_loop is None else max(self._now_s, event_loop.now_s)
 

@@ -78,7 +78,7 @@ class VirtualRobot:
     ) -> float:
         """Let time pass until a condition holds; return the time passed.
 
-        The condition is checked after each tick and each `poke`.
+        The condition is checked after each tick, and after each call of `poke`.
 
         Raises:
             AssertionError: If the condition does not hold within `within_s`.

@@ -42,7 +42,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
-    """Declare the chosen robot's options, and use the file's settings as defaults."""
+    """Add the chosen robot's options to the parser. Their defaults are the settings in the file
+    `--config`."""
     args, _ = parser.parse_known_args(list(words))
     settings = read_settings(args.config if args.config.exists() else None, os.environ)
     options = options_of(load_driver(args.robot).options_type)

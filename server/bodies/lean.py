@@ -27,8 +27,9 @@ class StandIn(ModuleType):
     """Replaces the module `ssl`. Every attribute that is looked up exists, so that code that
     imports `ssl` still loads.
 
-    Libraries use expressions such as `int(ssl.PROTOCOL_TLS_SERVER)` and `except ssl.SSLError`. So
-    an attribute in capitals is the number 0, and every other attribute is an exception class.
+    Libraries use expressions such as `int(ssl.PROTOCOL_TLS_SERVER)` and `except ssl.SSLError`.
+    Attributes in capitals are therefore the number 0, and all other attributes are exception
+    classes.
     """
 
     def __getattr__(self, name: str) -> Any:

@@ -18,13 +18,13 @@ from robot.bodies.v4l2.device import VideoFrame
 SECRET = "the secret of a fake brick"
 PERIOD_S = 0.1
 AGE_S, AGE_SPREAD_S = 0.095, 0.05
-"""Minimum age of a USB camera's picture (Logitech C270) when an EV3 receives it, and the range by
-which the age varies, in seconds."""
+"""When the fake camera's picture is received, it is at least `AGE_S` seconds old, and at most
+`AGE_SPREAD_S` seconds older, like a picture of a USB camera (Logitech C270) on an EV3."""
 
 
 class FakeCameraReader:
-    """Stands in for `CameraReader` and its `video`. Takes ten grey pictures a second, 95 to 145 ms
-    old."""
+    """Fake camera of a brick, which replaces both `CameraReader` and its attribute `video`. Takes
+    ten grey pictures a second, 95 to 145 ms old."""
 
     path, width, height, encoding = "/dev/video0", 160, 120, "yuyv"
 

@@ -42,7 +42,8 @@ LEFTOVERS = {
     "time_sp": "7000",
     "stop_action": "hold",
 }
-"""The attributes of the motors before the driver opens them, as another program may leave them."""
+"""Attributes of the fake motors at the start. Another program may leave such values on a real
+brick."""
 
 
 @dataclass(frozen=True)

@@ -26,11 +26,11 @@ _SCALE = 4
 _LINE, _TWO_LINES = THUMBNAIL_WIDTH, 2 * THUMBNAIL_WIDTH
 _NOISE = 400
 """Number that is added to the sum of the gradients around a cell, before the cell's gradients are
-divided by this sum. In a plain neighbourhood, noise therefore does not count as strong
-gradients."""
+divided by this sum. Where the picture is plain, the sum is small. Without `_NOISE`, the division
+would then turn noise into strong gradients."""
 _FULL = 1023
-"""Share of its neighbourhood's gradients at which a bin reaches its largest value, in units of
-1/4096."""
+"""A bin has its largest value if it contains at least this share of the gradients of the 3x3 cells
+around it, in units of 1/4096."""
 
 
 class IntegerGradientFeatures:
@@ -40,8 +40,8 @@ class IntegerGradientFeatures:
     a floating-point unit. The gradients are computed on the small picture, in 5x4 cells of 6x10
     pixels. A pixel's two differences are the index into a table of direction and magnitude, and one
     call of `bincount` yields the histograms of all cells. Each histogram is divided by the sum of
-    its cell's 3x3 neighbourhood; the square root is also taken from a table. The result is the same
-    on every machine.
+    the histograms of the 3x3 cells around it. A second table contains the square roots of the
+    results. The result is the same on every machine.
 
     The bytes of the histograms are rounded to multiples of 4, because `IntegerRidge` ignores the
     lower two bits. The grey picture begins with every second pixel of every second line, because
@@ -108,15 +108,19 @@ class IntegerGradientFeatures:
 
 
 class _Tables(NamedTuple):
-    """Tables of 70 KB, computed once and in integers, because floats would take seconds on a brick.
+    """The look-up tables: 70 KB, computed once.
+
+    The table of codes is computed in integers, because floats would take seconds on a brick.
 
     Attributes:
-        codes: Number of a gradient's direction and magnitude step. The index is 256 times the
-            horizontal difference plus the vertical difference, as an unsigned number of 16 bits.
-        cells: Number of the first code of each pixel's cell; the pixel's own code is added.
-        lengths: Magnitude that represents each step.
-        roots: Value of a bin for each share of its neighbourhood's gradients, from 0 to `_FULL`:
-            the square root, scaled to at most 252.
+        codes: Code of each gradient: `_N_STEPS` times the number of its direction, plus the number
+            of the step of its magnitude. The index is 256 times the horizontal difference plus the
+            vertical difference, as an unsigned number of 16 bits.
+        cells: For each pixel, a number that is added to the pixel's code. With this number, the
+            codes of different cells differ.
+        lengths: For each step, a magnitude in its middle.
+        roots: The value of a bin for each share from 0 to `_FULL`: the square root of the share,
+            scaled to at most 252.
     """
 
     codes: NDArray[np.uint8]

@@ -2,9 +2,9 @@
 
 Source: Zakharov, White and Liu, "Low-complexity RLS algorithms using dichotomous coordinate descent
 iterations" (IEEE Transactions on Signal Processing, 2008). Each frame is added to the normal
-equations. A few steps of coordinate descent then improve the approximate solution. In this module,
-unlike in the source, a step sets one weight to the value that minimises the error, rounded to a
-whole number.
+equations. A few steps of coordinate descent then improve the approximate solution. This module
+differs from the paper in one point: each step sets one weight to the value that minimises the
+error, rounded to a whole number.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ _FULL = 1 << 30
 ten frames a second, all sums are halved."""
 _MOST_HALVINGS = 62
 _PENALTY = 3 * _TOP**2
-"""Penalty on the squared weights, for inputs on a scale on which `_TOP` stands for 1."""
+"""Penalty on the squared weights. Inputs are from 0 to `_TOP`; for inputs from 0 to 1, this would
+be a penalty of 3."""
 STEPS = 4
 """Number of coordinates that are improved after each frame."""
 _ROWS = 128
@@ -143,8 +144,8 @@ class IntegerRidge(LinearPart):
         return z
 
     def _mean_input(self, x: Vector) -> Floats:
-        """Return the input for the mean vector of some frames: in floats, which `_input` would
-        round."""
+        """Like `_input`, but without rounding, because the mean of several frames' vectors is not a
+        whole number."""
         return np.append(np.asarray(x[: self.n_features], np.float64) / (1 << _SHIFT), _TOP)
 
     def faults(self) -> Iterator[str]:

@@ -27,8 +27,8 @@ SILENCE_S = 0.4
 a second. Each move ends by itself after at most this time."""
 GONE_S = PATIENCE_S + 1.0
 """Time without a report after which a new connection to the brick is made, in seconds. A brick
-needs less time to open its motors and sensors. A new connection is made because TCP, after a minute
-of silence, retries only once a minute on the old one."""
+opens its motors and sensors in less time than this. A new connection is made because TCP, after a
+minute of silence, retries only once a minute on the old one."""
 PING_S = 0.1
 REJOIN_S = 0.5
 

@@ -3,8 +3,8 @@
 `python -m robot.bodies.gpio.keeper JSON` reads orders from the socket that is its standard input,
 and answers each order with a report on this socket. If the program that set a pin is killed or
 hangs, the pin keeps its level. So the process that owns the pins does nothing else: no camera, no
-learner, no network. The parent of this process does even less: it waits, and replaces the process
-if it is killed.
+learner, no network. The parent process only waits, and starts a replacement if the process with the
+pins is killed.
 """
 
 from __future__ import annotations
@@ -68,8 +68,8 @@ def _ms(clock: Clock) -> int:
 
 
 def hold(settings: dict[str, Any]) -> None:
-    """Claim the pins, report success or the reason for a failure to the robot's program, and obey
-    its orders."""
+    """Claim the pins, and report the result to the robot's program. If the pins were claimed, obey
+    the program's orders."""
     line = Connection(0)
     try:
         motors = make_motors(settings)

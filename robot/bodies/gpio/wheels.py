@@ -20,7 +20,8 @@ class PinMotor(Protocol):
 
 
 Build = Callable[[Point, float], Pair]
-"""Returns the values of both motors, each at most 1, for a `Point` and a share of full speed."""
+"""Function that converts a `Point` and a share of full speed to the values of the two motors, each
+from -1 to 1."""
 
 
 def tracked(straight_speed: float, turn_speed: float) -> Build:

@@ -29,7 +29,8 @@ _NOTHING_PRESSED = "noop"
 
 
 def names_of(env: Any, first: int, n: int) -> dict[int, str]:
-    """Return the names of the actions `first` to `first + n - 1`, if there are any.
+    """Return the names of `n` actions by their numbers, which begin at `first`. Return an empty
+    dict if the environment has no names.
 
     If the environment is wrapped, the names come from the outermost wrapper that has names.
     """

@@ -57,8 +57,7 @@ class Number:
 
     @property
     def others(self) -> list[tuple[str, float]]:
-        """Return the values of this number for which there is a separate move, each with the move's
-        name."""
+        """Return the moves that change this number, each as its name and the number's new value."""
         if self.is_whole and (self.least, self.most) == (0.0, 1.0):
             return [(self.name, 1.0)]
         if self.is_whole and self.most - self.least <= _MOST_MOVES:
@@ -117,8 +116,8 @@ def moves_of(name: str, env: Any, table: str = "") -> dict[Move, Any]:
     """Return the moves in their order, each with its action for the environment.
 
     `table` is the table of moves that a person gave, for example `left=-0.6,0,0; right=0.6,0,0`. If
-    it is empty, each named action of the environment is a move; without names, each move changes
-    one number.
+    it is empty, each choice of a `Discrete` action space is a move. In other action spaces, each
+    move changes one number and leaves the others at rest.
 
     Raises:
         ConfigurationError: If the table cannot be read, if it does not fit the environment's
@@ -146,8 +145,8 @@ def steering_of(table: Mapping[Move, Any], space: Any) -> Callable[[Point], Any]
     `Box` of floats.
 
     Steering interpolates between the move ahead and the turns. Throttle interpolates between
-    coasting and the moves ahead and back. The result is also None if the table has no move ahead,
-    or no turn to one of the sides.
+    coasting and the moves ahead and back. The result is also None if the table lacks a move ahead,
+    a left turn or a right turn.
     """
     if _kind_of(space) != "Box" or not np.issubdtype(space.dtype, np.floating):
         return None

@@ -223,8 +223,8 @@ class Environment:
         return ", and ".join(told)
 
     def _as_camera_error(self, what: str) -> contextlib.AbstractContextManager[None]:
-        """Return a context manager that converts any error of third-party code to a CameraError
-        that names the environment."""
+        """Return a context manager. Any error in its block becomes a CameraError whose message
+        contains the environment's name."""
         return told_as(CameraError, f"the environment {self.name!r} {what}", Exception)
 
 

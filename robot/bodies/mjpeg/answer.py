@@ -31,7 +31,8 @@ class Answer(HTTPResponse):
     """A camera's response, which may lack a status line or a head. The header Content-Length is
     ignored.
 
-    Chunks may violate HTTP, so bytes without a chunk's length are passed on, too.
+    If a camera announces chunks but sends data without the lengths of chunks, the data is passed on
+    unchanged.
     """
 
     _is_silent = False
@@ -98,8 +99,8 @@ class PictureFinder:
         self._buffer = bytearray()
         self._at = 0
         self._segment_at = 0
-        """Position of the JPEG's last segment. If the segment states a wrong length, the next
-        picture is searched from this position."""
+        """Position of the JPEG's last segment. If the JPEG turns out to be damaged, the search for
+        the next picture begins here."""
         self._is_in_scan = False
         self._type = ""
         self._received = 0

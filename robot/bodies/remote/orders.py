@@ -45,10 +45,10 @@ class BodyReport:
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """One order: a move, its duration, its share of full speed, and the newest report before the
-    order.
+    """One order to a body: a move, with its duration and its share of full speed.
 
-    `seq` counts the orders; `seen_ms` is the body's time in its newest report.
+    `seq` is the number of the order. `seen_ms` is the time in the newest report from the body, by
+    the body's clock.
     """
 
     move: Action

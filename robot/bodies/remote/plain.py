@@ -1,11 +1,12 @@
 """Orders and reports as words of one line, for bodies with a private connection. Pure.
 
-An order is `MOVE FOR_MS SPEED NUMBER SEEN_MS`, for example `forward 400 1.0 7 81234`; the last
-word, `SEEN_MS`, is the body's time in its newest report. A report is `NUMBER MS DISTANCE BUMPER
-BATTERY`, for example `7 81240 420 0 80`: the number of the last obeyed order, the body's time in
-ms, the distance in mm, whether the bumper is pressed (0 or 1), and the battery in percent. `-`
-stands for a sensor that is missing. `?` requests a report. A body that can steer proportionally
-adds the word `points` to its reports. Orders to such a body may end in `STEERING THROTTLE`.
+An order is `MOVE FOR_MS SPEED NUMBER SEEN_MS`, for example `forward 400 1.0 7 81234`: the move, its
+duration in ms, its share of full speed, the order's number, and the time of the body's newest
+report by the body's clock. A report is `NUMBER MS DISTANCE BUMPER BATTERY`, for example `7 81240
+420 0 80`: the number of the last obeyed order, the body's time in ms, the distance in mm, whether
+the bumper is pressed (0 or 1), and the battery in percent. `-` stands for a sensor that is missing.
+`?` requests a report. A body that can steer proportionally adds the word `points` to its reports.
+Orders to such a body may end in `STEERING THROTTLE`.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from robot.types import Action, Point, Sensors
 
 HELLO = b"?"
 LATE_MS = 500
-"""Maximum time from an order's `SEEN_MS` to the end of its move, in milliseconds. An order that
-arrives later only stops the body."""
+"""Maximum time from an order's `SEEN_MS` to the end of its move, in milliseconds. If this time has
+already passed when an order arrives, the body stops."""
 LONGEST_MS = 500
 
 

@@ -69,7 +69,7 @@ class ReconnectingConnection(ABC):
 
         Raises:
             ConnectionError: If the message is refused or the connection was closed. If sending
-                fails later, the result of the returned future raises this error.
+                fails afterwards, the returned future raises ConnectionError.
         """
         before = self._sending.get(key)
         if before is not None and not before.done():

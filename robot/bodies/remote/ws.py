@@ -63,8 +63,9 @@ class WsDriver(RemoteDriver):
     line_type = WebsocketLine
 
     def _open_line(self) -> MessageLine:
-        """Open the websocket. Its address is looked up again after a loss only if the robot has a
-        unique name, because otherwise another robot might answer there."""
+        """Open the websocket. After a lost connection, the address is looked up again only if the
+        robot's reports contain its unique name. Without a name, a new address could belong to
+        another robot."""
         host, port = split_address(self.options.address, PORT)
         first = the_only_one(host)
         return WebsocketLine(first, port, lambda: the_only_one(host) if self._device else first)

@@ -168,8 +168,7 @@ class RosBridge(ReconnectingConnection, Topics):
 
 
 def _let_fail(task: asyncio.Future[None]) -> None:
-    """Retrieve the error of a task that nobody awaits any more, because the connection has
-    ended."""
+    """Retrieve a finished task's error, because asyncio logs an error that nobody retrieves."""
     if not task.cancelled():
         task.exception()
 

@@ -410,9 +410,9 @@ class DdsTopics(Topics):
             self._warn_once(f"a message of {topic} cannot be read: {error!r}")
 
     def _note_sign(self) -> None:
-        """Count each received message as a sign of life, too. Acknowledgements are not enough:
-        DDS waits for those of a subscriber that has died until it drops this subscriber, even if
-        another one has taken its place."""
+        """Count each received message as a sign of life, too. Acknowledgements are not enough: when
+        a subscriber dies, none arrive until DDS drops this subscriber, even if another subscriber
+        has taken its place."""
         with self._lock:
             if self._unanswered_s is not None:
                 self._unanswered_s = self._clock.now_s()

@@ -77,11 +77,11 @@ class RosOptions(TransportOptions):
 class RosDriver(ConnectedDriver[Topics]):
     """Publishes a velocity for as long as a move lasts, then zero.
 
-    `cmd_vel` contains no duration. If this program, its computer or the network fails, the robot
-    therefore stops only if its base has a timeout for velocities. With `watchdog`, a node of this
-    project on the robot stops the robot. The node sends signs of life that contain its time, and
-    each order contains the newest of these times. The node stops obeying an order as soon as the
-    time in it is too old.
+    `cmd_vel` contains no duration. If this program, its computer or the network fails, nobody sends
+    a zero. The robot then stops only if its base has a timeout for velocities. With `watchdog`, a
+    node of this project on the robot stops the robot. The node sends signs of life that contain its
+    time, and each order contains the newest of these times. The node stops obeying an order as soon
+    as the time in it is too old.
     """
 
     name: ClassVar[str] = "ros"

@@ -17,8 +17,8 @@ from robot.errors import MissingExtraError, need, told_as
 
 log = logging.getLogger(__name__)
 REFUSED_S = 1.0
-"""Time for which a refusal counts after it was last received, in seconds. A topic that was refused
-is requested twice in this time."""
+"""A refusal expires after this time, in seconds. A refused topic is requested twice within this
+time, so a lasting refusal is renewed before it expires."""
 _HARMLESS = ("info", "none")
 _LONGEST_TEXT = 300
 _MOST_PARTS, _MOST_BYTES = 1000, 6 * 2**20

@@ -39,8 +39,8 @@ class Topics(ABC):
     @property
     @abstractmethod
     def silent_s(self) -> float:
-        """Number of seconds for which the other end has given no sign of life although one was
-        due."""
+        """Return for how long an expected sign of life from the other end has been missing, in
+        seconds."""
 
     @property
     @abstractmethod

@@ -25,8 +25,8 @@ class DrivingLearner:
 
     Args:
         moves: The moves to choose from, at least two: names, or a `Move` if steering and throttle
-            are known. The classic names imply steering and throttle; from any other name the
-            learner cannot tell whether the move is a turn.
+            are known. Classic names such as `left` imply steering and throttle. A turn with another
+            name should be a `Move`, because the learner does not recognise its name as a turn.
         learner: Name of a learner, for example `default-32`, or a policy that only this object
             uses.
 

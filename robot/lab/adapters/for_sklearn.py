@@ -1,4 +1,4 @@
-"""Makes BSOC, this project's online classifier, an estimator of scikit-learn, with `fit`,
+"""A scikit-learn estimator that uses BSOC, this project's online classifier. It supports `fit`,
 `partial_fit`, pipelines and `clone`."""
 
 from __future__ import annotations

@@ -22,15 +22,15 @@ class Rival:
     """A kind of learner from another library.
 
     Attributes:
-        make: Returns a new model. The arguments are the library's class, the number in the
-            learner's name, and the number of examples. The number in the name is that of
-            neighbours, trees or hidden units, or it is a penalty.
+        make: Returns a new model. Its arguments are the library's class, the number at the end of
+            the learner's name (5 in `knn-5`), and the number of examples. The second argument is a
+            number of neighbours, trees or hidden units, or a penalty.
         library: Module and class, and the extra that installs them.
         features: The learner's features. A learner whose features are gradients, like the default
             learner's, also gets the default learner's action filter, for a fair comparison. A
             learner with grey values or colours gets no filter.
         is_eager: True if the learner is fitted again after every example. If False, the learner is
-            fitted again whenever there are a tenth more examples.
+            fitted again whenever the number of examples has grown by a tenth.
         is_angular: True if the learner learns only the angle, by regression.
     """
 

@@ -38,7 +38,7 @@ class Baseline(Stateful, BaseLearner):
         make: Returns a new classifier with `fit`, `predict_proba` and `classes_`, given the number
             of examples.
         is_eager: True if the learner is fitted again after every example. If False, the learner is
-            fitted again whenever there are a tenth more examples.
+            fitted again whenever the number of examples has grown by a tenth.
     """
 
     _dtypes = (np.uint8, np.float32, np.float64)
@@ -111,8 +111,8 @@ class Baseline(Stateful, BaseLearner):
 
 def _tenth_parts(n_examples: int) -> int:
     """Return the number of examples at which the classifier was last fitted. It is fitted at each
-    of the first 20 examples, and then whenever there are a tenth more: at 22, 24 ... 30, 33 and so
-    on."""
+    of the first 20 examples. Later it is fitted whenever the number of examples has grown by a
+    tenth: at 22, 24 ... 30, 33 and so on."""
     count = 1
     while (following := count + max(1, count // 10)) <= n_examples:
         count = following

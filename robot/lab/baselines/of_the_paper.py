@@ -78,8 +78,8 @@ def gng(make: Any, number: int, n_examples: int) -> Prototypes:
 
 
 KEPT, SHIFTS = 200, [shift for shift in range(-7, 8) if shift]
-"""Number of pictures in ALVINN's set of training pictures, and the shifts of a frame's copies in
-this set, in pixels of a picture that is 40 pixels wide."""
+"""ALVINN's training set contains `KEPT` pictures. Each frame is added together with copies that are
+shifted sideways by `SHIFTS` pixels; a frame is 40 pixels wide."""
 
 
 class RotatingSet:

@@ -44,12 +44,12 @@ class EyesFeatures(PictureFeatures):
     learned many examples drive better with a larger one.
     """
     balance = 0.25
-    """Extra weight of rare labels. The weight is low because few examples of a turn are enough with
-    the features of a vision net."""
+    """Extra weight of rare labels. A low weight is enough: with the features of a vision net, a
+    robot learns a turn from few examples."""
     novelty_margin = 0.3
     """A corner that the robot has never seen seems more novel by the network's outputs than by
-    gradients. With the margin of other features, a robot would ask for help three times as often
-    after a short lesson, and drive no better."""
+    gradients. The default margin would be too small: after a short lesson a robot would ask for
+    help three times as often, and drive no better."""
 
     def __init__(self) -> None:
         self._network = Network()
@@ -67,7 +67,8 @@ class EyesFeatures(PictureFeatures):
         return np.concatenate([values.ravel(), small.ravel() >> 2])
 
     def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the sums of squares of each part's outputs and pixels."""
+        """Return one number for each part of the picture: the sum of the squared differences of its
+        outputs and pixels."""
         by_output = (difference[: self.n_outputs] ** 2).reshape(CHANNELS, self.n_rows, -1)
         parts = by_output.sum(axis=0)
         return sum_over_cells(difference[self.n_outputs :], parts)

@@ -18,14 +18,13 @@ WRONG_FOR = 2
 """Number of wrong decisions in a row after which the teacher takes the wheel."""
 HOLDS_FOR = 5
 """When the teacher corrects the robot, the teacher drives for at least this number of decisions.
-After these decisions the teacher returns the wheel as soon as the robot would make the same
-move."""
+Afterwards the robot drives again as soon as it proposes the same move as the teacher."""
 UNSURE = 0.6
 """Confidence below which a robot asks, if it may ask at all. Such a robot also asks whenever
 Drivelesson's own loop would ask."""
 _PATIENCE = 20
-"""Maximum number of decisions per missing example, after which teaching ends. A limit is needed,
-because a robot that makes no mistakes gets no corrections."""
+"""Teaching ends at the latest after this number of decisions for each example that was missing at
+its start. A limit is needed, because a robot that makes no mistakes gets no corrections."""
 _ALONE_SEED = 1_000_000
 TEACHER = "teacher"
 """Used instead of a learner's name if the scripted teacher itself drives and is scored."""

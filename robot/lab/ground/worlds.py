@@ -22,7 +22,8 @@ Picture = NDArray[np.uint8]
 STEP_S = 0.1
 """Time from one decision to the next, in seconds."""
 _HALF_WIDTH_M = 0.45
-"""Half the width of the lane that MiniWorld's agent needs; the agent is 80 cm wide."""
+"""Half the width of a lane that is wide enough for MiniWorld's agent, in metres. The agent is 80 cm
+wide."""
 
 
 class ForeignWorld(ABC):
@@ -157,8 +158,8 @@ class CarRacing(ForeignWorld):
     visited.
 
     The moves are the five discrete actions of CarRacing: left, right, gas, brake and nothing. The
-    teacher knows the track. The teacher steers to a point ahead only if the point is well to one
-    side, because a move that steers gives no gas. The teacher drives slower in bends.
+    teacher knows the track. A move either steers or accelerates, so the teacher steers only if the
+    track ahead is well to one side. The teacher drives slower in bends.
 
     Args:
         names: The names of left, right, gas, brake and nothing.
@@ -228,11 +229,13 @@ CAR_MOVES = {
     "brake": Point(0.0, -0.8),
     "coast": Point(0.0, 0.0),
 }
-"""Steering and throttle of the five discrete moves, in the continuous form."""
+"""The five discrete moves of CarRacing, each as steering and throttle for the continuous action
+space."""
 
 
 class ProportionalCarRacing(CarRacing):
-    """CarRacing in its continuous form, with the moves of the discrete form.
+    """CarRacing with a continuous action space. It has the same five moves as `CarRacing`, each
+    with a fixed steering and throttle.
 
     The teacher steers towards a point ahead, in proportion to the point's bearing. It accelerates
     at the same time.

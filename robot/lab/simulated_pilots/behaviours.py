@@ -22,8 +22,8 @@ class WallFollower:
     AHEAD_NEAR_M, AHEAD_FREE_M = 0.30, 0.60
     ONWARDS_S = 0.8
     """Time for which the teacher drives on after a turn, before it turns to the wall, in seconds.
-    Without this time, the teacher would alternate between left and right forever at a gap in the
-    wall."""
+    If the teacher turned to the wall immediately, it would stay at a gap in the wall and turn left
+    and right forever."""
 
     def __init__(self) -> None:
         self._turning: Action | None = None

@@ -100,7 +100,8 @@ class Habit:
     """The way in which one kind of pilot teaches."""
 
     teacher: Callable[[tuple[Action, ...], str], Teacher] = Person
-    """Makes the teacher from the turns that it may make, and a seed."""
+    """Function that makes the teacher. Its arguments are the turns that the teacher may make, and a
+    seed."""
     hand: HumanDelayConfig = PRACTISED
     takeover: TakeoverPolicy = LENIENT
     turns: tuple[Action, ...] = BOTH

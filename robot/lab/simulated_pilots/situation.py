@@ -1,7 +1,7 @@
 """Describes by a few numbers what a pilot sees on the screen.
 
-A person sees in the frame where there is room. A simulated pilot does not look at the frame. It
-gets distances from the simulated world, as they were when the frame was taken.
+A person looks at the frame and sees where there is room to drive. A simulated pilot does not look
+at the frame. It gets distances from the simulated world, as they were when the frame was taken.
 """
 
 from __future__ import annotations

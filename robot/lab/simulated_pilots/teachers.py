@@ -81,8 +81,7 @@ class TeacherParams:
 
 
 class Wanderer:
-    """Drives where there is room: forward until something is near, then turns until the way is
-    free.
+    """Drives forward until something is near. Then turns until the way is free.
 
     Args:
         turns: The turns that the teacher may make: LEFT, RIGHT or both. If both are allowed, the
@@ -91,10 +90,11 @@ class Wanderer:
 
     LONG_TURN_S = 8.0
     """Duration of a turn, in seconds, after which the place counts as narrow: the teacher has then
-    turned by 150 degrees. From then on a shorter free distance is enough to drive on."""
+    turned by 150 degrees. In a narrow place the teacher drives on at a shorter free distance than
+    elsewhere."""
     STUCK_S, STUCK_M = 13.0, 0.15
-    """For this teacher, a robot that stays within `STUCK_M` metres for `STUCK_S` seconds is stuck,
-    because turning round takes less time."""
+    """A robot that has stayed within `STUCK_M` metres for `STUCK_S` seconds counts as stuck.
+    Turning round on the spot takes less time."""
 
     def __init__(
         self,

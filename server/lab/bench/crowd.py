@@ -24,7 +24,7 @@ from server.lab.bench.report import TOO_BUSY, add_usual, percentiles, report
 from server.lab.bench.subject import ServerUnderTest
 
 _TURNS = 4
-"""Number of measurements with greedy viewers. The same number is made without them."""
+"""Number of measurements with greedy viewers, and also of measurements without them."""
 _ASKED_RATIO = 1.5
 
 

@@ -1,4 +1,5 @@
-"""Measures the times to learn and to predict for numbers of nodes, and the possible frame rates."""
+"""Measures the times to learn and to predict, and the frame rates that these times permit, for
+different numbers of nodes."""
 
 from __future__ import annotations
 

@@ -105,7 +105,7 @@ async def _measure_viewers(count: int, seconds: float, rate_hz: float) -> dict[s
 
 
 async def _measure_commands(count: int, rate_hz: float) -> dict[str, Any]:
-    """Measure the time from the sending of each new move until the robot's body drives it."""
+    """Measure the time from sending a new move until the robot's body executes it."""
     with ServerUnderTest("drivelesson", rate_hz) as subject:
         async with watching(subject, count), driving(subject) as send:
             sent: list[tuple[float, str]] = []
@@ -143,7 +143,8 @@ Send = Callable[..., Awaitable[None]]
 
 @contextlib.asynccontextmanager
 async def driving(subject: ServerUnderTest, cookie: str = "") -> AsyncIterator[Send]:
-    """While the `with` block runs, be the pilot in training mode; yield a function that sends."""
+    """Connect as the pilot and drive in training mode while the `with` block runs. Yield a function
+    that sends a message."""
     from websockets.asyncio.client import connect
 
     url, headers = f"ws://127.0.0.1:{subject.port}/ws/drive", {"Cookie": cookie}

@@ -28,8 +28,8 @@ LINKS: dict[str, dict[str, float]] = {
     "DevTools' 3G": {"latency": 562.5, "downloadThroughput": 180_000, "uploadThroughput": 84_375},
 }
 """Slow links, each with the latency of a request in milliseconds and the rates in bytes per second.
-`DevTools' 3G` is a preset of Chromium's DevTools. Its latency is longer because DevTools delays
-each request only once, not each packet."""
+`DevTools' 3G` is a preset of Chromium's DevTools. DevTools delays each request only once, not each
+packet, so the preset has a longer latency to make up for the difference."""
 PHONE = 4
 _WATCH = """window.usableMs = new Promise((done, fail) => {
   setTimeout(() => fail(new Error('a person cannot teach within 30 s')), 30000);

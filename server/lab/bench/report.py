@@ -63,8 +63,8 @@ def in_turns(own: Sequence[float], peer: Sequence[float]) -> dict[str, Any]:
 
     Returns:
         The medians `own` and `peer`. In each turn both servers are measured, and `ratio` is the
-        median of the turns' ratios own / peer. `ratio` is None if the ratios of the turns differ by
-        more than their median, because the machine was then too busy.
+        median of the turns' ratios own / peer. `ratio` is None if the machine was too busy: the
+        ratios of the turns then differ by more than their median.
     """
     ratios = [one / other for one, other in zip(own, peer, strict=True)]
     ratio, spread = statistics.median(ratios), max(ratios) - min(ratios)

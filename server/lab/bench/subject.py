@@ -63,8 +63,9 @@ class ServerUnderTest:
 
     def ask(self, word: str = "") -> Any:
         """Return the server's measurements: the CPU times of the process and of its serving thread,
-        and the counts and times of the control loop and the body. With the word `forget`, all
-        training and notes are dropped first, and the answer also has the memory in use."""
+        and the counts and times of the control loop and the body. If the word is `forget`, the
+        process first deletes all training and notes. The answer then also contains the memory in
+        use."""
         self._line.send(word)
         return self._read()
 
@@ -173,7 +174,8 @@ def _serving_cpu_s() -> float:
 def _memory() -> dict[str, int]:
     """Return the number of Python's memory blocks, and the resident memory in bytes.
 
-    Free memory is given back to the system first, because the allocator keeps a random amount.
+    Unused memory is first returned to the system. Otherwise the result would include a random
+    amount of unused memory that the allocator keeps.
     """
     gc.collect()
     blocks = sys.getallocatedblocks()

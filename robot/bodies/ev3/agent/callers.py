@@ -25,8 +25,8 @@ JOIN_S = 1.0
 ACCEPT_PAUSE_S = 0.2
 """Pause after an error of `accept`, such as a lack of descriptors or memory, in seconds."""
 LARGEST_OUTBOX = 1 << 20
-"""Maximum number of bytes that wait to be sent to a controller. If more are waiting, the controller
-reads too slowly, and is dropped."""
+"""Maximum number of bytes that wait to be sent to a controller. A controller that reads too slowly
+for this limit is disconnected."""
 
 
 class Caller:
@@ -112,13 +112,13 @@ class CallerLimiter:
         self._closed_until_s = 0.0
 
     def is_open(self, now_s: float) -> bool:
-        """False for a moment after an error of `accept`, because the error would repeat
-        immediately."""
+        """Return whether to accept connections now: not for a short time after an error of
+        `accept`, because the same error would follow immediately."""
         return now_s >= self._closed_until_s
 
     def accept(self, now_s: float) -> None:
-        """Accept one connection. If too many connections have not joined yet, or if the system has
-        no room for a new one, drop one that has not joined."""
+        """Accept one connection. If too many clients wait to be authenticated, or if the system is
+        out of descriptors or memory, disconnect one of these clients."""
         try:
             line, address = self.listener.accept()
         except BlockingIOError:

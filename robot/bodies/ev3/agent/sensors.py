@@ -121,9 +121,12 @@ class RobotSensors:
         self._battery = find_battery(self._root)
 
     def read(self) -> Dict[str, Any]:
-        """Return distance_m, bumped and battery_share, each None if its sensor is missing, and
-        bumpers, a list with True for each touch sensor that is pressed and False for the others.
-        Raises DriveError if a known sensor does not answer."""
+        """Return a dict with `distance_m`, `bumped`, `battery_share` and `bumpers`.
+
+        The first three are None if the sensor is missing. `bumpers` is a list with one bool per
+        touch sensor: True if the sensor is pressed. Raises DriveError if a known sensor does not
+        answer.
+        """
         now_s = self._clock.monotonic()
         is_due = now_s - self._searched_s >= SEARCH_S
         if is_due:

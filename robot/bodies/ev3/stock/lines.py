@@ -70,7 +70,8 @@ class BrickLine(ABC):
 
 
 class SocketLine(BrickLine):
-    """A stream of messages, each with its length before it: Wi-Fi and Bluetooth."""
+    """Sends and receives messages over a socket (Wi-Fi or Bluetooth). Each message begins with its
+    length."""
 
     _remedy = "is it switched on and in range?"
     _device: socket.socket
