@@ -1,9 +1,8 @@
 """Reads pictures that are labelled by their folders (classes), or by the steering in their file
 names.
 
-A folder or a file name does not tell when a picture was taken, so these pictures have no times.
-Sources: huggingface/datasets, folder_based_builder; the collision avoidance of
-NVIDIA-AI-IOT/jetbot; Teachable Machine's exports.
+Pictures that are labelled by folders or file names have no times. Sources: huggingface/datasets,
+folder_based_builder; the collision avoidance of NVIDIA-AI-IOT/jetbot; Teachable Machine's exports.
 """
 
 from __future__ import annotations

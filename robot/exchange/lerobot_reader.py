@@ -39,8 +39,8 @@ from robot.moves import CLASSIC
 from robot.types import DEFAULT_MOVES, Action
 
 _INTERVENTIONS = ("intervention", "complementary_info.is_intervention")
-"""Names of the column that marks interventions. If the dataset has such a column, only the frames
-with an intervention are examples. The column `pilot` has precedence."""
+"""Names of the column that marks interventions. If a dataset has a column for interventions, only
+the frames with an intervention are examples. The column `pilot` has precedence."""
 _FIELD = re.compile(r"\{(\w+)(?::0(\d)d)?\}")
 _MOST_S = 1e7
 Record = dict[str, Any]

@@ -58,9 +58,9 @@ def make_timeline(stamps_s: Sequence[object]) -> Timeline:
 
     Stamps are seconds by any clock. A value that is not a finite number counts as missing. A stamp
     that is missing or out of order is set between its neighbours. Equal stamps are spread evenly
-    over the time until the next stamp. If the stamps would then be much closer or farther apart
-    than most of the drive's stamps, the median distance of the drive is used instead. If the clock
-    was set back, the time line goes on. A pause of more than a minute becomes two seconds.
+    over the time until the next stamp. If the spread stamps would be much closer together or
+    farther apart than the drive's median period, that period is used instead. If the clock was set
+    back, the time line goes on. A pause of more than a minute becomes two seconds.
     """
     if isinstance(stamps_s, array) and (plain := _plain(np.array(stamps_s))) is not None:
         return plain

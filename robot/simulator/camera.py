@@ -83,8 +83,8 @@ class SimCamera(WorldCamera[SimDriver]):
         return self._take()
 
     def for_the_eye(self, frame: Frame) -> Frame:
-        """Return the frame at 320x240. For the first request, the small frame is returned. From
-        then on the camera renders a large picture with each frame."""
+        """Return the frame at 320x240. For the first request, the small frame is returned. While
+        requests continue, the camera renders a large picture with each frame."""
         self._asked_id = frame.frame_id
         large = self._large
         return large if large is not None and large.frame_id == frame.frame_id else frame

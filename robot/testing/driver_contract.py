@@ -23,11 +23,11 @@ from robot.testing.cases import DriverCase
 from robot.types import Action, Mode, Point, Sensors
 
 LOCAL_BUDGET_S = 0.01
-"""A driver must answer at least one of several equal requests within this time, in seconds.
+"""Of several equal calls of a driver, at least one must return within this time, in seconds.
 Requests must be short, because the control loop waits for each."""
 REMOTE_BUDGET_S = 0.2
-"""The same limit for drivers that declare `is_remote`, in seconds. It is less than 0.4 s, because a
-robot stops if its move is not renewed within that time."""
+"""Limit like `LOCAL_BUDGET_S`, for drivers that declare `is_remote`, in seconds. The limit is less
+than 0.4 s, because a robot stops if its move is not renewed within that time."""
 STANDS_WITHIN_S = 0.5
 """Time within which the body must stand still after its connection was cut, in seconds."""
 CUTS_S = (0.5, 5.0)
@@ -235,8 +235,8 @@ class DriverContract:
         self, driver_case: DriverCase
     ) -> None:
         """When `ramp_s` have passed since the last change, the body drives with the ordered
-        steering and throttle. During the ramp, its steering and throttle stay in the range of the
-        values that it reaches at the `CORNERS`."""
+        steering and throttle. During the ramp, the body's steering and throttle stay in the range
+        of the values that the body reaches at the `CORNERS`."""
         driver, drives = driver_case.driver, driver_case.drives
         with driver:
             if not driver.takes_points:

@@ -14,8 +14,8 @@ from robot.errors import CameraError, told_as
 from robot.types import Encoding
 
 _OLDEST_S = 2.0
-"""Maximum age of a picture by its time stamp, in seconds. If the time stamp is older than this, the
-picture gets the time at which it arrived."""
+"""Maximum age of a picture by its time stamp, in seconds. If the time stamp is older than
+`_OLDEST_S`, the picture gets the time at which it arrived."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -30,7 +30,7 @@ _LOST_S = 3.0
 connection is opened again."""
 _ASK_AGAIN_S = REFUSED_S / 2
 """Time after which refused topics are requested again, in seconds, because the node that caused the
-refusal may have ended. If the node still runs, rosbridge refuses these topics again before the
+refusal may have ended. If the node still runs, rosbridge refuses the topics again before the
 earlier refusal expires after `REFUSED_S`."""
 
 

@@ -465,8 +465,8 @@ def neighbours_of(
 
 
 def _search(participant: DomainParticipant, clock: Clock, seconds: float) -> tuple[Endpoint, ...]:
-    """Search for some seconds. DDS requires that readers end before their participant. Those of
-    `neighbours` end when this function returns."""
+    """Search for some seconds. DDS requires that readers end before their participant. The readers
+    of `neighbours` end when this function returns."""
     neighbours = Neighbours(participant, clock)
     clock.sleep(seconds)
     neighbours.look()

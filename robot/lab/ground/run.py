@@ -12,8 +12,8 @@ from robot.lab.task import Params, Result
 from robot.types import Action, Prediction
 
 FIRST_EXAMPLES = 50
-"""Number of examples in the first demonstration. Only then does the robot drive, and the teacher
-corrects it or answers its requests for help."""
+"""Number of examples in the first demonstration. Only after the demonstration does the robot drive,
+and the teacher corrects it or answers its requests for help."""
 WRONG_FOR = 2
 """Number of wrong decisions in a row after which the teacher takes the wheel."""
 HOLDS_FOR = 5
@@ -27,7 +27,7 @@ _PATIENCE = 20
 its start. A limit is needed, because a robot that makes no mistakes gets no corrections."""
 _ALONE_SEED = 1_000_000
 TEACHER = "teacher"
-"""Used instead of a learner's name if the scripted teacher itself drives and is scored."""
+"""With this name in place of a learner's name, the scripted teacher itself drives and is scored."""
 
 
 def run_ground(params: Params) -> Result:
