@@ -1,5 +1,7 @@
 """Writes LeRobotDataset v3 (parquet tables, pictures as films) without the lerobot package.
 
+The files of a dataset are:
+
     meta/info.json                                      features, counts, paths
     meta/stats.json                                     of all episodes together
     meta/tasks.parquet                                  task text (the index) and its number

@@ -31,7 +31,7 @@ LabelAndPoint = tuple[Action | None, Point | None]
 """The label of a picture, and the steering and throttle of the label if known."""
 LabelAndPoints = tuple[Action | None, Point | None, Point | None]
 """The label of a picture, the pilot's steering and throttle, and the label's steering and throttle.
-The second value is None unless the pilot steered proportionally, the third is None if unknown."""
+The second value is None unless the pilot steered proportionally; the third is None if unknown."""
 
 
 def read_meant(
