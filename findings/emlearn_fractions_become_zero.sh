@@ -14,6 +14,7 @@ trap 'rm -rf "$folder"' EXIT
 python3 -m venv "$folder/env"
 "$folder/env/bin/pip" install --quiet --disable-pip-version-check emlearn==0.23.2 scikit-learn==1.9.1 numpy==2.4.6 \
   'setuptools<81'
+cd "$folder"
 "$folder/env/bin/python" -W error::UserWarning - <<'PY'
 import emlearn
 import numpy as np
