@@ -6,6 +6,7 @@ in radians. Counter-clockwise and forward are positive. The name of a plain numb
 
 from __future__ import annotations
 
+import math
 import re
 import threading
 from abc import ABC, abstractmethod
@@ -168,7 +169,8 @@ class Game:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensors:
-    """Readings of all sensors except the camera. A reading is None if its sensor is missing."""
+    """Readings of all sensors except the camera. A reading is None if its sensor is missing; one
+    that is not a finite number becomes None, as drivers state infinity for "out of reach"."""
 
     distance_m: float | None = None
     bumped: bool | None = None
@@ -177,6 +179,20 @@ class Sensors:
     battery_share: float | None = None
     pose: Pose | None = None
     game: Game | None = None
+
+    def __post_init__(self) -> None:
+        """Raise an error for a reading of another type, which no page and no file could state."""
+        pose, game, change = self.pose, self.game, object.__setattr__
+        for name in ("distance_m", "battery_share"):
+            number = getattr(self, name)
+            if number is not None and not math.isfinite(number):
+                change(self, name, None)
+        if pose is not None and not all(map(math.isfinite, (pose.x_m, pose.y_m, pose.heading_rad))):
+            change(self, "pose", None)
+        if type(self.bumpers) is not tuple:
+            change(self, "bumpers", tuple(self.bumpers))
+        if game is not None and not isinstance(game, Game):
+            raise TypeError(f"the game of the sensors is {game!r}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,7 +15,7 @@ from typing import Any
 from robot.control.state import Tick
 from robot.policy.events import HistoryEvent, Taught, describe_event, describe_point, to_json
 from robot.recordings.reader import MessageChannel, Schema
-from robot.types import Game, Mode, PilotCommand, Point, Pose, Prediction, Sensors
+from robot.types import Game, Mode, PilotCommand, Point, Prediction, Sensors
 
 
 class Topic(StrEnum):
@@ -223,25 +223,18 @@ def describe_prediction(prediction: Prediction) -> Fields:
 def describe_sensors(sensors: Sensors) -> Fields:
     pose, game = sensors.pose, sensors.game
     return {
-        "distance_m": _reading(sensors.distance_m),
+        "distance_m": None if sensors.distance_m is None else _finite(sensors.distance_m),
         "bumped": None if sensors.bumped is None else bool(sensors.bumped),
-        "battery": _reading(sensors.battery_share),
-        "pose": pose and _describe_pose(pose),
+        "battery": sensors.battery_share,
+        "pose": pose
+        and {
+            "x_m": _finite(pose.x_m),
+            "y_m": _finite(pose.y_m),
+            "heading_rad": _finite(pose.heading_rad),
+            **({"is_estimate": True} if pose.is_estimate else {}),
+        },
         **({} if game is None else {"game": _describe_game(game)}),
     }
-
-
-def _reading(number: float | None) -> float | None:
-    """Return a reading; None if it is missing or not a finite number. Many drivers state infinity
-    for an obstacle out of reach."""
-    return None if number is None or not math.isfinite(number) else _finite(number)
-
-
-def _describe_pose(pose: Pose) -> Fields | None:
-    place = {name: _reading(getattr(pose, name)) for name in ("x_m", "y_m", "heading_rad")}
-    if None in place.values():
-        return None
-    return {**place, **({"is_estimate": True} if pose.is_estimate else {})}
 
 
 def _describe_game(game: Game) -> Fields:

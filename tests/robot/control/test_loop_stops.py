@@ -10,7 +10,7 @@ import pytest
 
 from robot.control.state import Tick
 from robot.errors import DriveError
-from robot.types import Action, Mode, Sensors, StopReason
+from robot.types import Action, Mode, Pose, Sensors, StopReason
 from tests.robot.bench_robot import BenchRobot, started
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
@@ -155,6 +155,36 @@ def test_a_driver_that_senses_no_sensors_is_named_and_stopped(returned: Any) -> 
     assert (tick.sent, tick.decision.stop_reason) == (Action.STOP, StopReason.DRIVE_FAULT)
     assert f"{BROKEN}sense: TypeError: returned {returned}" in str(tick.fault)
     assert tick.sensors == Sensors(), "the page shows what the tick contains"
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        *({name: "near"} for name in ("distance_m", "battery_share", "pose", "game")),
+        {"pose": (1.0, 2.0, 0.5)},
+        {"game": {"score": 1}},
+        {"bumpers": None},
+    ],
+    ids=str,
+)
+def test_a_driver_with_a_reading_of_another_type_is_named_and_stopped(
+    wrong: dict[str, Any],
+) -> None:
+    robot = started()
+    robot.driver.sense = lambda: Sensors(**wrong)  # type: ignore[method-assign]
+    tick = robot.step(1, F)
+    assert (tick.sent, tick.decision.stop_reason) == (Action.STOP, StopReason.DRIVE_FAULT)
+    assert f"{BROKEN}sense: " in str(tick.fault)
+
+
+def test_readings_that_are_no_finite_numbers_are_missing() -> None:
+    """Drivers state infinity for an obstacle out of reach; JSON has no such number."""
+    for none in (math.inf, -math.inf, math.nan):
+        lost = Pose(x_m=0.0, y_m=none, heading_rad=0.0)
+        assert Sensors(distance_m=none, battery_share=none, pose=lost) == Sensors()
+    pose = Pose(x_m=1.0, y_m=2.0, heading_rad=0.5)
+    there = Sensors(distance_m=0.5, bumpers=[True, False], pose=pose)  # type: ignore[arg-type]
+    assert (there.distance_m, there.bumpers, there.pose) == (0.5, (True, False), pose)
 
 
 def test_a_body_that_fails_is_stopped_before_it_is_logged_and_is_logged_once(
