@@ -4,8 +4,8 @@ A webcam on a fast bus delivers thirty pictures a second, 5 ms old. The guide's 
 pictures a second on a slow computer, 95 to 145 ms old. A fixed limit is too strict for one webcam
 or too lax for the other, so the limits follow the measurements. The limits are quantiles over the
 last pictures, so a lost picture changes nothing. The limits grow slowly while the robot moves, and
-shrink quickly. Their upper bounds follow from the distance that the robot may travel on one
-picture.
+shrink quickly. The upper bounds of the limits follow from the distance that the robot may travel
+before it must have a newer picture.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from robot.control.config import CameraTimingConfig
 from robot.control.state import USUAL_PERIOD_S, CameraState
 
 SLOW_PERIOD_S = 0.75
-"""A camera with this period or a longer one is reported as too slow, in seconds. Nobody can steer
-by so few pictures; webcams usually deliver ten to thirty a second."""
+"""Period in seconds from which on a camera is reported as too slow. Nobody can steer by so few
+pictures; webcams usually deliver ten to thirty a second."""
 _LEAST_SCALE = 0.05
 """Lower bound of the speed scale: bodies refuse 0, and no camera needs a lower scale than this."""
 
@@ -35,8 +35,8 @@ class CameraTiming:
     _WINDOW = 15
     _AGE_QUANTILE = 0.8
     _MISSED_PERIODS = 2.5
-    """Gap that counts as a lost picture, in periods: two periods pass if one picture is lost, and
-    half a period allows for jitter."""
+    """A gap of this many periods between two pictures counts as a lost picture. If one picture is
+    lost, the gap is two periods; half a period is added for jitter."""
 
     def __init__(self, shortest_timeout_s: float, config: CameraTimingConfig | None = None) -> None:
         self.config = config or CameraTimingConfig()

@@ -53,10 +53,10 @@ class CameraTimingConfig:
     cm. If the camera's period exceeds `full_speed_s`, the excess is added to this limit. The robot
     then drives slower, so the distance stays within 8 cm."""
     full_speed_s: float = 0.3
-    """Largest age of the newest picture at full speed: the robot then travels 5 cm at 0.16 m/s.
-    With older pictures it slows down, so that it travels no further on one picture."""
+    """Largest age of the newest picture at full speed: the robot then travels 5 cm at 0.16 m/s. If
+    pictures are older, the robot slows down, so that it still travels at most 5 cm between two."""
     growth_s_per_s: float = 0.05
-    """Most growth of an estimate while the robot may move; no limit while it stands still."""
+    """Maximum growth of an estimate while the robot may move; no limit while it stands still."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

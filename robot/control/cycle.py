@@ -49,7 +49,7 @@ _RESTS_AFTER_S = 1.0
 """Time for which a robot stands still unwatched before it rests, in seconds. In this time a person
 can reload the page, and the loop can measure the camera's rate."""
 _RESTING_SHARE = 0.9
-"""The next picture is taken after this share of the requested period, as cameras can be early."""
+"""The next picture may come after this share of the requested period: cameras can be early."""
 
 
 class Mailbox:
@@ -297,8 +297,8 @@ class Cycle:
             return Sensors()
 
     def _decide(self, link: LinkState, world_s: float) -> tuple[Decision, float]:
-        """Choose who drives, at the lowest of all speed limits. Also return the time at which the
-        order expires."""
+        """Choose who drives, and limit the speed to the lowest of all speed limits. Also return the
+        time at which the order expires."""
         frame, waits = self.learning.frame, self._camera.world_waits
         decision = self._gate.select(
             world_s,
@@ -392,7 +392,7 @@ class Cycle:
     # Requests, run on the loop's thread, and every way to stop ---------------------------------
 
     def _note(self, command: PilotCommand) -> None:
-        """Record a command; the link is also measured by commands that come too late."""
+        """Record a command. One that comes too late still shows how slow the link is."""
         times = self.learning.times_of(command.frame_id, command.seen_id)
         proven_s = command.received_s if command.proven_s is None else command.proven_s
         received_s = self._world_s(command.received_s)

@@ -59,9 +59,10 @@ class Gate:
 
     @property
     def silent_at_s(self) -> float:
-        """The time from which the pilot counts as silent without a command; infinite when stopped.
+        """Time from which the pilot's silence is counted; infinite when stopped.
 
-        A robot that drives by itself needs only supervision, which has a longer time limit.
+        While the robot drives by itself, the pilot only supervises it, and may be silent for
+        longer.
         """
         if self.mode is Mode.STOPPED:
             return math.inf

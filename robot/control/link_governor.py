@@ -62,8 +62,9 @@ class LinkGovernor:
     ) -> None:
         """Measure the link by a command, even if the command is too old to be obeyed.
 
-        `named_s` holds the times at which the named frame was taken and reached the loop; `seen_s`
-        is the time at which the newest acknowledged frame reached the loop.
+        `named_s` holds two times of the frame that the command names: when it was taken, and when
+        it reached the loop. `seen_s` is when the newest frame that the page acknowledged reached
+        the loop.
         """
         captured_s, delivered_s = named_s
         self.note_seen(seen_s)

@@ -1,9 +1,10 @@
 """Perception and online learning: predicts a move for each new frame, and learns the pilot's moves.
 
 A command contains the held move and the frame that the pilot was looking at. This frame gets the
-move as its label. The frames between this frame and the previous command's frame get the move that
-was held before, because the page sends each change of the held move immediately. A labelled frame
-is a little older than the newest frame, so the feature vectors of the last frames are kept.
+move as its label. Frames between this frame and the frame of the previous command get the move that
+was held before. This is correct, because the page sends every change of the held move at once. A
+labelled frame is a little older than the newest frame, so the feature vectors of the last frames
+are kept.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ from robot.types import Action, Example, Frame, PilotCommand, Point, Prediction
 log = logging.getLogger(__name__)
 
 WINDOW_S = 10.0
-"""Window of the agreement, in seconds. A window of a hundred examples would be too short: at thirty
-a second, they may all come from one straight stretch."""
+"""The agreement is computed over this time, in seconds. A window of a hundred examples would be too
+short: at thirty a second, they may all come from one straight stretch."""
 
 
 class Agreement:
@@ -156,9 +157,9 @@ class OnlineLearning:
     ) -> bool:
         """Process the camera's newest frame; return False if there is none or it is not new.
 
-        `delivered_s` is the time at which the frame reached the loop; None means when it was taken.
-        The other arguments are passed to `Policy.propose`. Raises CameraError if the frame cannot
-        be decoded; the frame then counts as not seen.
+        `delivered_s` is the time at which the frame reached the loop; None if that was when the
+        frame was taken. The other arguments are passed to `Policy.propose`. Raises CameraError if
+        the frame cannot be decoded; the frame then counts as not seen.
         """
         if frame is None or (self.frame is not None and frame.frame_id == self.frame.frame_id):
             return False
@@ -213,7 +214,7 @@ class OnlineLearning:
     def learn(
         self, commands: Sequence[PilotCommand], *, is_intervention: bool, may_learn: bool
     ) -> None:
-        """Learn the frames that the commands give a label; if `may_learn` is False, skip them."""
+        """Learn the frames to which the commands give a label; skip them if not `may_learn`."""
         lessons: list[tuple[Example, Vector, float]] = []
         for command in commands:
             for frame_id, label, point in self._labeller.label(command, self._seen):

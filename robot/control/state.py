@@ -13,8 +13,8 @@ from robot.types import Action, Decision, Frame, PilotCommand, Prediction, Senso
 LATE_CYCLE_S = 0.1
 """Duration above which a tick counts as late, in seconds."""
 USUAL_PERIOD_S = 1 / 30
-"""Camera period that the link's limits assume, in seconds. If a camera's period is longer, the
-difference is added to the limits."""
+"""Camera period that the link's limits assume, in seconds. A slower camera adds the difference
+between its period and this period to the limits."""
 
 
 class LinkLevel(StrEnum):
@@ -55,7 +55,7 @@ class CameraState:
     timeout_s: float = 0.2
     """Largest age of the newest picture while the robot may move."""
     speed_scale: float = 1.0
-    """Share of full speed at which the robot does not travel too far on one picture."""
+    """Share of full speed at which the robot does not travel too far before the next picture."""
     slack_s: float = 0.0
     """The part of the age of the pilot's picture that is due to this camera's period."""
     sight_slack_s: float = 0.0
@@ -130,7 +130,7 @@ class SteadyFault:
     def show(self, fault: str | None, now_s: float, *, may_move: bool) -> str | None:
         """Note the current fault, and return the sentence that the page should show.
 
-        If the robot `may_move`, it was started after all old faults, which are no longer shown.
+        A robot that `may_move` was started after the last fault, so old faults are no longer shown.
         """
         if fault is not None:
             self._seen_s = now_s

@@ -41,7 +41,7 @@ class Watchdog(StartStop):
         """Set the deadline of an order; the caller holds the body until the order is sent. Return
         False if `until_s` has passed.
 
-        An infinite `until_s` means no deadline, because the order keeps the robot still.
+        An order that keeps the robot still has no deadline: its `until_s` is infinite.
         """
         is_on_time = self._clock.now_s() < until_s
         self._due_s = until_s if is_on_time else math.inf

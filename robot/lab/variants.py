@@ -62,7 +62,8 @@ class Design:
     is_smooth: bool = True
     """True if the linear part expects similar weights in adjacent cells (`GradientFeatures`)."""
     is_contextual: bool = True
-    """True if the current move is an input of the linear part; if False, the move has inertia."""
+    """True if the linear part also takes the current move into account; if False, a move under way
+    has inertia instead."""
     linear_share: float = LINEAR_SHARE
     group_cost: float = GROUP_COST
     n_voters: int = N_VOTERS

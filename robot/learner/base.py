@@ -135,7 +135,7 @@ class Learner(Protocol):
     sharpness: float = 1.0
     """The power to which shares of votes are raised to calibrate them; 1 calibrates nothing."""
     mirror: Mirror | None = None
-    """How each example is mirrored to be learned too, if left and right are alike; else None."""
+    """Mirrors each example, if left and right are alike; the mirror image is learned, too."""
     last_node_: int | None = None
     """Id of the image that the latest example was merged into; None if there is no such image."""
 
@@ -171,8 +171,8 @@ class Learner(Protocol):
     def begin_like(self, earlier: Sequence[State]) -> int:
         """Expect this place to resemble the places of earlier models, until examples say otherwise.
 
-        Call this before the first example. Return the number of earlier models that were used; 0
-        if the learner expects nothing.
+        Call this before the first example. Return how many of the earlier models were used; 0 if
+        the learner cannot use any.
         """
         return 0
 

@@ -141,7 +141,7 @@ class Images(Stateful):
         self._norms[row] = self._x_norm
 
     def absorb(self, row: int, count: int) -> None:
-        """Make the image of `count` frames the mean of these frames and the measured vector."""
+        """Make a node's image the mean of its `count` earlier frames and the measured vector."""
         self._blend(row, self._x, 1.0 / (count + 1))
 
     def merge(self, kept: int, removed: int, count_kept: int, count_removed: int) -> None:
@@ -296,8 +296,8 @@ class BSOC(Clusters):
         self._images.absorb(node, count)
 
     def _merge(self, kept: int, removed: int, distances: Floats) -> tuple[int, int]:
-        """Merge one node into another, but not their images; update `distances` of the measured
-        frame. Return how many frames each of the two nodes had."""
+        """Merge one node into another without changing the images. Update `distances`, which are
+        those of the measured frame. Return how many frames each of the two nodes had."""
         count, other = int(self._counts[kept]), int(self._counts[removed])
         share = other / (count + other)
         between = float(self._distances[kept, removed])
@@ -315,7 +315,8 @@ class BSOC(Clusters):
         return count, other
 
     def _blended(self, one: Floats, two: Floats, share: float, between: float) -> Floats:
-        """Lance-Williams: d(k, ij) = wi d(k, i) + wj d(k, j) - wi wj d(i, j)."""
+        """Lance and Williams: d(k, ij) = wi d(k, i) + wj d(k, j) - wi wj d(i, j) for a third node
+        k, where wi and wj are the shares of the nodes i and j in their common frames."""
         row: Floats = two - one
         row *= share
         row += one
@@ -387,8 +388,8 @@ class BSOC(Clusters):
     def _misfit(self) -> tuple[float, Floats]:
         """Return the error of the stored distances, and the exact distances between the images.
 
-        Stored distances are computed from one another, so after many frames they have a small
-        error; the returned error is then still below 1.
+        Each stored distance is computed from earlier stored distances, so rounding errors add up.
+        After many frames the returned error is still below 1.
         """
         size = self.n_nodes_
         rows = self._images.compared(size)

@@ -131,7 +131,7 @@ class Clusters(Stateful, ABC):
 
     @abstractmethod
     def _costs(self, node: int) -> Distances:
-        """Return the cost of merging a node with each node, ignoring pins, shape (n,)."""
+        """Return the cost of merging one node with each of the nodes, shape (n,); ignores pins."""
 
     def set_group(self, node: int, group: int) -> None:
         """Move one node to another group."""

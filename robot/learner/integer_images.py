@@ -14,7 +14,7 @@ from robot.learner.part import Array
 
 _INT32 = 2**31
 _MOST_STEPS, _FEWEST_STEPS = 256, 16
-"""Most and fewest steps between two successive grey levels in `IntegerImages`."""
+"""Largest and smallest number of steps into which `IntegerImages` divides a grey level."""
 
 
 class IntegerImages(Images):
@@ -22,14 +22,13 @@ class IntegerImages(Images):
 
     Vectors are integers from 0 to 255. A row stores the exact sum of its frames, so precision does
     not depend on the number of frames. Frames are compared with the mean in steps of 1/16 to 1/256
-    of a grey level. The step is as fine as 32 bits allow for products of two vectors, because with
-    64 bits such a processor takes twice as long.
+    of a grey level: as small as 32 bits allow for products of two vectors. Products in 64 bits
+    take twice as long on such a processor.
 
     Args:
         max_nodes: Number of rows.
         n_compared: Number of leading values of a vector that are compared; None for all. The other
-            values are only averaged, for people, who need more pixels than the learner needs to
-            recognise a view.
+            values are only averaged, to show them to people.
     """
 
     kind = "bsoc-integer"

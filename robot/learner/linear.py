@@ -50,4 +50,4 @@ class LinearPart(Stateful, ABC):
 
     @abstractmethod
     def retarget(self, x: Vector, change: Floats, angle: Angle = 0.0) -> None:
-        """Add `change` to the summed targets of learned frames whose mean is `x`."""
+        """Add `change` to the sum of the targets over learned frames that have the mean `x`."""

@@ -185,8 +185,9 @@ class Stateful:
     def parts(self) -> Sequence[tuple[str, Stateful]]:
         """Return the contained parts, with their names.
 
-        A part's values are saved in a table with its name, and the names of its arrays begin with
-        this name. A part with an empty name is saved among its owner's values and arrays.
+        The values of a part are saved in a table named after the part. The names of its arrays
+        begin with the name of the part. A part with an empty name is saved among its owner's values
+        and arrays.
         """
         return ()
 

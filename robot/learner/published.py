@@ -1,8 +1,8 @@
 """The clustering exactly as published, with the published rules for ties.
 
-Source: Ferrer, FLAIRS-30 (2017), with the details of the authors' program: the distance is the
-sum of squared differences; a new node gets the lowest free index, a merged node gets the lower of
-its two indices, and the last node moves to the free index.
+Source: Ferrer, FLAIRS-30 (2017), and the authors' program for the details. The distance is the sum
+of squared differences. A new node gets the lowest free index. A merged node gets the lower of its
+two indices, and the last node moves to the free index.
 """
 
 from __future__ import annotations

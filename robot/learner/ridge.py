@@ -4,8 +4,9 @@ Source: recursive least squares, Haykin, "Adaptive Filter Theory", with a forget
 After any number of frames the weights are those of batch ridge regression on all these frames.
 
 The inverse is large, and most of the time of a frame is spent on reading and writing it. So the
-ridge stores the inverse in single precision (`_ROUNDED` bounds the error), and keeps the latest
-updates as vectors that it writes together. All results include the pending updates.
+ridge stores the inverse in single precision (`_ROUNDED` bounds the error). It keeps the latest
+updates as vectors, and adds them to the inverse several at a time. All results include the pending
+updates.
 
 A driver begins a turn late and ends it late. So the same view can mean FORWARD while driving
 straight and LEFT while turning, and a single linear map would predict the mean. So there is one
@@ -31,16 +32,17 @@ from robot.learner.votes import Floats
 Singles = NDArray[np.float32]
 Places = NDArray[np.intp]
 _WAITING = 32
-"""Number of pending updates of the inverse that are written together. With more updates, evaluating
-them would take more time than writing them together saves."""
+"""Number of pending updates of the inverse that are written together. With more pending updates,
+each evaluation would take longer, and cost more time than the fewer writes save."""
 _ROUNDED = 1e-5
 """Largest rounding error of an eigenvalue of the inverse, as a share of the largest possible
-eigenvalue. Each write in single precision adds an error of 6e-8 of that largest eigenvalue."""
+eigenvalue. Each write rounds to single precision, and so adds an error of 6e-8 times the largest
+possible eigenvalue."""
 _MOST_INVERSE = 1e3
 """Upper bound of an inverse's values, which begin at 1 / penalty and shrink with every frame."""
 MIRRORED = 0.3
-"""Weight of a frame's mirror image, if left and right are alike. A weight of 1 would help no more
-than this weight after few frames, and harm more after many frames."""
+"""Weight of a frame's mirror image, if left and right are alike. A weight of 1 helps as much as
+this weight while there are few frames, and harms more when there are many."""
 
 
 @functools.cache
@@ -103,9 +105,10 @@ class RecursiveRidge(LinearPart):
         return scores
 
     def begin_like(self, columns: Sequence[int], weights: Floats) -> None:
-        """Add weights of these labels to the expected weights, before the first frame.
+        """Before the first frame, add these weights to the weights that the ridge expects for the
+        labels in `columns`.
 
-        Expected weights are as strong as the penalty, so the frames soon outweigh them.
+        Expected weights count only as much as the penalty does, so a few frames outweigh them.
         """
         self._weights[:, columns] += weights
 
@@ -223,7 +226,7 @@ class RecursiveRidge(LinearPart):
 
     @property
     def is_indefinite(self) -> bool:
-        """True if the inverse is finite but, apart from rounding errors, not positive definite."""
+        """True if the inverse is finite, but not positive definite by more than rounding."""
         waiting = self._waiting.astype(np.float64)
         inverse = self._inverse - waiting.T @ waiting
         try:

@@ -24,7 +24,7 @@ Distances = NDArray[np.float32] | NDArray[np.float64]
 def nearest_nodes(distances: Distances, histograms: NDArray[np.int64], n_voters: int) -> Floats:
     """Return each label's share of the votes of the `n_voters` nearest nodes, weighted by nearness.
 
-    With one voter the result is the paper's vote.
+    With one voter, the nearest node decides, as in the paper.
 
     Args:
         distances: Squared distances to the nodes, shape (n,).
@@ -60,8 +60,8 @@ def _weighed(
 
 
 def angle_terms(angle: Floats | float) -> Floats:
-    """Return angle, magnitude and square, shape (..., 3): means and deviations of angles are
-    computed from sums of these terms."""
+    """Return the angle, its magnitude and its square, shape (..., 3). The mean and the standard
+    deviation of several angles are computed from the sums of these terms."""
     return np.stack([angle, np.abs(angle), np.square(angle)], axis=-1)
 
 
@@ -87,8 +87,8 @@ def chance(votes: Sequence[float], best: int, sharpness: float) -> float:
     """Return the probability that the label `best` is right: its share after sharpening.
 
     Votes of neighbours and of a penalised linear part are underconfident: at a share of 75 % they
-    are right in 87 % of frames. Raising shares to a power (a temperature below 1) corrects the
-    probability at every level.
+    are right in 87 % of frames. Raising the shares to a power (a temperature below 1) makes the
+    probabilities agree with how often the label is right.
     """
     powers = [vote**sharpness for vote in votes]  # for few numbers a list is faster than numpy
     total = sum(powers)
@@ -140,13 +140,13 @@ MARGIN = 0.05
 class Novelty(Stateful):
     """Compares a view's distance with those of earlier examples.
 
-    Before an example is learned, its distance from the nearest node without recent examples is
-    measured. Such distances are typical when the robot passes a place again. The median of these
-    distances is novelty 0; a little more than their 98th percentile is novelty 1. Old examples
-    count less, because distances shrink as the nodes cover the surroundings.
+    Before the learner learns an example, it measures the example's distance from the nearest node
+    that got none of the latest examples. Such distances are typical when the robot passes a place
+    again. Their median is novelty 0; a little more than their 98th percentile is novelty 1. Old
+    examples count less, because distances shrink as the nodes cover the surroundings.
 
     Args:
-        margin: Share of the median by which the border lies beyond the percentile.
+        margin: The border lies above the percentile by this share of the median distance.
     """
 
     fields = (
@@ -160,7 +160,7 @@ class Novelty(Stateful):
         self._n_new = 0
 
     def learn(self, squared_distance: float) -> None:
-        """Add an example's distance from the nearest node without recent examples."""
+        """Add an example's distance from the nearest node that got none of the latest examples."""
         self.lengths.append(math.sqrt(squared_distance))
         self._n_new += 1
         if self._n_new >= _RENEWED_EVERY and len(self.lengths) >= _FEWEST:
@@ -196,8 +196,8 @@ class Novelty(Stateful):
 def percentile(ordered: Sequence[float], share: float) -> float:
     """Return exactly the result of `numpy.percentile`, for sorted values.
 
-    On a brick `numpy.percentile` takes longer than a frame, and newer versions of numpy import
-    masked arrays for it.
+    `numpy.percentile` takes longer than a frame on an EV3, and its newer versions import masked
+    arrays.
     """
     place = share / 100 * (len(ordered) - 1)
     index = min(int(place), len(ordered) - 2)
@@ -209,16 +209,18 @@ def percentile(ordered: Sequence[float], share: float) -> float:
 CLEARLY = 0.9
 """An image is clearly nearer than another if its distance is at most this share of the other's."""
 APART = 1.3
-"""An example's label differs clearly from another label if the other label's images are at least
-this many times as far away as the images of its own label."""
+"""An example differs clearly from another label if the images of that label are at least this many
+times as far away as the images of the example's own label."""
 ENOUGH = 20.0
 """A label is overruled if this many more examples contradict it than confirm it."""
 MOST_A_TURN = 10.0
 """A single turn, which may be a mistake, adds at most this many examples against a label."""
 CONFIRMED = 4.0
-"""One example of the label at its old views cancels this many examples against the label."""
+"""One more example of a label, at a view that it was taught at before, cancels this many
+contradictions of the label."""
 LATER = 200
-"""Number of examples between "taught" and "taught much later": 20 s of teaching."""
+"""An image was taught "much later" than another if at least this many examples were learned in
+between (20 s of teaching)."""
 STILL_VALID = 0.3
 """Share of an overruled label's votes that remains."""
 
@@ -230,8 +232,9 @@ class ChangeOfMind(Stateful):
     has not changed his mind about the way there. A single contradiction is no evidence either: at
     the beginning of a turn the same view can have the labels of the turn and of driving straight.
     So an example contradicts another label only if it is about as near to that label's images as to
-    those of its own label, and clearly nearer than to those of driving straight. After a change
-    of mind most examples contradict the old label; in a lesson in the opposite direction few do.
+    those of its own label, and clearly nearer than to those of driving straight. After a change of
+    mind, most examples contradict the old label. If the pilot only drives the course in the other
+    direction, few examples do.
 
     A label loses most of its votes at a view in two cases. Either it was contradicted often enough
     and its nearest image was last taught before the contradictions began, or another label's image
@@ -240,11 +243,11 @@ class ChangeOfMind(Stateful):
     label again at such views.
 
     The pilot can also declare a change of mind (`outdate`), which is better evidence than
-    contradictions. A label whose nearest image was taught before the declaration passes its votes
-    to the nearest image taught since.
+    contradictions. After that, a label whose nearest image is older than the declaration passes its
+    votes on to the nearest image that was taught since.
 
-    The label that is started most often, such as FORWARD, is left out: it follows every other
-    label, and the tenth of a second in which it begins varies.
+    The label that begins most often, such as FORWARD, is left out. It follows every other label,
+    and the moment at which a pilot goes back to it varies by a tenth of a second.
 
     Labels are columns 0, 1, ...; times are counts of examples. Arrays of shape (n,) describe the
     images: `distances` are squared, `owners` are the labels that the images vote for most (-1:
@@ -341,7 +344,7 @@ class ChangeOfMind(Stateful):
 
     @property
     def _contradicted(self) -> Floats:
-        """The evidence against each label; the last row is from the start of this turn."""
+        """The evidence against each label; in the last row, when the current label began."""
         return np.vstack([self._against, self._before])
 
     @_contradicted.setter
@@ -350,7 +353,7 @@ class ChangeOfMind(Stateful):
 
     @property
     def _kept_taken_up(self) -> NDArray[np.int64]:
-        """The number of starts of each label, then the last label's number plus 1 (0 if none)."""
+        """How often each label began, then the last label's column plus 1 (0 if none)."""
         return np.append(self._taken_up, self._last + 1)
 
     @_kept_taken_up.setter

@@ -1,4 +1,5 @@
-"""Turns the votes on single frames into steady driving: smoothing, hysteresis, and ways out.
+"""Turns the votes on single frames into steady driving by smoothing, by hysteresis, and by leaving
+dead ends.
 
 Every constant is a time or a share of votes, never a number of frames.
 
@@ -38,8 +39,8 @@ from robot.types import Action, Point
 VOTES_KEPT = 0.4
 """Share of the running average of votes that is left after a tenth of a second."""
 SHARE_OF_RUN = 0.14
-"""Upper bound of the average's time constant, as a share of the time for which the pilot usually
-holds a move. On a quick body a slower average would react too late."""
+"""Upper bound of the time constant of the average. It is a share of the time for which the pilot
+usually holds a move. On a quick body a slower average would react too late."""
 
 
 class RunningVotes:
@@ -101,12 +102,12 @@ class StallDetector:
     A pilot seldom gets stuck, so hardly any example shows such a view, and a robot that obeyed the
     votes would push or brake indefinitely. An unchanged image or a pressed bumper shows that the
     robot is stuck. A car that sets off changes the image from one frame to the next as little as a
-    standing car does. So a robot counts as stuck only if the last image also almost equals the
-    first image of the standstill.
+    standing car does. So a robot counts as stuck only if the last image is also almost equal to the
+    first image since it stopped moving.
 
     `Headway` watches turns instead, because near a plain wall a turn changes the picture little.
-    The detector also ignores a move of unknown effect with which the pilot has stood still, for
-    example to wait or to grip.
+    Some moves have an unknown effect, for example waiting or gripping. The detector ignores such a
+    move if the pilot has stood still with it.
 
     Attributes:
         is_stalled: True while the current move has no effect.

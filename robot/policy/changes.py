@@ -24,7 +24,7 @@ def replay(
         policy: The policy that learns.
         events: The changes. An example of unknown teaching time has a negative time.
         on_refused: Called for a change that fails; if None, edits that fail are left out. An edit
-            fails if its image does not exist or is pinned, because other examples are missing.
+            fails if its image is pinned, or does not exist because examples are missing.
     """
     for event in events:
         try:

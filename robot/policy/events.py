@@ -28,8 +28,9 @@ class Taught:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Edited:
-    """One change that a person made. `relabel`, `delete` and `pin` change one learned image.
-    `outdate` (of all earlier examples) and `alike` (left and right are alike here) have node 0."""
+    """One change that a person made. `relabel`, `delete` and `pin` change one learned image. The
+    edits `outdate` (of all earlier examples) and `alike` (left and right are alike here) concern no
+    image; their node is 0."""
 
     verb: str
     node_id: int
@@ -39,7 +40,7 @@ class Edited:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Undone:
-    """Examples that were undone, or, without frame ids, the last edit that was undone."""
+    """An undo of the examples with these frame ids; without frame ids, of the last edit."""
 
     frame_ids: tuple[int, ...]
 

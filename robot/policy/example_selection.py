@@ -14,10 +14,10 @@ policy learns the examples again after an undo.
 A lap that is taught sixteen times does not count sixteen times. If such a lap counted sixteen
 times, the linear part's penalty would lose its effect, and the part would learn the noise of this
 lap by heart. Images averaged over sixteen times as many frames would adapt too slowly to new views.
-So the policy counts a view that comes again with its last label, but does not learn it again. The
-policy learns each new view, and each view whose label differs from the last time. A view is
-recognised by a sketch: 128 fixed pairs of feature values are compared, and the results are hashed
-to 64 bits (binary features as in BRIEF, Calonder et al. 2010).
+If a view comes again and has the same label as last time, the policy counts it, but does not learn
+it again. The policy learns each new view, and each view whose label differs from the last time. A
+view is recognised by a sketch: 128 fixed pairs of feature values are compared, and the results are
+hashed to 64 bits (binary features as in BRIEF, Calonder et al. 2010).
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ ROOM_S = 0.1
 """Time per learned example of one label, in seconds; the policy only counts other examples within
 this time."""
 EARLY_S = 0.03
-"""Time by which an example may come early, in seconds. At thirty frames a second this time is
-shorter than a frame, so that every third frame is learned."""
+"""Time by which an example may come early, in seconds. At thirty frames a second, this is less than
+the time between two frames, so every third frame is learned."""
 
 
 class ExampleRate(PolicyPart):
@@ -122,8 +122,8 @@ class MoveContext(PolicyPart):
 
 
 _BITS, _SETS, _WAYS = 128, 4096, 4
-"""A sketch compares this number of pairs of pixels. Sketches are stored in sets of four each. The
-16,384 sketches are enough for a lap of 27 minutes at ten examples a second."""
+"""A sketch compares this number of pairs of pixels. Four sketches are stored together, as one set.
+The 16,384 sketches are enough for a lap of 27 minutes at ten examples a second."""
 
 
 class Repeats(PolicyPart):

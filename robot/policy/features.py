@@ -87,12 +87,12 @@ class GradientFeatures(PictureFeatures):
     """Histograms of gradient orientations, and a grey picture at half contrast: 1584 bytes.
 
     Dalal and Triggs (2005), simplified: 8x6 cells over the frame, signed directions in 8 bins, each
-    cell divided by the energy of its 3x3 neighbourhood, then the square root. A gradient is split
-    exactly between its two neighbouring directions: if max and min are the magnitudes of its
-    components, the axis gets max - min and the diagonal gets min. So each pixel needs only a few
-    integer operations, without arctangent and square root. The code computes the eight directions
-    from the sums of eight simpler parts. The grey part distinguishes plain surfaces without
-    gradients, and is the node's thumbnail.
+    cell divided by the energy of its 3x3 neighbourhood, then the square root. Each gradient is
+    shared between two neighbouring directions. If max and min are the magnitudes of its two
+    components, the direction along the axis gets max - min, and the diagonal direction gets min. So
+    each pixel needs only a few integer operations, without arctangent and square root. The code
+    computes the eight directions from the sums of eight simpler parts. The grey part distinguishes
+    plain surfaces without gradients, and is the node's thumbnail.
     """
 
     name = "gradient"
@@ -103,8 +103,8 @@ class GradientFeatures(PictureFeatures):
     """Gradients are computed at 10x10 points of each cell: every second pixel of 160x120. Larger
     pictures are first reduced to this size, so vectors do not depend on the camera's resolution."""
     reach, shared = (2.0, 1.0), 0.7
-    """Horizontal and vertical correlation lengths of the weights, in cells, and the correlated
-    share of a weight."""
+    """How far the weights of neighbouring cells are correlated, horizontally and vertically, in
+    cells, and the share of a weight that is correlated at all."""
     noise = 100.0
     """Energy below which a cell counts as plain: one grey level per sample."""
 
@@ -200,7 +200,7 @@ def _sampled(length: int, n_points: int) -> tuple[NDArray[np.intp], ...]:
 
 @cache
 def _cell_sums(n_rows: int, n_columns: int, samples: int) -> tuple[Singles, Singles]:
-    """Return the matrices that sum the rows and the columns of each cell by multiplication."""
+    """Return two matrices. Multiplication with them sums the rows and the columns of each cell."""
     ones = np.ones(samples, np.float32)
     return np.kron(np.eye(n_rows, dtype=np.float32), ones), np.kron(
         np.eye(n_columns, dtype=np.float32), ones[:, None]
@@ -222,7 +222,8 @@ def _normalised(cells: NDArray[np.float64], noise: float) -> NDArray[np.uint8]:
 def sum_over_cells(
     pixels: NDArray[np.float64], parts: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """Sum the squares of 40x30 pixels over cells of 5x5, shape (6, 8); also add `parts`.
+    """Return the sums of the squares of 40x30 pixels over cells of 5x5 pixels, shape (6, 8), plus
+    `parts`.
 
     `parts` are sums over areas of the picture, arranged in rows and columns. Each sum is spread
     evenly over its area.

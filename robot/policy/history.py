@@ -56,8 +56,8 @@ class TrainingHistory:
         self.declared = declared
         self._on_events = on_events or (lambda events: None)
         self.changes = 0
-        """Number of changes of the learner; it never decreases. Any thread can read this number,
-        because a change is counted before its request is answered."""
+        """Number of changes of the learner; it never decreases. Any thread can read this number. A
+        change is counted before the request for it is answered."""
         self.edits = 0
         """Number of changes that are not examples; it never decreases."""
         self.drives = 0
@@ -147,7 +147,7 @@ class TrainingHistory:
         return [taught.example for taught in gone]
 
     def undo_edit(self) -> bool:
-        """Undo the last edit, but no examples; return False if there is no edit to undo."""
+        """Undo the last edit, but never an example; return False if there is no edit to undo."""
         edits = [event for event in self._events if isinstance(event, Edited)]
         if edits:
             self._rebuild_without(edits[-1:])
@@ -162,8 +162,8 @@ class TrainingHistory:
     @contextlib.contextmanager
     def _as_before_if_refused(self) -> Iterator[None]:
         """If a plugin changes the state and then raises an error, restore the state. Built-in
-        learners raise errors before any change. So the history does not copy their state, which
-        takes as long as an example.
+        learners raise errors before any change. So the history need not copy the state of the
+        policy, which would take as long as learning an example.
         """
         before = None if self._is_ours else self.policy.get_state()
         try:

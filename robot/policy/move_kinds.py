@@ -15,8 +15,8 @@ class MoveKinds(Stateful):
     """The moves of a body, grouped by effect. A move whose steering and throttle are unknown has no
     kind.
 
-    The parts of a policy share one instance, so all parts know the kinds as soon as the body's
-    moves are described.
+    All parts of a policy share one `MoveKinds`. As soon as the body's moves are described, all
+    parts know their kinds.
 
     Args:
         moves: The moves. The kinds of the classic moves are known from their names.

@@ -40,7 +40,7 @@ class Policy(Stateful):
             (`example_selection.py`).
         brighten: Returns a view with its grey values multiplied by a factor. If it is given, the
             policy scales views to the brightness of the lesson (`LightAdaptation`).
-        knows_repeats: True if a view that comes again with its last label is not learned again.
+        knows_repeats: True if a view is not learned again when it comes with the same label.
 
     Attributes:
         kinds: The kinds of the moves (turns and straight moves); `describe` sets the kinds of a
@@ -258,7 +258,8 @@ class Policy(Stateful):
         self.learner.reset()
 
     def restore(self, state: State) -> None:
-        """Restore `state` in the middle of a drive; the policy predicts and learns on as before.
+        """Restore a `state` from the middle of a drive. The policy then predicts and learns as if
+        the drive had not been interrupted.
 
         Raises:
             ValueError: If `state` comes from another kind of policy.

@@ -7,9 +7,9 @@ driving, because a dark corner hardly changes this mean.
 A learned angle is a mean over examples. If an obstacle can be passed on either side, the mean leads
 into the obstacle. So the move determines the side, and the angle only the amount of steering. The
 angle must also lie within `BAND` standard deviations of the mean that was taught with the chosen
-move, because a pilot who steers all or nothing never steers at the mean of all moves. For a pilot
-who steers all or nothing this band has no width; for a pilot who steers proportionally the band is
-wide.
+move. Some pilots steer fully to one side or not at all, and then the mean of all moves is an angle
+that they never used. For a pilot who steers all or nothing this band has no width; for a pilot who
+steers proportionally the band is wide.
 
 Before the pilot teaches a first point, the policy stores no steering and proposes no point.
 """
