@@ -10,8 +10,8 @@ from robot.moves import Move, describe, move_at
 from robot.types import DEFAULT_MOVES, Action, Mode, Point, Prediction, Sensors
 
 ACTION_TIMEOUT_S = 0.4
-"""Duration of one `send_action`, in seconds. The body stops by itself unless the next call comes
-before its end, so motors stop even if Python dies. The gate's timeout, 0.3 s, is shorter."""
+"""Duration of one `send_action`, in seconds. Motors stop even if Python dies, because the body ends
+each move by itself unless the call is repeated in time. The gate's timeout, 0.3 s, is shorter."""
 
 
 class Correction:
@@ -147,8 +147,8 @@ class Driver(ABC):
     def send_point(self, point: Point, *, speed_scale: float = 1.0) -> Action:
         """Drive for at most `ACTION_TIMEOUT_S`; return the move that the point counts as.
 
-        The point of a declared move drives like this move; a point between two moves drives in
-        between. A body that does not accept points drives the move.
+        Steering and throttle as declared for a move drive like this move; a point between two moves
+        drives a mixture of both. A body that does not accept points drives the move.
 
         Args:
             point: Steering and throttle.

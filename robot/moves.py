@@ -15,7 +15,7 @@ from robot.types import Action, Point
 
 _LONGEST_LABEL, _LONGEST_ICON, _LONGEST_MEANING = 24, 16, 200
 TURNS_BEYOND = 0.2
-"""Most steering of a move or point that counts as driving straight, as a share of full lock."""
+"""A move or point drives straight if its steering is at most this share of full lock."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,8 +104,8 @@ def names(moves: Iterable[Move]) -> tuple[Action, ...]:
 
 
 def describe(wanted: Iterable[Action], declared: Iterable[Move] = ()) -> tuple[Move, ...]:
-    """Return the wanted moves. A move that is not declared is the classic move of this name, or a
-    move that has only the name."""
+    """Return the wanted moves. A move that the driver does not declare is the classic move of this
+    name, if there is one; otherwise only its name is known."""
     known = {**CLASSIC, **{move.name: move for move in declared}}
     return tuple(known.get(name) or Move(name) for name in wanted)
 

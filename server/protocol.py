@@ -183,7 +183,7 @@ def parse_message(
 
 
 def is_stop(text: str) -> bool:
-    """True if a message is an emergency stop. Called for all messages, so it takes little time."""
+    """True if a message is an emergency stop. Must be quick: called for every message."""
     if len(text) > MAX_DRIVE_MESSAGE_BYTES or '"stop"' not in text:
         return False
     try:

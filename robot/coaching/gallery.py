@@ -75,9 +75,9 @@ def _shown(policy: Policy, node: Node) -> LearnedImage:
 def explain(policy: Policy, x: Vector, node_id: int | None) -> Explanation | None:
     """Explain why an image decided a view; return None if the image no longer exists.
 
-    A squared distance is a sum over the cells of the picture. A cell counts as similar if in it the
-    view is nearer to the deciding image than to the learned images on average. A cell that is
-    similar in all images, such as an empty floor, explains nothing.
+    A squared distance is a sum over the cells of the picture. A cell counts as similar if the view
+    differs less from this image in the cell than it does from the learned images on average. A cell
+    that is similar in all images, such as an empty floor, explains nothing.
     """
     nodes, features = policy.learner.nodes(), policy.features
     decides = next((node for node in nodes if node.id == node_id), None)

@@ -19,9 +19,9 @@ TAUGHT_S = 40.0
 """Teaching time after which the first trial may begin in any case, in seconds."""
 EARLY_S, EARLY_STARTS, EARLY_KNOWN = 20.0, 4, 0.9
 """Conditions of an early first trial. The trial may begin after 20 s of teaching if the pilot has
-begun each move in use four times, and the robot knew 90 % of the views of the last ten seconds.
-Robots foresee few of their pilot's changes of move at that time, and still drive a minute by
-themselves.
+begun each move in use four times, and the robot knew 90 % of the views of the last ten seconds. At
+that time robots foresee few of their pilot's changes of move. They nevertheless drive by themselves
+for a minute.
 """
 STARTS = 3
 """Number of times that the pilot must begin each move in use before the first trial, to exclude

@@ -72,9 +72,9 @@ class Trail:
     def since(self, number: int) -> tuple[int, list[Waypoint]]:
         """Return the points from `number` on, and the number of the first returned point.
 
-        A client that has the points before `number` appends the returned points. If the first
-        returned point has another number, all points are returned, because old points were dropped
-        or a new trail began.
+        A client that has the points before `number` appends the returned points. If the first of
+        the returned points does not have the requested number, all points are returned, because old
+        points were dropped or a new trail began.
         """
         points = list(self._points)
         first = self._n - len(points)

@@ -55,7 +55,7 @@ class TrialDrive:
 
     @property
     def novel_share(self) -> float:
-        """Share of `clean_s` with hardly known views."""
+        """Largest share of `clean_s` in which the views may be hardly known."""
         return self._novel_s / self.clean_s if self.clean_s else 0.0
 
     @property

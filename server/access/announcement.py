@@ -27,8 +27,9 @@ _MOST_NAMES = 50
 class Announcement:
     """Announces the robot's name on the network by mDNS.
 
-    Each robot also publishes its best address in a property, which the board of a class reads:
-    while two robots have the same host name, that name leads to the addresses of both.
+    Each robot also publishes its best address in a property, because two robots may have the same
+    host name, and the name then leads to the addresses of both. The board of a class reads the
+    property.
 
     If the network allows no multicast, or zeroconf is not installed, a warning is logged and the
     robot drives without an announced name.

@@ -85,7 +85,7 @@ class Client:
         self._waiting.set()
 
     def is_state_due(self, urgent: object, now_s: float) -> bool:
-        """True if the next state is due; for an idle client rarely, or when `urgent` changed."""
+        """True if the next state is due: rarely for an idle client, at once if `urgent` changed."""
         is_new = urgent != self._sent or self.is_answer_due
         if self.is_idle and not is_new and now_s - self._sent_s < IDLE_STATE_EVERY_S:
             return False

@@ -23,10 +23,10 @@ class VideoWindow:
     """A congestion window: the number of frames that may be in flight to one viewer.
 
     If bandwidth is the limit, the window is one frame, because a second frame would only queue
-    behind the first. If only the round trip is long, acknowledgements do not come later when more
-    frames are in flight, and the window is up to `LARGEST` frames. To find out which it is, the
-    window grows by one frame when frames had to be skipped. If acknowledgements then come later, it
-    shrinks to one frame, and the next attempt waits four times as long as the last.
+    behind the first. If only the round trip is long, more frames in flight do not delay the
+    acknowledgements, and the window may grow to `LARGEST` frames. To find out which of the two it
+    is, the window grows by one frame whenever a frame had to be skipped. If acknowledgements then
+    come later, it shrinks to one frame, and the next attempt waits four times as long as the last.
 
     On a fast link, acknowledgements arrive long before the next frame. Then only every third frame
     requests an acknowledgement; the others are *quiet*. Quiet frames save both ends a third of
@@ -35,8 +35,8 @@ class VideoWindow:
 
     LARGEST = 4
     LARGEST_BYTES = 60_000
-    """Maximum number of bytes in flight. Sending never waits, because asyncio pauses a writer only
-    at 64 KiB. A larger frame is sent if no other frame is in flight."""
+    """Maximum number of bytes in flight. Sending never waits: the window is smaller than the 64 KiB
+    at which asyncio makes a writer wait. A larger frame is sent if no other frame is in flight."""
     _TRIAL_ACKNOWLEDGEMENTS = 3
     _TOLERANCE, _DOUBLED, _SLACK_S = 1.3, 1.5, 0.008
     _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 2.0, 64.0

@@ -29,7 +29,8 @@ class Lease:
         return len(self._line) > 1
 
     def join(self, client: str, now_s: float) -> bool:
-        """Take the wheel and return True if it is free, or lapsed while no other client is next."""
+        """Take the wheel if it is free, or if its owner's lease has lapsed and no other client
+        waits for it. Return True if it was taken."""
         is_next = self._line[1:2] in ([], [client])
         if self._line and not (is_next and self._has_lapsed(now_s)):
             return False

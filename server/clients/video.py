@@ -23,8 +23,8 @@ _FREQUENT_S = 0.06
 the server soon notices if the pilot sees nothing."""
 
 _SELDOM_S, _EARLY_SHARE = 0.25, 0.95
-"""A robot that stands may rest if no viewer wants a picture every `_SELDOM_S` seconds or more
-often. A frame is due after `_EARLY_SHARE` of a viewer's interval: no camera's rate is exact."""
+"""A robot that stands may rest unless a viewer wants pictures more often than every `_SELDOM_S`
+seconds. A frame is due after `_EARLY_SHARE` of a viewer's interval: no camera's rate is exact."""
 
 
 class Encoder:
@@ -88,8 +88,8 @@ class VideoHub:
 
     Everything runs on the server's event loop and nothing waits, so one viewer delays no other.
 
-    `for_the_eye` returns a larger picture of a frame, or the frame itself if there is none. Only
-    viewers that draw larger pictures in time get them.
+    `for_the_eye` returns a larger picture of a frame, or the frame itself if there is none. A
+    viewer gets the larger pictures only if it draws pictures in time.
     """
 
     def __init__(

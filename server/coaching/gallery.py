@@ -55,8 +55,9 @@ class Gallery:
         """Return a learned image; if it has been merged since, return its last version.
 
         A client requests images that were listed a moment ago, and each example may merge some of
-        these images. In this case the last version is the best answer. For an image that was merged
-        before any list, the image used last is returned. None if there never was such an image.
+        these images. In this case the last version is the best answer. If the image was merged
+        before the images were listed for the first time, the image used last is returned. None if
+        there never was such an image.
         """
         await self.images()
         if node not in self._seen:

@@ -3,9 +3,9 @@
     journal/000007-02.a     second part of the seventh start, and its twin 000007-02.b
 
 A part begins with a checkpoint, which contains the complete learner. A new part begins after every
-undo, whenever another model is loaded, and when the previous part has become long. So recovery
-learns only the examples of the last part again. The part before the last is also kept. The format
-of the records is in `robot/store/records.py`.
+undo, whenever another model is loaded, and when the previous part has become long. Recovery then
+learns only the examples after the last checkpoint again. The part before the last is also kept. The
+format of the records is in `robot/store/records.py`.
 """
 
 from __future__ import annotations

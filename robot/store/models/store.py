@@ -128,8 +128,8 @@ class ModelStore:
         """Restore versions that were set aside as damaged but are readable by this program.
 
         An older program sets aside the versions that a newer program wrote. The version becomes the
-        newest again, unless a valid version of its model was saved later. If this version was also
-        saved later than the model in use, its model is used next.
+        newest again, unless a valid version of its model was saved later. If this version was saved
+        after the model in use, too, the robot uses it next.
         """
         for name in self.names():
             for model, file in self._readable_again(name):
