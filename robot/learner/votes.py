@@ -196,7 +196,7 @@ class Novelty(Stateful):
 def percentile(ordered: Sequence[float], share: float) -> float:
     """Return exactly the result of `numpy.percentile`, for sorted values.
 
-    `numpy.percentile` takes longer than a frame on an EV3, and its newer versions import masked
+    `numpy.percentile` takes longer than a frame on a slow machine, and imports masked
     arrays.
     """
     place = share / 100 * (len(ordered) - 1)
