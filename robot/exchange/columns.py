@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -106,7 +107,9 @@ def read_table_file(text: str, name: str, reading: Reading, report: ImportReport
     `reading.columns` are the meanings that a person stated. Raises RecordingError if the pictures
     or their labels cannot be found.
     """
-    is_json = name.lower().endswith(".jsonl")
+    is_json = name.lower().endswith((".json", ".jsonl"))
+    if name.lower().endswith(".json"):
+        text = _as_lines(text)
     head_line = next((line for line in text.splitlines() if line.strip()), "")
     is_list = name.lower().endswith(".txt")
     delimiter = max(",; " if is_list else ",;\t", key=head_line.count)
@@ -174,6 +177,15 @@ def _json_lines(text: str, name: str, report: ImportReport) -> Iterator[Row]:
     yield name, fields
     for place, row in found:
         yield place, ["" if row.get(field) is None else str(row[field]) for field in fields]
+
+
+def _as_lines(text: str) -> str:
+    """Return the rows of a JSON file as lines of JSON: of a list of objects, or of an object with
+    a label for each picture. A file of another form has no rows."""
+    found = parse(text)
+    if isinstance(found, dict):
+        found = [{"file": key, "label": of} for key, of in found.items() if isinstance(of, str)]
+    return "\n".join(map(json.dumps, found)) if isinstance(found, list) else ""
 
 
 def is_picture_name(text: str) -> bool:

@@ -31,7 +31,7 @@ from robot.exchange.own import copy_recording, is_own
 from robot.exchange.reading import Reading
 from robot.exchange.rosbag import is_bag, read_bag
 from robot.exchange.steering import FULL_MPS, FULL_TURN_RAD_S
-from robot.exchange.table import ENDINGS, LIST, names_pictures, read_table
+from robot.exchange.table import ANY_TEXT, ENDINGS, names_pictures, read_table
 from robot.exchange.tub import read_tub
 from robot.exchange.tub_records import is_tub
 from robot.recordings.parts import is_part
@@ -128,7 +128,7 @@ def _find_tables(path: Path) -> list[Source] | None:
 
 
 def _is_no_other_text(path: Path) -> bool:
-    return path.suffix.lower() != LIST or names_pictures(path)
+    return path.suffix.lower() not in ANY_TEXT or names_pictures(path)
 
 
 def _find_recording(path: Path) -> list[Source] | None:
@@ -219,10 +219,11 @@ FORMS: tuple[Form, ...] = (
     ),
     Form(
         name="table of pictures",
-        there="`.csv`, `.tsv`, `metadata.jsonl` or a list in `.txt`, with or without a line of "
-        "column names, such as Udacity's `driving_log.csv`, Hugging Face's `metadata.csv`, "
-        "Roboflow's `_classes.csv` or Label Studio's export; the pictures lie in the "
-        "same folder or below it and are found by the last parts of their paths",
+        there="`.csv`, `.tsv`, `metadata.jsonl`, `.json` (a list of objects, or a label for each "
+        "picture) or a list in `.txt`, with or without a line of column names, such as Udacity's "
+        "`driving_log.csv`, Hugging Face's `metadata.csv`, Roboflow's `_classes.csv` or Label "
+        "Studio's export; the pictures lie in the same folder or below it and are found by the "
+        "last parts of their paths",
         label="a column by its name: a move (`label`, `move`, `action`, `choice`); a column for "
         "each move, 1 or 0; steering (`angle`, "
         "`steering`, `user/angle`: -1 to 1, right positive, unless `--full-lock` says otherwise) "

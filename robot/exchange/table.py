@@ -30,10 +30,10 @@ from robot.recordings.moves import from_text
 from robot.store.folder import fold
 from robot.types import Action
 
-LIST = ".txt"
-"""Suffix of lists with lines such as `1.jpg 0.5`. Other text files have the same suffix, so a file
-is read only if it contains names of pictures."""
-ENDINGS = (".csv", ".tsv", ".jsonl", LIST)
+ANY_TEXT = (".txt", ".json")
+"""Suffixes of lists with lines such as `1.jpg 0.5`, and of JSON. Other text files have the same
+suffixes, so a file is read only if it contains names of pictures."""
+ENDINGS = (".csv", ".tsv", ".jsonl", *ANY_TEXT)
 
 _FULL_SPEEDS = (1.0, 100.0, 255.0, 1023.0, 32767.0)
 """Values at which different programs drive a motor at full speed. For example, full speed is
@@ -93,9 +93,12 @@ def read_table(path: Path, reading: Reading, report: ImportReport) -> Drive:
 
 def names_pictures(path: Path) -> bool:
     """Return whether the table at this path has a column with names of pictures. Only the first
-    lines are read."""
+    lines are read, unless it is one JSON text."""
     try:
-        head = "\n".join([*read_head(path).splitlines()[:50], ""])
+        if path.suffix.lower() == ".json":
+            head = read_text(path)
+        else:
+            head = "\n".join([*read_head(path).splitlines()[:50], ""])
         table = read_table_file(head, path.name, Reading(), ImportReport())
     except RecordingError as error:
         return isinstance(error.__cause__, UnclearColumnsError)

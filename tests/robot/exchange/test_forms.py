@@ -92,6 +92,12 @@ def test_if_columns_are_ambiguous_the_import_asks(
             "filename, forward, left, right\na.jpg, 0, 1, 0\nb.jpg, 0, 0, 1\nc.jpg, 1, 0, 0",
         ),
         ("table.csv", "file,left,right,forward\na.jpg,TRUE,,\nb.jpg,,TRUE,\nc.jpg,False,False,1"),
+        ("labels.json", '{"a.jpg": "left", "b.jpg": "right",\n "c.jpg": "forward"}'),
+        (
+            "labels.json",
+            '[{"image": "/data/a.jpg", "choice": "left"},\n {"image": "b.jpg", "choice": "right"}, '
+            '{"image": "c.jpg", "choice": "forward"}]',
+        ),
         ("data.txt", "a.jpg -0.800000\nb.jpg  0.45\nc.jpg 0.0"),
         ("data.txt", "a.jpg -0.8,2018-07-01 17:09:44:912\nb.jpg 0.45,x y\nc.jpg 0.0,x y"),
         (
@@ -161,6 +167,7 @@ def test_the_option_columns_decides_what_columns_mean(tmp_path: Path) -> None:
         (["000001-0.50.jpg", "000002-0.10.jpg"], "may be a minus sign or a separator"),
         (["sensor_data/rgbFrames.txt"], "OpenBot without sensor_data/ctrlLog.txt"),
         (["xy_030_091_0f9d2c4e-1111-11ea.jpg"], "a point to drive to"),
+        (["photos/1.jpg", "settings.json"], "not moves"),
         (["photos/1.jpg", "labels.txt"], "whose names are not moves"),
         (["drive.bag"], "the ROS bag .* cannot be read"),
         (["drive.mcap"], "the ROS bag .* cannot be read"),
