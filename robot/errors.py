@@ -87,8 +87,7 @@ class RecordingError(RobotError, ValueError):
 
 
 UNREADABLE = (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
-"""Errors that reading malformed data can raise: `RecordingError`, which is a ValueError, and
-Python's own."""
+"""Errors that reading malformed data can raise, including `RecordingError` (a ValueError)."""
 
 
 class NotFoundError(RobotError, LookupError):

@@ -61,8 +61,7 @@ class Gate:
     def silent_at_s(self) -> float:
         """Time from which the pilot's silence is counted; infinite when stopped.
 
-        While the robot drives by itself, the pilot only supervises it, and may be silent for
-        longer.
+        While the robot drives by itself, the pilot may be silent for longer.
         """
         if self.mode is Mode.STOPPED:
             return math.inf

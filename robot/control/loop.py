@@ -47,8 +47,7 @@ class ControlLoop(Cycle):
 
     def need_picture_every(self, seconds: float) -> Future[None]:
         """Set how often a picture is needed while the robot stands. If `seconds` is 0, all pictures
-        are needed; if `seconds` is infinite, nobody looks. A robot that may move takes all pictures
-        in any case."""
+        are needed; if `seconds` is infinite, nobody looks. A robot that may move takes them all."""
 
         def need() -> None:
             self._enough_every_s = seconds
@@ -97,8 +96,7 @@ class ControlLoop(Cycle):
         return self.submit(lambda: self._epoch is epoch and self._start(mode, asked_s, frame_id))
 
     def empty_command(self) -> Future[None]:
-        """Forget the held move, because the pilot joined, left or lost the wheel. Stops a moving
-        robot."""
+        """Forget the held move, because the pilot changed, and stop a moving robot."""
         self._asked = None
         return self.submit(self._change_pilot)
 

@@ -2,9 +2,8 @@
 
 A command contains the held move and the frame that the pilot was looking at. This frame gets the
 move as its label. Frames between this frame and the frame of the previous command get the move that
-was held before. This is correct, because the page sends every change of the held move at once. A
-labelled frame is a little older than the newest frame, so the feature vectors of the last frames
-are kept.
+was held before, because the page sends every change of the held move at once. A labelled frame is
+a little older than the newest frame, so the feature vectors of the last frames are kept.
 """
 
 from __future__ import annotations
@@ -263,8 +262,7 @@ class OnlineLearning:
         return events
 
     def note_pause(self, *, is_over: bool) -> None:
-        """Measure the frame rate anew; until two frames have come, `frame_rate_hz` is the old
-        rate."""
+        """Measure the frame rate anew; `frame_rate_hz` changes once two frames have come."""
         if not is_over:
             self._rate_before_hz = self.frame_rate_hz
         self._frame_times_s.clear()

@@ -159,8 +159,7 @@ class DriverThread(Driver):
     # On the thread -----------------------------------------------------------------------------
 
     def step(self) -> bool:
-        """Do the most urgent request: stop, drive, sense or show. Return False if no request
-        waits."""
+        """Do the most urgent request: stop, drive, sense or show. False if no request waits."""
         now_s = self._clock.now_s()
         with self._lock:
             request = self._choose(now_s)

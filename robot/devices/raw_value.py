@@ -21,8 +21,7 @@ IS_OLD = pydantic.VERSION.startswith("1.")
 _KINDS = {int: "a whole number", float: "a number", bool: "true or false", str: "a text"}
 _STRICT: dict[str, Any] = {} if IS_OLD else {"strict": True}
 _MOST_BITS = 1000
-"""Maximum number of bits of an integer, so that it fits into a float. Pydantic 1 fails at larger
-integers."""
+"""Maximum number of bits of an integer that fits into a float. Pydantic 1 fails at larger ones."""
 _M = TypeVar("_M", bound=BaseModel)
 
 
@@ -91,8 +90,7 @@ def read(kind: type[_M], plain: Any, where: str = "") -> _M:
 def reader(kind: Any, declared: Any, base: type[BaseModel] = BaseModel) -> Callable[[Any], Any]:
     """Return a function that reads one value. The function converts text unless `base` is strict.
 
-    The ConfigurationError is worded to follow the name of the value: "must be a number above 0, not
-    'x'".
+    The ConfigurationError is worded to follow the value's name: "must be a number, not 'x'".
     """
     model = create_model("Value", __base__=base, value=(kind, declared))
     return partial(_read_value, model, kind_of(kind))

@@ -173,8 +173,7 @@ class Novelty(Stateful):
         self._border += self.margin * self._median
 
     def score(self, squared_distance: float) -> float:
-        """Return 0 for a view at the usual distance, 1 at the border of novelty, and more beyond
-        it."""
+        """Return 0 at the usual distance, 1 at the border of novelty, and more beyond it."""
         span = self._border - self._median
         if span <= 0.0:
             return 0.0
@@ -196,8 +195,7 @@ class Novelty(Stateful):
 def percentile(ordered: Sequence[float], share: float) -> float:
     """Return exactly the result of `numpy.percentile`, for sorted values.
 
-    `numpy.percentile` takes longer than a frame on a slow machine, and imports masked
-    arrays.
+    `numpy.percentile` takes longer than a frame on a slow machine, and imports masked arrays.
     """
     place = share / 100 * (len(ordered) - 1)
     index = min(int(place), len(ordered) - 2)

@@ -1,5 +1,4 @@
-"""Turns the votes on single frames into steady driving by smoothing, by hysteresis, and by leaving
-dead ends.
+"""Turns the votes on single frames into steady driving: smoothing, hysteresis, leaving dead ends.
 
 Every constant is a time or a share of votes, never a number of frames.
 

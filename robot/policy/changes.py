@@ -17,8 +17,7 @@ def replay(
     events: Iterable[LogEvent],
     on_refused: Callable[[LogEvent, Exception], None] | None = None,
 ) -> None:
-    """Repeat these changes, in order. Undo, recovery and training from recordings call this
-    function.
+    """Repeat these changes, in order, for undo, recovery and training from recordings.
 
     Args:
         policy: The policy that learns.

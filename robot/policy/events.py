@@ -148,8 +148,7 @@ def describe_point(point: Point | None) -> PlainEvent:
 
 
 def read_point(plain: PlainEvent) -> Point | None:
-    """Read the fields of `describe_point`; raises RecordingError if a field is missing or out of
-    range."""
+    """Read the fields of `describe_point`; raises RecordingError if a field is invalid."""
     numbers = [plain.get(name) for name in Point._fields]
     if numbers == [None, None]:
         return None

@@ -161,8 +161,7 @@ class Headway:
             self.side = side
 
     def barred_side(self, at_s: float, limit_s: float) -> float | None:
-        """Return the side to which the robot must not turn, because it has just changed sides
-        twice."""
+        """Return the side to which a robot that has just changed sides twice must not turn."""
         if self.side is None or len(self.sides_s) < 2 or at_s - self.sides_s[0] > limit_s:
             return None
         return -self.side

@@ -10,8 +10,7 @@ from server.protocol import ErrorCode, ProtocolError
 
 _RECENT_S = 2.0
 """For this time after a STOP, in seconds, a start must prove that it was sent after the STOP. Pages
-repeat a start for one second only. After this time no start can arrive that was sent before the
-STOP."""
+repeat a start for one second only, so later no start can arrive that is older than the STOP."""
 
 
 class EmergencyStop:

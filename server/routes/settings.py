@@ -137,8 +137,7 @@ def _choose(moves: list[str], request: Request) -> tuple[Action, ...]:
 
 @lru_cache(maxsize=8)
 def estimate_rates_hz(kind: str) -> dict[int, float]:
-    """Return for each number of images in `SIZES` how many pictures a second this machine can
-    process.
+    """Return the pictures a second that this machine can process, by number of images (`SIZES`).
 
     Only two sizes are measured, because the time per picture grows linearly with the size.
     """

@@ -147,8 +147,7 @@ class ModelStore:
                         self.current = name
 
     def _readable_again(self, name: str) -> list[tuple[Model, Path]]:
-        """Read the versions that were set aside as damaged; return the readable ones, oldest
-        first."""
+        """Return the readable ones of the versions set aside as damaged, oldest first."""
         found = []
         for file in self._files(name):
             if _DAMAGED_VERSION.fullmatch(file.name):
@@ -159,8 +158,7 @@ class ModelStore:
         return sorted(found, key=lambda one: one[0].summary.saved_at_s)
 
     def _newest_s(self, name: str) -> float:
-        """Return the time at which a model's newest readable version was saved; -1 if there is
-        none."""
+        """Return when a model's newest readable version was saved; -1 if there is none."""
         return max((one.saved_at_s for one in self._sound(name, decode_summary)), default=-1.0)
 
     def note_failure(self, name: str, why: str) -> None:
