@@ -5,8 +5,8 @@ the robot drove it forward and nearly straight, and if the previous or the next 
 the same direction. So a robot scores no metres by standing, by turning on the spot, or by circles
 narrower than the smallest box. Metres driven backward are subtracted. If the robot drives back over
 a stretch, the stretch's score is subtracted, and the stretch never counts again. So a robot that
-drives back and forth scores nothing. If the robot drives a stretch again in the same direction, the
-stretch scores a half of its length the second time and a third the third time. So a larger course
+drives back and forth scores nothing. A stretch that the robot repeats in the same direction scores
+half of its length the second time, and one third of its length the third time. So a larger course
 is worth more than many rounds of a small course.
 """
 
@@ -23,8 +23,9 @@ _STRAIGHT_RAD = math.radians(25)
 """Largest change of the robot's heading within a stretch, in radians. A larger change begins a new
 stretch."""
 _ONWARD_RAD = math.radians(20)
-"""Largest angle between two successive stretches of a straight run, in radians. On a circle with a
-radius of less than 0.57 m, half the width of the smallest box, the angle is larger."""
+"""Largest angle between two successive stretches of a straight run, in radians. On a small circle
+the angle is larger, so a small circle does not score. The limit is a radius of 0.57 m, half the
+width of the smallest box."""
 _NEAR_M, _ALIKE_RAD = 0.2, math.radians(50)
 """Two stretches are the same if their midpoints differ by at most `_NEAR_M` and their directions by
 at most `_ALIKE_RAD`."""
@@ -85,8 +86,9 @@ class Score:
             self._backward_m += length_m
 
     def _add_stretch(self, stretch: _Stretch) -> None:
-        """Add a stretch to the straight run, or begin a new run with it. A run's first stretch is
-        counted only when the second one is added, because a single stretch does not count."""
+        """Add a stretch to the current straight run. If the direction has changed too much, begin a
+        new run with this stretch. A run's first stretch is counted only when the second one is
+        added, because a single stretch does not count."""
         if self._run and _angle(self._run[-1].way_rad, stretch.way_rad) > _ONWARD_RAD:
             self._run = []
         self._run.append(stretch)

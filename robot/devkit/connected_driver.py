@@ -24,8 +24,9 @@ _BROKEN = OSError, EOFError
 
 
 class _Shown:
-    """An attribute that subclasses may read. A subclass may also define its own attribute with the
-    same name, because the base class itself does not read this attribute."""
+    """Lets subclasses read a private attribute of the base
+    class under a shorter name. The base class itself uses only the private attribute, so a subclass
+    may use the shorter name for something else."""
 
     def __init__(self, name: str) -> None:
         self.name = f"_ConnectedDriver__{name}"
@@ -239,7 +240,8 @@ class ConnectedDriver(Driver, Generic[_C]):
 
 
 def clock_of(driver: ConnectedDriver[Any]) -> Clock:
-    """Return the clock that a driver was made with, even if its class uses the name `_clock`."""
+    """Return the driver's clock. This function does not read `_clock`, because a subclass may use
+    that name for something else."""
     clock: Clock = driver._ConnectedDriver__clock  # type: ignore[attr-defined]
     return clock
 
@@ -249,8 +251,8 @@ def _words(error: BaseException) -> str:
 
 
 def _takes_calls(theirs: Any, ours: Callable[..., object]) -> bool:
-    """Return whether `theirs` accepts the calls that `ours` accepts: with all arguments, and with
-    only the required ones. True for objects that are not plain functions."""
+    """Return True if `theirs` can be called with all arguments of `ours`, and with only the
+    required ones. True for objects that are not plain functions."""
     if not callable(theirs):
         return isinstance(theirs, property | staticmethod | classmethod)
     if not inspect.isfunction(theirs):

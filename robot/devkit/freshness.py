@@ -24,8 +24,8 @@ class Freshness:
         self._period_s = None  # type: Optional[float]
 
     def is_new(self, data: bytes, now_s: float) -> bool:
-        """Record a picture. Return False if it equals the last picture exactly, because the noise
-        of a working sensor makes any two pictures differ."""
+        """Record a picture. Return False if it equals the last picture exactly: because of noise, a
+        working sensor never yields the same picture twice."""
         self._seen_s = now_s
         if data == self._last:
             return False

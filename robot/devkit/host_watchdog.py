@@ -27,15 +27,15 @@ GAP_S = 0.002
 """Least time between two orders to the body, in seconds. Some bodies drop an order that comes
 within 1 ms of the one before."""
 AGAIN_S = 0.015
-"""Period at which a stop is repeated, in seconds. A body that acknowledges stops gets them
-until its acknowledgement; any other body gets `REPEATS` stops at this period."""
+"""Period at which a stop is repeated, in seconds. The stop is repeated until the body acknowledges
+it. A body that never acknowledges stops gets `REPEATS` of them at this period."""
 REPEATS = 5
 """Number of stops that are sent quickly to a body without acknowledgement; further stops are sent
-slowly. If one order in ten is lost, one stop in 100,000 is late."""
+slowly. If one order in ten is lost, all five stops are lost once in 100,000 times."""
 REST_S = 0.2
 """Period of the stops that follow the first `REPEATS`, in seconds. They are sent to a body that
-does not acknowledge stops, as long as nobody drives. A short loss of the link can swallow the first
-stops; the body would then move on without these further stops."""
+does not acknowledge stops, as long as nobody drives. If a short loss of the link swallows the first
+stops, a later one still stops the body."""
 PATIENCE_S = 0.02
 """Time for which a stop waits for a call that is still sending a move, in seconds."""
 LONGEST_LEAD_S = 0.15

@@ -103,8 +103,8 @@ class ThreadedCamera(Camera):
 class WatchedCamera(ThreadedCamera):
     """Base of cameras that read pictures on their own threads, or get them from a library.
 
-    A subclass calls `_watch_over` in `_begin`, checks each picture by `_freshness`, and returns the
-    sentence for a fault from `_name_fault`.
+    A subclass starts its threads by `_watch_over` in `_begin`, and passes each picture to
+    `_freshness.is_new`. Its method `_name_fault` returns the message about a fault.
     """
 
     def __init__(self, options: Any, clock: Clock) -> None:

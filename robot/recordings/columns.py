@@ -39,7 +39,8 @@ _FRAME = np.dtype(
     ]
 )
 _NOT_PLAIN = 255
-"""Label number of an event that is no example, or is an example whose picture was not recorded."""
+"""Value in the column of labels for an event that the columns cannot describe, such as an undo.
+Such an event is stored separately."""
 _NO_VECTOR, _NO_POINT = np.zeros(0), Point(nan, nan)
 
 
@@ -194,7 +195,7 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
         self._others: dict[int, HistoryEvent] = {}
 
     def add(self, times_s: Sequence[float], texts: Sequence[bytes]) -> None:
-        """Add messages; raises RecordingError, or another of `UNREADABLE`, if one is damaged."""
+        """Add messages. Raises one of `UNREADABLE` if a message is damaged."""
         try:
             plain: list[Any] = json.loads(b"[" + b",".join(texts) + b"]")
             is_whole = len(plain) == len(texts)
@@ -206,8 +207,8 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
             self._add(now_s, json.loads(text))
 
     def _add_plain(self, times_s: Sequence[float], plain: Sequence[Fields]) -> bool:
-        """Add the events if all of them are examples of recorded pictures, and either all or none
-        of them contain steering and throttle. Otherwise add no event and return False."""
+        """Add all events at once if the columns can hold each of them. Otherwise, or if only some
+        of the events contain steering and throttle, add no event and return False."""
         try:
             frames = [fields["frame"] for fields in plain]
             labels = [fields["label"] for fields in plain]
@@ -269,7 +270,8 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
         self._at_s.append(at_s)
 
     def _fill_points(self) -> None:
-        """Lengthen the columns of steering and throttle to one entry per example, with NaN."""
+        """Append NaN to the columns of steering and throttle until they are as long as the other
+        columns."""
         for column in (self._steering, self._throttle):
             column.extend([nan] * (len(self) - len(column)))
 

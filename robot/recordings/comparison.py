@@ -21,7 +21,7 @@ from robot.types import Action, Example
 _STRETCHES = 50
 _HELD_OUT = range(2, _STRETCHES, 5)
 FEWEST_FRAMES = 50
-"""Least number of labelled frames for a comparison; the result of fewer would mean little."""
+"""Fewest labelled frames for a comparison. With fewer frames, the result would be mostly chance."""
 _SHOWN = 10
 
 

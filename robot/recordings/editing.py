@@ -33,8 +33,8 @@ _LATE_S = 2.0
 allows for slow computers."""
 _MOST_WAITING = 20_000
 _BATCH = 256
-"""Minimum number of pictures that are described together. More pictures are described together if
-the messages about the first of them come late in the file."""
+"""Least number of pictures that `_describe` gets at a time. A picture waits until the messages
+about it have been read."""
 ABOUT = Topic.DECISION, Topic.SENSORS, Topic.PREDICTION
 """The topics of the messages that describe a picture."""
 
@@ -43,8 +43,8 @@ ABOUT = Topic.DECISION, Topic.SENSORS, Topic.PREDICTION
 class EpisodeFrame:
     """One picture with its data. `at_s` counts from the recording's beginning.
 
-    The points (steering and throttle) are set only for a pilot or a robot that drove
-    proportionally.
+    `point`, `predicted_point` and `sent_point` contain steering and throttle. They are None unless
+    the pilot or the robot steered proportionally.
     """
 
     frame_id: int
@@ -74,8 +74,8 @@ def moments(
 ) -> Iterator[EpisodeFrame]:
     """Yield the recording's pictures in order, each with label, prediction and driver.
 
-    The recording is read chunk by chunk, so that only some hundred pictures are in memory. Only the
-    messages of the topics `about` are read; if `about` is empty, no chunk is read.
+    The recording is read chunk by chunk, so that only some hundred pictures are in memory. Of the
+    messages, only those with a topic in `about` are read. If `about` is empty, no chunk is read.
     """
     table, labels = episode.frames, taught_frames(episode)
     ranks = range(len(table))
@@ -139,7 +139,7 @@ def labels(episode: Episode, notes: Notes) -> Iterator[Action]:
 
 
 class _TopicMessages:
-    """Messages of one topic about the pictures being read, parsed when needed."""
+    """The messages of one topic, ordered by time. A message is parsed only when it is needed."""
 
     def __init__(self) -> None:
         self._times_s: list[float] = []
@@ -151,8 +151,8 @@ class _TopicMessages:
         self._messages += block.texts(rows)
 
     def first(self, at_s: float) -> Fields:
-        """Return the first message at or after `at_s`; empty if the next message comes `_SOON_S` or
-        more later."""
+        """Return the first message at or after `at_s`. Return empty fields if there is none within
+        `_SOON_S`."""
         index = bisect_left(self._times_s, at_s)
         if index == len(self._times_s) or self._times_s[index] - at_s >= _SOON_S:
             return {}
@@ -299,9 +299,9 @@ def write_edited(episode: Episode, notes: Notes, file: BinaryIO, *, is_part: boo
     """Write a copy of the recording with the edits applied.
 
     Undone examples and deleted frames are left out; relabelled frames have their new label. Frame
-    ids and predictions are unchanged. Edits of learned images are copied, because a later
-    recording may undo them. With `is_part` they are not copied, because the recording from which
-    this part was split contains them.
+    ids and predictions are unchanged. Edits of learned images are copied, so that a later recording
+    can still undo them. With `is_part` they are not copied, because the recording from which this
+    part was split contains them.
     """
     run = {**episode.run, "format": str(FORMAT), **({EDITED: "1"} if notes.edits else {})}
     writer = EpisodeWriter(file, run, episode.attachments.get(MODEL_BEFORE))

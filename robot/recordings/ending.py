@@ -49,7 +49,8 @@ def end_cut_recordings(paths: Sequence[Path], clock: Clock) -> None:
 
 
 def end_recording(path: Path, rest: Callable[[], None] = lambda: None) -> bool:
-    """Complete one recording if it is truncated; return whether it was. Raises OSError."""
+    """Complete the truncated files of one recording. Return True if a file was completed. Raises
+    OSError."""
     files = part_paths(path)
     ended = [_end_file(file, files.get(number - 1), rest) for number, file in files.items()]
     return any(ended)
@@ -101,8 +102,8 @@ def _copy_what_is_left(
 
 
 def _tally_before(run: Mapping[str, str], earlier: Path | None) -> Tally:
-    """Return the counts over all earlier files of a recording; `run` is the metadata at the
-    beginning of the file that follows them."""
+    """Return the counts of a recording up to the beginning of one of its files. `run` is the
+    metadata of that file, and `earlier` is the path of the file before it."""
     tally = Tally(json.loads(run[PART]) if PART in run else None)
     if PART in run and earlier is not None:
         with contextlib.suppress(*UNREADABLE, OSError):

@@ -35,7 +35,7 @@ SECTION_FRAMES = 8192
 """Number of pictures in a section: about five minutes of driving, and 0.6 MB of columns."""
 _FORMAT = 1
 _MOST_RESULTS = 1000
-"""Maximum number of results of extensions that the index holds: the latest of the recording."""
+"""Maximum number of extensions' results in the index. The oldest further results are left out."""
 _MOST_BYTES = 2**26
 _HEAD = struct.Struct("<II")
 """The checksum of a section, and the length of its description."""
@@ -55,8 +55,7 @@ class Columns:
         """The latest results of extensions, each with its time in nanoseconds since 1970."""
 
     def add(self, block: Block) -> None:
-        """Add the messages of a chunk; raises RecordingError, or another of `UNREADABLE`, if one is
-        damaged."""
+        """Add the messages of a chunk. Raises one of `UNREADABLE` if a message is damaged."""
         self.frames.add(block)
         self.pictures += len(block.of(Topic.CAMERA))
         rows = block.of(Topic.LESSON)
@@ -118,8 +117,8 @@ def encode(
 
 
 def frames_before(run: Mapping[str, str]) -> int:
-    """Return the number of pictures in the recording's earlier files; `run` is the metadata at the
-    beginning of the file that follows them."""
+    """Return the number of pictures that a recording has before one of its files begins. `run` is
+    the metadata of that file."""
     return int(json.loads(run[PART])["frames"]) if PART in run else 0
 
 

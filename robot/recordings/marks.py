@@ -13,8 +13,8 @@ from robot.types import Action
 
 _PAGE = 4096
 _KEPT_S = 2 * UNDO_HORIZON_S
-"""Teaching time for which the labels of examples are kept, in seconds. An undo can reach back
-slightly further than `UNDO_HORIZON_S`, but never as far as this time."""
+"""How long the label of a taught example is remembered, in seconds. An undo can reach back slightly
+further than `UNDO_HORIZON_S`, but never as far as this time."""
 
 
 class FrameMarks:
@@ -23,7 +23,8 @@ class FrameMarks:
     def __init__(self) -> None:
         self._pages: dict[int, array[int]] = {}
         self._newest_s: dict[int, float] = {}
-        """The teaching time of the last example on each page of frame ids."""
+        """For each page (`_PAGE` successive frame ids): the time at which its newest example was
+        taught."""
 
     def __getitem__(self, frame_id: int) -> int:
         page, index = divmod(frame_id, _PAGE)
@@ -70,7 +71,8 @@ class Tally:
         return {"frames": self.frames, "taught": taught, "first_ns": self.first_ns}
 
     def next(self) -> Tally:
-        """Return the tally of the recording's next file. Do not use this tally after the call."""
+        """Return a new tally that continues these counts in the recording's next file. Do not use
+        the old tally after the call."""
         tally = Tally(self.counts)
         tally._label_of, tally._labels = self._label_of, self._labels
         return tally

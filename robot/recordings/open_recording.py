@@ -1,4 +1,4 @@
-"""The recording that is being written: its files on the disk. Only the disk's thread writes.
+"""The recording that is being written. One thread, the `DiskThread`, does all writing to its files.
 
 A long recording continues in further files. Recording stops if writing fails or the disk is almost
 full; the robot drives on.
@@ -166,7 +166,8 @@ class OpenRecording:
             self._give_up(f"Recording stopped: the disk has only {free >> 20} MB left.")
 
     def _give_up(self, sentence: str) -> None:
-        """Record nothing until the robot is started again; the robot drives on."""
+        """Stop recording because of a fault. The robot drives on. Recording is tried again when the
+        robot has stopped and starts to drive again."""
         writer, self._writer = self._writer, None
         if writer is not None:
             with contextlib.suppress(Exception):  # the disk has already failed

@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 from robot.errors import RecordingError, need, told_as
 
 MAX_RECORD_BYTES = 256 * 2**20
-"""Largest record that is read, in bytes. This program never writes a larger record; its largest
-records are attachments with models and chunks with pictures."""
+"""Largest record that is read, in bytes. Drivelesson never writes a larger record."""
 MAX_CHUNK_BYTES = 64 * 2**20
 """Largest unpacked size of a chunk, in bytes."""
 MAGIC = b"\x89MCAP0\r\n"
@@ -136,7 +135,7 @@ class Attached(NamedTuple):
 
 
 class Ends(NamedTuple):
-    """The content of a complete file, except its chunks, as found through its summary."""
+    """The parts of a complete file that can be read without reading its chunks."""
 
     metadata: dict[str, dict[str, str]]
     channels: Mapping[int, MessageChannel]
@@ -239,7 +238,7 @@ def read_metadata(path: Path) -> dict[str, dict[str, str]]:
 
 
 def metadata_of(file: BinaryIO) -> dict[str, dict[str, str]]:
-    """Return the metadata like `read_metadata`, from an open file."""
+    """Do the same as `read_metadata` with a file that is already open."""
     indexes = [body for kind, body in _summary(file) if kind == _METADATA_INDEX]
     return _metadata_at(file, [int.from_bytes(body[:8], "little") for body in indexes])
 
@@ -469,8 +468,8 @@ class _Content:
 
 
 def _indexed(data: bytes, indexes: Sequence[bytes]) -> NDArray[np.int64] | None:
-    """Return where each message begins and ends, from the chunk's index. None if the index is not
-    trusted, because the chunk contains other records or the index does not list all messages."""
+    """Return where each message begins and ends, from the chunk's index. Return None if the index
+    does not cover the whole chunk."""
     if not indexes or any(len(body) % 16 != 6 for body in indexes):
         return None
     parts = [np.frombuffer(body, "<u8", offset=6)[1::2] for body in indexes]

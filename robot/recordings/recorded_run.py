@@ -1,4 +1,5 @@
-"""The run that is being recorded: begins and ends its recording, with the learner at both ends."""
+"""Begins and ends the recording of a run. A recording contains the learner twice: as it was at the
+beginning and at the end."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ if TYPE_CHECKING:
 
 
 class RecordedRun:
-    """One run after the other of a loop; `about` describes the robot. Call it on the loop's thread.
+    """The current run of a control loop. `about` describes the robot. Call its methods on the
+    loop's thread.
 
     Attributes:
         base: The learner at the beginning of the next recording; None until it is known.

@@ -34,8 +34,8 @@ from robot.store.models.model import Model
 from robot.types import Action, Frame, Mode
 
 _KEPT_IDS = 512
-"""Number of recorded pictures whose ids are remembered. If an example's picture is not among the
-last ones, it counts as lost."""
+"""Number of recorded pictures whose ids are remembered. If the picture of an example is not among
+them, the recording does not contain the picture."""
 
 
 class RecordingQueue:
@@ -84,8 +84,8 @@ class RecordingQueue:
             self.lost["frames"] += 1
 
     def write_messages(self, now_s: float, describe: Callable[[], Messages]) -> None:
-        """Queue the messages of one time, or drop all of them if there is no room. The disk's
-        thread calls `describe`."""
+        """Queue the messages that `describe` returns, all with the time `now_s`. If the queue is
+        full, drop all of them. The disk's thread calls `describe`."""
         if not self._put(0, self._recording.write, _write_messages, now_s, describe):
             self.lost["messages"] += len(describe())
 
@@ -130,7 +130,7 @@ class Recorder:
     each recording.
 
     Attributes:
-        recording: The recording that is being written; its `fault` says why nothing is recorded.
+        recording: Writes the recording's files. If nothing is recorded, its `fault` says why.
         queue: The items that wait for the disk.
     """
 
@@ -185,7 +185,8 @@ class Recorder:
     # On the loop's thread ----------------------------------------------------------------------
 
     def _end(self) -> None:
-        """Finish the recording between two ticks, so that it contains the current tick."""
+        """Finish the recording. The loop calls this function after a tick, so that the recording
+        contains the whole tick."""
         self._unsubscribe()
         self.finish()
 

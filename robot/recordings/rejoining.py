@@ -46,8 +46,7 @@ def compacting_mark(path: Path) -> Path:
 
 
 def rejoin(storage: Storage) -> None:
-    """Move stray notes and parts to the rest of their recording in the trash, as a deletion would
-    have done.
+    """Move left-over notes and parts to the trash if the rest of their recording is there.
 
     Parts that were moved to the folder `set-aside` when the server started are moved back to their
     recording. A recording whose compacting was interrupted is restored. Never raises.
@@ -68,8 +67,9 @@ def rejoin(storage: Storage) -> None:
 
 
 def _end_compacting(storage: Storage, folder: Path) -> None:
-    """End each compacting that was interrupted. If the compact file is missing, restore the
-    original; otherwise give the compact file the original's notes, without their edits."""
+    """Repair recordings for which `EpisodeStore.compact` was interrupted. If the compact copy is
+    missing, restore the original. If the copy exists, give it the original's notes, but without the
+    edits: they are already applied to the copy."""
     for mark in sorted(storage.trash.glob("*/.*.mcap.0.part")):
         original = mark.with_name(mark.name[1 : -len(".0.part")])
         path = folder / original.name

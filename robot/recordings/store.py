@@ -62,8 +62,8 @@ class EpisodeStore:
         self._recording = recording or (lambda: None)
         self._is_recorder = recording is not None  # another program may be recording it
         self.budget_bytes = DEFAULT_BUDGET_BYTES
-        """Total size of all episodes above which the oldest unprotected episodes are offered for
-        deletion."""
+        """If the total size of all episodes exceeds this number, the oldest unprotected episodes
+        are offered for deletion."""
         self._lock = threading.RLock()
         self._listing = threading.Lock()
         self._open = lru_cache(_OPEN_EPISODES)(lambda path, *state: open_episode(path))
@@ -240,8 +240,8 @@ class EpisodeStore:
         """Reserve a free path by creating an empty file there, because another program may choose
         the same path.
 
-        The name of a deleted recording whose notes still exist is not free, because the edits in
-        the notes would then apply to the new recording.
+        A name is also taken if only the notes of a deleted recording still have it. Otherwise the
+        edits in these notes would apply to the new recording.
         """
         require_present(self._storage.folder(NAME))
         names = (path.name for path in paths_in(self._storage.folder(NAME)))

@@ -43,7 +43,8 @@ class EpisodeSummary:
     is_readable: bool = True
     damage: str | None = None
     is_copy: bool = False
-    """True if the file was recorded under another name, like a conflict copy of a sync tool."""
+    """True if the file does not have the name under which it was recorded. Such a file is usually a
+    copy."""
 
     def matches(self, text: str) -> bool:
         """True if each word of `text` occurs in the name, title, date, labels, robot or learner of

@@ -48,8 +48,7 @@ class Report:
     missing_frames: int = 0
 
     def leave_out(self, event: LogEvent, error: Exception) -> None:
-        """Count an edit of a learned image that cannot be repeated, because this policy's learned
-        images are different."""
+        """Count an edit of a learned image that this policy cannot repeat."""
         self.left_out_edits += 1
 
 
@@ -124,8 +123,8 @@ def surviving(episodes: Sequence[EditedEpisode]) -> list[NDArray[np.intp]]:
 def _undo_edit(
     episodes: Sequence[EditedEpisode], counts: list[NDArray[np.bool_]], place: int, row: int
 ) -> int:
-    """Mark the last edit of a learned image before an event as undone. Return 1, or 0 if there is
-    no such edit."""
+    """Search backwards from the event `row` of the episode `place`, and mark the first edit of a
+    learned image that is found as undone. Return the number of edits that were marked, 0 or 1."""
     for earlier in range(place, -1, -1):
         for edited in reversed(episodes[earlier][0].events.rows_of(Edited)):
             if counts[earlier][edited] and (earlier < place or edited < row):
@@ -175,9 +174,9 @@ def _is_as_driven(policy: Policy, episode: Episode, notes: Notes) -> bool:
 
 
 def _seen_by(policy: Policy, episode: Episode, event: Taught) -> Taught | None:
-    """Return the example with this policy's feature vector of the recorded picture. If the picture
-    was not recorded, return the example with its recorded vector; None if there is no such vector,
-    or if another learner made it."""
+    """Return the example with a feature vector for this policy, computed from the recorded picture.
+    If the picture was not recorded, the recorded vector is used. Return None if no vector was
+    recorded, or if another learner computed it."""
     frame_id, label = event.example.frame_id, event.example.label
     if label not in policy.moves:
         raise ConfigurationError(

@@ -225,7 +225,7 @@ class EpisodeWriter:
         self._written.take()
 
     def abandon(self) -> None:
-        """Close the file without its end, after the disk failed."""
+        """Close the file without completing it."""
         self._file.close()
 
     def _attach(self, name: str, data: bytes) -> None:

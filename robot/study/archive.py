@@ -1,7 +1,7 @@
 """A study's data in one zip. Any machine can rebuild the study's table from the zip.
 
-Only `rebuild` computes the table. The server packs the table that `rebuild` returns, and
-`drivelesson study report` calls `rebuild` again and compares the two tables.
+The server computes the table with `rebuild` and puts it into the zip. `drivelesson study report`
+computes the table again with `rebuild`, and compares it with the table in the zip.
 """
 
 from __future__ import annotations
@@ -62,8 +62,8 @@ def pack(plan_text: str, logs: Mapping[str, bytes]) -> bytes:
 
 
 def unpack(path: Path) -> tuple[str, dict[str, bytes], dict[str, bytes]]:
-    """Return the plan, the logs by participant, and the packed table by its path; raises
-    ConfigurationError if the file is not such a zip."""
+    """Return the zip's plan, its event logs by participant, and its other files by path. Raises
+    ConfigurationError if the file is not the zip of a study."""
     wrong = f"{path} cannot be read as a zip"
     # zipfile, zlib and lzma raise different errors
     with told_as(ConfigurationError, wrong, Exception), zipfile.ZipFile(path) as archive:
@@ -90,7 +90,8 @@ def unpack(path: Path) -> tuple[str, dict[str, bytes], dict[str, bytes]]:
 
 
 def report(zip_file: Path, out: Path) -> tuple[list[str], list[str]]:
-    """Rebuild the table of a zip in a folder; see `unpack` and `rebuild`.
+    """Compute a study's table from its zip file, write the table to the folder `out`, and compare
+    it with the table in the zip file.
 
     Returns two lists of paths: the rebuilt files that equal those in the zip file, and the files
     that differ or exist on only one side.

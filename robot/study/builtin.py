@@ -1,4 +1,5 @@
-"""The paper's protocol as plans: an example study, and the guided trial of one person. Pure.
+"""Study plans with the protocol of a published experiment: one plan for a study, and one for a
+single person. Pure.
 
 Source: FLAIRS-30 (2017), the experiment with human teachers. Trials 1 to 3 begin either with 90 s
 of teaching and 330 s with corrections, or with 180 s of teaching and 240 s with corrections. Then

@@ -101,7 +101,8 @@ def read_events(data: bytes, where: str = "the event log") -> list[StudyEvent]:
 
 
 def check_begun(events: Sequence[StudyEvent], where: str) -> int:
-    """Return the slot of the session. Raises RecordingError if the first event is not `begin`."""
+    """Return the participant's number in the study (the slot), which the first event contains.
+    Raises RecordingError if the first event is not `begin`."""
     first = events[0] if events else None
     if (
         first is None

@@ -37,7 +37,8 @@ class PlannedPhase(PlanTable):
 
     @property
     def mode(self) -> Mode:
-        """The mode in which the phase's clock runs."""
+        """The robot's mode during the phase. In any other mode, the time of the phase does not
+        run."""
         return Mode.TRAIN if self.kind == "teach" else Mode.AUTONOMOUS
 
 
@@ -106,7 +107,8 @@ class StudyPlan:
         return {condition.name: condition for condition in self.conditions}
 
     def order(self, slot: int) -> tuple[str, ...]:
-        """Return the names of the conditions, in the order for one slot of the plan (from 0)."""
+        """Return the names of the conditions in one participant's order. `slot` is the
+        participant's number in the study, from 0."""
         return tuple(self.conditions[i].name for i in self._orders[slot % self.balanced_every])
 
     @property
@@ -131,9 +133,9 @@ def williams_rows(n: int) -> list[tuple[int, ...]]:
     square.
 
     Every condition is at every position equally often, and follows every other condition equally
-    often. Source: E. J. Williams, "Experimental designs balanced for the estimation of residual
-    effects of treatments", Australian Journal of Scientific Research A 2 (1949): one square for an
-    even number of conditions, a square and its mirror image for an odd number.
+    often. Source: E. J. Williams, "Experimental designs balanced for the estimation
+    of residual effects of treatments", Australian Journal of Scientific Research A 2 (1949). An
+    even number of conditions needs one square. An odd number needs a square and its mirror image.
     """
     first = [0] + [(k + 1) // 2 if k % 2 else n - k // 2 for k in range(1, n)]
     rows = [tuple((start + i) % n for start in first) for i in range(n)]

@@ -20,12 +20,13 @@ _LONGEST_WORDS = 4000
 
 
 def words(default: Any = ...) -> Any:
-    """Declare a text by language."""
+    """Declare a field whose value is a text, or one text per language."""
     return must_be(_TEXT, default)
 
 
 class PlanTable(RawValue):
-    """Base of the tables: a field has the same form in all tables."""
+    """Base class of the tables in a study's TOML files. Fields of the same name are checked in the
+    same way in all tables."""
 
     @classmethod
     def read(cls, table: Mapping[str, Any], where: str) -> Self:
@@ -60,7 +61,8 @@ class PlanTable(RawValue):
         return list(fields_of(cls))
 
     def check_together(self) -> None:
-        """Refuse combinations of fields; raises ValueError."""
+        """Raise ValueError if fields of the table contradict each other. Here, nothing is checked;
+        a subclass overrides this method."""
 
 
 def refuse_unknown(table: Mapping[str, Any], known: Sequence[str], where: str) -> None:

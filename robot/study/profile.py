@@ -1,13 +1,13 @@
 """Behavior Profile: the distances at which a driver makes each move; and the difference of two
 profiles.
 
-A profile is P(d < c | move) for c = 0, 0.02, ..., 4 m, where d is the sonar reading. The sum of
-squared differences (SSD) of two profiles over all moves and all c is the measure of FLAIRS-30,
-2017.
+A profile is P(d < c | move) for c = 0, 0.02, ..., 4 m, where d is the sonar reading. Two profiles
+are compared by the sum of squared differences (SSD), over all moves and all c. Source: FLAIRS-30
+(2017).
 
 The paper does not define the profile of a move that was never made. In this module such a profile
-is 0 for every c, like a profile without readings. So a robot that never turns is far from a teacher
-who turns. A `Difference` lists, for each driver, the moves that this driver never made. Its
+is 0 for every c, like a profile without readings. So the SSD is large if one driver turns and the
+other never turns. A `Difference` lists, for each driver, the moves that this driver never made. Its
 property `made` is the SSD over only the moves that both drivers made.
 """
 

@@ -3,8 +3,8 @@
 Sources: S. G. Hart and L. E. Staveland, "Development of NASA-TLX" (1988), unweighted ("raw"): the
 mean of six scales from 0 to 100 in steps of 5. Trust: the mean, from 1 to 7, of three items from
 the questionnaire of Jian, Bisantz and Drury, "Foundations for an empirically determined scale of
-trust in automated systems" (2000). The closing question is the paper's; its wording and all
-translations are our own.
+trust in automated systems" (2000). The closing question is taken from the experiment of FLAIRS-30
+(2017), but worded differently. All translations are our own.
 """
 
 from __future__ import annotations

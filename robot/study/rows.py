@@ -35,7 +35,8 @@ def columns(plan: StudyPlan) -> tuple[str, ...]:
 
 
 def refuse_same_columns(plan: StudyPlan, where: str = "the plan") -> None:
-    """Raise ConfigurationError for a new plan in which a question has another column's name."""
+    """Raise ConfigurationError if a question of a new plan has the name of another column of
+    phases.csv."""
     refuse_twins(columns(plan), "phases.csv column", where)
 
 
@@ -59,7 +60,7 @@ def named(events: Sequence[StudyEvent], event: str) -> list[StudyEvent]:
 
 
 def frames(events: Sequence[StudyEvent], by: DrivenBy) -> list[StudyEvent]:
-    """Return the frames on which the given driver, pilot or robot, drove."""
+    """Return the frames during which the given driver, the pilot or the robot, was driving."""
     return [e for e in named(events, "frame") if e.driven_by == by.value]
 
 
@@ -71,7 +72,8 @@ def profile_of(frames: Sequence[StudyEvent]) -> Profile:
 
 def condition_logs(plan: StudyPlan, participant: str, log: bytes) -> list[ConditionLog]:
     """Group a session's events by condition; only the last attempt at a condition counts. Raises
-    RecordingError if the log cannot be read, or names a condition that the plan no longer has."""
+    RecordingError if the log cannot be read, or if the plan no longer has one of the log's
+    conditions."""
     where = f"events/{participant}.csv"
     events = read_events(log, where)
     slot = check_begun(events, where)

@@ -38,10 +38,10 @@ class StudySession:
     Args:
         plan: The study.
         participant: The participant's code.
-        slot: The participant's slot in the plan, from 0. The slot determines the order of the
+        slot: The participant's number in the study, from 0. It determines the order of the
             conditions.
-        pace: Factor by which the time of phases runs faster than the clock. The pace is 1, except
-            in demonstrations and tests.
+        pace: Speed of the phases. With a pace of 10, a phase of 60 s ends after 6 s. The pace is 1,
+            except in demonstrations and tests.
     """
 
     def __init__(self, plan: StudyPlan, participant: str, slot: int, *, pace: float = 1.0) -> None:
@@ -68,8 +68,8 @@ class StudySession:
 
     @property
     def phase(self) -> PlannedPhase | None:
-        """The phase that is being driven or comes next; None if the session's next step is not to
-        drive."""
+        """The phase that the robot drives now or next. None while the session waits for something
+        else, such as answers."""
         return self.condition.phases[self.phase_index] if self.step is SessionStep.DRIVE else None
 
     @property
@@ -113,7 +113,7 @@ class StudySession:
         return made
 
     def follow(self, event: StudyEvent) -> None:
-        """Apply one event, new or read from the log."""
+        """Update the session's state by an event, which is new or comes from the log."""
         if event.phase_s is not None and self.phase is not None:
             self.phase_s = event.phase_s
         match event.event:

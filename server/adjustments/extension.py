@@ -24,7 +24,8 @@ _T = TypeVar("_T", bound="CorrectionsAnswer")
 
 
 class AdjustmentsExtension(Extension):
-    """Applies the corrections of one robot from its options, its data folder and the page."""
+    """Corrects the body and the camera of one robot. The corrections come from the command line,
+    the data folder and the page."""
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
         self._services = services

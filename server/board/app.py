@@ -35,7 +35,8 @@ PICTURE_HEADER = struct.Struct("<HI")
 
 
 class StopOrder(RawValue):
-    """A request's body: the number of the robot to stop, or nothing to stop all robots."""
+    """A request's body. `robot` is the number of the robot to stop. Without `robot`, all robots are
+    stopped."""
 
     robot: int | None = whole(None)
 
@@ -97,7 +98,8 @@ def create_board_app(
     @app.exception_handler(RobotError)
     @app.exception_handler(OSError)
     async def refuse(request: Request, error: RobotError | OSError) -> JSONResponse:
-        """Answer a request with its robot's error, or with 502 if the robot does not answer."""
+        """Answer with the robot's own error message and status. If the robot does not answer, the
+        status is 502."""
         if isinstance(error, NotFoundError):
             return JSONResponse({"detail": str(error)}, 404)
         sentence = f"{board.robot(int(request.path_params['number'])).name}: {error}"
@@ -201,7 +203,8 @@ def _add_routes(
 
     @app.post("/api/robots/{number}/copy-model")
     async def take_model(number: int, body: ModelCopies) -> dict[str, Any]:
-        """Copy the model that a robot uses to other robots; return a sentence for each failure."""
+        """Copy the current model of one robot to other robots. Return a sentence for each
+        failure."""
         targets = [board.robot(target) for target in body.to if target != number]
         return {"faults": await copy_model(board.robot(number), targets)}
 

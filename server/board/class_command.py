@@ -1,4 +1,4 @@
-"""Run a class of robots on this computer, or give its robots an order about their models."""
+"""Run simulated robots for a school class, or give an order to all robots of a running class."""
 
 from __future__ import annotations
 
@@ -42,7 +42,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run a class until interrupted, or give an order to the running class."""
+    """Run the robots and the teacher's board until interrupted. With `args.order`, only send the
+    order to a board that already runs."""
     if args.order:
         from server.board.class_orders import give_order
 

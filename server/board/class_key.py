@@ -1,8 +1,8 @@
-"""The key that a teacher's board shares with the robots of a class, and proofs of knowing it.
+"""The class key: a secret that a teacher's board shares with the robots of a school class.
 
 Each side proves that it knows the key without sending the key. A proof covers the random numbers of
 both sides, and the robot's address as the prover sees it. An impostor at another address can
-therefore neither replay nor relay the proof. Pure, except for the key's file.
+therefore neither replay nor relay the proof.
 """
 
 from __future__ import annotations
@@ -65,7 +65,8 @@ def new_nonce() -> str:
 
 
 def endpoint(address: str, port: int) -> str:
-    """Return an address and a port as one text for proofs; an IPv6 zone is left out."""
+    """Return the text that stands for a robot's address and port in a proof. The zone of an IPv6
+    address is left out."""
     return f"{address.partition('%')[0].removeprefix('::ffff:').lower()}:{port}"
 
 

@@ -1,8 +1,9 @@
-"""Saves, resets or hands over the models of all robots of a class at once, with undo.
+"""Gives one order to all robots of a school class, such as to save their models. An order can be
+undone.
 
-All robots get an order at the same time. A robot saves its model before it starts another, unless
-the model has no examples; such a model is deleted. The steps of each robot are recorded, so that
-even an order that failed halfway can be undone.
+All robots get an order at the same time. Before a robot changes to another model, it saves its
+current model. A model without examples is deleted instead. The steps of each robot are recorded, so
+that even an order that failed halfway can be undone.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from server.board.teacher_session import Status
 from server.board.transport import UnreachableError, within
 
 PATIENCE_S = 20.0
-"""How long one robot may take to carry out an order, in seconds; it saves and loads a model."""
+"""How long one robot may take to carry out an order, in seconds."""
 _STOP_S, _LOOK_S = 3.0, 0.05
 _MOST_UNDONE = 10
 _LONGEST_NAME = 40
@@ -40,7 +41,8 @@ class ClassOrder(StrEnum):
     RESET = "reset"
     """Save the model in use, and start an empty one."""
     HAND_OVER = "hand_over"
-    """Reset, and sign out the phones of this class."""
+    """Do the same as `RESET`, and sign out the phones of the class, so that another class can use
+    the robots."""
     LOAD = "load"
     """Save the model in use, and load a given one."""
 
@@ -50,9 +52,10 @@ class RobotOutcome:
     """The result of an order, or of its undo, at one robot.
 
     Attributes:
-        did: The order if the robot carried it out, `undone` after an undo, `empty` if there was
-            nothing to keep, `away` if the robot did not answer, or `failed`.
-        model: The model that was saved or set aside; empty if it had no examples.
+        did: The order's value if the robot carried out the order. Otherwise `undone` (the order was
+            undone), `empty` (there was no model to keep), `away` (the robot did not answer) or
+            `failed`.
+        model: Name of the model that was saved; empty if no model was saved.
         detail: The failure's cause, in English.
     """
 

@@ -1,4 +1,5 @@
-"""A robot's membership in a class: the teacher's sessions, and the locks on pupils.
+"""The robot's side of a school class: the sessions of the teacher's board, and the locks that
+forbid pupils some changes.
 
 A robot has a `Classroom` only if it was started with the class's key. The teacher's board proves
 that it knows the key and gets a session. Its requests carry the session's secret in a header, which
@@ -28,8 +29,8 @@ from server.gateway.roles import Role
 log = logging.getLogger(__name__)
 
 TEACHER = Role(value="teacher", may_change=True, holds_stop=True)
-"""The role of a class's board. The board may set locks and change what pilots may change, but may
-not drive."""
+"""The role of a class's board. The board may change everything that a pilot may change, and may set
+locks. It may not drive."""
 LOCKS: dict[str, tuple[str, ...]] = {
     "settings": ("/api/settings", "/api/world"),
     "models": ("/api/models", "/api/retraining", "/api/studies", "/api/session"),

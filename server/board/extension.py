@@ -196,8 +196,8 @@ class ClassroomExtension(Extension):
         return self._signed_out.pop(key)
 
     def start(self) -> None:
-        """Accept the class's code for pairing. The gateway has its pairing only after it was
-        opened, so this is not done earlier."""
+        """Let phones pair with the class's code. This is not
+        done earlier, because the pairing exists only after the gateway was opened."""
         pairing = _pairing(self._services)
         if self.classroom is not None and pairing is not None:
             pairing.standing_code = self.classroom.code

@@ -13,7 +13,8 @@ from server.board.transport import HttpAnswer, UnreachableError
 
 
 async def copy_model(source: RobotLink, targets: Sequence[RobotLink]) -> list[str]:
-    """Copy the model that `source` uses to all `targets` at the same time, and have them load it.
+    """Copy the current model of `source` to all `targets` at the same time. The targets then use
+    the model.
 
     The target robots must be stopped; they save their current models first.
 

@@ -58,9 +58,9 @@ _MODULES = (
     *("server.persistence", "server.recordings.retraining_routes"),
     *("server.recordings.routes",),
 )
-"""The modules that a robot of a class imports. A module that is missing here is imported by each
-robot separately, into the robot's own memory. A test checks that no module of Drivelesson is
-missing."""
+"""Modules that are imported before the robots are forked, so that all robots share them in memory.
+A module that is missing here is imported by each robot separately, into the robot's own memory. A
+test checks that no module of Drivelesson is missing."""
 
 _ARENAS = "1"
 """Number of heaps of glibc's allocator. By default each thread gets its own heap, which keeps some
@@ -220,8 +220,8 @@ def measure_picture_s(world: str) -> float:
 
 
 def _measure_apart(world: str) -> float | None:
-    """Call `measure_picture_s` in a separate process, because a process that has rendered pictures
-    can no longer be forked, and the nursery must fork robots."""
+    """Call `measure_picture_s` in a child process. The nursery's own process must not render
+    pictures, because afterwards it could no longer fork robots."""
     read, write = os.pipe()
 
     def work() -> int:

@@ -15,7 +15,7 @@ from functools import cache
 from robot.clock import RealClock
 
 NAME = "left turns only"
-"""Name of the model on a robot if the computer's language is not known."""
+"""Name of the model, unless the computer's language is Spanish or Chinese."""
 _NAMES = {"es": "solo izquierda", "spanish": "solo izquierda"}
 _NAMES |= {"zh": "只会左转", "chinese": "只会左转"}
 _STEP_S = 0.1
@@ -27,8 +27,8 @@ _NEAR_M, _FREE_M = 0.35, 0.5
 def locale_of_computer(environment: Mapping[str, str]) -> str | None:
     """Return the name of the locale that a person chose for this computer.
 
-    The environment's variables come first, because Python reports another locale if the files of
-    the chosen locale are not installed.
+    Environment variables such as LANG are read first. If the chosen locale is not installed,
+    Python's `getlocale` returns a different one.
     """
     chosen = (environment.get(name) for name in ("LC_ALL", "LC_MESSAGES", "LANG"))
     return next(filter(None, chosen), None) or locale.getlocale()[0]

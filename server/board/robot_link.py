@@ -37,8 +37,8 @@ START_S = 30.0
 """How long a robot that has not yet answered is assumed to be starting, in seconds."""
 _RETRY_S, _LONGEST_RETRY_S, _STOP_RETRY_S = 0.5, 5.0, 0.25
 _STARTING_RETRY_S = 1.0
-"""Longest time between two tries to connect while a robot may be starting, in seconds; short, so
-that a new class is complete soon."""
+"""Longest time between two attempts to connect to a robot that may still be starting, in seconds.
+The time is short, so that the robots of a new class appear soon."""
 _INVITE_EVERY_S = 100.0
 _FIELDS = (
     *("mode", "driven_by", "action", "stop_reason", "emergency", "asks_pilot", "fault", "link"),

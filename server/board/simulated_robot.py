@@ -32,8 +32,9 @@ log = logging.getLogger(__name__)
 _ASK_S, _ASKS = 0.2, 150
 _ANSWER_S = 5.0
 _GOLDEN_DEG = 137.508
-"""Step between the hues of successive robots' walls, in degrees. This step, the golden angle, keeps
-any number of hues distinct."""
+"""Each robot drives in a simulated room with walls of one colour. This is the difference in hue
+between the rooms of successive robots, in degrees. The golden angle keeps any
+number of hues distinct."""
 _HUES_DEG = {"green": 130, "purple": 259, "pink": 324, "brown": 28, "teal": 176}
 """Hues of the board's colours, in degrees. A robot gets the colour whose hue is nearest to that of
 the walls in its simulated room."""
@@ -41,8 +42,8 @@ _AT_A_TIME = 4
 """Number of forked robots per CPU core that start at the same time. A core can start several,
 because a starting robot spends four fifths of the time waiting until its name is announced."""
 RATE_HZ, PER_CORE_HZ = 30, 150
-"""Maximum frame rate of one robot, and maximum sum of all robots' frame rates per CPU core, both in
-Hz."""
+"""`RATE_HZ` is the highest frame rate of one robot. `PER_CORE_HZ` is the highest sum of the frame
+rates of all robots, for each CPU core."""
 _FLAGS = sum(  # `subprocess` has these flags only on Windows
     getattr(subprocess, name, 0)
     for name in ("CREATE_NEW_PROCESS_GROUP", "BELOW_NORMAL_PRIORITY_CLASS")
@@ -70,7 +71,8 @@ class SimulatedRobot:
             IdentityFile(folder, name).change(colour=min(off, key=lambda colour: abs(off[colour])))
 
     def keep_model(self, name: str, data: bytes) -> None:
-        """Save a model in the robot's folder unless its name is taken; begin with this model."""
+        """Save a model in the robot's folder, and let the robot start with it. If the folder
+        already has a model of this name, the robot starts with that model."""
         models = ModelStore(Storage(self.folder))
         self.model = name if name in models.names() else models.add_file(name, data)
 

@@ -26,7 +26,7 @@ _STOP = json.dumps({"type": "stop"})
 
 
 class Stopping(StrEnum):
-    """The stage of a stop."""
+    """How far the request to stop a robot has come."""
 
     ASKED = "asked"
     STOPPED = "stopped"
@@ -52,7 +52,7 @@ class RobotStop:
         self.is_release_refused = False
         self._press = ""
         self._number_before: int | None = None
-        """The newest STOP that the robot had reported before this stop was pressed."""
+        """The value of `number` when this stop was requested."""
         self._is_shown = False
         """True once a state of the robot has shown this stop; states before it count as older than
         the stop."""
@@ -71,8 +71,8 @@ class RobotStop:
 
     @property
     def id(self) -> str:
-        """Identifies the board's last press of STOP together with the newest STOP that the robot
-        reported. A release contains this id."""
+        """The id that a release of the stop must contain. It changes with each press of STOP on the
+        board, and with each new STOP that the robot reports."""
         return f"{self._press}.{self.number}"
 
     def press(self) -> None:
@@ -89,7 +89,7 @@ class RobotStop:
         self._on_change()
 
     def release(self, stop: str) -> None:
-        """Let pupils start the robot again; a robot that is away stays stopped.
+        """Let pupils start the robot again. Does nothing without a connection to the robot.
 
         `stop` is the `id` that the teacher has seen; a release of an older STOP is refused.
         """
@@ -126,7 +126,8 @@ class RobotStop:
             self.stage, self._is_shown = Stopping.STOPPED, True
 
     async def send_again(self, channel: Any) -> None:
-        """If the stop is not released, send it as the first message on a new connection."""
+        """Call this when the robot is connected again: a stop that was not released is sent
+        again."""
         self._is_shown = False
         # forget the number, because a robot that has restarted counts from the start
         self.number = self._confirmed = None

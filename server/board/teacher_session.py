@@ -67,7 +67,8 @@ class TeacherSession:
         return self._secret is not None
 
     async def join(self) -> None:
-        """Have board and robot prove to each other that they are of one class, and open a session.
+        """Open a session with the robot. Before this, board and robot prove to each other that they
+        have the same class key.
 
         Raises:
             WrongClassError: If board and robot are of different classes.
@@ -99,7 +100,7 @@ class TeacherSession:
         """Send a request as the teacher; close the session if the robot has forgotten it.
 
         Raises:
-            RefusedError: If the robot refuses, with the robot's own sentence.
+            RefusedError: If the robot refuses the request. The message comes from the robot.
         """
         if not self.is_open:
             raise UnreachableError("the robot is not connected")

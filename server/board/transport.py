@@ -155,7 +155,8 @@ class NetworkTransport:
     async def connect(
         self, place: ServerPlace, path: str, headers: Mapping[str, str]
     ) -> AsyncIterator[Any]:
-        """Open a websocket while the `with` block runs; UnreachableError ends the block early."""
+        """Open a websocket for the `with` block. If the connection fails, the block ends with
+        UnreachableError."""
         url = str(place.address).replace("http", "ws", 1) + path
         options: dict[str, Any] = {"compression": None, "max_size": 1 << 20}
         options |= {"open_timeout": _PATIENCE_S, "close_timeout": 1.0, "ping_interval": None}
@@ -185,7 +186,8 @@ def _look_up(host: str, port: int) -> str:
 async def _connected(
     address: RobotAddress, certificate: ssl.SSLContext | None
 ) -> AsyncIterator[tuple[asyncio.StreamReader, asyncio.StreamWriter]]:
-    """Connect while the `with` block runs; unread data is dropped."""
+    """Open a connection for the `with` block. When the block ends, the connection is closed at
+    once, and unread data is lost."""
     reader, writer = await asyncio.open_connection(address.host, address.port, ssl=certificate)
     try:
         yield reader, writer

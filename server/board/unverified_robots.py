@@ -19,8 +19,8 @@ from server.board.teacher_session import Status, TeacherSession, WrongClassError
 from server.board.transport import RobotAddress, UnreachableError, within
 
 AT_ONCE = 32
-"""Maximum number of unverified robots that are asked for their proof at the same time. The limit
-leaves half of the transport's threads for the robots of the class."""
+"""Maximum number of unverified robots that are asked for their proof at the same time. The
+transport has twice as many threads, so half of them stay free for the robots of the class."""
 FORGOTTEN_S = 180.0
 """Time without an announcement after which a robot is forgotten, in seconds. The network is queried
 each minute."""
@@ -40,7 +40,8 @@ class UnverifiedRobot:
 
 
 class UnverifiedRobots:
-    """All unverified robots; `welcome` gets the address of a robot that has proved the key."""
+    """Robots that were found on the network, but have not proved that they know the class key.
+    `welcome` is called with the address of each robot that proves it."""
 
     def __init__(
         self,

@@ -1,10 +1,10 @@
 """A fast path through uvicorn for video: frames are written directly, without ASGI and its tasks.
 
-With ASGI, each frame costs two task switches and a pause of reading for every viewer. The fast path
-avoids these costs; `drivelesson bench link` measures them with 16 viewers and 30 frames a second.
-The fast path also reads short messages, such as acknowledgements and commands, without the parser
-of the library websockets. If uvicorn is too old for sans-I/O websockets, frames go through ASGI
-with the same behaviour.
+With ASGI, each frame to a viewer costs two task switches, and uvicorn pauses reading for each
+acknowledgement of a frame. The fast path avoids these costs; `drivelesson bench link` measures them
+with 16 viewers and 30 frames a second. The fast path also reads short messages, such as
+acknowledgements and commands, without the parser of the library websockets. If uvicorn is too old
+for sans-I/O websockets, frames go through ASGI with the same behaviour.
 """
 
 from __future__ import annotations
@@ -42,15 +42,16 @@ def make_protocol() -> type[Any] | None:
         """The websocket protocol of uvicorn, with the fast path."""
 
         on_bytes: Callable[[bytes], None] | None = None
-        """Called with each binary message instead of ASGI's `receive`."""
+        """If set, this function gets each binary message. ASGI's `receive` then does not return the
+        message."""
         on_text: Callable[[str], None] | None = None
         """Called with each text as soon as it is read, even after the server began to close.
 
-        Texts bypass all queues, so a burst does not delay later messages.
+        A text does not wait in a queue behind earlier messages.
         """
         _read_s = -math.inf
-        """The time until which the received frames use up the rate limit, in seconds; reading
-        pauses while this time lies in the future."""
+        """Each received frame moves this time `FRAME_S` later. While the time lies in the future,
+        nothing is read, which limits the rate of frames. In seconds of the event loop's clock."""
         _is_held = False
         _written: ClassVar[tuple[bytes, bytes]] = b"", b""
         """The last message written to any viewer, and its frame, which all viewers share."""

@@ -104,7 +104,7 @@ def _is_browser(request: Request) -> bool:
 async def _parts_with_length(
     stream: AsyncGenerator[bytes, None], is_allowed: Callable[[], bool]
 ) -> AsyncIterator[bytes]:
-    """Yield the parts of the answer for players.
+    """Yield the parts of the MJPEG stream for a media player.
 
     Each part says its length. Otherwise players based on FFmpeg would show it only after the
     headers of the next two parts.

@@ -30,23 +30,25 @@ Measure = Callable[[], tuple[int, int] | None]
 
 
 class Room:
-    """Says whether there is room for another frame on the way to one client."""
+    """Decides whether a viewer has read enough to get another frame."""
 
     def __init__(self, measure: Measure) -> None:
         self._measure = measure
         self._widest = self._waited = self._tried = 0
 
     def is_there(self, n_bytes: int) -> bool:
-        """Return True if most of the last frame, of `n_bytes`, is read, or if that is unknown.
+        """Return True if the viewer has read most of the last frame, whose size is `n_bytes`. Also
+        return True if this cannot be measured.
 
         The caller repeats the call every 10 ms while the answer is False. A client's system may
         buffer one frame without reducing its window. Such a frame is not measured, so up to two
         frames can be unread.
 
-        Some systems reduce their window permanently although nothing is unread. If the window stays
-        too small for `_PATIENCE` calls, the answer is therefore True once, as a test. If,
-        `_REPORTED` calls later, the window is at least as large as before the test, the client has
-        read the test's frame. The present window then counts as that of an empty buffer.
+        Some systems reduce their window permanently although nothing is unread. So after
+        `_PATIENCE` calls with the answer False, the method returns True once, and the caller sends
+        a frame as a test. After `_REPORTED` further calls, the window is compared with the window
+        before the test. If it is not smaller, the viewer has read the test frame. From then on, a
+        window of this size means that nothing is unread.
         """
         measured = self._measure()
         if measured is None:
@@ -121,9 +123,10 @@ def _peer_of(connection: socket.socket) -> tuple[str, int] | None:
 
 
 def _ask_for_windows(connection: socket.socket) -> None:
-    """Have the client's system report its window every second, even if nothing is sent.
+    """Turn on TCP keep-alive with a period of one second. The client's system answers each probe
+    with its current receive window.
 
-    Without this request, the client's system does not always report that the client has read
+    Without these probes, the client's system does not always report that the client has read
     something.
     """
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)

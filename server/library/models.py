@@ -34,7 +34,8 @@ class StoredModel:
 
 
 class ModelLibrary:
-    """The models in a data folder, and the model in use if there is an `autosave`."""
+    """The models in a data folder. `autosave` saves the model in use; it is None if no robot
+    runs."""
 
     def __init__(
         self, storage: Storage, store: ModelStore, autosave: Autosave | None = None
@@ -42,7 +43,7 @@ class ModelLibrary:
         self._storage, self._store, self._autosave = storage, store, autosave
 
     def saved(self) -> list[StoredModel]:
-        """List all models, those saved last first."""
+        """List all models, the newest first."""
         store, current = self._store, self._store.current
         saved = [
             StoredModel(
@@ -126,9 +127,9 @@ class ModelLibrary:
         return name
 
     def preview(self, name: str) -> NDArray[np.uint8]:
-        """Return a small picture of the model's most used learned image, as grey values.
+        """Return a small greyscale picture of the learned image that the model has used most often.
 
-        A model without images has a single black pixel.
+        For a model without learned images, return one black pixel.
         """
         policy = decode_model(self._store.read_file(name)).to_policy()
         nodes = policy.learner.nodes()

@@ -27,8 +27,8 @@ class ModelChange(Named):
 
 
 class NewModel(ModelChange):
-    """A request's body: a new model's name and learner, and the earlier models with whose weights
-    it begins."""
+    """A request's body: a new model's name and learner. If `like` names earlier models, the new
+    model begins with their weights."""
 
     learner: str | None = text(None)
     like: list[str] = must_be("a list of models' names", [])
@@ -38,7 +38,7 @@ _NEW = NewModel()
 _UNREADABLE: Any = SimpleNamespace(
     place="", saved_at_s=None, learner=None, moves=(), taught={}, n_examples=0, n_nodes=0
 )
-"""The details that a list shows of a model that cannot be read."""
+"""Shown in the list instead of a model's details if the model cannot be read."""
 
 
 @dataclass
@@ -61,7 +61,7 @@ class ModelAnswer:
 
 @dataclass
 class ModelList:
-    """All models, those saved last first, and the name of the model in use."""
+    """All models, the newest first, and the name of the model in use."""
 
     current: str | None
     models: list[ModelAnswer]
@@ -69,7 +69,7 @@ class ModelList:
 
 @router.get("")
 def list_models(request: Request) -> ModelList:
-    """List all models, those saved last first."""
+    """List all models, the newest first."""
     models = [_describe(saved) for saved in library_of(request).saved()]
     return ModelList(current=persistence_of(request).autosave.name, models=models)
 
@@ -135,7 +135,7 @@ def delete_model(request: Request, name: str) -> dict[str, str]:
 
 @router.get("/{name}/preview", **PNG)
 def preview_model(request: Request, name: str) -> Response:
-    """Return the model's most used learned image, as PNG."""
+    """Return a PNG picture of the learned image that the model has used most often."""
     return png(library_of(request).preview(name))
 
 

@@ -123,7 +123,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _range(args: argparse.Namespace, episode: Episode) -> tuple[int, int]:
-    """Convert a range in seconds from the start to its first and last frame."""
+    """Return the ids of the first and the last frame between `args.first_s` and `args.last_s`, in
+    seconds since the recording began."""
     first_s = args.first_s if args.first_s is not None else 0.0
     last_s = args.last_s if args.last_s is not None else episode.duration_s + 1.0
     at_s = episode.frames.captured_s - episode.start_s

@@ -1,4 +1,4 @@
-"""The part of a robot's persistence that saves recordings."""
+"""Connects the recorder and the store of recordings with the server's `Persistence`."""
 
 from __future__ import annotations
 
@@ -44,7 +44,8 @@ class Recordings(PersistencePart):
         self.episodes = EpisodeStore(kept.storage, lambda: recording.episode_id, _write_edited)
 
     def _announce(self, name: str, **fields: Any) -> None:
-        """Set the name of the run whenever a recording begins or ends; pass on the event."""
+        """Announce an event of the recorder. Before this, set `run` to the name of the current
+        recording, because recording may just have begun or ended."""
         self._kept.run = self.recorder.recording.episode_id
         self._kept.announce(name, **fields)
 

@@ -45,7 +45,7 @@ _COLUMNS = {
     **{name: name for name in ("at_s", "label", "predicted", "confidence", "driven_by", "sent")},
     **{name: name for name in ("asks_pilot", "distance_m", "bumped", "pose")},
 }
-"""The columns of a timeline, each with the name of the picture's attribute that it shows."""
+"""For each column of a timeline, the attribute of `EpisodeFrame` that it shows."""
 
 
 class EpisodeChange(RawValue):
@@ -289,7 +289,8 @@ def show_timeline(
     last: int | None = None,
     store: EpisodeStore = STORE,
 ) -> EpisodeTimeline:
-    """Return label, prediction and more of each picture, or of `count` evenly spaced pictures.
+    """Return the data of each picture, such as its label and prediction. With `count`, return at
+    most `count` evenly spaced pictures.
 
     `first` and `last` restrict the answer to the pictures in this range.
     """

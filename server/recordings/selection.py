@@ -36,7 +36,8 @@ def add_data(parser: argparse.ArgumentParser) -> None:
 
 
 def find_id(store: EpisodeStore, name: str) -> str:
-    """Return the id of the episode with this name, or of the only one that begins with it."""
+    """Return the id of an episode. `name` is its whole name, or the beginning of a name that only
+    one episode has, or "last"."""
     ids = store.ids()
     if not ids:
         raise NotFoundError("nothing is recorded yet")

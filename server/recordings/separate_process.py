@@ -34,8 +34,9 @@ class SeparateWork(Iterator[_T]):
     """Runs `work(tell, *args, **kwargs)` in a separate process, which ends at the latest when this
     process ends.
 
-    Iterating yields each value that `work` passes to `tell`, and raises the error that `work`
-    raises, or RecordingError if the process was killed. `work` must be a function of a module.
+    Iterating yields the values that `work` passes to `tell`. If `work` raises an error, iterating
+    raises it, too. If the process was killed, iterating raises RecordingError. `work` must be a
+    function of a module.
     """
 
     def __init__(
@@ -115,7 +116,7 @@ def _end_with_parent() -> None:
 
 
 def _portable(error: Exception) -> Exception:
-    """Return the error, or if it cannot be pickled, a RuntimeError with its text."""
+    """Return an error that can be pickled: the same error, or else a RuntimeError with its text."""
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:

@@ -1,4 +1,5 @@
-"""Conducts the session of one participant: phases timed by the loop's ticks, and questions.
+"""Conducts one participant's session of a study: phases of driving, which end after a given time,
+and questions.
 
 A session can be resumed at any time, because its event log has its whole state.
 """
@@ -76,7 +77,7 @@ class Conductor(StartStop):
 
     Args:
         rig: The robot.
-        kept: The persistence, with the data folder, the model in use and the current recording.
+        kept: Gives access to the data folder, the model in use and the current recording.
         announce: Called with each event for the clients.
     """
 
@@ -142,8 +143,8 @@ class Conductor(StartStop):
         """Begin a participant's session, or resume it.
 
         Raises:
-            ConfigurationError: If another session is running, the code is invalid or has finished,
-                no place is free, or the plan has changed since the session began.
+            ConfigurationError: If the session cannot begin. For example, another session is
+                running, the study has no free place, or the plan has changed.
             NotFoundError: If there is no such study.
             RecordingError: If the plan or the event log cannot be read.
         """

@@ -1,4 +1,5 @@
-"""Permanently deletes the data of a participant who withdraws, with all copies."""
+"""Permanently deletes all data of a participant who withdraws from a study. Copies are deleted,
+too."""
 
 from __future__ import annotations
 

@@ -23,7 +23,8 @@ router = APIRouter(prefix="/api", route_class=Route)
 
 
 class NewStudy(RawValue):
-    """A request's body: a study's name, and its plan as TOML or the number of a paper's trial."""
+    """A request's body: a new study. Its plan is a TOML text, or the built-in plan of trial 1, 2 or
+    3."""
 
     name: str = text()
     plan: str | None = text(None, most=100_000)
@@ -181,7 +182,8 @@ def show_outcomes(request: Request, name: str, participant: str) -> dict[str, An
 
 @router.delete("/studies/{name}/sessions/{participant}", dependencies=[PILOT])
 def withdraw_participant(request: Request, name: str, participant: str) -> dict[str, Any]:
-    """Permanently delete all data of a participant; 409 while that session is running."""
+    """Permanently delete all data of a participant. The status is 409 while the participant's
+    session is running."""
     return {"deleted": _conductor(request).withdraw(name, participant)}
 
 

@@ -175,8 +175,8 @@ class StudyFolder:
         """Permanently delete all data of a participant: the log, the models and the recordings,
         including those in the trash.
 
-        Returns the deleted paths, relative to the data folder. Raises ConfigurationError if
-        `recording`, which is being made now, is one of the participant's.
+        Returns the deleted paths, relative to the data folder. Raises ConfigurationError if the
+        current recording (`recording`) belongs to the participant.
         """
         recordings = recordings_in(self.log(name, code))
         if recording in recordings:

@@ -2,8 +2,8 @@
 
 A participant's model is among the robot's models only while the session is driven. Afterwards it is
 put away, beside the session's log, and the robot uses its previous model again. The file
-`StudyFolder.active` names the session's model. The next start after a power cut reads this file and
-puts the model away.
+`StudyFolder.active` names the session's model. If the power failed during the session, the next
+start of the program reads this file, and the robot gets its own model again.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ PATIENCE_S = 10.0
 
 
 class SessionModels:
-    """Puts a session's model in use, and later puts it away. The methods may wait for the control
-    loop and the disk."""
+    """Gives the robot a session's model, and later its previous model again. The methods may wait
+    for the control loop and the disk."""
 
     def __init__(self, rig: Rig, folder: StudyFolder, autosave: Autosave) -> None:
         self.in_use: SessionModel | None = None
@@ -34,8 +34,8 @@ class SessionModels:
     ) -> bool:
         """Use the participant's saved model of this condition, or an empty one.
 
-        Returns True if the model is empty, because `anew` is True or none was saved. After a
-        ConfigurationError or OSError the robot still has its previous model.
+        Returns True if the robot now has an empty model: `anew` was True, or no model was saved.
+        After a ConfigurationError or OSError the robot still has its previous model.
         """
         path = self._folder.model_path(study, participant, position)
         kept = path.read_bytes() if not anew and path.is_file() else None
