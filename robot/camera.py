@@ -13,7 +13,7 @@ from robot.types import Encoding, Frame, StartStop
 
 
 class Mounting:
-    """How a camera is mounted: upright by default. An extension may set another mounting."""
+    """How a camera is mounted: upright, unless an extension sets another `Mounting`."""
 
     def upright(self, picture: Frame) -> Frame:
         """Return the picture as if the camera stood upright."""
@@ -31,8 +31,8 @@ class Camera(StartStop):
     Attributes:
         fault: The camera's fault, as a sentence for the page; None if all is well.
         source_age_s: For a camera on another computer: the age of a picture in seconds when it
-            reaches that computer. The way from there to here is not included. None for a camera of
-            this computer, and if no age is reported.
+            reaches that computer. The way from there to here is not included. None if the camera
+            belongs to this computer, or if the other computer reports no age.
 
     Example:
         >>> from robot.testing import VirtualClock
@@ -48,10 +48,10 @@ class Camera(StartStop):
     name: ClassVar[str]
     options_type: ClassVar[type[Any]]
     world_waits: ClassVar[bool] = False
-    """True if the world waits until the loop has acted on the newest picture. Then no picture is
-    too old to drive by, even on a slow computer."""
+    """True for a simulated world that stands still until the loop has acted on the newest picture.
+    Then no picture is too old to drive by, even on a slow computer."""
     can_be_turned: ClassVar[bool] = True
-    """False if the pictures are already upright because they were recorded."""
+    """False for a recording, whose pictures are already upright."""
 
     def __init__(self, clock: Clock) -> None:
         self.clock = clock
@@ -99,10 +99,10 @@ class Camera(StartStop):
         return self._latest
 
     def world_s(self, at_s: float) -> float:
-        """Return the time of the world's clock when `self.clock` showed `at_s`.
+        """Convert `at_s`, a time of `self.clock`, to the time in the camera's world.
 
-        The two times are equal unless `world_waits`. If the world waits, its clock stands still
-        until the loop takes the next picture. This time is no silence of the pilot.
+        Both times are equal unless `world_waits`. A world that waits stops its clock until the loop
+        takes the next picture. So the wait does not count as the pilot's silence.
         """
         return at_s
 

@@ -148,11 +148,11 @@ class Driver(ABC):
         """Drive for at most `ACTION_TIMEOUT_S`; return the move that the point counts as.
 
         Steering and throttle as declared for a move drive like this move; a point between two moves
-        drives a mixture of both. A body that does not accept points drives the move.
+        drives a mixture of both. A body that accepts no points drives the returned move.
 
         Args:
             point: Steering and throttle.
-            speed_scale: As for `send_action`; it does not change the curve.
+            speed_scale: As for `send_action`; the radius of the curve stays the same.
 
         Raises:
             ValueError: If a number is out of range.
@@ -176,7 +176,7 @@ class Driver(ABC):
         self.correction = correction
 
     def move_of(self, point: Point) -> Action:
-        """Return the move of this body that a point counts as (`move_at`), or STOP."""
+        """Return the body's declared move that a point is nearest to (`move_at`), or STOP."""
         return move_at(point, self.declared_moves) or Action.STOP
 
     @abstractmethod

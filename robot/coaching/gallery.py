@@ -43,9 +43,8 @@ class Explanation:
     Attributes:
         image: The image.
         present: The view that the learner sees, shape (30, 40).
-        alike: For each cell of the picture, from 0 to 1, shape (6, 8): how much more similar the
-            view is to this image than to the learned images on average. All values are 0 if there
-            is only one image.
+        alike: How much each cell of the picture speaks for this image, from 0 to 1, shape (6, 8).
+            All values are 0 if there is only one image.
     """
 
     image: LearnedImage
@@ -75,9 +74,9 @@ def _shown(policy: Policy, node: Node) -> LearnedImage:
 def explain(policy: Policy, x: Vector, node_id: int | None) -> Explanation | None:
     """Explain why an image decided a view; return None if the image no longer exists.
 
-    A squared distance is a sum over the cells of the picture. A cell counts as similar if the view
-    differs less from this image in the cell than it does from the learned images on average. A cell
-    that is similar in all images, such as an empty floor, explains nothing.
+    A squared distance is a sum over the cells of the picture. A cell counts as similar if its
+    distance from this image is smaller than its mean distance from the learned images. A cell that
+    is similar in all images, such as an empty floor, explains nothing.
     """
     nodes, features = policy.learner.nodes(), policy.features
     decides = next((node for node in nodes if node.id == node_id), None)

@@ -1,7 +1,7 @@
 """Follows a lesson tick by tick: what was taught, what the robot tried, and what went wrong. Pure.
 
-Each mistake becomes a `Gap`: the move to show the robot, with a picture of the place. Before the
-first trial the pilot must have begun each move in use a few times.
+Each mistake becomes a `Gap`: the move to show the robot, with a picture of the place. The first
+trial waits until the pilot has started each move that he uses a few times.
 """
 
 from __future__ import annotations
@@ -19,23 +19,22 @@ TAUGHT_S = 40.0
 """Teaching time after which the first trial may begin in any case, in seconds."""
 EARLY_S, EARLY_STARTS, EARLY_KNOWN = 20.0, 4, 0.9
 """Conditions of an early first trial. The trial may begin after 20 s of teaching if the pilot has
-begun each move in use four times, and the robot knew 90 % of the views of the last ten seconds. At
-that time robots foresee few of their pilot's changes of move. They nevertheless drive by themselves
-for a minute.
+begun each move in use four times, and the robot knew 90 % of the views of the last ten seconds.
+After so little teaching, robots foresee few changes of move, but they can drive alone for a minute.
 """
 STARTS = 3
-"""Number of times that the pilot must begin each move in use before the first trial, to exclude
-chance."""
+"""How often the pilot must have started each move that he uses, before the first trial. Fewer
+starts could be accidents."""
 RARE_SHARE = 0.02
 """A move with a smaller share of the examples is rare, and the pilot must begin it `2 * STARTS`
 times. If a pilot drives straight for minutes, the few examples of the turn at a wall have little
 weight."""
 _SLIP_S, _MEANT_S = 0.35, 0.9
-"""A press shorter than `_SLIP_S` seconds counts as a slip of the finger. A rare move counts as in
-use once its longer presses add up to `_MEANT_S` seconds. Without these limits the page would ask
-for a move that the pilot never meant."""
+"""A press shorter than `_SLIP_S` seconds counts as a slip of the finger. A rare move is ignored
+until its presses, without slips, last `_MEANT_S` seconds in total. Without these limits the page
+would ask for a move that the pilot never meant."""
 _FEWEST = 5
-"""Least number of examples of a move in use, whatever their share."""
+"""A move with fewer examples than this counts as unused, whatever its share of the examples."""
 BEFORE_S, AFTER_S = 0.5, 0.15
 """A change of move was foreseen if the robot proposed the move at most `BEFORE_S` seconds before
 the pilot or `AFTER_S` seconds after."""

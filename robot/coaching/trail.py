@@ -33,7 +33,7 @@ class Event(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Waypoint:
-    """One point of the trail. `driven_by` tells who drove here, and the `events` began here."""
+    """One point of the trail, with who drove there and the events that began there."""
 
     pose: Pose
     driven_by: DrivenBy
@@ -72,9 +72,8 @@ class Trail:
     def since(self, number: int) -> tuple[int, list[Waypoint]]:
         """Return the points from `number` on, and the number of the first returned point.
 
-        A client that has the points before `number` appends the returned points. If the first of
-        the returned points does not have the requested number, all points are returned, because old
-        points were dropped or a new trail began.
+        A client requests the number after its newest point, and appends the answer. If old points
+        were dropped or a new trail began, all points are returned, from another number on.
         """
         points = list(self._points)
         first = self._n - len(points)

@@ -1,8 +1,8 @@
 """A trial: the robot drives by itself, and the pilot stays ready to correct. Pure.
 
 A trial judges whether the robot is ready. Agreement predicts little, since most frames are similar
-to the frames before them. The best predictor of a minute alone is a short trial: its time counts
-while nothing goes wrong: no correction, no collision, no call for help, and few unknown views.
+to the frames before them. The best predictor is a short trial. Its time counts while nothing goes
+wrong: no correction, no collision, no call for help, and few unknown views.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ CLEAN_S = 45.0
 NOVEL_SHARE = 0.015
 """Largest share of hardly known views in a clean trial."""
 HARDLY_KNOWN = 0.8
-"""Least novelty of a view that counts as hardly known. Above 1 the robot asks for help, and a robot
+"""Novelty from which a view counts as hardly known. Above 1 the robot asks for help, and a robot
 that comes near to 1 in a trial will probably ask later."""
 PUSHED_S = 0.3
 FORGOTTEN_S = 2 * CLEAN_S
@@ -32,7 +32,7 @@ class TrialDrive:
 
     def note(self, tick: Tick, step_s: float) -> GapKind | None:
         """Count one tick; return what goes wrong in it. A collision or a call for help ends the
-        trial, a hardly known view does not."""
+        trial; a hardly known view (`HARDLY_KNOWN`) does not."""
         prediction = tick.prediction
         if tick.decision.stop_reason is StopReason.NEEDS_HELP:
             return GapKind.HELPLESS
@@ -55,7 +55,7 @@ class TrialDrive:
 
     @property
     def novel_share(self) -> float:
-        """Largest share of `clean_s` in which the views may be hardly known."""
+        """Share of `clean_s` in which the views were hardly known (`HARDLY_KNOWN`)."""
         return self._novel_s / self.clean_s if self.clean_s else 0.0
 
     @property

@@ -1,11 +1,10 @@
 """Timeouts that adapt to the camera: its period and delivery age are measured. Pure.
 
 A webcam on a fast bus delivers thirty pictures a second, 5 ms old. The guide's webcam delivers ten
-pictures a second on a slow computer, 95 to 145 ms old. A fixed limit is too strict for one webcam
-or too lax for the other, so the limits follow the measurements. The limits are quantiles over the
-last pictures, so a lost picture changes nothing. The limits grow slowly while the robot moves, and
-shrink quickly. The upper bounds of the limits follow from the distance that the robot may travel
-before it must have a newer picture.
+pictures a second on a slow computer, 95 to 145 ms old. A fixed limit would stop the slow webcam or
+be too lax for the fast one, so the limits adapt. The limits are quantiles over the last pictures,
+so a lost picture changes nothing. The limits grow slowly while the robot moves, and shrink quickly.
+No limit may let the robot travel too far without a newer picture.
 """
 
 from __future__ import annotations

@@ -12,18 +12,18 @@ class GateConfig:
     pilot_timeout_s: float = 0.3
     """Longest silence of the pilot in TRAIN, while the pilot drives or is about to drive."""
     supervision_timeout_s: float = 0.45
-    """Longest time since the pilot's last proven presence, in every mode. The time counts from the
-    proven time of the last command, so transit time is included. Even if the stop comes one tick
-    later, the robot stands still within 0.5 s."""
+    """Longest time without a command from the pilot, in every mode. The time counts from the
+    earliest moment at which the last command can have been sent, so it includes the transit. Even
+    if the stop comes one tick later, the robot stands still within 0.5 s."""
     command_timeout_s: float = 0.3
-    """Largest age of a command that is obeyed. The age counts from the command's proven time."""
+    """Largest age of a command that is obeyed. The age is measured in the same way."""
     frame_timeout_s: float = 0.2
     """Largest age of the newest picture while the robot may move. The limit is higher for a slower
     camera: see `robot.control.camera_timing`."""
     start_patience_s: float = 0.5
     """Longest time that a started robot stands still and waits for a first fresh picture."""
     novel_speed_scale: float = 0.5
-    """Share of full speed while the robot drives straight on a view unlike all learned views."""
+    """Share of full speed while the robot drives straight and does not recognise the view."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +37,7 @@ class LinkGovernorConfig:
     busy_s: float = 0.1
     """Lateness of the computer above which the robot drives slower; it does not stop yet."""
     capped_speed_scale: float = 0.5
-    """Share of full speed that is allowed above `cap_speed_s` or `busy_s`."""
+    """Share of full speed while the age exceeds `cap_speed_s`, or the lateness `busy_s`."""
     recovery_share: float = 0.85
     """The level falls only if the age is below this share of the level's threshold."""
     recovery_s: float = 1.0
@@ -49,12 +49,12 @@ class CameraTimingConfig:
     """Bounds of the limits that adapt to the camera, in seconds."""
 
     longest_timeout_s: float = 0.5
-    """Age of the newest picture above which the robot stops; at 0.16 m/s it has then travelled 8
-    cm. If the camera's period exceeds `full_speed_s`, the excess is added to this limit. The robot
-    then drives slower, so the distance stays within 8 cm."""
+    """Age of the newest picture above which the robot stops. At 0.16 m/s it travels 8 cm in this
+    time. If the camera's period exceeds `full_speed_s`, the excess is added to this limit. The
+    robot then drives slower, so the distance stays within 8 cm."""
     full_speed_s: float = 0.3
-    """Largest age of the newest picture at full speed: the robot then travels 5 cm at 0.16 m/s. If
-    pictures are older, the robot slows down, so that it still travels at most 5 cm between two."""
+    """Largest age of the newest picture at full speed: the robot then travels 5 cm at 0.16 m/s.
+    With older pictures the robot drives slower, so the distance stays within 5 cm."""
     growth_s_per_s: float = 0.05
     """Maximum growth of an estimate while the robot may move; no limit while it stands still."""
 

@@ -46,8 +46,8 @@ STANDS_S = 0.04
 """Upper bound of tick time plus actuator latency, in seconds. The loop stops the robot this much
 earlier, so that the wheels have stopped when the pilot's picture expires."""
 _RESTS_AFTER_S = 1.0
-"""Time for which a robot stands still unwatched before it rests, in seconds. In this time a person
-can reload the page, and the loop can measure the camera's rate."""
+"""Time after which a robot that stands still without viewers begins to rest, in seconds. In this
+time a person can reload the page, and the loop can measure the camera's rate."""
 _RESTING_SHARE = 0.9
 """The next picture may come after this share of the requested period: cameras can be early."""
 
@@ -147,7 +147,7 @@ class Cycle:
         self._world_s = camera.world_s if camera.world_waits else float
         """Converts a time to the world's clock, by which the gate and the link governor work."""
         self._commands: list[tuple[PilotCommand, PilotCommand]] = []
-        """The commands of this tick, as received, and with times of the world's clock."""
+        """This tick's commands: each as received, and a copy with times of the world's clock."""
         self._fault: str | None = None
         self._steady = SteadyFault()
         self._last_mode = Mode.TRAIN
@@ -316,7 +316,7 @@ class Cycle:
     def _drive(
         self, decision: Decision, until_s: float, started_s: float
     ) -> tuple[Decision, Action]:
-        """Send the decision to the motors; return the decision that was carried out and the action.
+        """Send the decision to the motors. Return the final decision and the action carried out.
 
         The process may have been held up within this tick. So a decision is not sent if it is too
         old, or if the pilot has just become silent.

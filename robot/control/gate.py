@@ -78,10 +78,9 @@ class Gate:
         """Enter `mode` on the pilot's explicit request. Return False while an emergency is latched
         or if the request is too old; STOPPED is always accepted.
 
-        A move that the pilot held before does not count in the new mode. If the newest picture is
-        too old (the camera paused or the computer is busy), the robot stands still in the new mode
-        until a fresh picture comes, for `start_patience_s` at most. The request cannot have been
-        sent before `proven_s`; None means now.
+        A move that the pilot held before does not count in the new mode. In the new mode the robot
+        stands still until a fresh picture comes, for at most `start_patience_s`. `proven_s` is the
+        earliest time at which the request can have been sent; None means now.
         """
         if mode is Mode.STOPPED:
             self.trip(StopReason.PILOT_ASKED)

@@ -81,8 +81,8 @@ class LinkGovernor:
         self._seen_s = delivered_s
 
     def blind_in_s(self, now_s: float, slack_s: float = 0.0) -> float:
-        """Return the time until the pilot counts as blind, even if heartbeats arrive. The time is
-        negative if the pilot is already blind, and infinite before the first picture."""
+        """Return the time until the pilot has seen no new picture for `stop_s`, and counts as
+        blind. It is negative if he already is, and infinite before the first picture."""
         return self.config.stop_s + slack_s - (now_s - self._seen_s)
 
     def note_age(self, age_s: float, now_s: float, slack_s: float = 0.0) -> None:

@@ -65,7 +65,7 @@ class ControlLoop(Cycle):
         return min(longest_s, max(_SHORTEST_WAIT_S, self._link.blind_in_s(stands_s, slack_s)))
 
     def note_lateness(self, late_s: float) -> None:
-        """Record the lateness of this computer, unless the camera's world waits for the loop."""
+        """Record how late this computer is; ignored if the camera's world waits (`world_waits`)."""
         if not self._camera.world_waits:
             is_to_blame = self.state.decision.stop_reason is StopReason.LINK_SLOW
             self._link.note_lateness(late_s, is_to_blame=is_to_blame)
@@ -85,7 +85,7 @@ class ControlLoop(Cycle):
     def set_mode(
         self, mode: Mode, *, proven_s: float | None = None, frame_id: int | None = None
     ) -> Future[bool]:
-        """Choose a mode, also to start after a stop. The future is True if the mode was accepted.
+        """Enter a mode; also starts a stopped robot. The future is True if the mode was accepted.
 
         The request cannot have been made before `proven_s`; None means now. The loop checks this
         age when it runs the request, so time in the queue counts. `frame_id` is the frame that the

@@ -124,9 +124,9 @@ class OnlineLearning:
         prediction: The policy's proposal on that frame.
         agreement: Agreement of the proposals with the pilot's moves.
         timings: Times of predicting and learning, by name.
-        fault: The learner's failure on the newest frame or example; None if it did not fail.
-        failure: The last failure of the learner in use; None if it never failed.
-        error: The last exception of the learner.
+        fault: Why the learner failed on the newest frame or example; None if it did not fail.
+        failure: Like `fault`, but kept until another learner is used.
+        error: The exception that belongs to `failure`.
     """
 
     def __init__(self, policy: Policy, clock: Clock, declared: Collection[Move] = ()) -> None:
@@ -243,10 +243,10 @@ class OnlineLearning:
     def times_of(
         self, frame_id: int | None, seen_id: int | None = None
     ) -> tuple[tuple[float, float], float] | None:
-        """Return three instants: when the frame `frame_id` was taken, when it reached the loop, and
-        when the older of the frames `frame_id` and `seen_id` reached the loop. A frame that is no
-        longer remembered gets the times of the oldest remembered frame. None before the first
-        frame, and if no frame is named."""
+        """Return when the frame `frame_id` was taken and reached the loop. The last number is when
+        the older of the frames `frame_id` and `seen_id` reached the loop. A frame that is no longer
+        remembered gets the times of the oldest remembered frame. Return None before the first
+        frame or without `frame_id`."""
         if not self._seen or frame_id is None:
             return None
         newest_id, oldest = next(reversed(self._seen)), next(iter(self._seen.values()))

@@ -13,8 +13,8 @@ from robot.types import Action, Decision, Frame, PilotCommand, Prediction, Senso
 LATE_CYCLE_S = 0.1
 """Duration above which a tick counts as late, in seconds."""
 USUAL_PERIOD_S = 1 / 30
-"""Camera period that the link's limits assume, in seconds. A slower camera adds the difference
-between its period and this period to the limits."""
+"""Camera period for which the link's limits are made, in seconds. If a camera's period is longer,
+the excess is added to the limits."""
 
 
 class LinkLevel(StrEnum):
@@ -57,10 +57,10 @@ class CameraState:
     speed_scale: float = 1.0
     """Share of full speed at which the robot does not travel too far before the next picture."""
     slack_s: float = 0.0
-    """The part of the age of the pilot's picture that is due to this camera's period."""
+    """Excess of the camera's period over `USUAL_PERIOD_S`."""
     sight_slack_s: float = 0.0
-    """Extra time without a new picture before the pilot counts as blind, for a camera of fewer than
-    five pictures a second. If one picture is lost, the next comes after two periods."""
+    """Excess of two camera periods over 0.4 s. If one picture is lost, the next comes after two
+    periods; until then the pilot does not count as blind."""
 
 
 @dataclass(frozen=True, slots=True)

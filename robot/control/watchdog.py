@@ -24,9 +24,8 @@ class Watchdog(StartStop):
         stop: Stops the body; must not raise.
 
     Attributes:
-        body: A lock that each caller of the body holds, since a driver serves one thread at a time.
-            A driver that hangs also holds up this thread; then only the body's own time limit
-            helps.
+        body: Lock for calls of the driver, which only one thread at a time may use. A driver that
+            hangs also holds up this thread; then only the body's own time limit helps.
     """
 
     def __init__(self, stop: Callable[[], None], clock: Clock) -> None:

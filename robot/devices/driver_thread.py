@@ -23,7 +23,7 @@ from robot.types import Action, Mode, Point, Sensors
 SENSE_EVERY_S = 0.1
 """Period at which the sensors are read, in seconds, even if actions wait to be sent."""
 STALE_S = 0.25
-"""Age of a waiting action, in seconds, above which the body is stopped: the loop was held up."""
+"""An action that has waited longer than this, in seconds, is outdated: the body is stopped."""
 SILENT_S = 0.5
 """Duration above which a request counts as a fault, in seconds. By then the body's own time
 limit has ended the move."""
@@ -101,11 +101,11 @@ class DriverThread(Driver):
         self.driver.disconnect()
 
     def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
-        """Put the action into the slot, in place of an action that still waits; see `Driver`."""
+        """Queue the action for the thread; it replaces an action that still waits. See `Driver`."""
         return self.drive(action, speed_scale=speed_scale)
 
     def send_point(self, point: Point, *, speed_scale: float = 1.0) -> Action:
-        """Put a point into the slot, like `send_action`."""
+        """Queue a point, like `send_action`."""
         return self.drive(self.driver.move_of(point), point, speed_scale=speed_scale)
 
     def drive(
@@ -180,7 +180,7 @@ class DriverThread(Driver):
         """Remove and return the most urgent request: stop comes first, then sense or drive, then
         show.
 
-        STOP is always sent before the sensors are read. So is a new action, unless the reading is
+        STOP is always sent before the sensors are read. A new action also is, unless the reading is
         late by more than `SENSE_EVERY_S`. A renewed action waits for a reading that is due.
         """
         order, since_s = self._order, now_s - self._sensed_s

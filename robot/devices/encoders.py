@@ -1,4 +1,4 @@
-"""Encodes pictures as PNG, with zlib only, or as JPEG, for pages and other programs."""
+"""Encodes pictures for pages and other programs: as JPEG, or as PNG (which needs only zlib)."""
 
 from __future__ import annotations
 

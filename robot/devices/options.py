@@ -80,7 +80,7 @@ class Options:
         self.check()
 
     def check(self) -> None:
-        """Refuse invalid values that a range cannot express."""
+        """Raise an error for invalid options whose numbers all lie within their ranges."""
 
 
 def options_of(options_type: type[Any]) -> list[Option]:

@@ -136,7 +136,7 @@ def _description(kind: type[BaseModel], name: str) -> str | None:
 
 
 def _is_same(given: Any, read: Any) -> bool:
-    """True if integers became floats, and nothing else changed; False for lone surrogates."""
+    """True if at most integers became floats. False for text with lone surrogates."""
     if isinstance(given, list):
         return all(map(_is_same, given, read))
     if isinstance(given, str):
