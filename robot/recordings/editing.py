@@ -33,8 +33,8 @@ _LATE_S = 2.0
 allows for slow computers."""
 _MOST_WAITING = 20_000
 _BATCH = 256
-"""Least number of pictures that `_describe` gets at a time. A picture waits until the messages
-about it have been read."""
+"""Least number of pictures that `_describe` gets at a time, except at the end. A picture waits
+until the messages about it have been read."""
 ABOUT = Topic.DECISION, Topic.SENSORS, Topic.PREDICTION
 """The topics of the messages that describe a picture."""
 

@@ -35,7 +35,7 @@ from robot.types import Action, Frame, Mode
 
 _KEPT_IDS = 512
 """Number of recorded pictures whose ids are remembered. If the picture of an example is not among
-them, the recording does not contain the picture."""
+them, it is treated as not recorded."""
 
 
 class RecordingQueue:

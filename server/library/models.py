@@ -34,8 +34,8 @@ class StoredModel:
 
 
 class ModelLibrary:
-    """The models in a data folder. `autosave` saves the model in use; it is None if no robot
-    runs."""
+    """The models in a data folder. `autosave` saves the model in use; None if no model is in
+    use."""
 
     def __init__(
         self, storage: Storage, store: ModelStore, autosave: Autosave | None = None
@@ -127,7 +127,7 @@ class ModelLibrary:
         return name
 
     def preview(self, name: str) -> NDArray[np.uint8]:
-        """Return a small greyscale picture of the learned image that the model has used most often.
+        """Return a small grey picture of the learned image into which the most frames were merged.
 
         For a model without learned images, return one black pixel.
         """

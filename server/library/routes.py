@@ -135,7 +135,7 @@ def delete_model(request: Request, name: str) -> dict[str, str]:
 
 @router.get("/{name}/preview", **PNG)
 def preview_model(request: Request, name: str) -> Response:
-    """Return a PNG picture of the learned image that the model has used most often."""
+    """Return a PNG picture of the learned image into which the most frames were merged."""
     return png(library_of(request).preview(name))
 
 
