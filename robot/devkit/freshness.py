@@ -47,8 +47,8 @@ class Freshness:
         return STILL_S + (self._period_s or 0.0)
 
     def continue_from(self, before: "Freshness") -> None:
-        """Take over the last picture from before the camera was reopened. If the camera repeats
-        this picture, it does not count as a new one."""
+        """Call this after the camera was reopened; `before` is its earlier record. If the camera
+        repeats the last picture in this record, the picture does not count as a new one."""
         self._last = before._last
 
     def fault(self, now_s: float) -> Optional[str]:

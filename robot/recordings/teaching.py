@@ -142,9 +142,9 @@ def learn_again(
 ) -> Report:
     """Teach the policy all steps of the recordings.
 
-    Edits of learned images are repeated only for the recordings before the first one that was
-    edited or that was driven with another learner. From that recording on, the learned images
-    differ from those that were edited. All later edits of learned images are left out and counted.
+    Edits of learned images are repeated only as long as the learned images are the same as during
+    the drives. They become different as soon as a recording has edits or was driven with another
+    learner. From this recording on, edits of learned images are left out and counted.
     Raises ConfigurationError if a label is not one of the policy's moves.
     """
     same = takewhile(lambda one: _is_as_driven(policy, *one), episodes)
