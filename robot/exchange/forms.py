@@ -163,7 +163,8 @@ FORMS: tuple[Form, ...] = (
         label="the action by its elements' names: `angle` or `steering` and `throttle` (-1 to 1, "
         "right and ahead positive); `linear_velocity` and `angular_velocity` (EarthRover Mini: -1 "
         "to 1, left positive); `x.vel` (m/s) and `theta.vel` (degrees a second, left positive: "
-        "LeKiwi); or one element for each move",
+        "LeKiwi); `linear.x` (m/s) and `angular.z` (radians a second, left positive: ROS); or one "
+        "element for each move",
         time="`timestamp`, seconds of the episode, at the rate of the dataset",
         find=_find_lerobot,
     ),

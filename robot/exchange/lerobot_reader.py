@@ -26,6 +26,7 @@ from robot.exchange.steering import (
     ANGLES,
     FULL_MPS,
     FULL_TURN_DEG_S,
+    FULL_TURN_RAD_S,
     THROTTLES,
     LabelAndPoints,
     at_velocity,
@@ -48,10 +49,11 @@ Pair = tuple[float, float]
 _VELOCITIES: dict[tuple[str, str], Pair] = {
     ("linear_velocity", "angular_velocity"): (1.0, 1.0),
     ("x.vel", "theta.vel"): (FULL_MPS, FULL_TURN_DEG_S),
+    ("linear.x", "angular.z"): (FULL_MPS, FULL_TURN_RAD_S),
 }
 """Each pair of names denotes an action's forward speed and its turning speed to the left. The
 numbers are the values at full speed. The EarthRover Mini (first pair) uses shares of full speed,
-and LeKiwi (second pair) uses metres and degrees per second."""
+LeKiwi (second pair) metres and degrees per second, and ROS (third pair) metres and radians."""
 
 
 class _Info(RawValue):

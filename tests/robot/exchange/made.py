@@ -379,15 +379,16 @@ def ros_bag(dice: random.Random, home: Path) -> Made:
 
 
 def lerobot_rover(dice: random.Random, home: Path) -> Made:
-    """A dataset with the actions of LeKiwi, EarthRover or a gamepad's car, and a depth camera."""
+    """A dataset with the actions of LeKiwi, EarthRover, ROS or a gamepad, and a depth camera."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     made, rows = Made(home / "set"), []
-    body = dice.choice(["lekiwi", "earthrover", "car"])
+    body = dice.choice(["lekiwi", "earthrover", "ros", "car"])
     names: Any = {
         "lekiwi": ["arm_gripper.pos", "x.vel", "y.vel", "theta.vel"],
         "earthrover": ["linear_velocity", "angular_velocity"],
+        "ros": ["linear.x", "angular.z"],
         "car": {"throttle": 1, "steering": 0},
     }[body]
     for number, label in drive(dice):
@@ -395,6 +396,7 @@ def lerobot_rover(dice: random.Random, home: Path) -> Made:
         action = {
             "lekiwi": [50.0, 0.2 * goes, 0.0, -60 * angle * goes],
             "earthrover": [goes, -angle * goes],
+            "ros": [0.2 * goes, -angle * goes],
             "car": [angle, 0.4 * goes],
         }[body]
         made.truth[number] = label if goes else None
