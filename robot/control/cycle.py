@@ -64,9 +64,8 @@ class Mailbox:
     def put(self, request: Callable[[], _T], *, is_urgent: bool = False) -> Future[_T]:
         """Queue a request to be run on the loop's thread; an urgent request runs before all others.
 
-        Everything that reads or changes the training history is put here: undo, edits, saving,
-        replacing. The future is done at the end of the tick that ran the request, after the state
-        was published and every listener was called.
+        Everything that reads or changes the training history is put here. The future is done at the
+        end of the tick that ran the request, after all listeners were called with the new state.
         """
         future: Future[_T] = Future()
         add = self._requests.appendleft if is_urgent else self._requests.append
@@ -82,10 +81,7 @@ class Mailbox:
             self.wake.set()
 
     def serve(self) -> None:
-        """Run all requests in order, including requests that are queued while others run.
-
-        The callers get the results when `answer` is called.
-        """
+        """Run all requests in order, also those queued meanwhile; `answer` returns the results."""
         while self._requests:
             future, request = self._requests.popleft()
             if future is None:
@@ -133,6 +129,8 @@ class Cycle:
         self.clock = clock
         self.learning = OnlineLearning(policy, clock, driver.declared_moves)
         self._body = PluginErrors("robot", driver.name, DriveError, self._stop_body)
+        self._eye = PluginErrors("camera", camera.name, CameraError)
+        self._source_age_s: float | None = None
         self.watchdog = Watchdog(self._stop_body, clock)
         self.history = self.learning.history
         self.speed_share = 1.0
@@ -199,7 +197,7 @@ class Cycle:
                 refused=tuple(refused),
                 sensors=sensors,
                 link=link,
-                source_age_s=self._camera.source_age_s,
+                source_age_s=self._source_age_s,
                 fault=self._shown_fault(now_s, may_move=decision.mode is not Mode.STOPPED),
                 cycle_s=self.clock.now_s() - started_s,
             )
@@ -207,7 +205,7 @@ class Cycle:
 
     def _shown_fault(self, now_s: float, *, may_move: bool) -> str | None:
         """Return the sentence to show for the present fault, or for one that has just ended."""
-        fault = self._camera.fault or self._fault
+        fault = str(self._camera.fault or "") or self._fault  # a plugin may set an error
         if not fault and not self._camera.world_waits and not self.is_resting:
             fault = self._timing.fault
         is_well = fault is None and self._steady.shown is None
@@ -252,11 +250,11 @@ class Cycle:
         if self._rest_every_s and not self._is_due(frame):
             return None
         delivered_s = max(now_s, self.clock.now_s())
-        is_robots = last.decision.driven_by is DrivenBy.ROBOT
         try:
+            self._note_source_age()
             is_new = self.learning.look(
                 frame,
-                last.decision.action if is_robots else None,
+                last.decision.action if last.decision.driven_by is DrivenBy.ROBOT else None,
                 bumped=bool(last.sensors.bumped),
                 takes_points=self._driver.takes_points,
                 delivered_s=delivered_s,
@@ -275,9 +273,15 @@ class Cycle:
             self._timing.note(*times_s, is_moving=is_moving)
         return frame
 
+    def _note_source_age(self) -> None:
+        try:  # a plugin may have made it a property, or a text
+            age_s = self._camera.source_age_s
+            self._source_age_s = None if age_s is None else float(age_s)
+        except Exception as error:
+            raise self._eye.converted("source_age_s", error) from error
+
     def _is_due(self, frame: Frame | None) -> bool:
-        """Return False for a frame that comes before the next picture is needed
-        (`need_picture_every`)."""
+        """Return False for a frame that is earlier than needed (`need_picture_every`)."""
         last, least_s = self.learning.frame, _RESTING_SHARE * self._rest_every_s
         return not least_s or not frame or not last or frame.captured_s - last.captured_s >= least_s
 
@@ -347,8 +351,7 @@ class Cycle:
         except Exception as error:  # an error of a listener or the camera also stops the robot
             self._break_down(error)
         finally:
-            if self._mailbox.answers:
-                self._mailbox.answer()
+            self._mailbox.answer()
         return self.state
 
     def _summed_up(self, tick: Tick) -> Tick:
@@ -387,7 +390,8 @@ class Cycle:
             self._rest_every_s = every_s
             self._timing.pause()  # the gap between two pictures is not the camera's period
             self.learning.note_pause(is_over=not every_s)
-            self._camera.rest(every_s)
+            with self._eye.named("rest"):
+                self._camera.rest(every_s)
 
     # Requests, run on the loop's thread, and every way to stop ---------------------------------
 
@@ -443,7 +447,8 @@ class Cycle:
             self._driver.stop()  # a body that cannot be reached ends its move by itself
 
     def _break_down(self, error: Exception) -> None:
-        before, fault = self._fault, f"An internal error occurred: {error}"
+        said = error if isinstance(error, RobotError) else f"An internal error occurred: {error}"
+        before, fault = self._fault, str(said)
         self._stop(StopReason.LOOP_FAULT, fault)
         self.error = error
         if fault != before:  # log the fault once, not thirty times a second

@@ -47,10 +47,8 @@ class Gate:
         self.emergency = False
         self.stops: Counter[StopReason] = Counter()
         self._command: PilotCommand | None = None
-        self._heard_s = -math.inf
-        self._proven_s = -math.inf
+        self._heard_s = self._proven_s = self._awaits_picture_until_s = -math.inf
         self._has_refused = False
-        self._awaits_picture_until_s = -math.inf
 
     @property
     def held(self) -> Action | None:
@@ -92,11 +90,8 @@ class Gate:
             self.trip(StopReason.LINK_SLOW)
             self.stop_reason = StopReason.LINK_SLOW
             return False
-        self.mode = mode
-        self.stop_reason = None
-        self._command = None
-        self._heard_s = now_s
-        self._proven_s = proven_s
+        self.mode, self.stop_reason, self._command = mode, None, None
+        self._heard_s, self._proven_s = now_s, proven_s
         self._has_refused = False
         self._awaits_picture_until_s = now_s + self.config.start_patience_s
         return True

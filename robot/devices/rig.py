@@ -19,7 +19,7 @@ from robot.driver import Driver
 from robot.errors import CameraError, DriveError, PluginError, PluginErrors, RobotError
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
-from robot.types import StartStop, StopReason
+from robot.types import Frame, StartStop, StopReason
 
 
 class Rig(StartStop):
@@ -89,8 +89,16 @@ class Rig(StartStop):
 
     def _advise(self, tick: Tick) -> None:
         if tick.frame is not None and tick.prediction is not None:
-            with self.loop.watchdog.body:
+            with self.loop.watchdog.body, self._body.named("advise"):
                 self.driver.advise(tick.prediction)
+
+    def for_the_eye(self, frame: Frame) -> Frame:
+        """Return the camera's larger picture of `frame`; if the camera fails, return `frame`."""
+        try:
+            return self.camera.for_the_eye(frame)
+        except Exception as error:
+            self._eye.converted("for_the_eye", error)  # logs the error once
+            return frame
 
 
 def build_rig(

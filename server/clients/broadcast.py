@@ -41,7 +41,7 @@ class Broadcast:
         self.nonces = NonceLedger(robot.loop.config.gate.command_timeout_s)
         self.event_loop: asyncio.AbstractEventLoop | None = None
         self._needed_every_s, self._is_watched = 0.0, False
-        encoder, for_the_eye = Encoder(config.jpeg_quality), robot.camera.for_the_eye
+        encoder, for_the_eye = Encoder(config.jpeg_quality), robot.for_the_eye
         self.video = VideoHub(encoder, robot.clock, for_the_eye, self.note_need)
         self._previous_pilots: Decision | None = None
         self._urgent_sent: object = None

@@ -46,8 +46,7 @@ class VideoWindow:
     def __init__(self) -> None:
         self.delay_s: float | None = None
         self._flight: OrderedDict[int, _Sent] = OrderedDict()
-        self._bytes = 0
-        self._asked = 0
+        self._bytes = self._asked = 0
         self._pause_s = self._FIRST_PAUSE_S
         self._not_before_s = -math.inf
         self._begin()

@@ -25,6 +25,7 @@ def describe_state(state: Tick, now_ms: float, *, is_resting: bool = False) -> d
     captured_s, source_s = state.frame_captured_s, state.source_age_s
     # The delay that the brick and its connection add to the delay of the camera.
     brick_s = None if source_s is None else max(0.0, camera.delivery_age_s - source_s)
+    age_ms = None if captured_s is None or is_resting else round(now_ms - captured_s * 1000, 1)
     fields = {
         "server_ms": round(now_ms, 1),
         "mode": decision.mode,
@@ -37,9 +38,7 @@ def describe_state(state: Tick, now_ms: float, *, is_resting: bool = False) -> d
         "asks_pilot": decision.asks_pilot,
         "fault": state.fault,
         "frame": None if is_resting else state.frame_id,
-        "frame_age_ms": None
-        if is_resting or captured_s is None
-        else round(now_ms - captured_s * 1000, 1),
+        "frame_age_ms": age_ms,
         "link": state.link.level,
         "busy": state.link.is_busy,
         "camera": {

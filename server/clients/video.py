@@ -109,10 +109,8 @@ class VideoHub:
         self._nonce = 0
         self._pictures: dict[bool, Frame] = {}
         self._messages: dict[tuple[bool, bool], bytes] = {}
-        # The capture times of the last frames, by the frame's number.
-        self.captured_s: OrderedDict[int, float] = OrderedDict()
-        self.frames_encoded = 0
-        self.frames_sent = 0
+        self.captured_s = OrderedDict[int, float]()  # of the last frames, by the frame's number
+        self.frames_encoded = self.frames_sent = 0
         self.on_drawn: Callable[[float], None] = lambda age_s: None
         """Called when a viewer has drawn a frame, with the frame's age in seconds."""
 

@@ -241,6 +241,32 @@ def test_a_camera_that_cannot_rest_is_reported_and_ends_no_loop() -> None:
     assert robot.step(1, F).sent is F
 
 
+@pytest.mark.parametrize("age", ["soon", property(explode)])
+def test_a_camera_with_an_age_that_cannot_be_read_is_named_and_stops_the_robot(age: Any) -> None:
+    robot = started()
+    robot.camera.__class__ = type("Broken", (type(robot.camera),), {"source_age_s": age})
+    vars(robot.camera).pop("source_age_s")  # the attribute would hide a class's text
+    for scene in range(20):
+        tick = robot.step(scene, F)
+    assert tick.sent is Action.STOP and robot.loop.mode is Mode.STOPPED
+    assert str(robot.loop.state.fault).startswith("camera 'bench' failed in source_age_s: ")
+
+
+def test_a_camera_whose_fault_is_an_error_is_reported_as_text() -> None:
+    robot = started()
+    robot.camera.fault = OSError("The lens is lost.")  # type: ignore[assignment]
+    assert robot.tick().fault == "The lens is lost."
+
+
+def test_a_body_that_fails_in_advise_is_named_and_stopped() -> None:
+    robot = started()
+    body: Any = type("Advised", (type(robot.driver),), {"takes_advice": True, "advise": explode})
+    robot.driver.__class__ = body
+    robot.loop.subscribe(robot.rig._advise)
+    robot.step(1, F)
+    assert str(robot.step(1, F).fault).startswith(BROKEN + "advise: ArithmeticError")
+
+
 def test_the_loops_thread_runs_ticks_and_stops_the_robot_at_its_end() -> None:
     robot = BenchRobot()
     robot.rig.start()

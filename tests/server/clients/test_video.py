@@ -279,3 +279,23 @@ def test_if_all_links_are_slow_no_larger_pictures_are_requested() -> None:
             hub.acknowledge(screen.viewer, screen.due[0][1], screen.due.pop(0)[0])
         hub.show(frame_of(number, screen.now_s))
     assert len(screen.widths) > 10
+
+
+def test_a_camera_whose_larger_picture_fails_is_shown_small_and_logged_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    def explode(frame: Frame) -> Frame:
+        raise ArithmeticError("boom")
+
+    server = VirtualServer()
+    server.rig.camera.for_the_eye = explode  # type: ignore[method-assign]
+    video, screen = server.services.hub.broadcast.video, _Screen(0.01)
+    screen.viewer.size.is_large = True
+    video.add(screen.viewer)
+    for number in range(1, 4):
+        video.show(frame_of(number, server.clock.now_s()))
+        video.acknowledge(screen.viewer, number, server.clock.now_s())
+    assert len(screen.widths) == 3
+    assert [
+        one.endswith("failed in for_the_eye: ArithmeticError: boom") for one in caplog.messages
+    ] == [True]
