@@ -23,15 +23,15 @@ class Mounting:
 class Camera(StartStop):
     """A source of frames, found by name among the entry points.
 
-    Subclasses take pictures on a separate thread, or when a world steps. Subclasses pass each
-    picture to `_publish`, which overwrites the slot and wakes the listener. Reading never blocks,
-    so a frozen camera cannot hold up the loop. `start` and `stop` are idempotent. Options are
-    declared in the same way as a driver's.
+    Subclasses take pictures on a separate thread, or after each step of a simulated world. They
+    pass each picture to `_publish`, which overwrites the slot and wakes the listener. Reading never
+    blocks, so a frozen camera cannot hold up the loop. `start` and `stop` are idempotent. Options
+    are declared in the same way as a driver's.
 
     Attributes:
         fault: The camera's fault, as a sentence for the page; None if all is well.
         source_age_s: For a camera on another computer: the age of a picture in seconds when it
-            reaches that computer. The way from there to here is not included. None if the camera
+            reaches that computer. The time on the network is not included. None if the camera
             belongs to this computer, or if the other computer reports no age.
 
     Example:

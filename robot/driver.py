@@ -27,8 +27,8 @@ class Correction:
     def drive(
         self, body: Driver, action: Action, point: Point | None, *, speed_scale: float
     ) -> Action:
-        """Send the point, if one is given and the body accepts points, or else the move; return
-        the uncorrected move."""
+        """Send steering and throttle if the body accepts them, otherwise the move. Return the
+        uncorrected move."""
         if point is not None and body.takes_points:
             return body.send_point(point, speed_scale=speed_scale)
         return body.send_action(action, speed_scale=speed_scale)
@@ -78,7 +78,7 @@ class Driver(ABC):
     """True for a body that accepts proportional steering: see `send_point`."""
     turns_motors: ClassVar[bool] = False
     """True if the driver sets each motor and applies `correction.motors`. If False, another program
-    gets the driver's moves or points, sets the motors and has to reverse them."""
+    sets the motors, and must itself reverse a motor's direction."""
     correction: Correction = Correction()
     """The differences between this body and what its driver expects; set by `correct`."""
     is_remote: ClassVar[bool] = False
@@ -145,10 +145,11 @@ class Driver(ABC):
         """
 
     def send_point(self, point: Point, *, speed_scale: float = 1.0) -> Action:
-        """Drive for at most `ACTION_TIMEOUT_S`; return the move that the point counts as.
+        """Steer proportionally for at most `ACTION_TIMEOUT_S`; return the nearest move.
 
-        Steering and throttle as declared for a move drive like this move; a point between two moves
-        drives a mixture of both. A body that accepts no points drives the returned move.
+        Steering and throttle that a move declares have the same effect as the move. Values between
+        two moves give a motion between the two. A body that accepts no points drives the returned
+        move.
 
         Args:
             point: Steering and throttle.
@@ -163,7 +164,7 @@ class Driver(ABC):
     def drive(
         self, action: Action, point: Point | None = None, *, speed_scale: float = 1.0
     ) -> Action:
-        """Drive the point, if one is given and this body accepts points, or else the move.
+        """Send steering and throttle if this body accepts them, otherwise the move.
 
         The loop calls this method. The method corrects the order, but not the returned move. Raises
         the errors of `send_action`.

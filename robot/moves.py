@@ -28,7 +28,7 @@ class Move:
             is missing, the page shows the English text; if `label` is empty, the page makes a text
             from the name.
         icon: The name of a classic move, whose arrow is used, or one or two characters such as
-            "⏩". If empty, the arrow of this move's name is used, if there is one.
+            "⏩". If empty, a move with a classic name gets that move's arrow.
         does: The body's motion in this move, as a sentence.
         steering: From -1 (full left) to 1 (full right), for bodies that are steered.
         throttle: From -1 (full speed backward) to 1 (full speed ahead). Give both steering and
@@ -66,8 +66,8 @@ class Move:
 
     @property
     def labels(self) -> dict[str, str]:
-        """The label by language. English is included, unless `label` is empty because the page has
-        its own labels."""
+        """The label by language, always with English. If `label` is empty, the result is empty, and
+        the page uses its own labels."""
         if isinstance(self.label, str):
             return {"en": self.label} if self.label else {}
         return dict(self.label)
@@ -104,8 +104,8 @@ def names(moves: Iterable[Move]) -> tuple[Action, ...]:
 
 
 def describe(wanted: Iterable[Action], declared: Iterable[Move] = ()) -> tuple[Move, ...]:
-    """Return the wanted moves. A move that the driver does not declare is the classic move of this
-    name, if there is one; otherwise only its name is known."""
+    """Return the wanted moves. A name that the driver does not declare gives the classic move of
+    this name; an unknown name gives a move without a description."""
     known = {**CLASSIC, **{move.name: move for move in declared}}
     return tuple(known.get(name) or Move(name) for name in wanted)
 
@@ -124,8 +124,8 @@ def side_of(steering: float, threshold: float = TURNS_BEYOND) -> int:
 
 
 def move_at(point: Point, moves: Iterable[Move], threshold: float = TURNS_BEYOND) -> Action | None:
-    """Return the move that a point counts as. Return None if the point is a stop, or if no move
-    drives in the point's direction (ahead, back, or on the spot).
+    """Return the move that is nearest to this steering and throttle. Return None if the point is a
+    stop, or if no move drives in the point's direction (ahead, back, or on the spot).
 
     Return the nearest move that drives in the same direction and turns to the same side. If no move
     turns to that side, return the nearest move in the same direction: a curve backward counts as

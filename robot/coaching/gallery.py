@@ -1,5 +1,5 @@
-"""Describes the learned images for the page's gallery: when each was last used, and which of its
-parts decide."""
+"""Describes the learned images for the page's gallery: when each image was last used, and which
+cells of the picture make a view match it."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ view is compared with an evenly spaced sample of them."""
 class LearnedImage:
     """One node, in the form that the gallery shows.
 
-    Merges do not change the `node_id`. `last_used` and `last_taught` are the numbers of the latest
-    proposal and of the latest example that matched the node (0 if there is none). `angle` is the
-    mean steering of the node's frames, if the pilot steered proportionally.
+    Merges do not change the `node_id`. `last_used` is the number of the latest proposal that
+    matched the node, and `last_taught` that of the latest example; both are 0 if there is none.
+    `angle` is the mean steering of the node's frames, if the pilot steered proportionally.
     """
 
     node_id: int
@@ -38,7 +38,7 @@ class LearnedImage:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Explanation:
-    """The image that decides, beside the current view.
+    """Compares the current view with the learned image that decided the proposal.
 
     Attributes:
         image: The image.
@@ -72,7 +72,7 @@ def _shown(policy: Policy, node: Node) -> LearnedImage:
 
 
 def explain(policy: Policy, x: Vector, node_id: int | None) -> Explanation | None:
-    """Explain why an image decided a view; return None if the image no longer exists.
+    """Explain why a view matched an image; return None if the image no longer exists.
 
     A squared distance is a sum over the cells of the picture. A cell counts as similar if its
     distance from this image is smaller than its mean distance from the learned images. A cell that

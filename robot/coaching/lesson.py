@@ -18,9 +18,10 @@ from robot.types import Action, DrivenBy, Frame
 TAUGHT_S = 40.0
 """Teaching time after which the first trial may begin in any case, in seconds."""
 EARLY_S, EARLY_STARTS, EARLY_KNOWN = 20.0, 4, 0.9
-"""Conditions of an early first trial. The trial may begin after 20 s of teaching if the pilot has
-begun each move in use four times, and the robot knew 90 % of the views of the last ten seconds.
-After so little teaching, robots foresee few changes of move, but they can drive alone for a minute.
+"""Conditions of an early first trial. The trial may begin after 20 s of teaching on two conditions:
+the pilot has begun each of the moves in use four times, and the robot knew 90 % of the views of the
+last ten seconds. After so little teaching, robots foresee few changes of move, but they can drive
+alone for a minute.
 """
 STARTS = 3
 """How often the pilot must have started each move that he uses, before the first trial. Fewer
@@ -36,8 +37,8 @@ would ask for a move that the pilot never meant."""
 _FEWEST = 5
 """A move with fewer examples than this counts as unused, whatever its share of the examples."""
 BEFORE_S, AFTER_S = 0.5, 0.15
-"""A change of move was foreseen if the robot proposed the move at most `BEFORE_S` seconds before
-the pilot or `AFTER_S` seconds after."""
+"""A change of move was foreseen if the robot proposed the new move at most `BEFORE_S` seconds
+before the pilot made it, or at most `AFTER_S` seconds after."""
 _LONGEST_STEP_S, _PAUSE_S = 0.25, 0.5
 _COVERED_S = 10.0
 _GAPS, _CHANGES = 6, 40
@@ -199,6 +200,6 @@ class Lesson:
         return gaps
 
     def _needs(self, move: Action) -> int:
-        """Return the number of times that the pilot must have begun a move in use."""
+        """Return how often the pilot must begin this move before the first trial."""
         is_rare = self._examples[move] < RARE_SHARE * self._examples.total()
         return 2 * STARTS if is_rare else STARTS

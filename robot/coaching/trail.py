@@ -16,15 +16,15 @@ from robot.policy.events import Replaced
 from robot.types import Action, DrivenBy, Mode, Pose
 
 STEP_M, STEP_RAD = 0.03, math.radians(10)
-"""Distance in metres, or turn in radians, after which a new point is added. A change of driver also
-adds a point."""
+"""Distance in metres, or turn in radians, after which a new point is added. A change between pilot
+and robot also adds a point."""
 POINTS = 2000
-"""Maximum number of points: seven minutes at the paper's speed, more with turns. The oldest points
-are dropped first."""
+"""Maximum number of points, enough for seven minutes at the paper's speed. The oldest points are
+dropped first."""
 
 
 class Event(StrEnum):
-    """An event at a point."""
+    """What happened at a point of the trail."""
 
     ASKED = "asked"  # the robot did not know what to do
     PUSHED = "pushed"  # the robot drove against an obstacle

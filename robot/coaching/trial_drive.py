@@ -25,7 +25,7 @@ little about the robot's present abilities."""
 
 
 class TrialDrive:
-    """The time since the last mistake. `clean_s` is the time that the robot has driven in it."""
+    """Measures how long the robot has driven without a mistake (`clean_s`)."""
 
     def __init__(self) -> None:
         self.clean_s = self._novel_s = self._stalled_s = 0.0

@@ -3,7 +3,7 @@
 A webcam on a fast bus delivers thirty pictures a second, 5 ms old. The guide's webcam delivers ten
 pictures a second on a slow computer, 95 to 145 ms old. A fixed limit would stop the slow webcam or
 be too lax for the fast one, so the limits adapt. The limits are quantiles over the last pictures,
-so a lost picture changes nothing. The limits grow slowly while the robot moves, and shrink quickly.
+so a lost picture changes nothing. The limits shrink quickly, but grow slowly while the robot moves.
 No limit may let the robot travel too far without a newer picture.
 """
 
@@ -18,7 +18,7 @@ from robot.control.config import CameraTimingConfig
 from robot.control.state import USUAL_PERIOD_S, CameraState
 
 SLOW_PERIOD_S = 0.75
-"""Period in seconds from which on a camera is reported as too slow. Nobody can steer by so few
+"""Period in seconds above which a camera is reported as too slow. Nobody can steer by so few
 pictures; webcams usually deliver ten to thirty a second."""
 _LEAST_SCALE = 0.05
 """Lower bound of the speed scale: bodies refuse 0, and no camera needs a lower scale than this."""
@@ -93,7 +93,7 @@ class CameraTiming:
 
 
 def _typical(periods_s: deque[float]) -> float:
-    """Return the time-weighted lower quartile of the periods. Lost pictures do not lengthen this
+    """Return the time-weighted lower quartile of the periods. Lost pictures hardly change the
     quartile, but pauses between bursts of pictures do."""
     ordered = sorted(periods_s)
     passed_s = list(accumulate(ordered))

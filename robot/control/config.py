@@ -28,7 +28,7 @@ class GateConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkGovernorConfig:
-    """Ages of the pilot's picture, in seconds, above which each step is taken."""
+    """Thresholds of the link governor for the age of the pilot's picture, in seconds."""
 
     warn_s: float = 0.2
     cap_speed_s: float = 0.25
@@ -41,20 +41,20 @@ class LinkGovernorConfig:
     recovery_share: float = 0.85
     """The level falls only if the age is below this share of the level's threshold."""
     recovery_s: float = 1.0
-    """Time for which the age must stay that low before the level falls."""
+    """Time for which the age must stay below this share before the level falls, in seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraTimingConfig:
-    """Bounds of the limits that adapt to the camera, in seconds."""
+    """Configures how the limits on the newest picture's age adapt to the camera."""
 
     longest_timeout_s: float = 0.5
     """Age of the newest picture above which the robot stops. At 0.16 m/s it travels 8 cm in this
     time. If the camera's period exceeds `full_speed_s`, the excess is added to this limit. The
     robot then drives slower, so the distance stays within 8 cm."""
     full_speed_s: float = 0.3
-    """Largest age of the newest picture at full speed: the robot then travels 5 cm at 0.16 m/s.
-    With older pictures the robot drives slower, so the distance stays within 5 cm."""
+    """Maximum age of the newest picture at full speed. At 0.16 m/s the robot travels 5 cm in this
+    time. With older pictures the robot drives slower, so the distance stays within 5 cm."""
     growth_s_per_s: float = 0.05
     """Maximum growth of an estimate while the robot may move; no limit while it stands still."""
 
@@ -69,5 +69,4 @@ class LoopConfig:
     longest_wait_s: float = 0.05
     """Longest time between two ticks, even if the camera sends no pictures."""
     stall_s: float = 0.3
-    """Gap between two ticks after which the robot stops: the computer slept or the process was held
-    up, so commands received in the gap are stale."""
+    """Gap between two ticks after which the robot stops: commands from the gap would be stale."""

@@ -49,7 +49,7 @@ _RESTS_AFTER_S = 1.0
 """Time after which a robot that stands still without viewers begins to rest, in seconds. In this
 time a person can reload the page, and the loop can measure the camera's rate."""
 _RESTING_SHARE = 0.9
-"""The next picture may come after this share of the requested period: cameras can be early."""
+"""Minimum time between two pictures, as a share of the requested period. Cameras can be early."""
 
 
 class Mailbox:
@@ -143,7 +143,7 @@ class Cycle:
         self._mailbox = Mailbox()
         self.submit, self.wake = self._mailbox.put, self._mailbox.wake
         self._world_s = camera.world_s if camera.world_waits else float
-        """Converts a time to the world's clock, by which the gate and the link governor work."""
+        """Converts a time to the clock of the simulated world, if any. The gate uses this clock."""
         self._commands: list[tuple[PilotCommand, PilotCommand]] = []
         """This tick's commands: each as received, and a copy with times of the world's clock."""
         self._fault: str | None = None
@@ -396,7 +396,7 @@ class Cycle:
     # Requests, run on the loop's thread, and every way to stop ---------------------------------
 
     def _note(self, command: PilotCommand) -> None:
-        """Record a command. One that comes too late still shows how slow the link is."""
+        """Record a command. A command that comes too late still shows how slow the link is."""
         times = self.learning.times_of(command.frame_id, command.seen_id)
         proven_s = command.received_s if command.proven_s is None else command.proven_s
         received_s = self._world_s(command.received_s)

@@ -69,7 +69,7 @@ class Gate:
         return min(supervised_s, self._heard_s + self.config.pilot_timeout_s)
 
     def is_fresh(self, proven_s: float, now_s: float) -> bool:
-        """True if a message that was sent at `proven_s` or later may still move the robot."""
+        """True if a message is new enough to move the robot; it was sent at `proven_s` or later."""
         return now_s - proven_s <= self.config.command_timeout_s
 
     def start(self, mode: Mode, now_s: float, proven_s: float | None = None) -> bool:

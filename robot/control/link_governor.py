@@ -22,11 +22,11 @@ def age_of_link_s(
 ) -> float:
     """Return the age to judge the link by: the picture's age or the command's, whichever is larger.
 
-    `picture_age_s` is the time from the named picture's delivery to the loop until the command's
-    arrival. This time includes both directions of the link and the time on the phone, all by one
-    clock. `reported_age_s` is the page's estimate of the picture's age when the command was sent.
-    Without an estimate the whole age is attributed to the link. The time on the phone (`phone_s`,
-    if known) is subtracted, so that a slow phone does not stop learning.
+    `picture_age_s` is the time from when the loop got the picture to when the command arrived. This
+    time includes both directions of the link and the time on the phone, all by one clock.
+    `reported_age_s` is the page's estimate of the picture's age when the command was sent. Without
+    an estimate the whole age is attributed to the link. The time on the phone (`phone_s`, if known)
+    is subtracted, so that a slow phone does not stop learning.
     """
     if reported_age_s is None:
         return picture_age_s
@@ -60,11 +60,10 @@ class LinkGovernor:
         camera: CameraState,
         now_s: float,
     ) -> None:
-        """Measure the link by a command, even if the command is too old to be obeyed.
+        """Measure the link's delay from a command, even if the command is too old to be obeyed.
 
-        `named_s` holds two times of the frame that the command names: when it was taken, and when
-        it reached the loop. `seen_s` is when the newest frame that the page acknowledged reached
-        the loop.
+        `named_s` holds two times of the frame that the command names: its capture, and its delivery
+        to the loop. `seen_s` is the delivery time of the newest frame that the page acknowledged.
         """
         captured_s, delivered_s = named_s
         self.note_seen(seen_s)
@@ -82,12 +81,13 @@ class LinkGovernor:
 
     def blind_in_s(self, now_s: float, slack_s: float = 0.0) -> float:
         """Return the time until the pilot has seen no new picture for `stop_s`, and counts as
-        blind. It is negative if he already is, and infinite before the first picture."""
+        blind. The time is negative for a blind pilot, and infinite before the first picture."""
         return self.config.stop_s + slack_s - (now_s - self._seen_s)
 
     def note_age(self, age_s: float, now_s: float, slack_s: float = 0.0) -> None:
-        """Record an age. The level rises immediately, and falls after `recovery_s` of lower ages.
+        """Record an age.
 
+        The level rises immediately. It falls after `recovery_s` in which all ages were lower.
         `slack_s` is the part of the age that is due to the camera's period.
         """
         self.age_s = age_s
@@ -103,12 +103,12 @@ class LinkGovernor:
             self._better_since_s = now_s
 
     def note_lateness(self, late_s: float, *, is_to_blame: bool) -> None:
-        """Record the computer's lateness, ten times a second. The recorded lateness fades within
-        two seconds, but not while it keeps the robot stopped."""
+        """Record the computer's lateness, ten times a second. The recorded lateness decays within
+        two seconds, unless the robot is stopped because of it."""
         self._lateness_s = max(late_s, self._lateness_s * (1.0 if is_to_blame else _FADES))
 
     def state(self, now_s: float, slack_s: float = 0.0) -> LinkState:
-        """Return the limits, which also apply to a blind pilot. Arguments: see `blind_in_s`."""
+        """Return the limits; a blind pilot's robot must stop. Arguments: see `blind_in_s`."""
         level, is_busy = self.level, self._lateness_s > self.config.busy_s
         is_free = level in (LinkLevel.GOOD, LinkLevel.SLOW) and not is_busy
         return LinkState(

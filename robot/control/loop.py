@@ -56,7 +56,7 @@ class ControlLoop(Cycle):
 
     @property
     def wait_s(self) -> float:
-        """The longest time until the next tick; the tick comes before the pilot counts as blind."""
+        """Maximum time until the next tick. The robot can stop before the pilot counts as blind."""
         longest_s = self.config.longest_wait_s
         if self._gate.mode is Mode.STOPPED:
             return _RESTING_WAIT_S if self.is_resting else longest_s
@@ -73,8 +73,8 @@ class ControlLoop(Cycle):
     def command(self, command: PilotCommand) -> None:
         """Queue a pilot command, and wake the loop if the command changes the held move.
 
-        While the robot may move and the camera is slow, every command wakes the loop. Each tick can
-        send the pilot a new state, and the next command proves its age by the newest state.
+        While the robot may move and the camera is slow, every command wakes the loop, because each
+        tick can send the pilot a new state. A command that names a state is newer than this state.
         """
         held = command.held, command.point
         is_slow = self._timing.state.period_s > self.config.longest_wait_s
@@ -87,9 +87,9 @@ class ControlLoop(Cycle):
     ) -> Future[bool]:
         """Enter a mode; also starts a stopped robot. The future is True if the mode was accepted.
 
-        The request cannot have been made before `proven_s`; None means now. The loop checks this
-        age when it runs the request, so time in the queue counts. `frame_id` is the frame that the
-        pilot sees.
+        `proven_s` is the earliest time at which the request can have been made; None means now. The
+        loop checks this age when it runs the request, so time in the queue counts. `frame_id` is
+        the frame that the pilot sees.
         """
         asked_s = self.clock.now_s() if proven_s is None else proven_s
         epoch, self._asked = self._epoch, None

@@ -156,9 +156,9 @@ class OnlineLearning:
     ) -> bool:
         """Process the camera's newest frame; return False if there is none or it is not new.
 
-        `delivered_s` is the time at which the frame reached the loop; None if that was when the
-        frame was taken. The other arguments are passed to `Policy.propose`. Raises CameraError if
-        the frame cannot be decoded; the frame then counts as not seen.
+        `delivered_s` is the time at which the frame reached the loop; None means the frame's
+        capture time. The other arguments are passed to `Policy.propose`. Raises CameraError if the
+        frame cannot be decoded; the frame then counts as not seen.
         """
         if frame is None or (self.frame is not None and frame.frame_id == self.frame.frame_id):
             return False

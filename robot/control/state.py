@@ -37,7 +37,7 @@ class LinkState:
     age_s: float | None = None
     """Age of the picture that the pilot reacts to; None if the age is unknown."""
     is_busy: bool = False
-    """True if this computer is late, whatever the link."""
+    """True if this computer itself is late, even on a fast link."""
     must_stop: bool = False
     may_learn: bool = True
     """True if labels belong to the right pictures, so the robot may learn."""
@@ -130,7 +130,7 @@ class SteadyFault:
     def show(self, fault: str | None, now_s: float, *, may_move: bool) -> str | None:
         """Note the current fault, and return the sentence that the page should show.
 
-        A robot that `may_move` was started after the last fault, so old faults are no longer shown.
+        If `may_move` is True, old faults are not shown, because the robot was started after them.
         """
         if fault is not None:
             self._seen_s = now_s

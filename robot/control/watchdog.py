@@ -37,8 +37,8 @@ class Watchdog(StartStop):
         self._thread: Worker | None = None
 
     def order(self, until_s: float) -> bool:
-        """Set the deadline of an order; the caller holds the body until the order is sent. Return
-        False if `until_s` has passed.
+        """Set the deadline of an order. The caller holds the lock `body` until the order is sent.
+        Return False if `until_s` has passed.
 
         An order that keeps the robot still has no deadline: its `until_s` is infinite.
         """

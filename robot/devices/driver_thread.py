@@ -105,7 +105,7 @@ class DriverThread(Driver):
         return self.drive(action, speed_scale=speed_scale)
 
     def send_point(self, point: Point, *, speed_scale: float = 1.0) -> Action:
-        """Queue a point, like `send_action`."""
+        """Queue steering and throttle, in place of an order that still waits."""
         return self.drive(self.driver.move_of(point), point, speed_scale=speed_scale)
 
     def drive(
@@ -181,7 +181,7 @@ class DriverThread(Driver):
         show.
 
         STOP is always sent before the sensors are read. A new action also is, unless the reading is
-        late by more than `SENSE_EVERY_S`. A renewed action waits for a reading that is due.
+        late by more than `SENSE_EVERY_S`. If a reading is due, a repeated action waits for it.
         """
         order, since_s = self._order, now_s - self._sensed_s
         is_new = order is not None and order.action is not self._driven

@@ -1,8 +1,8 @@
 """Validates values from outside the program. Each kind of value is declared once, with pydantic.
 
 The code uses only features that pydantic 1.10 and 2 have in common, because bricks run Debian 12,
-which has version 1.10. docs/adr/0037-typed-borders.md gives the reasons for pydantic, and the
-modules that may import it.
+which has version 1.10. docs/adr/0037-typed-borders.md says why pydantic is used, and which modules
+may import it.
 """
 
 from __future__ import annotations

@@ -24,8 +24,8 @@ Floats = NDArray[np.float32]
 MOST_NORM = 1e24
 """Upper bound of a squared norm, so that the most expensive merge has a finite cost in float32."""
 CACHED_FROM = 200
-"""Least number of nodes for which the minimum of each row is cached. With fewer nodes one argmin is
-faster: at 128 nodes argmin takes 2 us and the cache 9 us, at 1024 nodes 340 us and 25 us."""
+"""Least number of nodes for which the minimum of each row is cached. One argmin takes 2 us at
+128 nodes and 340 us at 1024; the cache takes 9 us and 25 us."""
 
 
 class Edges:
@@ -141,11 +141,11 @@ class Images(Stateful):
         self._norms[row] = self._x_norm
 
     def absorb(self, row: int, count: int) -> None:
-        """Make a node's image the mean of its `count` earlier frames and the measured vector."""
+        """Update a node's image, the mean of `count` frames, with the measured vector."""
         self._blend(row, self._x, 1.0 / (count + 1))
 
     def merge(self, kept: int, removed: int, count_kept: int, count_removed: int) -> None:
-        """Merge one image into another; the measured vector gets the removed image's row."""
+        """Merge image `removed` into image `kept`; the freed row stores the measured vector."""
         self._blend(kept, self._rows[removed], count_removed / (count_kept + count_removed))
         self.put(removed)
 
@@ -231,8 +231,8 @@ class BSOC(Clusters):
 
     @property
     def touched_(self) -> NDArray[np.int64]:
-        """For each node, the number of the last frame that it got, shape (n,); a pinned node has
-        the latest frame's number."""
+        """For each node, the number of the frame that updated it last, shape (n,); for pinned
+        nodes, the number of the latest frame."""
         if not self._edges.n_pinned:
             return self._touched[: self.n_nodes_].copy()
         return np.where(self._edges.pinned, self.n_trained_, self._touched)[: self.n_nodes_]

@@ -34,7 +34,7 @@ class BSOCClassifier(LabelledImages):
 
     Args:
         max_nodes: Maximum number of images.
-        group_cost: Factor by which a merge of two labels costs more; 1 as published.
+        group_cost: Factor on the cost of merging nodes of different labels; 1 as published.
         n_voters: Number of nearest nodes that vote.
         linear: An online linear part, whose scores are mixed with the votes; None for no linear
             part. With a `ContextRidge`, predictions can depend on the current move.
@@ -42,7 +42,7 @@ class BSOCClassifier(LabelledImages):
         integer: Compute on the nodes' pixels in integers only; vectors are then bytes.
         cluster: The clustering; if None, a label-aware `BSOC`.
         balance: Extra weight of rare labels, from 0 to 1 (`votes.rarity`).
-        novelty_margin: Distance beyond the usual distances at which a view is novel (`Novelty`).
+        novelty_margin: Margin of the border from which on a view is novel (`Novelty`).
         forgets: True to follow a pilot who relabels the same views (`votes.ChangeOfMind`); no
             effect with a clustering that measures no novelty.
 
@@ -142,7 +142,7 @@ class BSOCClassifier(LabelledImages):
                 self.linear.learn_mirrored(*self._mirrored(x, targets, steered), contexts)
 
     def _owners(self) -> NDArray[np.int64]:
-        """Return the label with the most votes of each node, shape (n,); -1 without votes."""
+        """For each node, return the label with the most votes, or -1 without votes; shape (n,)."""
         counts = self._histograms[: self.cluster.n_nodes_]
         owners = counts.argmax(axis=1) if counts.size else np.zeros(len(counts), np.int64)
         owners[~counts.any(axis=1)] = -1

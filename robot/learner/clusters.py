@@ -40,9 +40,9 @@ class Clusters(Stateful, ABC):
         n_nodes_: Number of nodes.
         n_trained_: Number of frames trained.
         names: The id of each row; a merged node gets the id of its heavier parent.
-        last_merge_: The kept and the removed node of the latest merge; the newest frame got the
-            removed node's index. None if the frame became a node without a merge, or if the frame
-            itself was merged into the node that `train` returned.
+        last_merge_: The kept and the removed node of the latest merge. The newest frame became a
+            node with the removed node's index. None if the frame became a node without a merge, or
+            was itself merged into the node that `train` returned.
         last_distance_: Squared distance of the latest frame from the nearest node that got none of
             the previous `HELD_OUT` frames, or from the nearest of all nodes if every node got some.
             None for the first frames, and if no distance is measured.
@@ -76,7 +76,7 @@ class Clusters(Stateful, ABC):
     @property
     @abstractmethod
     def nodes_(self) -> NDArray[Any]:
-        """Node images, shape (n, d)."""
+        """The learned images, shape (n, d)."""
 
     @property
     def counts_(self) -> NDArray[np.int64]:
@@ -108,7 +108,7 @@ class Clusters(Stateful, ABC):
         """Add one frame; if there are too many nodes, merge the pair with the lowest cost.
 
         Returns:
-            The index of the node nearest to `x` afterwards.
+            The index of the node that is nearest to `x` after the merge.
 
         Raises:
             ValueError: If `x` has a new shape or is not finite; nothing changes.
@@ -152,7 +152,7 @@ class Clusters(Stateful, ABC):
         edges.set_row(node, self._costs(node))
 
     def delete(self, node: int) -> int:
-        """Forget one node and return the old index of the last node, which moves to its index.
+        """Delete a node. The last node moves to the index `node`; return its old index.
 
         Raises:
             ValueError: If the node is pinned.

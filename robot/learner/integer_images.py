@@ -22,8 +22,8 @@ class IntegerImages(Images):
 
     Vectors are integers from 0 to 255. A row stores the exact sum of its frames, so precision does
     not depend on the number of frames. Frames are compared with the mean in steps of 1/16 to 1/256
-    of a grey level: as small as 32 bits allow for products of two vectors. Products in 64 bits
-    take twice as long on such a processor.
+    of a grey level. With finer steps, the product of two vectors would not fit into 32 bits.
+    Products in 64 bits take twice as long on such a processor.
 
     Args:
         max_nodes: Number of rows.

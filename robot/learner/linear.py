@@ -46,7 +46,7 @@ class LinearPart(Stateful, ABC):
 
     @abstractmethod
     def forget(self, x: Vector, targets: Floats, frames: float, angle: Angle = 0.0) -> None:
-        """Remove `frames` frames whose means are given; each context loses its share of them."""
+        """Remove `frames` frames with these means. Each context loses its share of the frames."""
 
     @abstractmethod
     def retarget(self, x: Vector, change: Floats, angle: Angle = 0.0) -> None:

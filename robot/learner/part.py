@@ -179,7 +179,7 @@ class Stateful:
 
     @property
     def fields(self) -> Sequence[Value | Array]:
-        """The values and arrays of the state; most parts declare a tuple instead."""
+        """The values and arrays of the state. Most subclasses replace this property by a tuple."""
         return ()
 
     def parts(self) -> Sequence[tuple[str, Stateful]]:

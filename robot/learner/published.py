@@ -1,8 +1,8 @@
 """The clustering exactly as published, with the published rules for ties.
 
 Source: Ferrer, FLAIRS-30 (2017), and the authors' program for the details. The distance is the sum
-of squared differences. A new node gets the lowest free index. A merged node gets the lower of its
-two indices, and the last node moves to the free index.
+of squared differences. A new node gets the lowest free index. A merged node gets the lower index of
+the two nodes, and the last node moves to the other index.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ class PublishedBSOC(Clusters):
     """`BSOC` as published, without groups. Each step passes over the nodes twice: once for the new
     vector, once for a merged node.
 
-    With `integer`, vectors and images are bytes; a merged image is rounded to nearest, as in the
-    authors' program, and pixels need no floating-point operations. Without `integer`, images are
-    exact means. Pinning is not in the paper; the page needs it.
+    With `integer`, vectors and images are stored as bytes, and pixels need no floating-point
+    operations. A merged image is rounded to the nearest integer, as in the authors' program.
+    Without `integer`, images are exact means. Pinning is not in the paper; the page needs it.
     """
 
     measures_novelty = False

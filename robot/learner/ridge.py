@@ -205,7 +205,7 @@ class RecursiveRidge(LinearPart):
         return solution
 
     def _scaled(self, x: Vector) -> Floats:
-        """Return the scaled values that are used, and the constant; shape (n_features + 1,)."""
+        """Return the first `n_features` values, scaled, and a final 1; shape (n_features + 1,)."""
         z = np.ones(self.n_features + 1)
         np.divide(x[: self.n_features], self.scale, out=z[:-1])
         return z
@@ -226,7 +226,7 @@ class RecursiveRidge(LinearPart):
 
     @property
     def is_indefinite(self) -> bool:
-        """True if the inverse is finite, but not positive definite by more than rounding."""
+        """True if the inverse is finite but not positive definite, apart from rounding errors."""
         waiting = self._waiting.astype(np.float64)
         inverse = self._inverse - waiting.T @ waiting
         try:

@@ -1,6 +1,6 @@
-"""Judges a view by its distances from the learned images: its label, its angle, its novelty.
+"""Computes a view's label, angle and novelty from its distances to the learned images.
 
-Labels that the pilot no longer means lose their votes (`ChangeOfMind`).
+If the pilot changes his mind about a label, it loses votes (`ChangeOfMind`).
 """
 
 from __future__ import annotations
@@ -87,8 +87,8 @@ def chance(votes: Sequence[float], best: int, sharpness: float) -> float:
     """Return the probability that the label `best` is right: its share after sharpening.
 
     Votes of neighbours and of a penalised linear part are underconfident: at a share of 75 % they
-    are right in 87 % of frames. Raising the shares to a power (a temperature below 1) makes the
-    probabilities agree with how often the label is right.
+    are right in 87 % of frames. Raising the shares to a power (temperature scaling) calibrates the
+    probabilities.
     """
     powers = [vote**sharpness for vote in votes]  # for few numbers a list is faster than numpy
     total = sum(powers)
@@ -96,7 +96,7 @@ def chance(votes: Sequence[float], best: int, sharpness: float) -> float:
 
 
 def doubted(votes: Sequence[float], best: int, sharpness: float, novelty: float) -> float:
-    """Return `chance`; on an unknown view, reduce it to nearly the probability of a guess."""
+    """Return `chance`; the more novel the view, the closer the result is to a random guess."""
     certain = chance(votes, best, sharpness)
     if novelty <= 1.0:
         return certain
@@ -129,7 +129,7 @@ HELD_OUT = 20
 """Number of the latest examples whose nodes are left out when the next example's novelty is
 measured, because successive frames are almost the same. At ten examples a second this is 2 s."""
 _FEWEST, _MEMORY = 30, 600
-"""Least and largest number of the latest examples that are compared with a view."""
+"""Minimum and maximum number of recent examples with which a view is compared."""
 _SCALE = 3
 _RENEWED_EVERY = 20
 _BORDER = 98
@@ -140,10 +140,11 @@ MARGIN = 0.05
 class Novelty(Stateful):
     """Compares a view's distance with those of earlier examples.
 
-    Before the learner learns an example, it measures the example's distance from the nearest node
-    that got none of the latest examples. Such distances are typical when the robot passes a place
-    again. Their median is novelty 0; a little more than their 98th percentile is novelty 1. Old
-    examples count less, because distances shrink as the nodes cover the surroundings.
+    Before the learner learns an example, it measures its distance from the nearest node,
+    except nodes that got one of the latest examples. Such distances are typical when the robot
+    passes a place again. Their median is novelty 0; a little more than their 98th percentile is
+    novelty 1. Old examples count less, because distances shrink as the nodes cover the
+    surroundings.
 
     Args:
         margin: The border lies above the percentile by this share of the median distance.
@@ -207,15 +208,15 @@ def percentile(ordered: Sequence[float], share: float) -> float:
 CLEARLY = 0.9
 """An image is clearly nearer than another if its distance is at most this share of the other's."""
 APART = 1.3
-"""An example differs clearly from another label if the images of that label are at least this many
-times as far away as the images of the example's own label."""
+"""An example differs clearly from another label if the distance to that label's images is at least
+this many times the distance to the images of its own label."""
 ENOUGH = 20.0
 """A label is overruled if this many more examples contradict it than confirm it."""
 MOST_A_TURN = 10.0
 """A single turn, which may be a mistake, adds at most this many examples against a label."""
 CONFIRMED = 4.0
-"""One more example of a label, at a view that it was taught at before, cancels this many
-contradictions of the label."""
+"""One more example of a label cancels this many contradictions, if the label was taught at the same
+view before."""
 LATER = 200
 """An image was taught "much later" than another if at least this many examples were learned in
 between (20 s of teaching)."""
@@ -226,30 +227,30 @@ STILL_VALID = 0.3
 class ChangeOfMind(Stateful):
     """Detects that the pilot has changed his mind and relabels the same views again and again.
 
-    A label that the pilot no longer uses is no evidence: a pilot who turns round and drives back
-    has not changed his mind about the way there. A single contradiction is no evidence either: at
-    the beginning of a turn the same view can have the labels of the turn and of driving straight.
-    So an example contradicts another label only if it is about as near to that label's images as to
-    those of its own label, and clearly nearer than to those of driving straight. After a change of
-    mind, most examples contradict the old label. If the pilot only drives the course in the other
-    direction, few examples do.
+    A label that the pilot stops using is no evidence of a change of mind: perhaps he has only
+    turned round to drive back. A single contradiction is no evidence either: at the beginning of a
+    turn the same view can have the labels of the turn and of driving straight. So an example
+    contradicts another label only if it is about as near to that label's images as to those of its
+    own label, and clearly nearer than to those of driving straight. After a change of mind, most
+    examples contradict the old label. If the pilot only drives the course in the other direction,
+    few examples do.
 
-    A label loses most of its votes at a view in two cases. Either it was contradicted often enough
-    and its nearest image was last taught before the contradictions began, or another label's image
-    is at least as near and was taught much later. Both rules apply only when the classifier counts
-    votes; they change no histogram. So both rules lose their effect if the pilot teaches the old
-    label again at such views.
+    A label loses most of its votes at a view in two cases. In the first case, the label was
+    contradicted often enough, and its nearest image was last taught before the contradictions
+    began. In the second case, another label's image is at least as near and was taught much later.
+    Both rules apply only when the classifier counts votes; they change no histogram. So both rules
+    lose their effect if the pilot teaches the old label again at such views.
 
     The pilot can also declare a change of mind (`outdate`), which is better evidence than
-    contradictions. After that, a label whose nearest image is older than the declaration passes its
-    votes on to the nearest image that was taught since.
+    contradictions. If a label's nearest image was last taught before `outdate`, the label's votes
+    go to the nearest image that was taught after it.
 
-    The label that begins most often, such as FORWARD, is left out. It follows every other label,
-    and the moment at which a pilot goes back to it varies by a tenth of a second.
+    The label that begins most often, such as FORWARD, is left out. A pilot goes back to it after
+    every other label, and the moment varies by a tenth of a second.
 
     Labels are columns 0, 1, ...; times are counts of examples. Arrays of shape (n,) describe the
-    images: `distances` are squared, `owners` are the labels that the images vote for most (-1:
-    none), and `taught` is the time at which each image last got an example.
+    images. `distances` are squared. `owners` are the labels with the most votes (-1: none).
+    `taught` is the time of each image's latest example.
     """
 
     fields = (
@@ -342,7 +343,7 @@ class ChangeOfMind(Stateful):
 
     @property
     def _contradicted(self) -> Floats:
-        """The evidence against each label; in the last row, when the current label began."""
+        """The evidence against each label. The last row is from when the current label began."""
         return np.vstack([self._against, self._before])
 
     @_contradicted.setter

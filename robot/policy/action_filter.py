@@ -38,8 +38,8 @@ from robot.types import Action, Point
 VOTES_KEPT = 0.4
 """Share of the running average of votes that is left after a tenth of a second."""
 SHARE_OF_RUN = 0.14
-"""Upper bound of the time constant of the average. It is a share of the time for which the pilot
-usually holds a move. On a quick body a slower average would react too late."""
+"""Upper bound of the average's time constant, as a share of how long the pilot usually holds a
+move. On a quick body a slower average would react too late."""
 
 
 class RunningVotes:
@@ -49,7 +49,7 @@ class RunningVotes:
         keep: Share of the old average that is left after a tenth of a second, in [0, 1).
 
     Attributes:
-        kept: The share that was left at the last frame.
+        kept: Weight of the old average at the last frame.
     """
 
     def __init__(self, keep: float) -> None:
@@ -106,7 +106,7 @@ class StallDetector:
 
     `Headway` watches turns instead, because near a plain wall a turn changes the picture little.
     Some moves have an unknown effect, for example waiting or gripping. The detector ignores such a
-    move if the pilot has stood still with it.
+    move if the body stood still when the pilot made this move.
 
     Attributes:
         is_stalled: True while the current move has no effect.
@@ -158,24 +158,24 @@ class StallDetector:
         self.futile = []
 
     def reset(self) -> None:
-        """Forget the state of the last drive, but not the usual change of the picture."""
+        """Forget the last drive, but not how much the picture usually changes."""
         self._meter.reset()
         self.lift()
         self.is_stalled = False
 
 
 TURN_INERTIA, STRAIGHT_INERTIA = 0.3, 0.1
-"""Inertia of turns and of all other moves: the margin by which the votes for another move must
-exceed the votes for the current move.
+"""Inertia (hysteresis) of turns and of all other moves: the lead in votes that another move needs
+to replace the current move.
 
 People begin a turn late and end it late. So at the same view people still drive straight before a
-turn, and keep turning in a turn. Votes on single frames do not show this delay, and a robot without
-inertia ends its turns too early. Straight moves have less inertia than turns, because it is worse
-to begin a turn too late than to end it too late (docs/explanation/learner.md).
+turn, and keep turning in a turn. Single frames do not show this difference, so without inertia the
+robot ends its turns too early. Straight moves have less inertia than turns, because it is worse to
+begin a turn too late than to end it too late (docs/explanation/learner.md).
 """
 ALLOWANCE = 1.3
-"""If the robot loses this many times the time that its pilot ever lost (`Headway`), its turns get
-fewer votes."""
+"""If the robot loses more time than this factor times the pilot's longest lost time (`Headway`),
+its turns get fewer votes."""
 HELPLESS_S = 10.0
 """Further lost time after which the robot stops and asks for help, in seconds."""
 ASKING_S = 5.0
@@ -187,11 +187,10 @@ class ActionFilter(PolicyPart):
 
     Args:
         kinds: The kinds of the moves.
-        votes_kept: Share of the running average of votes that is left after a tenth of a second.
-        turn_inertia: Margin by which the votes for another move must exceed those for a turn that
-            is under way.
-        straight_inertia: Margin for all other moves that are under way.
-        gives_up: True if moves without effect are given up; the paper's robot does not give up.
+        votes_kept: Weight that the running average of votes keeps after a tenth of a second.
+        turn_inertia: Lead in votes that another move needs to replace a turn.
+        straight_inertia: Lead in votes that is needed to replace any other move.
+        gives_up: True to give up moves without effect; the paper's robot never does.
 
     Attributes:
         needs_help: True while the robot stands and asks for help, because no move had an effect.
@@ -271,7 +270,7 @@ class ActionFilter(PolicyPart):
 
     @property
     def _point(self) -> Point | None:
-        """The last point driven proportionally. The point is computed after the move is chosen."""
+        """Steering and throttle of the last move, if it was proportional."""
         return None if self._last is None else self._last.point
 
     def _watch(self, under_way: Action, at_s: float, allowed_s: float) -> float:

@@ -32,8 +32,8 @@ class Cost:
 
     @property
     def frame_s(self) -> float:
-        """Typical time of one taught frame. The time is a sum of medians, because the slowest ticks
-        depend on the machine's other tasks; `MARGIN` leaves time for these."""
+        """Typical time of one taught frame: the sum of the medians. The machine's other tasks make
+        some ticks slower, for which `MARGIN` reserves time."""
         return sum(map(median, (self.extract_s, self.propose_s, self.learn_s)))
 
 

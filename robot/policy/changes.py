@@ -1,4 +1,4 @@
-"""Changes of a policy: makes and repeats them.
+"""Makes changes to a policy, and repeats earlier changes.
 
 Besides the examples there are edits of images, and the statement that left and right are alike.
 """
@@ -21,9 +21,9 @@ def replay(
 
     Args:
         policy: The policy that learns.
-        events: The changes. An example of unknown teaching time has a negative time.
+        events: The changes. The time of an example is negative if it is not known.
         on_refused: Called for a change that fails; if None, edits that fail are left out. An edit
-            fails if its image is pinned, or does not exist because examples are missing.
+            fails if its image is pinned, or if the image is missing because examples are.
     """
     for event in events:
         try:
@@ -78,7 +78,7 @@ def can_be_alike(policy: Policy) -> bool:
 
 
 def set_alike(policy: Policy, alike: bool) -> None:
-    """Learn all past and future examples mirrored too; if `alike` is False, end this.
+    """Learn the mirror image of each past and future example, too; if `alike` is False, undo this.
 
     The linear part learns each example mirrored; the images stay as they are.
 

@@ -28,9 +28,9 @@ class Taught:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Edited:
-    """One change that a person made. `relabel`, `delete` and `pin` change one learned image. The
-    edits `outdate` (of all earlier examples) and `alike` (left and right are alike here) concern no
-    image; their node is 0."""
+    """One change that a person made. `relabel`, `delete` and `pin` change one learned image.
+    `outdate` marks all earlier examples as out of date. `alike` states that left and right are
+    alike here. These two edits concern no image, so their `node_id` is 0."""
 
     verb: str
     node_id: int
@@ -88,7 +88,7 @@ def describe_event(event: HistoryEvent, *, with_vector: bool = True) -> PlainEve
 
 
 def read_event(plain: PlainEvent) -> HistoryEvent:
-    """Read a description that `describe_event` returned; a vector that it omitted is empty."""
+    """Convert a description by `describe_event` to the event; without a vector, `x` is empty."""
     with told_as(RecordingError, "an example is damaged", *UNREADABLE):
         kind = plain["event"]
         if kind == "taught":

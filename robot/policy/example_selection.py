@@ -16,8 +16,8 @@ times, the linear part's penalty would lose its effect, and the part would learn
 lap by heart. Images averaged over sixteen times as many frames would adapt too slowly to new views.
 If a view comes again and has the same label as last time, the policy counts it, but does not learn
 it again. The policy learns each new view, and each view whose label differs from the last time. A
-view is recognised by a sketch: 128 fixed pairs of feature values are compared, and the results are
-hashed to 64 bits (binary features as in BRIEF, Calonder et al. 2010).
+view is recognised by a 64-bit hash of a binary descriptor: 128 comparisons of fixed pairs of
+feature values (as in BRIEF, Calonder et al. 2010).
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ from robot.policy.pilot_pace import PAUSE_S
 from robot.types import Action
 
 ROOM_S = 0.1
-"""Time per learned example of one label, in seconds; the policy only counts other examples within
-this time."""
+"""Minimum time between two learned examples of one label, in seconds; examples that come sooner are
+only counted."""
 EARLY_S = 0.03
-"""Time by which an example may come early, in seconds. At thirty frames a second, this is less than
-the time between two frames, so every third frame is learned."""
+"""An example is also learned if it comes this much too early, in seconds. At thirty frames a
+second, this is less than the time between two frames, so every third frame is learned."""
 
 
 class ExampleRate(PolicyPart):

@@ -15,7 +15,7 @@ from robot.types import Frame
 
 Singles = NDArray[np.float32]
 THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT = 40, 30
-"""Size of the paper's picture: 160x120 divided by four."""
+"""Size of the paper's picture: a quarter of 160x120 in each direction."""
 COMMON_SIDES = 4 * THUMBNAIL_WIDTH, 4 * THUMBNAIL_HEIGHT
 CELL_COLUMNS, CELL_ROWS = 8, 6
 """Number of cells across and down a picture. The page shows how alike two views are in each
@@ -103,10 +103,10 @@ class GradientFeatures(PictureFeatures):
     """Gradients are computed at 10x10 points of each cell: every second pixel of 160x120. Larger
     pictures are first reduced to this size, so vectors do not depend on the camera's resolution."""
     reach, shared = (2.0, 1.0), 0.7
-    """How far the weights of neighbouring cells are correlated, horizontally and vertically, in
-    cells, and the share of a weight that is correlated at all."""
+    """Prior correlation of the weights of neighbouring cells: its length in cells (horizontal and
+    vertical), and the share of a weight that is correlated."""
     noise = 100.0
-    """Energy below which a cell counts as plain: one grey level per sample."""
+    """Gradient energy below which a cell counts as plain; one grey level at each of 100 samples."""
 
     def extract(self, frame: Frame) -> Vector:
         """Return shape (1584,), uint8: 6x8 cells of 8 bins, then 30x40 halved pixels."""
@@ -143,7 +143,7 @@ class GradientFeatures(PictureFeatures):
         return alike
 
     def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the sums of squares of each cell's gradients and of its pixels."""
+        """For each cell, return the sum of the squares of its gradients and pixels."""
         bins = difference[: self.n_gradients].reshape(self.n_rows, self.n_columns, self.n_bins)
         cells: NDArray[np.float64] = (bins * bins).sum(axis=2)
         return cells + sum_over_cells(difference[self.n_gradients :])
@@ -200,7 +200,7 @@ def _sampled(length: int, n_points: int) -> tuple[NDArray[np.intp], ...]:
 
 @cache
 def _cell_sums(n_rows: int, n_columns: int, samples: int) -> tuple[Singles, Singles]:
-    """Return two matrices. Multiplication with them sums the rows and the columns of each cell."""
+    """Return two matrices that sum samples over cells, multiplied from the left and the right."""
     ones = np.ones(samples, np.float32)
     return np.kron(np.eye(n_rows, dtype=np.float32), ones), np.kron(
         np.eye(n_columns, dtype=np.float32), ones[:, None]

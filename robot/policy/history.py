@@ -70,13 +70,12 @@ class TrainingHistory:
             type(part).__module__.startswith("robot.") for part in (policy.learner, policy.features)
         )
         self.batch = 64 if self._is_ours else 1
-        """Most examples for one `teach_all`: 1 for a plugin, because it can refuse an example."""
+        """Batch size of `teach_all`: 1 for a plugin, because a refusal then changes nothing."""
         policy.kinds.describe(self.declared)
         self.taught = taught
         self._is_drive_new = True
         self.teaching_s = 0.0
-        """Teaching time of the last example; a pause longer than half a second counts as half a
-        second."""
+        """Teaching time up to the last example; a pause counts as at most half a second."""
         self._last_example_s: float | None = None
         self._snapshots = [_Snapshot(at_s=0.0, state=policy.get_state())]
 
@@ -114,8 +113,8 @@ class TrainingHistory:
             self.drives += 1
 
     def edit(self, verb: str, node_id: int = 0, value: Any = None) -> None:
-        """Relabel, delete or pin one learned image, outdate all earlier examples, or set `alike`.
-        `value` is an Action for `relabel`, and a bool for `pin` and `alike`.
+        """Make one edit: `relabel`, `delete`, `pin`, `outdate` or `alike` (see `Edited`). `value`
+        is an Action for `relabel`, and a bool for `pin` and `alike`.
 
         Raises:
             LookupError: If there is no such image.
@@ -184,8 +183,8 @@ class TrainingHistory:
         self._on_events(events)
 
     def _rebuild_without(self, dropped: list[Taught] | list[Edited]) -> None:
-        """Restore a snapshot from before the first dropped event, and learn the later events that
-        are not dropped."""
+        """Restore the snapshot before the first of the `dropped` events, and replay all later
+        events except the dropped ones."""
         first = next(i for i, s in enumerate(self._snapshots) if dropped[0] in s.events)
         since, gone = self._snapshots[first:], {id(event) for event in dropped}
         again = [event for s in since for event in s.events if id(event) not in gone]

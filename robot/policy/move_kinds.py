@@ -25,8 +25,8 @@ class MoveKinds(Stateful):
         turns: The moves that steer to one side, with the side: -1 for left, 1 for right.
         straight: The moves that drive ahead or back without steering.
         others: The moves whose effect is unknown; never STOP.
-        measured: The moves during which the usual change of the picture is measured: the straight
-            moves, or, if no move is known to be straight, the others.
+        measured: The moves during which the picture's usual change is measured. They are the
+            straight moves, or the others if no move is known to be straight.
         points: Steering and throttle of the moves that declare them; set by the body, never saved.
     """
 

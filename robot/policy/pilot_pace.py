@@ -1,4 +1,4 @@
-"""Measures how long the pilot turns, pushes and holds a move, to set the same limits for the robot.
+"""Measures how long the pilot turns, holds a move, or pushes without effect: the robot's limits.
 
 The limits depend only on the labelled frames and their teaching times. So the limits are the same
 when a policy learns the examples again after an undo.
@@ -64,7 +64,7 @@ class ChangeMeter:
 
     @property
     def is_known(self) -> bool:
-        """True once the change from picture to picture was measured often enough on straights."""
+        """True after enough measurements of how much the picture changes while driving straight."""
         return len(self._changes) >= _FEWEST_CHANGES
 
     def is_still(self, change: float) -> bool:
@@ -103,10 +103,10 @@ _LONGEST_STEP_S = 0.25
 class Headway:
     """Measures how much time the pilot or the robot has lost by turning and pushing.
 
-    Each second of turning or of pushing without effect counts as a lost second. Driving straight
-    for one second makes four lost seconds good. With proportional steering, a curve counts partly
-    as turning and partly as driving straight: the milder the curve, the more counts as driving
-    straight. When all lost time is made good, a `Headway` forgets the earlier turns.
+    A second of turning counts as lost, and so does a second of pushing without effect. Driving
+    straight for one second makes four lost seconds good. With proportional steering, a curve counts
+    partly as turning and partly as driving straight: the milder the curve, the more counts as
+    driving straight. When the lost time is 0 again, a `Headway` forgets the earlier turns.
 
     Attributes:
         lost_s: The lost time, in seconds; at least 0.
@@ -119,7 +119,7 @@ class Headway:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the lost time and all turns."""
+        """Reset the lost time, and forget all turns."""
         self.lost_s = self._straight_s = 0.0
         self._last_s: float | None = None
         self._free()
@@ -177,7 +177,7 @@ class Headway:
 
 
 SHORTEST_LOST_S, LONGEST_LOST_S = 1.5, 8.0
-"""Bounds of the lost time (`Headway`) up to which turning may still help, in seconds.
+"""Bounds of the limit on lost time (`Headway`), in seconds. Above the limit, turning is no help.
 
 The upper bound is less than the time of half a turn about one wheel. A pilot who alternates between
 left and right for longer does not thereby leave a corner."""
@@ -191,9 +191,8 @@ TO_AND_FRO_S, OF_A_RUN = 2.0, 0.75
 seconds. The limit `OF_A_RUN`, for quick pilots, is a share of the time for which the pilot usually
 holds a move."""
 AWAY_S, OF_A_TURN = 1.5, 0.6
-"""Time for which a move without effect stays barred: the lower of `AWAY_S` seconds and `OF_A_TURN`
-times the pilot's longest turn. A body that turns round in half a second would after 1.5 s have
-turned back to where it came from."""
+"""Time for which a move without effect stays barred: `AWAY_S` seconds, or `OF_A_TURN` times the
+pilot's longest turn if that is shorter. In `AWAY_S`, a quick body turns back to the obstacle."""
 PAUSE_S = 0.45
 """Two examples further apart than this belong to two manoeuvres, in seconds of teaching time."""
 

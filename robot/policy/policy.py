@@ -105,7 +105,7 @@ class Policy(Stateful):
         return self.learner.n_nodes_
 
     def usual_point(self, move: Action) -> Point | None:
-        """Return a move's usual steering and throttle; None without proportional examples."""
+        """Return a move's usual steering and throttle; None if no example of it has them."""
         return self._degrees.usual(move)
 
     def extract(self, frame: Frame) -> Vector:
@@ -192,9 +192,9 @@ class Policy(Stateful):
         the same, and only counts the others (`example_selection.py`).
 
         Args:
-            examples: For each example the frame's vector; the move; the frame's teaching time in
-                seconds (None if unknown: the example is then learned independently of earlier
-                examples); and the point, if the pilot steered proportionally.
+            examples: Tuples of a frame's vector, the move, the teaching time in seconds, and the
+                point or None. An example without a time is learned independently of earlier
+                examples. Examples with a point were steered proportionally.
 
         Raises:
             ValueError: If a label is not one of `moves`, a value of a point is not from -1 to 1, or

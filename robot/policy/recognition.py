@@ -5,11 +5,11 @@ the brightness of the lesson. The light is measured as the mean brightness of so
 driving, because a dark corner hardly changes this mean.
 
 A learned angle is a mean over examples. If an obstacle can be passed on either side, the mean leads
-into the obstacle. So the move determines the side, and the angle only the amount of steering. The
-angle must also lie within `BAND` standard deviations of the mean that was taught with the chosen
-move. Some pilots steer fully to one side or not at all, and then the mean of all moves is an angle
-that they never used. For a pilot who steers all or nothing this band has no width; for a pilot who
-steers proportionally the band is wide.
+into the obstacle. So the move determines the side, and the angle determines only the amount of
+steering. The angle must also lie within `BAND` standard deviations of the mean that was taught with
+the chosen move. Some pilots steer fully to one side or not at all, and then the mean of all moves
+is an angle that they never used. The band has no width for such a pilot, and is wide for a pilot
+who steers proportionally.
 
 Before the pilot teaches a first point, the policy stores no steering and proposes no point.
 """
@@ -128,7 +128,7 @@ class Degrees(PolicyPart):
 
 
 ANOTHER_LIGHT = 1.5
-"""Least factor of brightness, up or down, for which the light counts as changed. Smaller
+"""Minimum ratio of the brighter to the darker light at which the light counts as changed. Smaller
 differences in brightness come from the view, not from the light."""
 SECONDS = 3.0
 """Driving time over which the brightness is averaged, in seconds."""

@@ -36,8 +36,8 @@ BALANCE = 0.2
 
 
 def make_default(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Return the learner that drove best; a `Maker`. In integers only, it has no linear part, which
-    takes a floating-point step for each pair of gradients in each example."""
+    """Make the policy whose robots drove best. With `integer` it has no linear part, because
+    recursive least squares needs floating-point operations for each pair of gradients."""
     features = GradientFeatures()
     linear = None if integer else ContextRidge(features.n_gradients, alike=features.alike())
     learner = BSOCClassifier(
@@ -50,7 +50,7 @@ def make_default(number: int, name: str, moves: tuple[Action, ...], integer: boo
 
 
 def make_published(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Return the paper's learner, as published; a `Maker`."""
+    """Make the paper's policy, as published."""
     learner = BSOCClassifier.published(number, integer=integer)
     return Policy(
         name, number, learner, GreyFeatures(), moves=moves, action_filter=ActionFilter.none
