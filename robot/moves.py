@@ -27,7 +27,7 @@ class Move:
         label: The button's text: one text, or texts by language (`en`, `es`, `zh`). If a language
             is missing, the page shows the English text; if `label` is empty, the page makes a text
             from the name.
-        icon: The name of a classic move, whose arrow is used, or one or two characters such as
+        icon: The name of a classic move, to show its arrow, or one or two characters such as
             "⏩". If empty, a move with a classic name gets that move's arrow.
         does: The body's motion in this move, as a sentence.
         steering: From -1 (full left) to 1 (full right), for bodies that are steered.

@@ -169,8 +169,8 @@ class Game:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensors:
-    """Readings of all sensors except the camera. A reading is None if its sensor is missing; one
-    that is not a finite number becomes None, as drivers state infinity for "out of reach"."""
+    """Readings of all sensors except the camera. A reading is None if its sensor is missing. NaN
+    and infinity become None, because some drivers report infinity for "out of reach"."""
 
     distance_m: float | None = None
     bumped: bool | None = None
@@ -181,7 +181,7 @@ class Sensors:
     game: Game | None = None
 
     def __post_init__(self) -> None:
-        """Raise an error for a reading of another type, which no page and no file could state."""
+        """Raise an error for a reading of a wrong type, because it could not be sent or saved."""
         pose, game, change = self.pose, self.game, object.__setattr__
         for name in ("distance_m", "battery_share"):
             number = getattr(self, name)

@@ -191,7 +191,7 @@ class Learner(Protocol):
 
     @abstractmethod
     def get_state(self) -> State:
-        """Return a copy of the state; after `set_state` with it all predictions are the same.
+        """Return a copy of the state. `set_state` with this copy restores all predictions.
 
         Saving and undo need an exact copy: after the same further examples a restored learner and
         the original are equal, bit for bit.
@@ -227,7 +227,7 @@ class Learner(Protocol):
         raise ValueError(f"a {type(self).__name__} stores no images to edit")
 
     def reflect(self, mirror: Mirror, on: bool) -> None:
-        """Also learn the mirror image of every example, past and future; end this if not `on`.
+        """Also learn the mirror images of all past and future examples; if not `on`, forget them.
 
         Raises:
             ValueError: If the learner cannot mirror examples.

@@ -86,7 +86,7 @@ class Images(Stateful):
     """
 
     kind: ClassVar[str] = "bsoc"
-    """Name of the clustering's format with these images."""
+    """Name of the file format of a clustering that stores its images in this way."""
     fields: Sequence[Value | Array] = (
         Array(
             "images", np.float32, ("max_nodes", "d"), -2.0 * MOST_VALUES, 2.0 * MOST_VALUES, "_rows"
@@ -171,7 +171,7 @@ class Images(Stateful):
         return self._rows[:size]
 
     def follow(self, counts: NDArray[np.int64]) -> None:
-        """Recompute the values that depend on the number of frames per image, if there are any."""
+        """Update what depends on the number of frames of each image: nothing by default."""
 
     def faults(self) -> Iterator[str]:
         norms = 0.5 * np.einsum("ij,ij->i", self._rows, self._rows)
@@ -221,7 +221,7 @@ class BSOC(Clusters):
 
     @property
     def nodes_(self) -> NDArray[np.float32]:
-        """Node images, shape (n, d), float32."""
+        """Image of each node, shape (n, d), float32."""
         return self._images.nodes(self.n_nodes_)
 
     @property
@@ -315,8 +315,8 @@ class BSOC(Clusters):
         return count, other
 
     def _blended(self, one: Floats, two: Floats, share: float, between: float) -> Floats:
-        """Lance and Williams: d(k, ij) = wi d(k, i) + wj d(k, j) - wi wj d(i, j) for a third node
-        k, where wi and wj are the shares of the nodes i and j in their common frames."""
+        """Lance-Williams update of the distances from node k to the merged node ij:
+        wi d(k, i) + wj d(k, j) - wi wj d(i, j), where wi + wj = 1 are shares of their frames."""
         row: Floats = two - one
         row *= share
         row += one

@@ -25,8 +25,7 @@ LINEAR_SHARE = 0.7
 CONTEXT_SHARE = 0.85
 """Weight of the linear part within a context; the images' votes do not depend on the context."""
 SHARPNESS = 1.6
-"""Power that calibrates the mixture's probabilities, for all rooms
-(docs/explanation/learner.md)."""
+"""Exponent that calibrates the mixture's probabilities (docs/explanation/learner.md)."""
 
 
 class BSOCClassifier(LabelledImages):
@@ -90,7 +89,7 @@ class BSOCClassifier(LabelledImages):
 
     @classmethod
     def published(cls, max_nodes: int = 32, *, integer: bool = False) -> Self:
-        """Return the paper's classifier: the nearest node's most counted label."""
+        """Return the paper's classifier: it predicts the nearest node's most frequent label."""
         return cls(max_nodes, n_voters=1, cluster=PublishedBSOC(max_nodes, integer=integer))
 
     @property

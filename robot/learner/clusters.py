@@ -40,14 +40,13 @@ class Clusters(Stateful, ABC):
         n_nodes_: Number of nodes.
         n_trained_: Number of frames trained.
         names: The id of each row; a merged node gets the id of its heavier parent.
-        last_merge_: The kept and the removed node of the latest merge. The newest frame became a
-            node with the removed node's index. None if the frame became a node without a merge, or
-            was itself merged into the node that `train` returned.
-        last_distance_: Squared distance of the latest frame from the nearest node that got none of
-            the previous `HELD_OUT` frames, or from the nearest of all nodes if every node got some.
-            None for the first frames, and if no distance is measured.
+        last_merge_: The kept and the removed node if the latest frame caused a merge of two nodes;
+            the frame became a node with the removed node's index. Otherwise None.
+        last_distance_: Squared distance of the latest frame from the nearest node, or None if it
+            was not measured. Nodes with one of the previous `HELD_OUT` frames are left out if any
+            other node exists.
         last_distances_: Squared distances of the latest frame from the nodes, before any merge.
-        last_touched_: `touched_` as it was before the latest frame.
+        last_touched_: The value of `touched_` before the latest frame.
     """
 
     measures_novelty: ClassVar[bool]

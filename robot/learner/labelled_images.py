@@ -105,7 +105,7 @@ class LabelledImages(Stateful, Learner):
             self.mirror = mirror if on else None
 
     def _columns(self, mirror: Mirror) -> list[int]:
-        """Return each label's mirrored label, or the label itself if that was never taught."""
+        """Return the column of each label's mirrored label, or its own if that was never taught."""
         known = {label: column for column, label in enumerate(self.labels_)}
         return [known.get(mirror.labels.get(label, label), known[label]) for label in self.labels_]
 

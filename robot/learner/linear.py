@@ -32,7 +32,7 @@ class LinearPart(Stateful, ABC):
 
     @abstractmethod
     def scores(self, x: Vector, context: int | None = None) -> Floats:
-        """Return one unbounded score per label, shape (n_labels,), close to its probability."""
+        """Return estimated probabilities, shape (n_labels,); they may be below 0 or above 1."""
 
     def angle(self, x: Vector) -> Floats | None:
         """Return angle and magnitude, shape (2,), not bounded; None if no angle is learned."""
@@ -50,4 +50,4 @@ class LinearPart(Stateful, ABC):
 
     @abstractmethod
     def retarget(self, x: Vector, change: Floats, angle: Angle = 0.0) -> None:
-        """Add `change` to the sum of the targets over learned frames that have the mean `x`."""
+        """Correct the targets of learned frames whose mean is `x`: add `change` to their sum."""

@@ -241,7 +241,7 @@ class Stateful:
             raise ValueError(f"unknown field {str(other)[:60]!r}")
 
     def _take(self, params: Params, arrays: Arrays, names: Names, sizes: dict[str, int]) -> None:
-        """Load the part's values and arrays, and remove these from the arguments; see `load`."""
+        """Load the part's values and arrays, and remove them from `params` and `arrays`."""
         self.prepare(arrays)
         for own, part in self.parts():
             if not own:
@@ -278,5 +278,5 @@ def _inner(own: str, key: str) -> str:
 
 
 def taken(arrays: Arrays, start: str) -> Arrays:
-    """Remove the arrays whose names begin with `start`; return them by the rest of their names."""
+    """Remove the arrays whose names begin with `start`; return them under names without `start`."""
     return {k.removeprefix(start): arrays.pop(k) for k in list(arrays) if k.startswith(start)}

@@ -47,7 +47,7 @@ class PublishedBSOC(Clusters):
 
     @property
     def nodes_(self) -> NDArray[Any]:
-        """Node images, shape (n, d): float64, or uint8 with `integer`."""
+        """Image of each node, shape (n, d): float64, or uint8 with `integer`."""
         images = self._images[: self.n_nodes_]
         return images.astype(np.uint8) if self.integer else images.copy()
 

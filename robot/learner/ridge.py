@@ -32,8 +32,8 @@ from robot.learner.votes import Floats
 Singles = NDArray[np.float32]
 Places = NDArray[np.intp]
 _WAITING = 32
-"""Number of pending updates of the inverse that are written together. With more pending updates,
-each evaluation would take longer, and cost more time than the fewer writes save."""
+"""Number of pending updates of the inverse that are written together. With a larger number,
+slower evaluations would cost more time than fewer writes save."""
 _ROUNDED = 1e-5
 """Largest rounding error of an eigenvalue of the inverse, as a share of the largest possible
 eigenvalue. Each write rounds to single precision, and so adds an error of 6e-8 times the largest
@@ -41,8 +41,8 @@ possible eigenvalue."""
 _MOST_INVERSE = 1e3
 """Upper bound of an inverse's values, which begin at 1 / penalty and shrink with every frame."""
 MIRRORED = 0.3
-"""Weight of a frame's mirror image, if left and right are alike. A weight of 1 helps as much as
-this weight while there are few frames, and harms more when there are many."""
+"""Weight of a frame's mirror image, if left and right are alike. With few frames a weight of 1 is
+no better; with many frames it does more harm."""
 
 
 @functools.cache
@@ -105,10 +105,9 @@ class RecursiveRidge(LinearPart):
         return scores
 
     def begin_like(self, columns: Sequence[int], weights: Floats) -> None:
-        """Before the first frame, add these weights to the weights that the ridge expects for the
-        labels in `columns`.
+        """Before the first frame, add `weights` to the prior mean of the weights of `columns`.
 
-        Expected weights count only as much as the penalty does, so a few frames outweigh them.
+        The prior is only as strong as the penalty, so a few frames outweigh it.
         """
         self._weights[:, columns] += weights
 
@@ -129,16 +128,16 @@ class RecursiveRidge(LinearPart):
     def learn_mirrored(
         self, x: Vector, targets: Floats, angle: Angle = 0.0, contexts: Collection[int] = EVERY
     ) -> None:
-        """Add the mirror image of a frame; all arguments are already mirrored."""
+        """Add the mirror image of a frame. The caller has mirrored all arguments."""
         self._add(MIRRORED, self._scaled(x), targets, angle)
 
     def reflect(self, places: Places, columns: Sequence[int], on: bool) -> None:
         """Add the mirror images of all frames so far, or remove them again.
 
         Args:
-            places: For each feature the index of the feature that replaces it in the mirror.
-            columns: The column of each label's mirrored label.
-            on: True to add the mirror images.
+            places: For each feature the index of its mirrored feature.
+            columns: For each label the column of its mirrored label.
+            on: True to add the mirror images, False to remove them.
         """
         alike = np.eye(self.size)
         if self._alike is not None:
@@ -244,8 +243,8 @@ class RecursiveRidge(LinearPart):
 
 
 class ContextRidge(RecursiveRidge):
-    """One ridge for all examples. As soon as a frame does not count in all contexts, there is also
-    one ridge for each context. The angle does not depend on the context.
+    """One ridge regression for all examples. After the first frame that counts only in some
+    contexts, each context also has a ridge. The angle does not depend on the context.
     """
 
     knows_contexts = True
@@ -321,7 +320,7 @@ class ContextRidge(RecursiveRidge):
         return shares
 
     def _copy(self) -> RecursiveRidge:
-        """Return a copy of the common ridge, without angles, to begin a context with."""
+        """Return a copy of the common ridge, without angles, as the start of a context's ridge."""
         ridge = RecursiveRidge(
             self.n_features, penalty=self.penalty, scale=self.scale, alike=self._alike
         )

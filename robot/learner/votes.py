@@ -22,7 +22,7 @@ Distances = NDArray[np.float32] | NDArray[np.float64]
 
 
 def nearest_nodes(distances: Distances, histograms: NDArray[np.int64], n_voters: int) -> Floats:
-    """Return each label's share of the votes of the `n_voters` nearest nodes, weighted by nearness.
+    """Return each label's share of a k-nearest-neighbour vote, in which nearer nodes weigh more.
 
     With one voter, the nearest node decides, as in the paper.
 
@@ -126,28 +126,27 @@ def shares(votes: Floats) -> Floats:
 
 
 HELD_OUT = 20
-"""Number of the latest examples whose nodes are left out when the next example's novelty is
-measured, because successive frames are almost the same. At ten examples a second this is 2 s."""
+"""A view's novelty ignores the nodes of this many latest examples, because successive frames are
+almost the same. At ten examples a second this is 2 s."""
 _FEWEST, _MEMORY = 30, 600
 """Minimum and maximum number of recent examples with which a view is compared."""
 _SCALE = 3
 _RENEWED_EVERY = 20
 _BORDER = 98
 MARGIN = 0.05
-"""The border of novelty is the percentile `_BORDER` plus this share of the median."""
+"""Novelty 1 is the percentile `_BORDER` of the distances plus `MARGIN` times their median."""
 
 
 class Novelty(Stateful):
     """Compares a view's distance with those of earlier examples.
 
-    Before the learner learns an example, it measures its distance from the nearest node,
+    Before the learner learns an example, it measures the example's distance from the nearest node,
     except nodes that got one of the latest examples. Such distances are typical when the robot
     passes a place again. Their median is novelty 0; a little more than their 98th percentile is
-    novelty 1. Old examples count less, because distances shrink as the nodes cover the
-    surroundings.
+    novelty 1. Only the latest distances count, because they shrink as the nodes cover the place.
 
     Args:
-        margin: The border lies above the percentile by this share of the median distance.
+        margin: Novelty 1 is the percentile plus this share of the median.
     """
 
     fields = (
@@ -182,7 +181,7 @@ class Novelty(Stateful):
 
     @property
     def _kept(self) -> NDArray[np.float64]:
-        """The scale and the distances, oldest first."""
+        """The saved state: median, border, number of new distances, and the distances."""
         return np.array([self._median, self._border, self._n_new, *self.lengths])
 
     @_kept.setter
@@ -228,12 +227,11 @@ class ChangeOfMind(Stateful):
     """Detects that the pilot has changed his mind and relabels the same views again and again.
 
     A label that the pilot stops using is no evidence of a change of mind: perhaps he has only
-    turned round to drive back. A single contradiction is no evidence either: at the beginning of a
-    turn the same view can have the labels of the turn and of driving straight. So an example
-    contradicts another label only if it is about as near to that label's images as to those of its
-    own label, and clearly nearer than to those of driving straight. After a change of mind, most
-    examples contradict the old label. If the pilot only drives the course in the other direction,
-    few examples do.
+    turned round to drive back. A single contradiction is no evidence either, because where a turn
+    begins a view can be labelled as straight in one lap and as a turn in the next. So an example
+    contradicts a label only if the label's images are about as near to it as those of its own
+    label, and clearly nearer than those of driving straight. After a change of mind, most examples
+    contradict the old label; on a drive in the other direction, few do.
 
     A label loses most of its votes at a view in two cases. In the first case, the label was
     contradicted often enough, and its nearest image was last taught before the contradictions
@@ -245,8 +243,8 @@ class ChangeOfMind(Stateful):
     contradictions. If a label's nearest image was last taught before `outdate`, the label's votes
     go to the nearest image that was taught after it.
 
-    The label that begins most often, such as FORWARD, is left out. A pilot goes back to it after
-    every other label, and the moment varies by a tenth of a second.
+    These rules ignore the label to which the pilot switches most often, such as FORWARD. A pilot
+    goes back to it after every other label, and the moment varies by a tenth of a second.
 
     Labels are columns 0, 1, ...; times are counts of examples. Arrays of shape (n,) describe the
     images. `distances` are squared. `owners` are the labels with the most votes (-1: none).
@@ -352,7 +350,7 @@ class ChangeOfMind(Stateful):
 
     @property
     def _kept_taken_up(self) -> NDArray[np.int64]:
-        """How often each label began, then the last label's column plus 1 (0 if none)."""
+        """The saved state: switches to each label, then the latest label's column plus 1 (or 0)."""
         return np.append(self._taken_up, self._last + 1)
 
     @_kept_taken_up.setter

@@ -36,7 +36,7 @@ from robot.policy.pilot_pace import (
 from robot.types import Action, Point
 
 VOTES_KEPT = 0.4
-"""Share of the running average of votes that is left after a tenth of a second."""
+"""Decay factor of the running average of votes per tenth of a second."""
 SHARE_OF_RUN = 0.14
 """Upper bound of the average's time constant, as a share of how long the pilot usually holds a
 move. On a quick body a slower average would react too late."""
@@ -98,11 +98,10 @@ class RunningVotes:
 class StallDetector:
     """Bars a move that has no effect: motion is commanded, but the image does not change.
 
-    A pilot seldom gets stuck, so hardly any example shows such a view, and a robot that obeyed the
-    votes would push or brake indefinitely. An unchanged image or a pressed bumper shows that the
-    robot is stuck. A car that sets off changes the image from one frame to the next as little as a
-    standing car does. So a robot counts as stuck only if the last image is also almost equal to the
-    first image since it stopped moving.
+    Pilots seldom get stuck, so the learner does not know such views, and its votes could make the
+    robot push or brake indefinitely. An unchanged image or a pressed bumper shows that the robot is
+    stuck. A car that sets off changes the image from one frame to the next as little as a standing
+    car does. So the image must also be almost the same as when it stopped changing.
 
     `Headway` watches turns instead, because near a plain wall a turn changes the picture little.
     Some moves have an unknown effect, for example waiting or gripping. The detector ignores such a
@@ -177,7 +176,7 @@ ALLOWANCE = 1.3
 """If the robot loses more time than this factor times the pilot's longest lost time (`Headway`),
 its turns get fewer votes."""
 HELPLESS_S = 10.0
-"""Further lost time after which the robot stops and asks for help, in seconds."""
+"""Time that the robot may lose beyond `ALLOWANCE` before it stops and asks for help, in seconds."""
 ASKING_S = 5.0
 """Time for which the robot asks for help before it tries again by itself, in seconds."""
 
@@ -187,7 +186,7 @@ class ActionFilter(PolicyPart):
 
     Args:
         kinds: The kinds of the moves.
-        votes_kept: Weight that the running average of votes keeps after a tenth of a second.
+        votes_kept: Decay factor of the running average of votes per tenth of a second.
         turn_inertia: Lead in votes that another move needs to replace a turn.
         straight_inertia: Lead in votes that is needed to replace any other move.
         gives_up: True to give up moves without effect; the paper's robot never does.

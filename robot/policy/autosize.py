@@ -86,7 +86,7 @@ def choose_max_nodes(
     kind: str = "default",
     cost_of: Callable[[int], Cost] | None = None,
 ) -> Cost:
-    """Return the cost of the largest size in `SIZES` that reaches the rate with a margin.
+    """Find the largest size in `SIZES` that reaches the rate with a margin; return its cost.
 
     Sizes are tried in ascending order, and the search ends at the first size that is too slow, so
     a slow machine wastes no time on sizes that it cannot run.

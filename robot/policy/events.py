@@ -40,7 +40,7 @@ class Edited:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Undone:
-    """An undo of the examples with these frame ids; without frame ids, of the last edit."""
+    """An undo of the examples of `frame_ids`; if `frame_ids` is empty, of the latest edit."""
 
     frame_ids: tuple[int, ...]
 

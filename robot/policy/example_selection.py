@@ -1,7 +1,7 @@
 """Decides which examples are learned, and in which contexts: driving straight, or turning.
 
 Frames less than a tenth of a second apart show almost the same picture. So the policy learns only
-one example per tenth of a second, which may come a little early. Then a camera with an unsteady
+one example per tenth of a second, and accepts it up to 0.03 s early. Then a camera with an unsteady
 frame rate teaches as much as a steady camera, and eleven frames a second teach as much as thirty.
 
 An example counts in the context of its own move. The first half second of a move also counts in the
@@ -41,7 +41,7 @@ ROOM_S = 0.1
 only counted."""
 EARLY_S = 0.03
 """An example is also learned if it comes this much too early, in seconds. At thirty frames a
-second, this is less than the time between two frames, so every third frame is learned."""
+second still every third frame is learned, because frames are 0.033 s apart."""
 
 
 class ExampleRate(PolicyPart):

@@ -86,13 +86,13 @@ class GreyFeatures(PictureFeatures):
 class GradientFeatures(PictureFeatures):
     """Histograms of gradient orientations, and a grey picture at half contrast: 1584 bytes.
 
-    Dalal and Triggs (2005), simplified: 8x6 cells over the frame, signed directions in 8 bins, each
-    cell divided by the energy of its 3x3 neighbourhood, then the square root. Each gradient is
-    shared between two neighbouring directions. If max and min are the magnitudes of its two
-    components, the direction along the axis gets max - min, and the diagonal direction gets min. So
-    each pixel needs only a few integer operations, without arctangent and square root. The code
-    computes the eight directions from the sums of eight simpler parts. The grey part distinguishes
-    plain surfaces without gradients, and is the node's thumbnail.
+    A simplified HOG (Dalal and Triggs, 2005): 8x6 cells with 8 bins for signed directions. Each
+    value is divided by the L2 norm of the 3x3 cells around it, and its square root is stored. Each
+    gradient is shared between two neighbouring directions. If max and min are the magnitudes of a
+    gradient's two components, the nearest axis gets max - min, and the nearest diagonal gets min.
+    So no pixel needs an arctangent or a square root. The code computes the eight directions from
+    the sums of eight simpler parts. The grey part distinguishes plain surfaces. It is also a node's
+    thumbnail.
     """
 
     name = "gradient"
@@ -100,7 +100,7 @@ class GradientFeatures(PictureFeatures):
     n_gradients = n_others = n_columns * n_rows * n_bins
     contrast = 2
     samples = 10
-    """Gradients are computed at 10x10 points of each cell: every second pixel of 160x120. Larger
+    """Each cell has 10x10 sample points: every second pixel of a picture of 160x120. Larger
     pictures are first reduced to this size, so vectors do not depend on the camera's resolution."""
     reach, shared = (2.0, 1.0), 0.7
     """Prior correlation of the weights of neighbouring cells: its length in cells (horizontal and
@@ -109,7 +109,7 @@ class GradientFeatures(PictureFeatures):
     """Gradient energy below which a cell counts as plain; one grey level at each of 100 samples."""
 
     def extract(self, frame: Frame) -> Vector:
-        """Return shape (1584,), uint8: 6x8 cells of 8 bins, then 30x40 halved pixels."""
+        """Return shape (1584,), uint8: 6x8x8 gradient bins, then 30x40 grey values, halved."""
         grey = image.at_common_scale(image.to_grey(frame), *COMMON_SIDES)
         small = image.shrink(grey, THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT)
         return np.concatenate([self._histograms(grey), small.ravel() >> 1])
@@ -130,9 +130,9 @@ class GradientFeatures(PictureFeatures):
         """Return the prior covariance of the linear part's weights, shape (384, 384).
 
         The correct move hardly depends on whether an edge lies in one cell or in the next. So the
-        weights of one direction are similar in nearby cells. With this prior an example also
-        teaches slightly shifted views. Training on shifted copies of each view would have the same
-        effect in twice the time.
+        weights of one direction are similar in nearby cells. Because of this prior, an example also
+        teaches how to act in slightly shifted views. Training on shifted copies of each view would
+        have the same effect in twice the time.
         """
         near = [
             np.exp(-0.5 * ((np.arange(n)[:, None] - np.arange(n)) / reach) ** 2)

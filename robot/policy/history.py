@@ -31,7 +31,7 @@ _LONGEST_STEP_S = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Snapshot:
-    """The policy's state at a teaching time, and the events until the next snapshot."""
+    """The policy's state at the teaching time `at_s`, and the events up to the next snapshot."""
 
     at_s: float
     state: State

@@ -37,7 +37,7 @@ def to_grey(frame: Frame) -> Pixels:
 
 
 def to_small_grey(frame: Frame, width: int, height: int) -> Pixels:
-    """Return the brightness of `height` x `width` areas of the frame; raises as `to_rgb`.
+    """Return the frame in grey, reduced to shape (height, width); raises the errors of `to_rgb`.
 
     The function averages colours before it converts them to grey.
     """

@@ -35,7 +35,7 @@ class Seen:
         evidence: The learner's prediction.
         shares: The votes for each move; the filter smooths them.
         action: The proposed move.
-        kept: Share of the previous average in the new average of the votes.
+        kept: Decay factor of the running averages of votes at this frame.
         point: The proposed steering and throttle, if the pilot taught with proportional steering.
         spread: Standard deviation of the steering of `point`.
     """
@@ -91,7 +91,7 @@ class PolicyPart(Stateful):
         """Process one frame, and add this part's results to `seen`."""
 
     def on_example(self, lesson: TaughtExample) -> None:
-        """Learn one example, or set how the later parts learn it."""
+        """Learn one example; may set in `lesson` how the parts after this one learn it."""
 
     def reset(self) -> None:
         """Forget the state of the last drive, because a new drive begins."""

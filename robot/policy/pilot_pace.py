@@ -31,8 +31,8 @@ class ChangeMeter:
     """Measures the change of the picture within a tenth of a second, and its usual value while
     driving straight.
 
-    The meter does not measure turns: compared with the change in a quick turn, driving straight
-    would look like standing still.
+    The meter ignores turns. In a quick turn the picture changes so much that driving straight would
+    look like standing still in comparison.
 
     Attributes:
         changes: The latest changes while driving straight; their median is the usual change.
@@ -68,7 +68,7 @@ class ChangeMeter:
         return len(self._changes) >= _FEWEST_CHANGES
 
     def is_still(self, change: float) -> bool:
-        """Return whether a change is so small that the body stands; False before `is_known`."""
+        """True if a change is as small as when the body stands still; False before `is_known`."""
         if self._usual is None and self.is_known:
             self._usual = statistics.median(self._changes)
         return self.is_known and change < _STILL_SHARE * (self._usual or 0.0)
@@ -91,10 +91,10 @@ def difference(picture: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
 
 
 PAYS_BACK = 4.0
-"""Lost seconds that a robot makes good by driving straight for one second."""
+"""One second of driving straight reduces the lost time by this many seconds."""
 EFFECT_S = 0.2
-"""Time after which driving straight makes lost time good, in seconds. Before that, the picture does
-not show whether the move has an effect."""
+"""Driving straight reduces the lost time only after this time, in seconds. Before that, the picture
+does not show whether the move has an effect."""
 STRAIGHT_S = 0.3
 """Time for which a robot must drive straight before its earlier turns are forgotten, in seconds."""
 _LONGEST_STEP_S = 0.25
@@ -103,10 +103,10 @@ _LONGEST_STEP_S = 0.25
 class Headway:
     """Measures how much time the pilot or the robot has lost by turning and pushing.
 
-    A second of turning counts as lost, and so does a second of pushing without effect. Driving
-    straight for one second makes four lost seconds good. With proportional steering, a curve counts
-    partly as turning and partly as driving straight: the milder the curve, the more counts as
-    driving straight. When the lost time is 0 again, a `Headway` forgets the earlier turns.
+    A second of turning counts as lost, and so does a second of pushing without effect. Each second
+    of driving straight reduces the lost time by four seconds. With proportional steering, a curve
+    counts partly as turning and partly as driving straight: the milder the curve, the more counts
+    as driving straight. When the lost time is 0 again, a `Headway` forgets the earlier turns.
 
     Attributes:
         lost_s: The lost time, in seconds; at least 0.
@@ -131,7 +131,7 @@ class Headway:
     def note(
         self, action: Action, at_s: float, point: Point | None = None, *, is_stalled: bool = False
     ) -> None:
-        """Count the time since the last call as lost or as made good.
+        """Update the lost time for the time since the last call.
 
         Args:
             action: The move; STOP changes nothing.
@@ -168,7 +168,7 @@ class Headway:
 
     @property
     def clock(self) -> tuple[float, float, float | None]:
-        """The lost time, the time driven straight with effect, and the time of the last `note`."""
+        """The lost time, the time driven straight since the last turn, and the time of `note`."""
         return self.lost_s, self._straight_s, self._last_s
 
     @clock.setter
@@ -179,33 +179,31 @@ class Headway:
 SHORTEST_LOST_S, LONGEST_LOST_S = 1.5, 8.0
 """Bounds of the limit on lost time (`Headway`), in seconds. Above the limit, turning is no help.
 
-The upper bound is less than the time of half a turn about one wheel. A pilot who alternates between
-left and right for longer does not thereby leave a corner."""
+The upper bound is less than the time of half a turn about one wheel. If a pilot alternates between
+left and right for longer, that does not lead out of a corner."""
 _MEANT = 3
-"""Number of pushes of the same length after which the pilot is taken to push on purpose. A single
-push may be a mistake."""
+"""If a pilot pushes this many times, he pushes on purpose. A single push may be a mistake."""
 _PATIENCE, _LONGEST_PATIENCE_S = 1.5, 5.0
 _RUNS, _FEWEST_RUNS = 64, 8
 TO_AND_FRO_S, OF_A_RUN = 2.0, 0.75
 """Two changes of side within this time count as alternating. The limit `TO_AND_FRO_S` is in
-seconds. The limit `OF_A_RUN`, for quick pilots, is a share of the time for which the pilot usually
-holds a move."""
+seconds. For quick pilots the limit is `OF_A_RUN` times the usual duration of a move."""
 AWAY_S, OF_A_TURN = 1.5, 0.6
 """Time for which a move without effect stays barred: `AWAY_S` seconds, or `OF_A_TURN` times the
 pilot's longest turn if that is shorter. In `AWAY_S`, a quick body turns back to the obstacle."""
 PAUSE_S = 0.45
-"""Two examples further apart than this belong to two manoeuvres, in seconds of teaching time."""
+"""A longer pause between two examples, in seconds of teaching time, separates two manoeuvres."""
 
 
 class PilotPace(PolicyPart):
     """Learns how long a pilot's manoeuvres take.
 
     Attributes:
-        longest_lost_s: Most time that the pilot has lost (`Headway`), at most `LONGEST_LOST_S`.
+        longest_lost_s: Longest lost time of the pilot (`Headway`), at most `LONGEST_LOST_S`.
         usual_run_s: Time for which the pilot usually holds a move; None before the pilot changed
             the move often enough.
         scale: Change of the picture while the pilot drives straight (`MoveKinds.measured`).
-        stands: The moves of unknown effect with which the pilot stood still on purpose.
+        stands: The moves of unknown effect during which the pilot let the robot stand still.
     """
 
     counts_all = True
@@ -248,7 +246,7 @@ class PilotPace(PolicyPart):
 
     @property
     def lost_limit_s(self) -> float:
-        """Lost time above which turning no longer helps, in seconds."""
+        """If more time is lost than this, in seconds, further turning does not help."""
         return max(self.longest_lost_s, SHORTEST_LOST_S)
 
     @property

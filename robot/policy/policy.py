@@ -38,9 +38,9 @@ class Policy(Stateful):
         action_filter: Makes the filter that turns votes on single frames into steady driving.
         thins: True if at most ten examples of the same label are learned per second
             (`example_selection.py`).
-        brighten: Returns a view with its grey values multiplied by a factor. If it is given, the
-            policy scales views to the brightness of the lesson (`LightAdaptation`).
-        knows_repeats: True if a view is not learned again when it comes with the same label.
+        brighten: Returns a view with its grey values multiplied by a factor. The policy uses it to
+            scale views to the brightness of the lesson (`LightAdaptation`); None: no scaling.
+        knows_repeats: True to skip views that were already learned with the same label.
 
     Attributes:
         kinds: The kinds of the moves (turns and straight moves); `describe` sets the kinds of a
@@ -186,7 +186,7 @@ class Policy(Stateful):
     def learn_all(
         self, examples: Sequence[tuple[Vector, Action, float | None, Point | None]]
     ) -> None:
-        """Learn examples in order; the result does not depend on the number of calls.
+        """Learn examples in order, with the same result as one call for each example.
 
         If the examples have times, the policy learns at most ten per second while the label stays
         the same, and only counts the others (`example_selection.py`).
@@ -198,7 +198,7 @@ class Policy(Stateful):
 
         Raises:
             ValueError: If a label is not one of `moves`, a value of a point is not from -1 to 1, or
-                a vector cannot be learned; nothing changes if there is one example.
+                a vector cannot be learned. If a single example was given, nothing has changed.
         """
         n_values = self._n_values
         for x, label, _, point in examples:  # check before any part is changed

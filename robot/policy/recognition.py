@@ -34,10 +34,10 @@ from robot.types import Action, Point
 
 BAND = 2.5
 """Half the width of the band around a move's mean angle, in standard deviations. Values from 1 to 4
-make no difference on recorded drives. With a narrow band the end of a curve would stay as sharp as
-most of the curve."""
+make no difference on recorded drives. With a narrow band the robot could not steer less sharply at
+the end of a curve."""
 _LEAST = 1e-6
-"""Minimum votes of a taught move, so that it differs from a move that was never taught."""
+"""Least votes of a taught move; a move that was never taught gets 0."""
 _FEW = 64
 
 
@@ -48,11 +48,11 @@ def _node_id(plain: Any, names: Names) -> int:
 
 
 class Degrees(PolicyPart):
-    """Records how each move was steered. If the learner learns no angles, each move is steered at
-    its mean.
+    """Records how each move was steered. If the learner learns no angles, each move is steered with
+    its mean taught steering.
 
     Attributes:
-        angle: Running mean of the learner's angles over all moves; some baselines drive by it.
+        angle: Running mean of the predicted angles, whatever the move; some baselines steer by it.
     """
 
     fields = (Array("sums", np.float64, ("n_moves", 4), -MOST_FRAMES, MOST_FRAMES, may_miss=True),)
@@ -178,8 +178,8 @@ class Recognition(PolicyPart):
     """The learner among the parts of a policy.
 
     Attributes:
-        used: The number of the last proposal that matched an image, by the image's id.
-        taught: The number of the last example that matched an image, by the image's id.
+        used: For each image id the number of the last proposal that matched the image.
+        taught: For each image id the number of the last example that matched the image.
     """
 
     fields = (Value("last_taught", table(_node_id, count()), "taught"),)

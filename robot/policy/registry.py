@@ -1,6 +1,6 @@
 """Makes learners by name, each with features and an action filter: `default-32`, `published-64`.
 
-A kind of learner is an entry point, a `Maker`, in the group `drivelesson.learners`.
+Each entry point of the group `drivelesson.learners` is a `Maker`, which makes one kind of learner.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ trash/      deleted files: move them back, or delete them for good. After {days}
 All files can be copied and moved while the program does not run.{secrets}
 """
 FOLDERS = "drivelesson.folders"
-"""Extensions declare their folders by entry points of this group; each is a `FolderKind`."""
+"""Entry points of this group are instances of `FolderKind`: the folders of extensions."""
 
 TRASH_DAYS = 30
 """Time after which deleted items are removed from the trash, in days. A class notices within a
@@ -52,7 +52,7 @@ _NAME = re.compile(rf"[^\W_][\w .()+,-]{{0,{_LONGEST_NAME - 1}}}", re.UNICODE)
 _RESERVED = re.compile(r"(con|prn|aux|nul|(com|lpt)[\d¹²³]) *(\..*)?", re.IGNORECASE)
 _KEY = re.compile(r"0\d{19}", re.ASCII)
 SCRATCH = ".import-"
-"""An import unpacks archives in the trash, in folders whose names have this prefix."""
+"""Prefix of the folders in the trash into which an import unpacks archives."""
 _PART = re.compile(r"\..+\.\d+\.part", re.DOTALL)
 """Names of the temporary files of `whole_file`; other programs also write `.part` files."""
 _BUSY = (5, 32)
@@ -69,11 +69,10 @@ class FolderKind:
     """An extension's folder in the data folder.
 
     Attributes:
-        about: Lines about the content for README.txt. If empty, the folder is created when needed.
-        reads: Matches the paths that the program reads in the folder; a folder's path ends with a
-            slash.
-        files: The extension's files next to the folder.
-        secrets: The names of those files and folders that only the owner may read.
+        about: Lines for README.txt. Without lines the folder is created only when it is needed.
+        reads: Matches the paths that the program reads in the folder; folders end with a slash.
+        files: Names of the extension's files next to the folder.
+        secrets: Names of the files and folders that only the owner may read.
         debris: Returns the unfinished files that a power cut may have left in the folder.
     """
 
@@ -132,7 +131,7 @@ def composed(name: str) -> str:
 
 
 def fold(name: str) -> str:
-    """Return a key that is equal for names that some file system treats as the same name."""
+    """Return a key for comparison, equal for names that some file system cannot tell apart."""
     return composed(name).casefold()
 
 
@@ -156,7 +155,7 @@ def write_whole(path: Path, data: bytes, *, mode: int = 0o666) -> None:
 
 @contextlib.contextmanager
 def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
-    """Open a file that atomically replaces `path` after it was written without an exception.
+    """Open a temporary file. It atomically replaces `path` if the block ends without an exception.
 
     After a power cut `path` is the old file or the new file. If the disk fails (OSError), the old
     file stays. A missing folder is created. `mode` 0o600 is for secrets.
@@ -251,8 +250,8 @@ def sync_folder(folder: Path) -> None:
 def make_private(folder: Path) -> None:
     """Create a folder that only its owner can enter, or remove other users' rights to the folder.
 
-    The folder contains pictures of a room, and secrets. A folder of another owner, or on a file
-    system without owners, is not changed.
+    The folder contains pictures of a room, and secrets. Nothing changes if the folder belongs to
+    another user or the file system has no owners.
     """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if hasattr(os, "getuid"):

@@ -24,16 +24,16 @@ from robot.store.models.model import JournalPosition, Model, take_model
 _MOST_WAITING = 8192
 _TRY_AGAIN_S = 5.0
 Record = tuple[dict[str, Any], HistoryEvent | Model | None]
-"""A record to be written. Its head contains `change`, the number of the last change, and `kind`:
-- `event`: the change itself;
-- `checkpoint`: the complete learner, with the model's `name`;
+"""A record to be written: head and data. The head's `change` numbers the latest change; `kind` is:
+- `event`: the data is the change itself;
+- `checkpoint`: the data is the complete learner; the head also has the model's `name`;
 - `saved`: all changes up to this one are saved in a model's file;
 - `drive`: a drive began after this change; some learners then localise themselves again."""
 
 
 class Journal:
-    """Numbers the learner's changes, and queues them for a `JournalWriter`, which calls `take` and
-    `require_checkpoint`, and chooses `boot`. `note` and `copy` are for the loop's thread."""
+    """Queues the numbered changes of the learner for a `JournalWriter`. The writer calls `take` and
+    `require_checkpoint`, and sets `boot`. `note` and `copy` are for the loop's thread."""
 
     def __init__(self) -> None:
         self.run = secrets.token_hex(8)
@@ -96,8 +96,8 @@ class Journal:
         return records
 
     def require_checkpoint(self, *, has_failed: bool) -> None:
-        """Have the next record contain the complete learner. If writing `has_failed`, the record
-        is queued after a while, even without a change."""
+        """Have the next record contain the complete learner. After a failed write (`has_failed`)
+        the record waits for `_TRY_AGAIN_S`, not for a change."""
         if not has_failed:
             self._try_again_s = 0.0  # set before `_needs_checkpoint`: the loop reads both
         self._needs_checkpoint = True

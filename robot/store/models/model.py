@@ -33,8 +33,8 @@ MAX_BYTES = 256 * 2**20
 class JournalPosition:
     """The last journal entry that a model includes: a start of the program, and a change.
 
-    `run` is a random name of the program's start and `boot` the start's number; `change` counts the
-    changes of the learner since then. No clock is involved.
+    Each start of the program has a random name, `run`, and a number, `boot`. `change` counts the
+    changes of the learner since this start. No clock is involved.
     """
 
     run: str

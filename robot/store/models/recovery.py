@@ -32,7 +32,7 @@ from robot.store.records import read_records
 log = logging.getLogger(__name__)
 
 _LOADED = 1
-"""The number of a run's first change, which loads the model."""
+"""Number of the change that loads the model; it is the first change of each run."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

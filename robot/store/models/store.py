@@ -127,9 +127,9 @@ class ModelStore:
     def retry_damaged(self) -> None:
         """Restore versions that were set aside as damaged but are readable by this program.
 
-        An older program sets aside the versions that a newer program wrote. The version becomes the
-        newest again, unless a valid version of its model was saved later. If this version was saved
-        after the model in use, too, the robot uses it next.
+        An older program sets aside the versions that a newer program wrote. A version is restored
+        as the newest of its model, unless the model has a later valid version. If it is also newer
+        than the model in use, the robot uses it next.
         """
         for name in self.names():
             for model, file in self._readable_again(name):
