@@ -202,10 +202,10 @@ class PilotCommand:
     `held` is None while the pilot holds no move; the command is then only a heartbeat. `seq` counts
     up within one connection; `received_s` is the loop's clock at receipt, never the phone's.
     `frame_age_s` is the page's estimate of the frame's age when the command was sent, and `phone_s`
-    the part of this age that the frame had spent on the phone. The command cannot have been sent
-    before `proven_s`; None means the time of receipt. `seen_id` is the newest frame that the page
-    has acknowledged; None if unknown. `point` is the exact steering and throttle, if `held` was
-    steered proportionally.
+    the part of this age that the frame had spent on the phone. `proven_s` is the earliest time at
+    which the command can have been sent; None means the time of receipt. `seen_id` is the newest
+    frame that the page has acknowledged; None if unknown. `point` is the exact steering and
+    throttle, if `held` was steered proportionally.
     """
 
     held: Action | None

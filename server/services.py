@@ -1,8 +1,8 @@
 """All services of one robot's server, created once and passed to the routes.
 
-An extension adds routes and services by an entry point of `drivelesson.services`. If its package
-has a module `options`, the function `configure(parser)` in it declares options of `serve`. The core
-knows only the base class `Extension`, so an extension can be removed without changing the core.
+An extension adds routes and services by an entry point of `drivelesson.services`. Its package may
+have a module `options`, whose function `configure(parser)` adds options to `serve`. The core knows
+only the base class `Extension`, so an extension can be removed without changing the core.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Services:
             extension.note_carried()
 
     def shown(self) -> dict[str, Any]:
-        """Return the data that this robot's pilots show on the board of the class, by name."""
+        """Return the data of this robot that pilots let the class's board show, by name."""
         parts = self.extensions.values()
         return {name: value for part in parts for name, value in part.shown().items()}
 
@@ -111,7 +111,7 @@ class Extension(StartStop):
         return []
 
     def shown(self) -> Mapping[str, Any]:
-        """Return the data that pilots show on the board; call `Services.show` when it changes."""
+        """Return the data that pilots let the class's board show. `Services.show` sends changes."""
         return {}
 
     def start(self) -> None:

@@ -42,8 +42,8 @@ FOLDERS = "drivelesson.folders"
 """Entry points of this group are instances of `FolderKind`: the folders of extensions."""
 
 TRASH_DAYS = 30
-"""Time after which deleted items are removed from the trash, in days. A class notices within a
-month that it misses an item."""
+"""Time after which deleted items are removed from the trash, in days. Within this time a class has
+probably missed a deleted item."""
 _DAY_NS = 86_400 * 10**9
 _HALF_DONE_S = 60.0
 _LONGEST_NAME, _LONGEST_ENDING = 64, 40
@@ -379,7 +379,7 @@ class Storage:
         return [path.name for path in paths_in(self.trash) if _KEY.fullmatch(path.name)]
 
     def restore(self, key: str, folder: Path, ending: str = "") -> list[str]:
-        """Move back what one deletion removed: the files with this ending, or the folder.
+        """Undo one deletion, of files with this ending, or of a folder if `ending` is empty.
 
         Returns their names without the ending. An item whose old name is in use gets a new name.
         Raises NotFoundError if the items were restored or deleted for good, or belong elsewhere.

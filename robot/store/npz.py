@@ -1,4 +1,4 @@
-"""Reads untrusted `.npz` files of NumPy within bounds, without pickles and with checked headers."""
+"""Reads untrusted `.npz` files of NumPy: limits sizes, checks headers, and rejects pickles."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Detects that the data folder is gone, for example because a USB stick was unplugged.
 
 The path then leads to the empty folder of the mount point, and files written there are hidden when
-the stick is mounted again. So this program writes nothing below a watched folder while the path
-does not lead to it.
+the stick is mounted again. So this program writes nothing below a watched path while another folder
+is there.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _lock = threading.Lock()
 
 
 class Presence:
-    """Identity of one data folder, determined by the constructor.
+    """Recognises one data folder by an identifying file that it contains.
 
     Args:
         root: The folder. The identifying file is written into the folder if it is missing.

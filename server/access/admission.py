@@ -86,7 +86,7 @@ class ConnectionLimiter:
         in_all: The total number of slots.
         each: The number of slots that one person may have; a crowd (`Session.is_crowd`) may have
             all.
-        is_protected: Returns True for the persons who can lose a slot only to each other.
+        is_protected: Returns True for persons who lose slots only to other protected persons.
     """
 
     def __init__(self, in_all: int, each: int, is_protected: Callable[[str], bool]) -> None:
@@ -152,8 +152,8 @@ class ConnectionLimiter:
         place.close()
 
     def _giving(self, newcomer: str, before_s: float) -> list[Slot]:
-        """Of all persons who could lose a slot to the newcomer, return the largest number of slots
-        that one has."""
+        """Return the slots of the person who has most of them, among those who could lose a slot to
+        the newcomer."""
         own = self._of.get(newcomer, [])
         yielding = [places for person, places in self._of.items() if not self._is_protected(person)]
         if self._is_protected(newcomer):
@@ -239,7 +239,7 @@ class AdmissionControl:
 
         Returns:
             False if the session opens connections too fast. The listener then answers 429 without
-            parsing the request, which costs little.
+            parsing the request, so the answer costs little.
         """
         session = self._recognise(head, address)
         if session is None or session.is_crowd:

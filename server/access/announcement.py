@@ -172,7 +172,7 @@ def _is_6(address: str) -> bool:
 def _one_line(record: logging.LogRecord) -> bool:
     """Remove the traceback from a log record of zeroconf.
 
-    Zeroconf logs an error whenever an address is gone. It is no error here, because `Watch` then
+    Zeroconf logs an error whenever an address is gone. The error is harmless, because `Watch` then
     announces the robot again.
     """
     record.exc_info = None

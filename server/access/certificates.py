@@ -1,7 +1,7 @@
 """A local certificate authority, so that a phone gets a secure context.
 
 The authority's key stays in the data folder. Name constraints limit the authority to private names
-and addresses, so a browser that trusts the authority does not trust it for any public site.
+and addresses, so no browser accepts its certificate for a public site.
 """
 
 from __future__ import annotations

@@ -251,8 +251,8 @@ class NetworkGateway(Gateway):
         return self.surroundings
 
     def advise(self, name: str, address: str) -> str:
-        """Return advice for a request that was refused although it used one of the robot's names,
-        or that came through a proxy."""
+        """Return advice on a refused request: perhaps the robot has another name, or a proxy
+        forwarded the request."""
         known = f" If this is its name, start it with --also-at {name}." if name else ""
         proxy = f"start the robot with --behind-proxy {address}"
         return f"{known} If a proxy forwarded this request, {proxy}"

@@ -75,7 +75,7 @@ class _Kind(NamedTuple):
 
     role: Role
     invited: bool = False
-    """True if paired by a class's board, False if by the terminal."""
+    """True if paired through the board of a class, False if by a code from the terminal."""
     owner: bool = False
     """True for the first pilot that the terminal paired."""
 
@@ -87,9 +87,9 @@ Sessions = Mapping[str, _Kind]
 def cookie_name(config: NetworkConfig) -> str:
     """Return the name of the session cookie.
 
-    The name contains the public address, or else the port, because browsers send a cookie to every
-    port of a host. The prefix of the name makes browsers reject a cookie set without TLS or for
-    another path.
+    The name contains the public address, or the port if there is none: browsers send a cookie to
+    all ports of a host, so each robot on a host needs its own name. The prefix of the name makes
+    browsers reject a cookie set without TLS or for another path.
     """
     public = config.public[0] if config.public else None
     place = re.sub(r"\W+", "-", f"{public.host}{public.prefix}") if public else config.port
@@ -142,11 +142,11 @@ class Pairing:
             token: The text that contains the token; see `token_in`.
             now_s: The time in seconds.
             address: The address from which wrong tokens are counted.
-            secret: The secret of the browser's existing session, which is replaced if its role
-                changes, so that each browser has one session.
+            secret: The secret of the browser's existing session. If the role changes, the new
+                session replaces that one.
 
         The right token is accepted even after too many wrong ones from the same address, so that
-        nobody can lock others out. Guessing is hopeless at any rate: a token has 78 random bits.
+        nobody can lock others out. Guessing is hopeless: a token has 78 random bits.
         """
         given = token_in(token)
         for role, wanted in self.tokens.items():

@@ -1,4 +1,4 @@
-"""The key in the video address for programs that cannot be paired because they keep no cookie.
+"""The key in the video's address, for programs that store no cookie and therefore cannot be paired.
 
 Such programs are VLC, ffmpeg, dashboards and the `<img>` of another site. Anybody who has the
 address may watch the video and do nothing else. The server reads the key's file for each request,

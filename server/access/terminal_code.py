@@ -1,8 +1,8 @@
 """Draws QR codes on a terminal so that a phone's camera can read them with every colour theme.
 
 Many readers need dark modules on a light ground. Characters without a colour have the theme's
-colours, so a code may come out inverted. If the terminal has colours, the code is therefore drawn
-in the black and white of the 256-colour cube, which themes do not change.
+colours, so a code may come out inverted. So a terminal with colours gets the fixed black and white
+of the 256-colour palette, which themes do not change.
 """
 
 from __future__ import annotations

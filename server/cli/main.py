@@ -97,8 +97,8 @@ def status_of(error: RobotError | OSError) -> int:
 def make_parser(
     name: str, words: Sequence[str] = (), *, is_extended: bool = True
 ) -> argparse.ArgumentParser:
-    """Return the parser of one command. If `is_extended`, it has also the options that exist only
-    with certain values of other options, which are taken from the command line `words`."""
+    """Return the parser of one command. If `is_extended`, it has also the options of
+    what `words` (the command line) choose, for example of a camera."""
     module = load_command(name)
     parser = Parser(prog=f"drivelesson {name}", description=module.__doc__)
     module.configure(parser)

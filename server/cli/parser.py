@@ -62,7 +62,7 @@ def _read(kind: type[Any], declared: Any, text: str) -> Any:
 def declare(group: Any, option: Option) -> None:
     """Add a driver's or camera's option to the parser.
 
-    Its value stays text, because the rig parses and checks it.
+    The value is kept as text; the rig parses and checks it.
     """
     shown = "" if option.default is None else f" (default: {option.default})"
     choices = "" if option.choices is None else f": {', '.join(option.choices)}"

@@ -24,7 +24,7 @@ _TRUE, _FALSE = ("1", "true", "yes", "on"), ("0", "false", "no", "off", "")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """The settings in the file and in the environment: options by name, and the file's tables."""
+    """The settings from the file and the environment: options (`flags`), and the file's tables."""
 
     file: Path | None = None
     flags: Mapping[str, Any] = field(default_factory=dict)

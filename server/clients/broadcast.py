@@ -62,7 +62,7 @@ class Broadcast:
         self._loop.need_picture_every(0.0)
 
     def add(self, client: Client) -> None:
-        """Add a client, and send it the lasting events."""
+        """Add a client, and send it the events that still apply (`LASTING`)."""
         self.clients[client.id] = client
         self.note_need()
         for _, text in self._lasting:
@@ -112,7 +112,7 @@ class Broadcast:
         )
 
     def publish_new_pilot(self) -> None:
-        """Publish the state; nobody drives in it until the new pilot does."""
+        """Publish the state. It names no driver until the loop has decided with the new pilot."""
         self._previous_pilots = self._loop.state.decision
         self.publish_state()
 

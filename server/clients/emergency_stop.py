@@ -27,14 +27,14 @@ class EmergencyStop:
         self._pressed_s = -math.inf
 
     def press(self, role: Role, now_s: float) -> None:
-        """Number a STOP; a role may reserve the release for itself."""
+        """Count a new STOP. A role with `holds_stop` reserves the release of STOP for itself."""
         if role.holds_stop:
             self.held_by = role
         self.number += 1
         self._pressed_s = now_s
 
     def check_release(self, number: int, role: Role) -> None:
-        """Raise ProtocolError if a role may not release STOP, or has not seen the newest one."""
+        """Raise ProtocolError if there is a newer STOP, or if this role may not release STOP."""
         if number != self.number:
             sentence = "STOP was pressed again after this release; look, then release STOP again"
             raise ProtocolError(ErrorCode.NEWER_STOP, sentence)

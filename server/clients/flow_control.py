@@ -23,10 +23,10 @@ class VideoWindow:
     """A congestion window: the number of frames that may be in flight to one viewer.
 
     If bandwidth is the limit, the window is one frame, because a second frame would only queue
-    behind the first. If only the round trip is long, more frames in flight do not delay the
-    acknowledgements, and the window may grow to `LARGEST` frames. To find out which of the two it
-    is, the window grows by one frame whenever a frame had to be skipped. If acknowledgements then
-    come later, it shrinks to one frame, and the next attempt waits four times as long as the last.
+    behind the first. If only latency is the limit, more frames in flight do no harm, and the window
+    may grow to `LARGEST` frames. To find out which of the two it is, the window grows by one frame
+    whenever a frame had to be skipped. If acknowledgements come later after this, the window
+    shrinks to one frame, and the next attempt waits four times as long as the previous one.
 
     On a fast link, acknowledgements arrive long before the next frame. Then only every third frame
     requests an acknowledgement; the others are *quiet*. Quiet frames save both ends a third of

@@ -235,7 +235,7 @@ class Hub:
         self.broadcast.publish_new_pilot()
 
     async def _run_timer(self) -> None:
-        """Pass on a lapsed lease, and publish the state even if the control loop stalls."""
+        """Give a lapsed lease to the next client; publish the state even if the loop stalls."""
         while True:
             pause_s = STATE_EVERY_S if self.broadcast.clients else _UNWATCHED_S
             due_s = self._clock.now_s() + pause_s

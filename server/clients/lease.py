@@ -8,7 +8,7 @@ LAPSE_S = 1.5
 
 
 class Lease:
-    """The right to drive. At most one client has it: the owner, whose commands renew it.
+    """The right to drive. At most one client has the lease: the owner, whose commands renew it.
 
     A lease lapses if it is not renewed for `LAPSE_S`. A client that requests the lease gets it when
     the owner yields it or when it has lapsed. Until another client requests a lapsed lease, the
@@ -30,7 +30,7 @@ class Lease:
 
     def join(self, client: str, now_s: float) -> bool:
         """Take the wheel if it is free, or if its owner's lease has lapsed and no other client
-        waits for it. Return True if it was taken."""
+        waits for it. Return True if the client has the wheel now."""
         is_next = self._line[1:2] in ([], [client])
         if self._line and not (is_next and self._has_lapsed(now_s)):
             return False

@@ -202,8 +202,8 @@ class VideoHub:
         return max((one.drawn_id for one in own if one.drawn_id is not None), default=None)
 
     def watch(self, watcher: Callable[[], None]) -> Callable[[], None]:
-        """Count a viewer that reads `newest` by itself, and call `watcher`, which must be quick,
-        for each new frame. Return a function that removes the viewer."""
+        """Count a viewer that reads `newest` by itself. `watcher` is called for each new frame, and
+        must return quickly. Return a function that removes the viewer."""
         self._watchers.append(watcher)
         self._on_viewers()
 

@@ -54,10 +54,9 @@ class Gallery:
     async def image(self, node: int) -> LearnedImage | None:
         """Return a learned image; if it has been merged since, return its last version.
 
-        A client requests images that were listed a moment ago, and each example may merge some of
-        these images. In this case the last version is the best answer. If the image was merged
-        before the images were listed for the first time, the image used last is returned. None if
-        there never was such an image.
+        A client requests images from an earlier list, and each example can merge some of them. In
+        this case the last version is the best answer. If the image was merged before anyone listed
+        the images, return the image that was used last. None if there never was such an image.
         """
         await self.images()
         if node not in self._seen:

@@ -1,7 +1,7 @@
 """Decides which connections and requests reach the application.
 
-This gateway serves only this computer. The extension `access` replaces it (entry point
-`drivelesson.gateway`) by a gateway for networks, which admits only browsers that it can identify.
+This gateway serves only this computer. For networks, the extension `access` has another gateway,
+which admits only browsers that it can identify (entry point `drivelesson.gateway`).
 """
 
 from __future__ import annotations
@@ -41,9 +41,8 @@ class Gateway:
     Attributes:
         credentials: Functions that return the session that a request's headers prove, or None.
         checks: Functions that may refuse a request by path, method (None: websocket) and role.
-        protected: Names of sessions whose connections are never evicted for others.
-        has_priority: Returns True for the name of the pilot's session, whose connections are not
-            evicted either.
+        protected: Names of sessions whose connections are never closed to make room for others.
+        has_priority: Returns True for the name of the pilot's session, which is also protected.
         public_paths: Paths that need no session and reveal nothing about the robot.
         open_paths: Paths on which a viewer may do more than read.
         refused: The number of refused requests, by reason.
@@ -55,7 +54,7 @@ class Gateway:
     tls_files: tuple[str, str] | None = None
     """The files of the server's private key and TLS chain; None without https."""
     allows_addresses = False
-    """True if every IP address is accepted as Host, because DNS rebinding needs a name."""
+    """True if every IP address is accepted as Host. A DNS rebinding attack needs a name instead."""
     origins: tuple[str, ...] = ()
     """Other origins of the robot's page, if a proxy serves the page."""
     not_admitted = Refusal(401, "session", "This browser is not admitted.")
@@ -98,7 +97,7 @@ class Gateway:
 
     @property
     def is_secure(self) -> bool:
-        """True if the page is a secure context for browsers at each of its addresses."""
+        """True if browsers treat the page as a secure context at every address of the page."""
         return True
 
     def addresses(self) -> list[str]:
@@ -168,7 +167,7 @@ class Gateway:
         return next((refusal for refusal in refusals if refusal), None)
 
     def is_protected(self, person: str) -> bool:
-        """True if the connections of this session are never evicted for others."""
+        """True if this session's connections are never closed to make room for others."""
         return person in self.protected or self.has_priority(person)
 
     # Limits: a server on loopback needs none ----------------------------------------------------

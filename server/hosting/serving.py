@@ -31,7 +31,7 @@ _DEAD_PEER_MS = 15_000
 _BACKLOG = 4096
 """Length of the accept queue; when it is full, a client's system retries only after a second."""
 _END_S = 1.0
-"""When the server ends, requests may take this long to finish, and as long again to close, in s."""
+"""Time limit at the end, in seconds: once for requests to finish, once for connections to close."""
 
 
 def open_socket(host: str, port: int) -> socket.socket:
@@ -150,8 +150,8 @@ def run(served: Coroutine[Any, Any, None]) -> None:
 
 
 async def serve_until_told(server: Server, gateway: Gateway, *listeners: socket.socket) -> None:
-    """Serve until a signal ends the server; then close connections that hang, for example in an
-    upload or a handshake, and cancel requests that still wait, for example for a thread."""
+    """Serve until a signal ends the server. Then close connections that hang (in an upload or a
+    handshake), and cancel requests that wait (for a thread)."""
     logging.getLogger("uvicorn.error").addFilter(_is_not_cancellation)
     serving = asyncio.ensure_future(server.serve(sockets=list(listeners)))
     # Newer versions of uvicorn raise the signal again. asyncio logs an error that nobody has read.

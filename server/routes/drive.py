@@ -1,4 +1,4 @@
-"""`/ws/drive`: messages in both directions, a thin shell around the hub.
+"""`/ws/drive`: the websocket that carries a client's messages to and from the hub.
 
 Pages without a websocket, and programs that monitor the server, send requests instead.
 """

@@ -22,7 +22,7 @@ from server.services import persistence_of, services_of
 router = APIRouter(prefix="/api/settings", route_class=Route)
 Size = Literal[16, 32, 64, 128, 256]
 SIZES: tuple[int, ...] = get_args(Size)
-"""The numbers of learned images among which the page lets the pilot choose."""
+"""The numbers of learned images that the page offers."""
 _TRIALS = 10
 
 

@@ -36,9 +36,9 @@ async def converse(
 ) -> None:
     """Serve a client until it disconnects, is silent for `idle_s`, or has too many refusals.
 
-    `hear` gets each message as soon as it is decoded, even while the socket closes, so that a STOP
-    of a client that is being disconnected still counts. If uvicorn is too old for this, messages
-    wait in a queue. Binary messages go to `see`, if given; the next ones wait for it.
+    `hear` gets each message as soon as it is decoded, even while the socket closes. So a STOP
+    counts even if its client is being disconnected. With an old uvicorn, messages wait in a queue.
+    Binary messages go to `see`, if given; the next ones wait for it.
     """
     heard_s = clock.now_s()
 

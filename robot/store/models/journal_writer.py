@@ -1,11 +1,11 @@
-"""Writes the journal's records to its parts, each of which is two files with the same records.
+"""Writes the journal in parts. Each part consists of two files with the same records.
 
-    journal/000007-02.a     second part of the seventh start, and its twin 000007-02.b
+    journal/000007-02.a, journal/000007-02.b     second part of the seventh start
 
 A part begins with a checkpoint, which contains the complete learner. A new part begins after every
 undo, whenever another model is loaded, and when the previous part has become long. Recovery then
-learns only the examples after the last checkpoint again. The part before the last is also kept. The
-format of the records is in `robot/store/records.py`.
+learns only the examples after the last checkpoint again. The last two parts are kept. The format of
+the records is in `robot/store/records.py`.
 """
 
 from __future__ import annotations
@@ -86,8 +86,8 @@ class JournalWriter:
         self._longest_bytes = 0
 
     def start(self, after: int = 0) -> None:
-        """Start writing. The number of this start is above `after`, the number of the run that
-        saved the model in use."""
+        """Start writing. `after` is the start number that is stored in the model in use. This start
+        gets a higher number."""
         self.open_boot(after)
         self._thread.start()
 
@@ -101,8 +101,7 @@ class JournalWriter:
         self._close()
 
     async def written(self, change: int) -> bool:
-        """Wait until the change number `change` is written, so that a kill cannot lose it after the
-        server has acknowledged it.
+        """Wait until change number `change` is written, before the server acknowledges it.
 
         Waits at most two seconds. Returns False if the change is not written within this time, or
         cannot be written at all.

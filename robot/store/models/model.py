@@ -31,7 +31,7 @@ MAX_BYTES = 256 * 2**20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JournalPosition:
-    """The last journal entry that a model includes: a start of the program, and a change.
+    """The last journal entry that a model includes.
 
     Each start of the program has a random name, `run`, and a number, `boot`. `change` counts the
     changes of the learner since this start. No clock is involved.
@@ -46,8 +46,7 @@ class JournalPosition:
 class ModelSummary:
     """A model's entry in the list. `saved_at_s` is the wall-clock time in seconds since 1970.
 
-    `position` is the last journal entry that the model includes; None if it was made without a
-    journal.
+    `position` is the last journal entry that the model includes; None without a journal.
     """
 
     learner: str

@@ -59,8 +59,9 @@ class _Run:
 
 
 def recover(folder: Path, store: ModelStore, declared: Iterable[Move] = ()) -> Recovered | None:
-    """Return the last state of the last run, or None if it was saved or is not in the journal. The
-    driver's `declared` moves are passed to the policy that learns the later changes."""
+    """Return the state at the end of the last run; None if a saved model has this state, or if the
+    journal does not contain it. `declared` are the driver's moves, for the policy that replays the
+    journal."""
     parts = list_parts(folder)
     boots = sorted({part.boot for part in parts}, reverse=True)
     runs = (_read_run(folder, [part for part in parts if part.boot == boot]) for boot in boots)
@@ -153,7 +154,7 @@ def _bases(run: _Run, store: ModelStore) -> Iterator[tuple[int, bool, Model, str
 
 
 def _is_saved(model: Model, name: str | None, store: ModelStore, *, among_all: bool) -> bool:
-    """True if the newest valid version (`among_all`: any version) of this name equals `model`."""
+    """True if `model` equals the newest valid version of this name; `among_all`: any version."""
     versions = store.sound_versions(name) if name is not None else iter(())
     kept = versions if among_all else islice(versions, 1)
     return any(same_nodes(one.state, model.state) for one in kept)

@@ -23,8 +23,8 @@ from robot.types import Action
 _MACHINE = RealClock()
 
 TRIAL_S = 2.0
-"""Time for showing pictures, in seconds. On a slow computer fewer pictures are shown, but at least
-one. Slowness is never a reason to refuse a valid model."""
+"""Time for which a trial shows pictures to the model's policy, in seconds. On a slow computer fewer
+pictures are shown, but at least one. Slowness is never a reason to refuse a valid model."""
 _PICTURES = 6
 _STEP_S = 0.15
 _MOST_MOVES = 32
@@ -56,7 +56,7 @@ def _check_summary(model: Model) -> None:
 
 
 def _drive(policy: Policy) -> None:
-    """Show the policy some pictures, each with another current move; teach it all of them."""
+    """Let the policy predict and learn some pictures, with changing current moves."""
     until_s = _MACHINE.now_s() + TRIAL_S
     moves = cycle((*policy.moves, None))
     for i, frame in enumerate(_pictures(_PICTURES)):
