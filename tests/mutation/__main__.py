@@ -36,7 +36,11 @@ SUBJECTS: dict[str, tuple[str, ...]] = {
     ),
     "robot.control.link_governor": ("tests/robot/control/test_link_governor.py",),
     "robot.policy.history": ("tests/robot/policy/test_history.py",),
-    "robot.policy.changes": ("tests/robot/policy/test_history.py",),
+    "robot.policy.changes": (
+        "tests/robot/policy/test_history.py",
+        "tests/robot/policy/test_alike.py",
+        "tests/robot/policy/test_policy.py",
+    ),
     "robot.control.config": ("tests/robot/control",),
     "robot.control.gate": (
         "tests/robot/control/test_gate.py",
