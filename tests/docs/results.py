@@ -28,8 +28,9 @@ _TOP = """# Results
 
 `make docs` writes this page from the JSON files in this folder. Before you quote a figure, read \
 [how it is measured](../reference/experiments.md). Earlier results are in \
-[the lab book](../lab/earlier.md). The machine had two cores of an AMD EPYC (on 21 November of an \
-Intel Xeon), with Python 3.11.7 and numpy 2.4.6. Seeds are counted from 0.
+[the lab book](../lab/earlier.md). The figures were measured on two cores of an AMD EPYC, and \
+those of 21 November on two cores of an Intel Xeon, with Python 3.11.7 and numpy 2.4.6. Seeds are \
+counted from 0.
 """
 
 
