@@ -20,7 +20,7 @@ from server.services import Services
 ROUTERS = [module.router for module in (drive, video, teaching, settings)]
 """The routers of the core; extensions add theirs as an `Extension`."""
 _made: dict[tuple[int, ...], tuple[list[APIRouter], list[BaseRoute]]] = {}
-"""Routers and their routes, by the routers' ids. They are the same in each application."""
+"""Cache of routers and their routes, which all applications share. The routers' ids are the key."""
 
 
 def create_app(services: Services) -> FastAPI:

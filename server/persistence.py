@@ -118,7 +118,7 @@ class Persistence(StartStop):
             part.end_run()
 
     def write_result(self, of: str, fields: Mapping[str, Any]) -> None:
-        """Have each part add a result of kind `of` to the run. Call it on the loop's thread."""
+        """Have each part add a result to the run; `of` is its kind. Call on the loop's thread."""
         for part in self._parts.values():
             part.write_result(of, fields)
 

@@ -31,8 +31,8 @@ _T = TypeVar("_T")
 class Services:
     """The parts of one server. Routes get these parts from `services_of(request)`.
 
-    Nothing starts yet: the caller starts and stops robot and persistence, and the application the
-    other parts. Without persistence nothing is saved.
+    Making a `Services` starts nothing. The caller starts and stops the robot and the persistence;
+    the application starts and stops the other parts. Without persistence nothing is saved.
 
     Args:
         name: The robot's name, if no `hub` is given.
@@ -138,7 +138,7 @@ def services_of(connection: HTTPConnection) -> Services:
 
 
 def persistence_of(connection: HTTPConnection) -> Persistence:
-    """Return the persistence of a request's server; answers 503 if nothing is saved."""
+    """Return the server's persistence; answer 503 if the server saves nothing."""
     persistence = services_of(connection).persistence
     if persistence is None:
         raise HTTPException(503, "Nothing is saved here: start the server with --data FOLDER.")

@@ -2,16 +2,15 @@
 
 Clients are counted per session, or per address if they have none. A connection is *pending* until
 the guard has read a request that has a session. Pending connections have slots of their own and
-time out soon. A new connection can therefore always be accepted and read, even if all other slots
-are taken: it may be a STOP. If the pending slots are full too, the new connection evicts an idle
-connection. If none is idle, it evicts a connection that has sent nothing, or else one with an old
-request.
+time out soon. So even if all other slots are taken, a new connection is accepted and read, because
+it may be a STOP. If the pending slots are full too, the new connection evicts an idle connection.
+If none is idle, it evicts a connection that has sent nothing, or else one with an old request.
 
 When no slot is free, the person with the most connections loses one: an idle connection, or the
-least recently used. A flood therefore evicts itself. A connection of the owner, the pilot or the
-teacher is evicted only for a connection of one of these three. An answer is never cut short for
-another request: if all connections are busy, that request is answered on a pending connection.
-Nothing here reads a clock: the time is an argument.
+least recently used. So a person who opens too many connections evicts his own. A connection of the
+owner, the pilot or the teacher is evicted only for a connection of one of these three. An answer is
+never cut short for another request. If all connections are busy, a new request is answered in its
+pending slot. Nothing here reads a clock: the time is an argument.
 """
 
 from __future__ import annotations
@@ -35,8 +34,7 @@ Peer = tuple[str, int]
 _READ_S = 0.25
 """Time within which the first request of a new connection is read, even under load, in seconds."""
 _ANSWER_S = 2.0
-"""How long a new connection waits for a running request to end if no other connection can be
-evicted, in s."""
+"""If no slot is free, a connection keeps its pending slot this long for an answer, in seconds."""
 _LOG_S = 60.0
 """Minimum time between log lines about one person who exceeds the rate limit, in seconds."""
 _SELDOM_S = 1.0
@@ -329,7 +327,7 @@ class AdmissionControl:
     def may_ask(self, session: Session, now_s: float) -> bool:
         """Count a request; return False if the session sends too many per second.
 
-        Clients of an anonymous crowd share a rate: that of as many persons as the server admits.
+        An anonymous crowd counts as one session, so its rate is `clients` times as high.
         """
         share = self.limits.clients if session.is_crowd else 1
         rate, burst = self.limits.requests_per_second, self.limits.requests_burst

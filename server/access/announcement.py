@@ -27,9 +27,8 @@ _MOST_NAMES = 50
 class Announcement:
     """Announces the robot's name on the network by mDNS.
 
-    Each robot also publishes its best address in a property, because two robots may have the same
-    host name, and the name then leads to the addresses of both. The board of a class reads the
-    property.
+    Two robots may have the same host name, which then resolves to the addresses of both. So each
+    robot also publishes its best address in a property. The board of a class reads the property.
 
     If the network allows no multicast, or zeroconf is not installed, a warning is logged and the
     robot drives without an announced name.

@@ -78,7 +78,7 @@ def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> C
 
 
 class RenewedCertificates:
-    """A server's certificate, renewed while the server runs if its names or the wall clock change.
+    """A server's certificate, which is renewed if the server's names change or the clock is set.
 
     New connections get the new certificate from the same `SSLContext`; open connections stay.
     """
@@ -94,7 +94,7 @@ class RenewedCertificates:
         self._context = context
 
     def renew(self, names: Sequence[str], now: dt.datetime) -> str | None:
-        """Make a new certificate if names or clock have changed, or if the old one expires soon.
+        """Make a new certificate if the names changed, the clock was set, or the old one expires.
 
         If the new certificate cannot be written, the previous certificate stays in use.
 

@@ -23,7 +23,7 @@ _AT_ONCE = 1024
 _HANDED_ON = 64
 """Maximum number of connections accepted in a row; then the event loop reads from all of them."""
 _KEPT_BACK = 128
-"""Number of file descriptors that connections leave for files, cameras and the brick."""
+"""Number of file descriptors that are reserved for files, cameras and the brick."""
 _MOST_CONNECTIONS = 1024
 _MOST_IN_SELECT = 512
 """Maximum number of sockets that `select` can wait for on Windows."""
@@ -68,8 +68,8 @@ class AdmissionListener(socket.socket):
         """Accept the next connection like `socket.socket.accept`; a STOP comes before the others.
 
         Raises:
-            BlockingIOError: If no connection waits, and after each batch of connections, so that
-                the event loop reads from the batch before new connections can evict it.
+            BlockingIOError: If no connection waits, and after each batch. So the event loop reads
+                from a batch of connections before new connections can evict them.
         """
         if not self._waiting:
             self._gather()

@@ -88,7 +88,7 @@ def names_in_network(
 ) -> list[str]:
     """Return this machine's names in the network; may wait for the resolver for many seconds.
 
-    The names are the host name, also with each search domain, and the names that the resolver
+    These are the host name, the host name with each search domain, and the names that the resolver
     returns for the machine's addresses.
     """
     own = socket.gethostname().lower()
@@ -109,8 +109,8 @@ def names_in_network(
 
 
 def _domains(resolver: Path) -> list[str]:
-    """Return the search domains of a file like /etc/resolv.conf. If it lists them in several lines,
-    the last line counts."""
+    """Return the search domains of a file like /etc/resolv.conf. Of several lines with search
+    domains, the last counts."""
     try:
         lines = resolver.read_text("utf-8", "replace").splitlines()
     except OSError:

@@ -122,8 +122,8 @@ class Pairing:
         self._file = file
         self._on_token = on_token
         self._sessions: OrderedDict[str, _Kind] = _load(file) if file else OrderedDict()
-        """Sessions by the hash of their secret: first those that no browser has used in this run,
-        then the others in the order of their first use in this run."""
+        """Sessions by the hash of their secret. Those unused since the start come first, then the
+        others in the order of their first use."""
         self._unused = set(self._sessions)
         """Sessions that no browser has used since the server started; they are evicted first."""
         self._is_saved = file is not None
@@ -290,9 +290,9 @@ def hash_of(secret: str) -> str:
 def token_in(text: str) -> str:
     """Return the letters of the token in a text that a person pastes or types.
 
-    The text may be the token (with or without hyphens, in any case or width), the pairing address
-    (also with an encoded `#`, or inside another address), or lines of the terminal (also with
-    colour codes). If the text has several addresses, the first counts.
+    The text may be the token, the pairing address, or lines of the terminal. Hyphens, case,
+    full-width letters, colour codes and an encoded `#` make no difference. If the text has several
+    addresses, the first counts.
 
     Example:
         >>> token_in("or open http://robot.local:8000/pair%23abcd-efgh-jkmn-pqrs")

@@ -85,7 +85,7 @@ class Proxies:
     def _walk(self, peer: str, hops: list[_Hop]) -> _Hop:
         """Follow the reports from proxy to proxy as far as the proxies are trusted.
 
-        The first untrusted address is the client's; what it reports itself may be forged.
+        The first untrusted address is the client's. What the client reports may be forged.
         """
         told = _Hop(client=peer)
         for hop in reversed(hops):
@@ -121,8 +121,7 @@ def _said(scope: Scope) -> dict[str, str]:
 
 
 def _hops(said: dict[str, str]) -> list[list[_Hop]]:
-    """Return the reports of all proxies, one per kind of header and proxy; the nearest proxy comes
-    last.
+    """Return the proxies' reports for each kind of header, with the nearest proxy last.
 
     The kinds are `Forwarded` and `X-Forwarded-*`.
     """

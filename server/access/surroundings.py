@@ -74,7 +74,7 @@ class Surroundings:
         self.listeners: list[Callable[[Place, Place], None]] = []
         """Functions that are called at each change of `now`, with its old and its new value."""
         self.ticks: list[Callable[[Place], None]] = []
-        """Functions that are called at every check, because they also depend on the wall clock."""
+        """Functions that are called at every check, for example to renew a certificate."""
         self._is_claimed = claim is None
         self._asked_s: float | None = None
         self._claimed_s = 0.0

@@ -18,7 +18,7 @@ from robot.errors import install_command
 
 _COLOURS, _RESET = "\x1b[38;5;16;48;5;231m", "\x1b[0m"
 _BLOCKS = {(0, 0): " ", (1, 0): "▀", (0, 1): "▄", (1, 1): "█"}
-"""The character for two modules of a code, one above the other; 1 is a dark module."""
+"""The character that shows two modules of a QR code, (upper, lower); 1 is dark."""
 _INVERSE = {pair: _BLOCKS[1 - pair[0], 1 - pair[1]] for pair in _BLOCKS}
 
 

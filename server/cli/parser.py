@@ -1,4 +1,4 @@
-"""An argument parser that suggests corrections, converters of option values, and a progress bar."""
+"""The argument parser, which suggests corrections. Also converters of options, a progress bar."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ from server.protocol import encode_message
 LASTING = ("set_aside", "nothing_kept", "check_battery")
 """Events that are also sent to clients that join later."""
 _ENDS = {"kept_again": "nothing_kept", "battery_bears": "check_battery"}
-"""For each event that ends a lasting event: the event that it ends."""
+"""Maps an event to the lasting event that it ends."""
 
 
 class Broadcast:

@@ -9,8 +9,8 @@ from server.gateway.roles import Role
 from server.protocol import ErrorCode, ProtocolError
 
 _RECENT_S = 2.0
-"""For this time after a STOP, in seconds, a start must prove that it was sent after the STOP. Pages
-repeat a start for one second only, so later no start can arrive that is older than the STOP."""
+"""Time after a STOP, in seconds, in which a start must prove that it was sent after the STOP. Older
+starts do not arrive later than that, because a page resends a start for only one second."""
 
 
 class EmergencyStop:
@@ -43,7 +43,7 @@ class EmergencyStop:
             raise ProtocolError(ErrorCode.STOP_HELD, sentence)
 
     def check_start(self, seq: int, proven_s: float, now_s: float) -> None:
-        """Raise ProtocolError if a start, sent at `proven_s` or later, may be older than STOP."""
+        """Raise ProtocolError for a start, sent after `proven_s`, that may be older than STOP."""
         if proven_s < self._pressed_s >= now_s - _RECENT_S:
             sentence = "STOP was pressed after this choice; look, then choose the mode again"
             raise ProtocolError(ErrorCode.NEWER_STOP, sentence, seq)

@@ -24,13 +24,13 @@ class VideoWindow:
 
     If bandwidth is the limit, the window is one frame, because a second frame would only queue
     behind the first. If only latency is the limit, more frames in flight do no harm, and the window
-    may grow to `LARGEST` frames. To find out which of the two it is, the window grows by one frame
+    may grow to `LARGEST` frames. To test which limit applies, the window grows by one frame
     whenever a frame had to be skipped. If acknowledgements come later after this, the window
     shrinks to one frame, and the next attempt waits four times as long as the previous one.
 
     On a fast link, acknowledgements arrive long before the next frame. Then only every third frame
-    requests an acknowledgement; the others are *quiet*. Quiet frames save both ends a third of
-    their work, and save a phone two of the three packets that it would have to send.
+    requests an acknowledgement; the others are *quiet*. Quiet frames save server and phone a third
+    of their work. A phone sends one packet instead of three.
     """
 
     LARGEST = 4
@@ -68,7 +68,7 @@ class VideoWindow:
         return False
 
     def sent(self, frame_id: int, n_bytes: int, now_s: float, *, is_frequent: bool = True) -> bool:
-        """Record that a frame was sent; return True if it requests no acknowledgement.
+        """Record that a frame was sent; return True if the frame is quiet.
 
         `is_frequent` is False after a long pause; the frame then requests an acknowledgement.
         """

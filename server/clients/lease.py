@@ -10,9 +10,9 @@ LAPSE_S = 1.5
 class Lease:
     """The right to drive. At most one client has the lease: the owner, whose commands renew it.
 
-    A lease lapses if it is not renewed for `LAPSE_S`. A client that requests the lease gets it when
-    the owner yields it or when it has lapsed. Until another client requests a lapsed lease, the
-    owner keeps it.
+    A lease lapses if it is not renewed for `LAPSE_S`. The lease passes to a waiting client when the
+    owner yields or the lease has lapsed. Until another client requests a lapsed lease, the owner
+    keeps it.
     """
 
     def __init__(self) -> None:
@@ -52,7 +52,7 @@ class Lease:
     def give_up(self, client: str, now_s: float) -> bool:
         """Take the wheel from a client that yields or has disconnected, and give it to the next.
 
-        Return False if the client did not have the wheel; the client then stops waiting.
+        Return False if the client was not the owner. A client that was waiting stops waiting.
         """
         was_owner = self.owner == client
         if client in self._line:
@@ -62,7 +62,7 @@ class Lease:
         return was_owner
 
     def pass_on_if_lapsed(self, now_s: float) -> bool:
-        """Give a lapsed wheel to the waiting client; return True if the owner changed."""
+        """Give a lapsed lease to the waiting client; return True if the owner changed."""
         if not self.is_asked or not self._has_lapsed(now_s):
             return False
         return self.give_up(self._line[0], now_s)

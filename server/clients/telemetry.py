@@ -15,8 +15,8 @@ from robot.types import Prediction
 
 STATE_EVERY_S = 0.1
 SOON_S = 0.05
-"""Time between two states while a robot with a slow camera moves, in seconds. States have nonces,
-too: if only the few pictures had one, a short Wi-Fi pause would look like an absent pilot."""
+"""Time between two states while the robot moves and its camera's period is longer, in seconds. With
+only the nonces of a slow camera's pictures, a Wi-Fi pause would look like an absent pilot."""
 
 
 def describe_state(state: Tick, now_ms: float, *, is_resting: bool = False) -> dict[str, Any]:

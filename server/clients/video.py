@@ -19,12 +19,12 @@ from server.protocol import encode_picture
 _REMEMBERED_FRAMES = 256
 """Number of frames of which the capture time is remembered."""
 _FREQUENT_S = 0.06
-"""Interval between frames, in seconds, above which every frame requests an acknowledgement, so that
-the server soon notices if the pilot sees nothing."""
+"""If frames are further apart than this, in seconds, each requests an acknowledgement, so that the
+server soon notices if the pilot sees nothing."""
 
 _SELDOM_S, _EARLY_SHARE = 0.25, 0.95
-"""A robot that stands may rest unless a viewer wants pictures more often than every `_SELDOM_S`
-seconds. A frame is due after `_EARLY_SHARE` of a viewer's interval: no camera's rate is exact."""
+"""A robot that stands still may rest if every viewer's interval exceeds `_SELDOM_S` seconds.
+A frame may be early, after `_EARLY_SHARE` of the interval, because camera rates vary."""
 
 
 class Encoder:
@@ -120,7 +120,7 @@ class VideoHub:
 
     @property
     def needed_every_s(self) -> float:
-        """Interval in seconds at which the viewers need pictures: 0 for all, inf for none."""
+        """Interval of the pictures that viewers need, in seconds: 0 for all, inf if no viewers."""
         if self._watchers:
             return 0.0
         every_s = min((viewer.every_s for viewer in self._viewers), default=math.inf)

@@ -72,8 +72,8 @@ class PathAnswer:
 def show_path(request: Request, since: int = 0) -> PathAnswer:
     """Return the points of the driven path from number `since` on.
 
-    `first` is the number of the first point in the answer. For the next points, request `since` =
-    `first` plus the number of points in the answer.
+    `first` is the number of the first point in the answer. For the next points, add the number of
+    points to `first`, and request this number as `since`.
     """
     first, points = progress_of(request).trail.since(since)
     return PathAnswer(

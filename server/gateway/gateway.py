@@ -84,7 +84,7 @@ class Gateway:
         show(self.addresses()[0])
 
     def serving(self, more: Callable[[], list[str]]) -> contextlib.AbstractContextManager[object]:
-        """While the `with` block runs, watch the network; `more` returns lines of extensions."""
+        """Watch the network while the `with` block runs. `more` returns lines for the banner."""
         return contextlib.nullcontext()
 
     def use_tls(self, context: ssl.SSLContext) -> None:
@@ -123,7 +123,7 @@ class Gateway:
         return loopback_names(self.config)
 
     def advise(self, name: str, address: str) -> str:
-        """Return advice for a client that used this address; an unknown name is in `name`."""
+        """Return advice after a refused request to `address`, with the unknown host name `name`."""
         return ""
 
     def explain(self, refusal: Refusal, scope: Scope, headers: dict[str, str]) -> Response:
@@ -145,7 +145,7 @@ class Gateway:
         return Session(Role.PILOT, address, is_crowd=True)
 
     def session_by_address(self, scope: Scope) -> Session | Refusal | None:
-        """Return the session that the key in a request's URL proves; for players without cookies.
+        """Return the session of the key in a request's URL, which players without cookies use.
 
         Returns:
             None for a URL without a key, and a refusal for a key that is not valid. Streams call

@@ -15,7 +15,7 @@ from typing import Any, TextIO
 
 _MOST, _WINDOW_S = 5, 60.0
 _KINDS = 256
-"""Number of kinds of log lines whose rates are remembered."""
+"""Number of kinds of lines that `RepeatFilter` remembers."""
 _END_S = 1.0
 """How long the program waits at its end until the terminal has read the last lines, in seconds."""
 
@@ -34,8 +34,8 @@ class OneLine(logging.Formatter):
 class RepeatFilter(logging.Filter):
     """Passes only a few lines of each kind per minute, and logs how many others there were.
 
-    A kind is a logger, a level and a message before formatting. Without this filter, any client
-    could fill the robot's disk, because each refused request is logged.
+    Lines are of one kind if their logger, level and message template are equal. Without this
+    filter, any client could fill the robot's disk, because each refused request is logged.
     """
 
     def __init__(self) -> None:

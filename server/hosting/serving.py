@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 PROTOCOLS = "drivelesson.websockets"
-"""Group of entry points for other websocket protocols: functions that return a class, or None."""
+"""Group of entry points: functions that return a websocket protocol class, or None."""
 DIRECT = "drivelesson.direct"
 """Key in `scope["extensions"]`: the websocket's protocol, if it can write pictures directly."""
 MAX_MESSAGE_BYTES = 65_536
@@ -81,7 +81,7 @@ def open_sockets(host: str, port: int) -> list[socket.socket]:
 
 
 def websocket_protocol() -> Any:
-    """Return the websocket protocol for uvicorn: an extension's if it supports this version."""
+    """Return the websocket protocol for uvicorn: an extension's, or else "websockets"."""
     found = (point.load()() for point in points(PROTOCOLS))
     return next(filter(None, found), "websockets")
 
@@ -134,8 +134,8 @@ def serve(app: Any, listeners: Sequence[socket.socket]) -> None:
 
 
 def end_by_signals() -> None:
-    """Let SIGTERM and a closed terminal end the program like Ctrl-C. Uvicorn raises a signal again
-    when it has ended, and the default handler would neither stop the motors nor save the model."""
+    """Let SIGTERM and a closed terminal end the program like Ctrl-C. After its shutdown uvicorn
+    raises the signal again; the default handler would not stop the motors or save the model."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     for name in ("SIGHUP", "SIGBREAK"):
         number = getattr(signal, name, None)

@@ -27,7 +27,7 @@ class Named(RawValue):
 
 
 class Key(RawValue):
-    """A request's body: the key that a deletion returned, by which it can be undone."""
+    """A request's body: `undo` is the key that a deletion returned."""
 
     undo: str = text()
 

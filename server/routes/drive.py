@@ -25,7 +25,7 @@ STALE_LOOP_S = 2.0
 
 @dataclass
 class StopAnswer:
-    """The answer to a STOP. A release names this STOP by its number, `stop_number`."""
+    """The answer to a STOP. To release this STOP, a client sends its `stop_number`."""
 
     stop_number: int
     emergency: bool = True

@@ -38,7 +38,7 @@ async def converse(
 
     `hear` gets each message as soon as it is decoded, even while the socket closes. So a STOP
     counts even if its client is being disconnected. With an old uvicorn, messages wait in a queue.
-    Binary messages go to `see`, if given; the next ones wait for it.
+    Binary messages go to `see`, if given; the next message waits until `see` has ended.
     """
     heard_s = clock.now_s()
 

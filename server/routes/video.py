@@ -1,4 +1,4 @@
-"""`/ws/video`: sends frames and receives acknowledgements, a thin shell around the hub."""
+"""`/ws/video`: sends frames and receives acknowledgements; the video hub does the work."""
 
 from __future__ import annotations
 
