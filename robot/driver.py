@@ -78,7 +78,7 @@ class Driver(ABC):
     """True for a body that accepts proportional steering: see `send_point`."""
     turns_motors: ClassVar[bool] = False
     """True if the driver sets each motor and applies `correction.motors`. If False, another program
-    sets the motors, and must itself reverse a motor's direction."""
+    sets the motors, and must reverse those that turn the wrong way."""
     correction: Correction = Correction()
     """The differences between this body and what its driver expects; set by `correct`."""
     is_remote: ClassVar[bool] = False

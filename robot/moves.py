@@ -66,8 +66,8 @@ class Move:
 
     @property
     def labels(self) -> dict[str, str]:
-        """The label by language, always with English. If `label` is empty, the result is empty, and
-        the page uses its own labels."""
+        """The label by language, including English. Empty if `label` is empty; the page then uses
+        its own labels."""
         if isinstance(self.label, str):
             return {"en": self.label} if self.label else {}
         return dict(self.label)

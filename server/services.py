@@ -71,7 +71,7 @@ class Services:
             extension.note_carried()
 
     def shown(self) -> dict[str, Any]:
-        """Return the data of this robot that pilots let the class's board show, by name."""
+        """Return this robot's data for the board of its class, as values by name."""
         parts = self.extensions.values()
         return {name: value for part in parts for name, value in part.shown().items()}
 
@@ -111,7 +111,7 @@ class Extension(StartStop):
         return []
 
     def shown(self) -> Mapping[str, Any]:
-        """Return the data that pilots let the class's board show. `Services.show` sends changes."""
+        """Return data for the board of the class. Call `Services.show` after each change."""
         return {}
 
     def start(self) -> None:

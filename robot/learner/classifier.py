@@ -41,7 +41,7 @@ class BSOCClassifier(LabelledImages):
         integer: Compute on the nodes' pixels in integers only; vectors are then bytes.
         cluster: The clustering; if None, a label-aware `BSOC`.
         balance: Extra weight of rare labels, from 0 to 1 (`votes.rarity`).
-        novelty_margin: Margin of the border from which on a view is novel (`Novelty`).
+        novelty_margin: Margin of the border of novelty (`Novelty`).
         forgets: True to follow a pilot who relabels the same views (`votes.ChangeOfMind`); no
             effect with a clustering that measures no novelty.
 

@@ -341,7 +341,7 @@ class ChangeOfMind(Stateful):
 
     @property
     def _contradicted(self) -> Floats:
-        """The evidence against each label. The last row is from when the current label began."""
+        """The evidence against each label. The last row was copied when the current label began."""
         return np.vstack([self._against, self._before])
 
     @_contradicted.setter

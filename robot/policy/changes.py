@@ -23,7 +23,7 @@ def replay(
         policy: The policy that learns.
         events: The changes. The time of an example is negative if it is not known.
         on_refused: Called for a change that fails; if None, edits that fail are left out. An edit
-            fails if its image is pinned, or if the image is missing because examples are.
+            fails if its image is pinned, or if the examples of the image are missing.
     """
     for event in events:
         try:

@@ -70,7 +70,7 @@ class TrainingHistory:
             type(part).__module__.startswith("robot.") for part in (policy.learner, policy.features)
         )
         self.batch = 64 if self._is_ours else 1
-        """Batch size of `teach_all`: 1 for a plugin, because a refusal then changes nothing."""
+        """Batch size of `teach_all`: 1 for a plugin, so that a refused example changes nothing."""
         policy.kinds.describe(self.declared)
         self.taught = taught
         self._is_drive_new = True

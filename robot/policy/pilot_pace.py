@@ -1,7 +1,7 @@
-"""Measures how long the pilot turns, holds a move, or pushes without effect: the robot's limits.
+"""Measures how long the pilot turns, holds a move, or pushes without effect.
 
-The limits depend only on the labelled frames and their teaching times. So the limits are the same
-when a policy learns the examples again after an undo.
+The robot gets the same limits. They depend only on the labelled frames and their teaching times,
+so they are the same when a policy learns the examples again after an undo.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Show, replace or remove the address at which players may watch: VLC, ffmpeg, dashboards."""
+"""Show, replace or remove the video address for players such as VLC, ffmpeg and dashboards."""
 
 from __future__ import annotations
 

@@ -97,8 +97,8 @@ def status_of(error: RobotError | OSError) -> int:
 def make_parser(
     name: str, words: Sequence[str] = (), *, is_extended: bool = True
 ) -> argparse.ArgumentParser:
-    """Return the parser of one command. If `is_extended`, it has also the options of
-    what `words` (the command line) choose, for example of a camera."""
+    """Return the parser of one command. If `is_extended`, it also has the options of
+    the choices in `words` (the command line), for example of a camera."""
     module = load_command(name)
     parser = Parser(prog=f"drivelesson {name}", description=module.__doc__)
     module.configure(parser)

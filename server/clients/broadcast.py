@@ -112,7 +112,7 @@ class Broadcast:
         )
 
     def publish_new_pilot(self) -> None:
-        """Publish the state. It names no driver until the loop has decided with the new pilot."""
+        """Publish the state. Until the loop's next decision, it says that nobody drives."""
         self._previous_pilots = self._loop.state.decision
         self.publish_state()
 

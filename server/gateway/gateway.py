@@ -54,7 +54,7 @@ class Gateway:
     tls_files: tuple[str, str] | None = None
     """The files of the server's private key and TLS chain; None without https."""
     allows_addresses = False
-    """True if every IP address is accepted as Host. A DNS rebinding attack needs a name instead."""
+    """True if any IP address is accepted as Host: DNS rebinding attacks only work with names."""
     origins: tuple[str, ...] = ()
     """Other origins of the robot's page, if a proxy serves the page."""
     not_admitted = Refusal(401, "session", "This browser is not admitted.")

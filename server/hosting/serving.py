@@ -31,7 +31,7 @@ _DEAD_PEER_MS = 15_000
 _BACKLOG = 4096
 """Length of the accept queue; when it is full, a client's system retries only after a second."""
 _END_S = 1.0
-"""Time limit at the end, in seconds: once for requests to finish, once for connections to close."""
+"""Shutdown timeout in seconds: first for requests to finish, then for connections to close."""
 
 
 def open_socket(host: str, port: int) -> socket.socket:
