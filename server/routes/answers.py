@@ -70,7 +70,7 @@ def answer(kind: type[_T], source: Any, **own: Any) -> _T:
 class Route(APIRoute):
     """A route without a response model, so that the server starts sooner on a slow computer.
 
-    `described` returns a copy of the app's routes that knows this type, for `/openapi.json`.
+    `described` creates the same route with a response model, for `/openapi.json`.
     """
 
     def __init__(self, path: str, endpoint: Callable[..., Any], **options: Any) -> None:
