@@ -222,7 +222,7 @@ def _normalised(cells: NDArray[np.float64], noise: float) -> NDArray[np.uint8]:
 def sum_over_cells(
     pixels: NDArray[np.float64], parts: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """Return `parts` plus the sums of squares over cells of 5x5 of 40x30 pixels, shape (6, 8).
+    """Return each cell's sum of squared pixels (5x5 of 40x30), plus its share of `parts`: (6, 8).
 
     `parts` are sums over areas of the picture, arranged in rows and columns. Each sum is spread
     evenly over its area.

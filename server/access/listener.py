@@ -68,7 +68,7 @@ class AdmissionListener(socket.socket):
         """Accept the next connection like `socket.socket.accept`; a STOP comes before the others.
 
         Raises:
-            BlockingIOError: If no connection waits, and after each batch. So the event loop reads
+            BlockingIOError: If no connection waits, or after each batch. So the event loop reads
                 from a batch of connections before new connections can evict them.
         """
         if not self._waiting:

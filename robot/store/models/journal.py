@@ -24,7 +24,7 @@ from robot.store.models.model import JournalPosition, Model, take_model
 _MOST_WAITING = 8192
 _TRY_AGAIN_S = 5.0
 Record = tuple[dict[str, Any], HistoryEvent | Model | None]
-"""A record to be written: head and data. The head's `change` numbers the latest change; `kind` is:
+"""A record: a head and data. The head has the latest change's number, `change`, and a `kind`:
 - `event`: the data is the change itself;
 - `checkpoint`: the data is the complete learner; the head also has the model's `name`;
 - `saved`: all changes up to this one are saved in a model's file;
