@@ -94,18 +94,21 @@ class NotFoundError(RobotError, LookupError):
     """Nothing in the store or its trash has this name."""
 
 
+def reason(error: Exception) -> str:
+    """Return why something failed, without the number and the path of an OSError."""
+    return str(getattr(error, "strerror", None) or str(error)[:300] or repr(error))
+
+
 @contextmanager
 def told_as(
     kind: type[Exception], what: str, *errors: type[Exception], do: str = ""
 ) -> Iterator[None]:
-    """Convert OSErrors, or the given types of errors, to `kind`. The message says what failed, why,
-    and what to do."""
+    """Convert OSErrors, or the given errors, to `kind`: it says what failed, why, what to do."""
     caught = errors or (OSError,)
     try:
         yield
     except caught as error:
-        why = getattr(error, "strerror", None) or str(error)[:300] or repr(error)
-        raise kind(f"{what}: {why}" + (f"; {do}" if do else "")) from error
+        raise kind(f"{what}: {reason(error)}" + (f"; {do}" if do else "")) from error
 
 
 class PluginErrors:

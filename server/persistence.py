@@ -12,7 +12,7 @@ from typing import Any, TypeVar, cast
 
 from robot.devices.rig import Rig
 from robot.entry_points import points
-from robot.errors import ConfigurationError, InUseError, RobotError
+from robot.errors import ConfigurationError, InUseError, RobotError, reason
 from robot.store.disk import Announce, DiskThread, no_announcement
 from robot.store.folder import Storage
 from robot.store.lock import FolderLock
@@ -151,7 +151,7 @@ class Persistence(StartStop):
             self._recover()
         except Exception as error:  # the robot starts despite damaged files
             log.exception("nothing was recovered from the journal")
-            self.announce("model_not_saved", detail=str(error))
+            self.announce("model_not_saved", detail=reason(error))
 
     def _recover(self) -> None:
         self.models.retry_damaged()

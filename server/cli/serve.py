@@ -25,7 +25,7 @@ from robot.devices.plugins import (
     load_driver,
 )
 from robot.entry_points import EXTENSIONS, points
-from robot.errors import ConfigurationError, PluginError, RecordingError
+from robot.errors import ConfigurationError, PluginError, RecordingError, reason
 from robot.policy.registry import MOST_NODES, full_name, split_name
 from robot.store.disk import Announce
 from robot.store.folder import Storage, default_root
@@ -224,7 +224,7 @@ def _choose_model(autosave: Autosave, args: argparse.Namespace, learner: str) ->
             autosave.begin(args.model)
     except (OSError, RecordingError) as error:  # the robot starts without this model
         log.warning("the model %s is not in use: %s", args.model, error)
-        autosave.announce("model_not_saved", detail=str(error))
+        autosave.announce("model_not_saved", detail=reason(error))
 
 
 def _make_config(args: argparse.Namespace) -> Config:

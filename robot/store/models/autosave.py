@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection
 from functools import partial
 
 from robot.control.loop import ControlLoop
-from robot.errors import ConfigurationError, RobotError
+from robot.errors import ConfigurationError, RobotError, reason
 from robot.moves import CLASSIC
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
@@ -99,7 +99,7 @@ class Autosave:
         except Exception as error:  # the thread must continue after any error
             expected = isinstance(error, OSError | RobotError)
             log.warning("the model was not saved: %s", error, exc_info=not expected)
-            self.announce("model_not_saved", detail=str(error) or type(error).__name__)
+            self.announce("model_not_saved", detail=reason(error))
 
     def save(self, place: str | None = None) -> str:
         """Save the learner's state, with a new place if one is given; return the model's name."""

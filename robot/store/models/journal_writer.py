@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 from robot.clock import Clock, RealClock
+from robot.errors import reason
 from robot.policy.events import HistoryEvent, describe_event, to_json
 from robot.store.disk import Announce, DiskThread, no_announcement
 from robot.store.folder import paths_in
@@ -174,8 +175,7 @@ class JournalWriter:
         self._close()
         self._journal.require_checkpoint(has_failed=True)
         if self.fault is None:
-            sentence = getattr(error, "strerror", None) or str(error) or type(error).__name__
-            self.fault = str(sentence)
+            self.fault = reason(error)
             log.warning("cannot write the journal: %s", error)
             self._announce("model_not_saved", detail=self.fault)
 
