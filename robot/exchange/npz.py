@@ -126,7 +126,8 @@ def _checked(path: Path, arrays: dict[str, NDArray[Any]], report: ImportReport) 
             raise RecordingError(f"the recording {path} {what}")
 
     missing = [name for name in ("jpeg", "offsets", "labels", "t") if name not in arrays]
-    refuse_if(missing, f"has no {', '.join(missing)}")
+    export = "drivelesson episodes export NAME --as npz"
+    refuse_if(missing, f"has no {', '.join(missing)}, so it was not written by: {export}")
     jpeg, offsets, labels, t = (arrays[name] for name in ("jpeg", "offsets", "labels", "t"))
     n_frames = labels.size
     is_well_formed = (

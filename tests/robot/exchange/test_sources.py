@@ -152,3 +152,11 @@ def test_an_array_of_another_form_is_refused_with_a_sentence(
         np.savez(tmp_path / "y.npz", **{**arrays, name: value})
     with pytest.raises(RecordingError, match="not of the expected form"):
         load_recording(tmp_path / "y.npz")
+
+
+def test_an_npz_file_of_another_program_is_refused_and_the_way_to_write_one_is_said(
+    tmp_path: Path,
+) -> None:
+    np.savez(tmp_path / "x.npz", observations=np.zeros((5, 9, 9, 3), np.uint8), actions=np.zeros(5))
+    with pytest.raises(RecordingError, match="not written by: drivelesson episodes export NAME"):
+        load_recording(tmp_path / "x.npz")
