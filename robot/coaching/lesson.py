@@ -57,10 +57,11 @@ class Lesson:
     def _begin(self) -> None:
         self._taught_s = 0.0
         self._is_taught = False  # true once enough was taught
-        self._rare: list[Action] = []  # moves in use that the pilot started too rarely
+        self._rare: list[Action] = []  # moves of the lesson that the pilot began too few times
         self._examples: Counter[Action] = Counter()
         self._starts: Counter[Action] = Counter()
-        self._shown: set[Action] = set()  # moves taught by the pilot, not only by corrections
+        # moves that the pilot taught while driving, not only while correcting the robot
+        self._shown: set[Action] = set()
         self._meant_s: dict[Action, float] = defaultdict(float)
         self._try_s = 0.0
         self._last = (-math.inf, Action.STOP)  # when a move was taught last, and which

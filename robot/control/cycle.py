@@ -229,7 +229,8 @@ class Cycle:
             return
         stood = self.state.decision.mode is Mode.STOPPED
         if button is BodyButton.START and stood and self._gate.mode is Mode.STOPPED:
-            if not self.state.emergency:  # ignore a button that was pressed before the release
+            # ignore a start button that was pressed before STOP was released
+            if not self.state.emergency:
                 self._start(self._last_mode)
         elif button is not None:
             self._gate.trip(StopReason.BUTTON)
@@ -266,7 +267,8 @@ class Cycle:
             return None
         may_move = self._gate.mode is not Mode.STOPPED
         if may_move:
-            self._fault = None  # clears the error of an earlier picture; the fault of a stop stays
+            # clear the error of an earlier picture, but keep the fault that stopped the robot
+            self._fault = None
         is_moving = may_move and not self._camera.world_waits
         if not self._rest_every_s:
             times_s = self._world_s(frame.captured_s), self._world_s(delivered_s)
@@ -393,7 +395,7 @@ class Cycle:
             with self._eye.named("rest"):
                 self._camera.rest(every_s)
 
-    # Requests, run on the loop's thread, and every way to stop ---------------------------------
+    # Requests of other threads and ways to stop; all run on the loop's thread --------------------
 
     def _note(self, command: PilotCommand) -> None:
         """Record a command. A command that comes too late still shows how slow the link is."""

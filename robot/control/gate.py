@@ -176,11 +176,11 @@ class Gate:
     def _robot_drives(self, prediction: Prediction | None) -> Decision:
         if prediction is None or prediction.action is None:
             return self.stand(DrivenBy.ROBOT, asks_pilot=True)
-        # Asking for help does not trip the gate: the robot goes on as soon as the pilot steers.
+        # A request for help is no fault: the robot drives on as soon as the pilot steers.
         if prediction.needs_help:
             asks = self.stand(DrivenBy.ROBOT, asks_pilot=True)
             return replace(asks, stop_reason=StopReason.NEEDS_HELP)
-        # A turn leads out of an unknown view, so it is never slowed down.
+        # Turns are never slowed down, because a turn leads the robot out of an unknown view.
         is_slow = prediction.is_novel and not prediction.is_turn
         scale = self.config.novel_speed_scale if is_slow else 1.0
         return Decision(

@@ -144,8 +144,8 @@ def _trials(settings: ExperimentSettings) -> Iterable[Params]:
 
 
 def _tables_by_trial(runs: Runs) -> list[Table]:
-    """Return one table for each trial. Its rows have the figures of the robot's minute before it
-    was retrained, of its minute afterwards, and of its teacher."""
+    """Return one table for each trial. Its rows describe three minutes of driving: the
+    robot's before retraining, the robot's after retraining, and the teacher's."""
     titles = {
         trial: f"Trial {trial}: {setting['world']}, {', '.join(setting['moves'])}"
         for trial, setting in TRIALS.items()

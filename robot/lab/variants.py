@@ -79,7 +79,8 @@ class Design:
     def make(self, number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
         """Return the policy; a `Maker`."""
         features, is_whole = self.features(), integer or self.is_integer
-        # The linear part takes a floating-point step for each pair of gradients in each example.
+        # For each example, the linear part computes with floating-point numbers for each pair of
+        # features, which takes too long without a floating-point unit.
         ridge = ContextRidge if self.is_contextual else RecursiveRidge
         is_linear = self.is_linear and not is_whole
         alike = GradientFeatures.alike() if self.is_smooth else None

@@ -264,7 +264,8 @@ class BSOC(Clusters):
             weights[self._edges.pinned] = np.inf
         nearest = int(weights.argmin())
         least, kept, removed = self._edges.smallest()
-        # On a tie merge the pair with the lower indices; the new frame's index is the highest.
+        # If two pairs are equally near, merge the pair with the lower indices. The new frame has
+        # the highest index.
         if least < weights[nearest] or (least == weights[nearest] and kept <= nearest):
             counts = self._merge(kept, removed, distances)
             self._place(removed, distances, group, name)

@@ -83,7 +83,7 @@ class LabelledImages(Stateful, Learner):
             for state in earlier
             if state.kind == self._kind and state.arrays["linear"].shape[0] == linear.size
         ]
-        # In the mean, the differences between places cancel out, and their common part remains.
+        # The mean of the weights of several places keeps what the places have in common.
         for labels, weights in alike:
             linear.begin_like([self._know(label) for label in labels], weights / len(alike))
         return len(alike)

@@ -112,7 +112,8 @@ class RecursiveRidge(LinearPart):
         self._weights[:, columns] += weights
 
     def begin_angles(self, of_labels: Floats) -> None:
-        # The weights are linear in the targets, so learning angles from the start gives the same.
+        # The weights are a linear function of the targets. So these are the weights that the ridge
+        # would have if it had learned the angles from the first frame.
         self._angles = self._weights @ np.stack([of_labels, np.abs(of_labels)], axis=1)
 
     def angle(self, x: Vector) -> Floats:
@@ -166,7 +167,8 @@ class RecursiveRidge(LinearPart):
         direction = self._solve(single)
         rest = 1.0 + weight * float(single @ direction)
         if weight < 0.0 and -weight * float(direction @ direction) > rest * self._most:
-            return  # the rest is negative if some removed frames were not learned here
+            # the divisor is not positive if a frame is removed that this ridge never learned
+            return
         gain = weight / rest
         step = np.multiply(direction, gain, dtype=np.float64)[:, None]
         self._weights += step.dot((targets - z.dot(self._weights))[None])  # faster than np.outer
@@ -343,5 +345,5 @@ class ContextRidge(RecursiveRidge):
         for i, ridge in enumerate(self._ridges):
             for field in ridge.fields:  # check before copying: a copy would hide bad values
                 field.check(ridge)
-            if ridge.is_indefinite:  # the other context's frames were subtracted
+            if ridge.is_indefinite:  # frames of the other context were removed from this ridge
                 self._ridges[i] = self._copy()

@@ -51,7 +51,7 @@ def _weighed(
     voters = np.arange(distances.size)
     if distances.size > n_voters:
         voters = distances.argpartition(n_voters - 1)[:n_voters]
-        if not counts[voters].any():  # if several images are equal, only one of them has votes
+        if not counts[voters].any():  # of several equal images, only one has counts
             voting = np.unique(counts.nonzero()[0])
             voters = voting[distances[voting].argsort()[:n_voters]]
     near = distances[voters].tolist()
@@ -264,7 +264,7 @@ class ChangeOfMind(Stateful):
         self._taken_up = np.zeros(0, np.int64)
         self._last = -1
         self._outdated_before = 0
-        self._before = np.zeros(0)  # evidence against each label at the start of this turn
+        self._before = np.zeros(0)  # the evidence against each label when the current label began
 
     def add_label(self) -> None:
         """Make room for one more label."""

@@ -136,7 +136,8 @@ class StallDetector:
             self.is_stalled = is_still and under_way in kinds.others.difference(pace.stands)
         if self._given_up is not None and not seen.bumped:
             since_s, picture = self._given_up
-            # Compare with the old picture too: turns in plain corridors change pictures slowly.
+            # Also compare with the older picture, because in a plain corridor a turn changes the
+            # picture slowly.
             is_away = not is_still or not scale.is_still(difference(seen.picture, picture))
             if is_away and at_s >= since_s + pace.away_s:
                 self.lift()
@@ -241,7 +242,7 @@ class ActionFilter(PolicyPart):
             if under_way is None or (self.needs_help and seen.at_s >= self._asks_until_s):
                 if self.needs_help:
                     self._stall_detector.lift()
-                self.needs_help = False  # the pilot drives away, or the robot tries again
+                self.needs_help = False  # either the pilot drives, or the robot may try again
                 self._headway.reset()
             else:
                 urge = self._watch(under_way, seen.at_s, ALLOWANCE * pace.lost_limit_s)
@@ -254,7 +255,7 @@ class ActionFilter(PolicyPart):
         if futile and not fruitful:
             self._ask(seen.at_s)  # no other move was taught, or all were tried
         inertia = self.turn_inertia if under_way in turns else self.straight_inertia
-        # A context tells whether the robot turns or drives straight, but not the side of a turn.
+        # Left and right turns share one context, so the context does not say to which side to turn.
         is_proportional = seen.in_context and self._point is not None
         held = turns.get(under_way) if is_proportional and under_way is not None else None
         return max(

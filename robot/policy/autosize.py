@@ -72,7 +72,7 @@ def measure(
     extract = times(lambda i: policy.extract(frames[i % len(frames)]), min(repeats, 20))
     xs = [policy.extract(frame) for frame in frames]
     rng = np.random.default_rng(0)
-    for i in range(max_nodes):  # fill the learner: one that is not full is faster
+    for i in range(max_nodes):  # fill the learner first, because a full learner is slower
         noisy = xs[i % len(xs)].astype(np.int16) + rng.integers(-8, 9, xs[0].size)
         policy.learn(noisy.clip(0, 255).astype(np.uint8), DEFAULT_MOVES[i % 3])
     propose = times(lambda i: policy.propose(i, xs[i % len(xs)]), repeats)

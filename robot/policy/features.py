@@ -200,7 +200,7 @@ def _sampled(length: int, n_points: int) -> tuple[NDArray[np.intp], ...]:
 
 @cache
 def _cell_sums(n_rows: int, n_columns: int, samples: int) -> tuple[Singles, Singles]:
-    """Return two matrices that sum samples over cells, multiplied from the left and the right."""
+    """Return two matrices: `left @ samples @ right` sums the samples of each cell."""
     ones = np.ones(samples, np.float32)
     return np.kron(np.eye(n_rows, dtype=np.float32), ones), np.kron(
         np.eye(n_columns, dtype=np.float32), ones[:, None]

@@ -123,7 +123,7 @@ def _shrink_by_halves(pixels: Pixels, halvings: int) -> Pixels:
     sums = lines[:, 0::step] + lines[:, 1::step]
     for column in range(2, step):
         sums += lines[:, column::step]
-    # Adding just under a half, and 1 more if the quotient is odd, rounds half to even.
+    # Round half to even: before the shift, add a half minus 1, and 1 more if the quotient is odd.
     bits = 2 * halvings
     sums += (1 << bits - 1) - 1 + (sums >> bits & 1)
     small: Pixels = (sums >> bits).astype(np.uint8)

@@ -275,7 +275,7 @@ class PilotPace(PolicyPart):
         is_still = None if change is None else self.scale.is_still(change)
         if label not in self.kinds.straight or is_still is False:
             self._end_push()
-        elif is_still or self._push_s > 0.0:  # None means not known yet
+        elif is_still or self._push_s > 0.0:  # `is_still` is None if it is not known yet
             self._push_s += step_s
         if change is not None and label in self.kinds.measured:
             self.scale.add(change)

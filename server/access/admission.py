@@ -284,7 +284,7 @@ class AdmissionControl:
             if admitted is not None:
                 self.pending.give_back(place)
                 self.connections[peer] = place = admitted
-            else:  # no connection can be evicted, so answer in the pending slot
+            else:  # no connection can be evicted: answer this request without a slot of its own
                 place.is_known, is_refused = True, is_at_limit
                 if is_refused:
                     place.idle_s = now_s  # count as idle, so that it is evicted before busy ones

@@ -240,7 +240,8 @@ def _run(world: str, life: int) -> None:
     """Import the modules, fork robots until the input ends, and wait until they have ended."""
     import importlib
 
-    # Do not free memory here: each forked robot would use it again, and Linux would copy its pages.
+    # Do not free memory before the fork. Each robot would allocate in the freed pages, and Linux
+    # would then copy these pages for each robot.
     gc.disable()
     for name in _MODULES:
         with contextlib.suppress(ImportError):

@@ -60,7 +60,7 @@ class VideoWindow:
 
     def may_send(self, n_bytes: int) -> bool:
         """True if a frame of this size may be sent now; if not, the frame counts as skipped."""
-        if not self._asked:  # no frame in flight requests an acknowledgement
+        if not self._asked:  # the client need not acknowledge any of the frames in flight
             return True
         if len(self._flight) < self.size and self._bytes + n_bytes <= self.LARGEST_BYTES:
             return True

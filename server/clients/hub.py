@@ -100,7 +100,7 @@ class Hub:
         if self.lease.give_up(client.id, now_s):
             others = self.broadcast.clients.values()
             drivers = [one for one in others if one.role.may_drive]
-            # The remaining driver is usually the pilot, who reconnected.
+            # The only client left that may drive is usually the pilot's new connection.
             if self.lease.owner is None and len(drivers) == 1:
                 self.lease.join(drivers[0].id, now_s)
             self._pilot_changed()
@@ -242,7 +242,7 @@ class Hub:
             await self._clock.pause(pause_s)
             try:
                 self._note_time(due_s)
-            except Exception:  # without a timer a silent pilot would never lose the wheel
+            except Exception:  # if this timer ends, a silent pilot would keep the wheel for ever
                 self._loop.trip(StopReason.LOOP_FAULT)
                 log.exception("the timer stopped the robot")
 

@@ -159,7 +159,7 @@ class VideoHub:
         if now_s - viewer.last_sent_s < _EARLY_SHARE * viewer.every_s:
             return
         window = viewer.window
-        # Only the page with many robots asks for an interval, so small pictures suffice.
+        # A viewer with an interval is a page that shows many robots in small pictures.
         is_large = viewer.size.is_large and not viewer.every_s
         picture = self._pictures.get(is_large) or self._picture_of(frame, is_large)
         n_bytes = len(picture.data)

@@ -113,8 +113,8 @@ class ModelLibrary:
         states = [self._store.load(name).to_policy().get_state() for name in names]
         if begin_like(policy, states) < len(names):
             raise ConfigurationError(
-                f"a new model of {policy.name} cannot begin like {', '.join(names)}: these must be "
-                "models of this learner with these moves, and the learner needs a linear part"
+                f"a new model of {policy.name} cannot start from {', '.join(names)}: they must have "
+                "this learner and these moves, and the learner needs a linear part"
             )
 
     def copy(self, name: str, new_name: str | None = None) -> str:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from robot.bodies.ev3.link import RemotePicture
 
 WHEEL_TOLERANCE = 0.25
-"""Maximum relative error of a wheel's speed. A weak battery or friction causes some error."""
+"""Maximum relative error of a wheel's speed. A weak battery or friction slows it."""
 Advice = str | Literal[False]
 
 

@@ -129,7 +129,8 @@ def _rebuild(run: _Run, store: ModelStore) -> Recovered | None:
     if missing:
         log.warning("%d records of the journal are missing", len(missing))
     numbers = [number for number in sorted(run.events) if number > change]
-    # A run without changes holds only the loaded model. A model restored later may be newer.
+    # If nothing was learned since the start, the journal only repeats the loaded model, and a model
+    # that was saved later may be newer.
     if not numbers and (is_file or _is_saved(model, name, store, among_all=run.last <= _LOADED)):
         return None
     return Recovered(
