@@ -113,7 +113,7 @@ class ModelLibrary:
         states = [self._store.load(name).to_policy().get_state() for name in names]
         if begin_like(policy, states) < len(names):
             raise ConfigurationError(
-                f"a new model of {policy.name} cannot start from {', '.join(names)}: they must have "
+                f"a new model of {policy.name} cannot start from {', '.join(names)}: they need "
                 "this learner and these moves, and the learner needs a linear part"
             )
 
