@@ -143,7 +143,7 @@ class OnlineLearning:
         self._labeller = Labeller()
         self._seen: dict[int, _Seen] = {}
         self._frame_times_s: deque[float] = deque(maxlen=30)
-        self._rate_before_hz = 0.0
+        self._rate_before_hz, self._is_pause = 0.0, False
 
     def look(
         self,
@@ -165,7 +165,8 @@ class OnlineLearning:
         policy = self.history.policy
         x = policy.extract(frame)
         self.frame = frame
-        self._frame_times_s.append(frame.captured_s)
+        if not self._is_pause:
+            self._frame_times_s.append(frame.captured_s)
         started_s = self._clock.now_s()
         prediction = Prediction(frame_id=frame.frame_id)  # stays empty if the learner fails
         with self._guarded():
@@ -262,9 +263,8 @@ class OnlineLearning:
         return events
 
     def note_pause(self, *, is_over: bool) -> None:
-        """Measure the frame rate anew; `frame_rate_hz` changes once two frames have come."""
-        if not is_over:
-            self._rate_before_hz = self.frame_rate_hz
+        """Keep `frame_rate_hz` as it is while the camera rests, and then until two frames came."""
+        self._rate_before_hz, self._is_pause = self.frame_rate_hz, not is_over
         self._frame_times_s.clear()
 
     @property

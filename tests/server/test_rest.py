@@ -116,7 +116,10 @@ def test_a_pilot_starts_at_once_and_the_rest_does_not_count_as_the_cameras_perio
     assert resting.clock.now_s() - came_s < 5.0
 
 
-def test_the_settings_show_the_rate_from_before_the_rest(
+def test_the_rate_is_the_one_from_before_the_rest_even_if_somebody_looks_now_and_then(
     resting: VirtualServer,
 ) -> None:
+    viewer = look_once_a_second(resting)
+    resting.forward(5.0)
     assert resting.rig.loop.state.cycle_hz == pytest.approx(30.0, rel=0.1)
+    viewer.close()
