@@ -23,6 +23,7 @@ from server.board.board import Board
 from server.board.class_key import ClassKey
 from server.board.classroom import Classroom
 from server.board.transport import NetworkTransport, RobotAddress
+from server.clients.hub import Hub
 from server.config import Config
 from server.identity import COLOURS, IdentityFile
 from server.lab.served import served
@@ -73,7 +74,7 @@ def running_class(
             services = Services(
                 config,
                 rig,
-                identity=identity,
+                hub=Hub(config, rig, identity),
                 persistence=persistence,
                 gateway=gateway,
                 options={"classroom": Classroom(KEY, data / "class.json")},
