@@ -97,12 +97,12 @@ class Hub:
         """Remove a client that disconnected; if it had the wheel, the robot stops immediately."""
         self.broadcast.remove(client)
         now_s = self._clock.now_s()
-        if self.lease.give_up(client.id, now_s):
-            others = self.broadcast.clients.values()
-            drivers = [one for one in others if one.role.may_drive]
-            # The only client left that may drive is usually the pilot's new connection.
-            if self.lease.owner is None and len(drivers) == 1:
-                self.lease.join(drivers[0].id, now_s)
+        is_changed = self.lease.give_up(client.id, now_s)
+        drivers = [one for one in self.broadcast.clients.values() if one.role.may_drive]
+        # The only client left that may drive is usually the pilot's new connection.
+        if self.lease.owner is None and len(drivers) == 1:
+            is_changed = self.lease.join(drivers[0].id, now_s)
+        if is_changed:
             self._pilot_changed()
         else:
             self.broadcast.publish_state()

@@ -65,6 +65,17 @@ def test_when_the_pilot_leaves_the_other_client_gets_the_wheel_and_the_robot_sta
         assert {state["driven_by"] for state in states} == {"nobody"}, "it has never driven"
 
 
+def test_the_last_of_several_connections_of_a_page_gets_the_wheel(server: VirtualServer) -> None:
+    """After a silence of the network, a page has tried several connections; they close in any
+    order, and the page uses the last."""
+    with server.pilot() as first, server.pilot() as second, server.pilot() as last:
+        first.wait_for_state(you_are_pilot=True)
+        first.vanish()
+        server.forward(0.1)
+        second.vanish()
+        last.wait_for_state(you_are_pilot=True)
+
+
 def test_the_pilot_sees_a_request_for_the_wheel_while_somebody_waits(server: VirtualServer) -> None:
     """Before, the next pilot did not see the request, and nobody saw that the requester left."""
     with server.pilot() as first, server.pilot() as second:
