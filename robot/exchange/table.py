@@ -41,9 +41,6 @@ assumed to be 255 if the largest value in a table is 200."""
 _MOVES = 0.05
 """Speed, in any unit, above which a car counts as moving. Simulators write small speeds for
 standing cars."""
-_UNIT_SHARE = 10
-"""Reciprocal of a share. If at least this share of the steering values is beyond 1, the steering is
-in degrees or another unit."""
 _TOLD_NAMES = 3
 _NAMES_OF_UNITS = {1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}
 
