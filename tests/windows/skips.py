@@ -22,13 +22,12 @@ EXTRA_LIBRARIES = ("sklearn", "scipy", "matplotlib", "river", "pyarrow", "av")
 SKIPPED = {
     "robot/bodies/gpio": KERNEL + "GPIO",
     "robot/bodies/ev3/test_v4l2.py": KERNEL + "V4L2",
-    "robot/recordings/test_hostile.py": KERNEL + "limits of memory",
     "server/board/test_classroom.py::test_a_key_is_made_once": RIGHTS,
     "server/access/test_security.py::test_pairings_outlive_a_restart": RIGHTS,
     **dict.fromkeys(
         [
             "robot/exchange/test_exports.py",
-            "robot/exchange/test_lerobot_in.py",
+            "robot/exchange/test_lerobot.py",
             "robot/exchange/test_timeline.py",
         ],
         NO_EXTRA.format("export"),

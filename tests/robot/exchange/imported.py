@@ -1,13 +1,15 @@
-"""Drives that were imported: made of pictures and labels, or read from the files of a program."""
+"""Pictures that show their number, donkeycar's tubs of them, and what an import makes of drives."""
 
 from __future__ import annotations
 
 import itertools
+import json
 from collections.abc import Iterable
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,8 +17,74 @@ from robot.devkit.pictures import Picture
 from robot.exchange.drive import Drive, FrameEvent, ImportReport, write_episode
 from robot.exchange.reading import Reading
 from robot.exchange.sources import find_drives
+from robot.policy.image import to_rgb
 from robot.recordings.episode import Episode, open_episode, taught_frames
-from robot.types import Action, Encoding, Point
+from robot.types import Action, Encoding, Frame, Point
+
+Record = dict[str, Any]
+_GREY = 20
+"""Brightness per number, so coarse that JPEG and films preserve the number."""
+
+
+@cache
+def picture(number: int, ending: str = ".jpg") -> bytes:
+    """Return a picture of 160x120 pixels whose brightness is its number, from 0 to 12."""
+    assert 0 <= number <= 12
+    return cv2.imencode(ending, pixels(number))[1].tobytes()
+
+
+def pixels(number: int) -> NDArray[np.uint8]:
+    return np.full((120, 160, 3), _GREY * number, np.uint8)
+
+
+def number_of(frame: Frame) -> int:
+    return round(float(to_rgb(frame).mean()) / _GREY)
+
+
+def put(folder: Path, *names: str) -> Path:
+    """Write pictures with the numbers from 1 on; return the folder."""
+    for number, name in enumerate(names, 1):
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(picture(number, path.suffix if path.suffix == ".png" else ".jpg"))
+    return folder
+
+
+def tub_1(folder: Path, records: list[Record]) -> Path:
+    """Write a tub of version 1, with a record each 50 ms; its pictures are numbered from 1."""
+    put(folder, *_named(records))
+    for number, record in enumerate(records):
+        text = json.dumps({"milliseconds": 50 * number, **record})
+        (folder / f"record_{number}.json").write_text(text)
+    (folder / "meta.json").write_text("{}")
+    return folder
+
+
+def tub_2(folder: Path, records: list[Record], deleted: tuple[int, ...] = ()) -> Path:
+    """Write a tub of version 2, with a record each 100 ms and six in a catalog; its pictures are
+    numbered from 1."""
+    put(folder / "images", *_named(records))
+    for index, record in enumerate(records):
+        record.update(
+            {"_index": index} | {"_timestamp_ms": 1_600_000_000_000 + 100 * index} | record
+        )
+    paths = [f"catalog_{number}.catalog" for number in range((len(records) + 5) // 6)]
+    for number, name in enumerate(paths):
+        text = "".join(json.dumps(record) + "\n" for record in records[6 * number : 6 * number + 6])
+        (folder / name).write_text(text)
+    catalogs = {"paths": paths, "current_index": len(records), "max_len": 6}
+    catalogs["deleted_indexes"] = list(deleted)
+    lines = [["cam/image_array"], ["image_array"], {}, {"created_at": 1.6e9}, catalogs]
+    (folder / "manifest.json").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    return folder
+
+
+def _named(records: list[Record]) -> list[str]:
+    """Name the picture of each record that names none; return the names of all pictures."""
+    names = [f"{number}_cam_image_array_.jpg" for number in range(len(records))]
+    for name, record in zip(names, records, strict=True):
+        record.setdefault("cam/image_array", name)
+    return names
 
 
 def import_pictures(
@@ -31,21 +99,27 @@ def import_pictures(
     and open it."""
     times_s = times_s if times_s is not None else (i / 10 for i in itertools.count())
     shots = [
-        FrameEvent(t_s=at_s, picture=partial(raw, pixels), label=label, point=point)
-        for at_s, pixels, label, point in zip(times_s, pictures, labels, points, strict=False)
+        FrameEvent(t_s=at_s, picture=partial(raw, shown), label=label, point=point)
+        for at_s, shown, label, point in zip(times_s, pictures, labels, points, strict=False)
     ]
     write_episode(Drive(name=path.stem, shots=shots, **{"source": "test", **drive}), path)
     return open_episode(path)
 
 
-def raw(pixels: NDArray[np.uint8]) -> Picture:
-    height, width = pixels.shape[:2]
-    return Picture(data=pixels.tobytes(), encoding=Encoding.RGB, width=width, height=height)
+def raw(shown: NDArray[np.uint8]) -> Picture:
+    height, width = shown.shape[:2]
+    return Picture(data=shown.tobytes(), encoding=Encoding.RGB, width=width, height=height)
 
 
 def taught_labels(episode: Episode) -> dict[int, Action]:
     """Return the label of each frame that was taught."""
     return {frame_id: example.label for frame_id, example in taught_frames(episode).items()}
+
+
+def labels_by_number(episode: Episode) -> dict[int, Action | None]:
+    """Return the label of each picture, None if it was not taught, by the number that it shows."""
+    labels = taught_labels(episode)
+    return {number_of(episode.frame(i)): labels.get(i) for i in episode.frames}
 
 
 def drive_at(path: Path, report: ImportReport | None = None, **reading: Any) -> Drive:

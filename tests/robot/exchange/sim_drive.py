@@ -30,19 +30,35 @@ class Driven:
 def drive_in_simulator(folder: Path, learner: str, steps: int = 200, undo_s: float = 0.0) -> Driven:
     """Teach for some seconds, then correct the robot from time to time while it drives by
     itself."""
-    clock = VirtualClock(50.0)
-    driver = SimDriver(SimOptions())
+    clock, driver = VirtualClock(50.0), SimDriver(SimOptions())
     camera = SimCamera(driver, SimCameraOptions(), clock)
     loop = ControlLoop(driver, camera, make_policy(learner), clock)
-    recorder = Recorder(
-        loop, folder, robot="sim", options={"world": "box"}, config=RecorderConfig(spare_bytes=0)
-    )
+    config = RecorderConfig(spare_bytes=0)
+    recorder = Recorder(loop, folder, robot="sim", options={"world": "box"}, config=config)
     recorder.start()
     driver.connect()
     try:
         camera.capture()
         loop.tick(clock.now_s())
-        _teach(loop, driver, camera, clock, range(1, steps + 1))
+        for step in range(1, steps + 1):
+            if step in (1, steps // 2):
+                loop.set_mode(Mode.TRAIN if step == 1 else Mode.AUTONOMOUS)
+            clock.sleep(STEP_S)
+            driver.advance(STEP_S)
+            frame, now_s = camera.capture(), clock.now_s()
+            loop.tick(now_s)
+            is_near = (driver.sense().distance_m or 9.0) < 0.35
+            wanted = Action.LEFT if is_near or step % 23 < 6 else Action.FORWARD
+            is_alone = step >= steps // 2 and step % 20 > 7
+            loop.command(
+                PilotCommand(
+                    held=None if is_alone else wanted,
+                    frame_id=frame.frame_id,
+                    seq=step,
+                    received_s=now_s,
+                )
+            )
+            loop.tick(now_s)
         if undo_s:
             loop.submit(lambda: loop.history.undo(undo_s))
         loop.set_mode(Mode.STOPPED)
@@ -53,26 +69,5 @@ def drive_in_simulator(folder: Path, learner: str, steps: int = 200, undo_s: flo
         driver.disconnect()
         driver.simulation.close()
     [path] = folder.glob("*.mcap")
-    return Driven(
-        path=path, state=loop.history.policy.get_state(), lessons=loop.history.taught.total()
-    )
-
-
-def _teach(
-    loop: ControlLoop, driver: SimDriver, camera: SimCamera, clock: VirtualClock, steps: range
-) -> None:
-    for step in steps:
-        if step in (1, len(steps) // 2):
-            loop.set_mode(Mode.TRAIN if step == 1 else Mode.AUTONOMOUS)
-        clock.sleep(STEP_S)
-        driver.advance(STEP_S)
-        frame = camera.capture()
-        loop.tick(clock.now_s())
-        distance_m = driver.sense().distance_m or 9.0
-        wanted = Action.LEFT if distance_m < 0.35 or step % 23 < 6 else Action.FORWARD
-        is_alone = step >= len(steps) // 2 and step % 20 > 7
-        held = None if is_alone else wanted
-        loop.command(
-            PilotCommand(held=held, frame_id=frame.frame_id, seq=step, received_s=clock.now_s())
-        )
-        loop.tick(clock.now_s())
+    taught = loop.history.taught.total()
+    return Driven(path=path, state=loop.history.policy.get_state(), lessons=taught)
