@@ -21,21 +21,13 @@ from robot.types import Action, Mode
 from tests.robot.bench_robot import BenchRobot
 
 MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
-
-
 _BEGINNINGS_S = itertools.count(1_700_000_000, 60)
 """Each drive begins a minute after the previous one."""
 
 
 class RecordedBench(BenchRobot):
-    """A bench robot whose runs are recorded; only the test advances time.
-
-    Args:
-        folder: Of the recordings.
-        learner: Its name.
-        open_file: Opens each file of a recording.
-        limits: Of `RecorderConfig`.
-    """
+    """A bench robot whose runs are recorded, by a recorder with some `limits` of its configuration;
+    only the test advances time."""
 
     def __init__(
         self,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,129 +23,134 @@ from tests.kit.sizes import few, seeds
 from .drives import MOVES, RecordedBench, record_drive
 
 
-class Drives:
-    """Drives in which learned images are edited, and the store of their recordings."""
+@pytest.fixture
+def store(tmp_path: Path) -> EpisodeStore:
+    return EpisodeStore(Storage(tmp_path))
 
-    def __init__(self, folder: Path, seed: int = 1) -> None:
-        storage = Storage(folder)
-        self.chance, self.store = random.Random(seed), EpisodeStore(storage)
-        self.robot = RecordedBench(storage.folder("episodes"), "default-8")
-        self.history = self.robot.loop.history
 
-    def drive_and_edit(self, *drives: range) -> None:
-        """Teach, and relabel two learned images, as a person does; stand after each drive."""
-        for scenes in drives:
-            self.robot.start(Mode.TRAIN, scenes.start)
-            for scene in scenes:
-                self.robot.step(scene, MOVES[scene // 4 % 3])
-                if scene in (scenes[len(scenes) // 2], scenes[-3]):
-                    node = self.chance.choice(images(self.history.policy)).node_id
-                    edit = partial(self.history.edit, "relabel", node, self.chance.choice(MOVES))
-                    self.robot.loop.submit(edit)
-            self.robot.stop()
-            self.robot.stand(12)
+@pytest.fixture
+def robot(tmp_path: Path) -> RecordedBench:
+    """Records into that store."""
+    return RecordedBench(Storage(tmp_path).folder("episodes"), "default-8")
 
-    def undo_edit(self) -> None:
-        self.robot.loop.submit(self.history.undo_edit)
 
-    def names(self) -> list[str]:
-        """End the recording, and return the names of all."""
-        return [path.stem for path in self.robot.finish()]
-
-    def ids(self, name: str) -> list[int]:
-        return list(self.store.open(name).frames)
-
-    def episodes(self, names: list[str]) -> list[Any]:
-        return [(self.store.open(name), self.store.notes(name)) for name in names]
-
-    def edits_of_images(self, names: list[str]) -> list[tuple[str, int]]:
-        """Return the edits of images that learning again applies."""
-        events = [step.event for step in plan(self.episodes(names))]
-        return [(event.verb, event.node_id) for event in events if isinstance(event, Edited)]
-
-    def learned(self, names: list[str]) -> tuple[Any, int]:
-        """Learn recordings again; return the learner, and the number of edits left out."""
-        policy = make_policy("default-8")
-        report = learn_again(policy, self.episodes(names))
-        return policy.get_state(), report.left_out_edits
+def drive_and_edit(robot: RecordedBench, scenes: range, chance: random.Random) -> None:
+    """Teach, and relabel two learned images, as a person does; then stand."""
+    history = robot.loop.history
+    robot.start(Mode.TRAIN, scenes.start)
+    for scene in scenes:
+        robot.step(scene, MOVES[scene // 4 % 3])
+        if scene in (scenes[len(scenes) // 2], scenes[-3]):
+            node, label = chance.choice(images(history.policy)).node_id, chance.choice(MOVES)
+            robot.loop.submit(lambda n=node, to=label: history.edit("relabel", n, to))
+    robot.stop()
+    robot.stand(12)
 
 
 @pytest.mark.parametrize("n_undone", [0, 1, 3])
 @pytest.mark.parametrize("seed", seeds(3, 8))
 def test_edits_of_images_and_their_undos_are_learned_again_also_from_rewritten_recordings(
-    tmp_path: Path, seed: int, n_undone: int
+    store: EpisodeStore, robot: RecordedBench, seed: int, n_undone: int
 ) -> None:
     """Each drive is a recording, so an edit may be taken back in a later one than its own."""
-    made = Drives(tmp_path, seed)
-    made.drive_and_edit(range(40), range(40, 60))
+    chance, history = random.Random(seed), robot.loop.history
+
+    def learned(names: list[str]) -> tuple[Any, int, list[tuple[str, int]]]:
+        """Return a learner, the number of edits left out, and the edits of images."""
+        policy = make_policy("default-8")
+        episodes = [(store.open(name), store.notes(name)) for name in names]
+        report = learn_again(policy, episodes)
+        events = [step.event for step in plan(episodes)]
+        edits = [(event.verb, event.node_id) for event in events if isinstance(event, Edited)]
+        return policy.get_state(), report.left_out_edits, edits
+
+    for scenes in (range(40), range(40, 60)):
+        drive_and_edit(robot, scenes, chance)
     for _ in range(n_undone):
-        made.undo_edit()
-    made.drive_and_edit(*([range(60, 80)] if seed % 2 else []))
-    made.robot.drive(range(80, 100))
-    names = made.names()
-    live, left_out = made.learned(names)
-    assert same_nodes(live, made.history.policy.get_state()) and left_out == 0
-    edits = made.edits_of_images(names)
+        robot.loop.submit(history.undo_edit)
+    if seed % 2:
+        drive_and_edit(robot, range(60, 80), chance)
+    robot.drive(range(80, 100))
+    names = [path.stem for path in robot.finish()]
+    live, left_out, edits = learned(names)
+    assert same_nodes(live, history.policy.get_state()) and left_out == 0
     assert len(edits) == 4 + 2 * (seed % 2) - n_undone
-    later = made.edits_of_images(names[2:])
+    later = learned(names[2:])[2]
     assert len(later) == 2 * (seed % 2), "learned alone, it takes back nothing of its own"
 
-    edited, ids = names[1], made.ids(names[1])
+    edited, ids = names[1], list(store.open(names[1]).frames)
     if seed % 3 == 0:
-        made.store.edit(edited, Edit(verb="delete", ranges=((ids[2], ids[4]),)))
+        store.edit(edited, Edit(verb="delete", ranges=((ids[2], ids[4]),)))
     elif seed % 3 == 1:
         relabel = Edit(verb="relabel", ranges=((ids[2], ids[-2]),), label=Action.LEFT)
-        made.store.edit(edited, relabel)
-    before, left_out = made.learned(names)
+        store.edit(edited, relabel)
+    before, left_out, _ = learned(names)
     n_later = max(2 - n_undone, 0) + 2 * (seed % 2)
     assert left_out == (n_later if seed % 3 < 2 else 0), "from the first edited recording on"
     if n_undone > 1:  # or else the split recording has an edit of an image, which is left out
-        names.insert(2, made.store.split(edited, ids[10]))
-    made.store.compact(edited)
-    after, left_out_after = made.learned(names)
-    assert same_nodes(before, after) and left_out_after == left_out
-    assert made.edits_of_images(names) == edits
+        names.insert(2, store.split(edited, ids[10]))
+    store.compact(edited)
+    after, left_out_after, edits_after = learned(names)
+    assert same_nodes(before, after) and (left_out_after, edits_after) == (left_out, edits)
 
 
-@pytest.mark.parametrize("share", few([0.1, 0.5, 0.8], 2))
-def test_each_part_of_a_split_lasts_as_long_as_its_pictures(tmp_path: Path, share: float) -> None:
-    made = Drives(tmp_path)
-    made.robot.drive(range(60))
-    made.robot.stand(12)
-    made.robot.start(Mode.AUTONOMOUS, 100)
+def test_a_compact_recording_knows_what_corrected_the_robot(
+    store: EpisodeStore, robot: RecordedBench
+) -> None:
+    robot.drive(range(20))
+    robot.start(Mode.AUTONOMOUS)
+    for scene in range(100, 120):
+        robot.step(scene, Action.RIGHT if scene % 5 < 2 else None)
+    [path] = robot.finish()
+
+    def corrections() -> list[int]:
+        found = moments(store.open(path.stem), store.notes(path.stem))
+        return [each.frame_id for each in found if each.is_intervention and not each.is_deleted]
+
+    before = corrections()
+    store.edit(path.stem, Edit(verb="delete", ranges=((before[0], before[0]),)))
+    store.compact(path.stem)
+    assert len(before) > 3
+    assert corrections() == before[1:]
+
+
+def test_each_part_of_a_split_lasts_as_long_as_its_pictures(
+    store: EpisodeStore, robot: RecordedBench
+) -> None:
+    robot.drive(range(60))
+    robot.stand(12)
+    robot.start(Mode.AUTONOMOUS, 100)
     for scene in range(100, 240):
-        made.robot.step(scene, None)
-    made.robot.undo(0.2)  # of the recording before
-    made.robot.stop()
-    name, ids = made.names()[1], made.ids(made.names()[1])
-    second = made.store.split(name, ids[int(share * len(ids))])
-    made.store.compact(name)
+        robot.step(scene, None)
+    robot.undo(0.2)  # of the recording before
+    robot.stop()
+    name = robot.finish()[1].stem
+    ids = list(store.open(name).frames)
+    second = store.split(name, ids[len(ids) // 3])
+    store.compact(name)
     for part in (name, second):
-        times_s = [entry.captured_s for entry in made.store.open(part).frames.values()]
+        times_s = [entry.captured_s for entry in store.open(part).frames.values()]
         lasted_s = max(times_s) - min(times_s)
-        assert lasted_s <= made.store.summary(part).duration_s <= lasted_s + 1.0
-        assert made.store.open(part).duration_s == pytest.approx(
-            made.store.summary(part).duration_s
-        )
+        assert lasted_s <= store.summary(part).duration_s <= lasted_s + 1.0
+        assert store.open(part).duration_s == pytest.approx(store.summary(part).duration_s)
 
 
 @pytest.mark.parametrize("length", few([1, 60, 62, 63, 64, 100], 3))
-def test_a_recording_can_be_split_however_long_its_name(tmp_path: Path, length: int) -> None:
-    storage = Storage(tmp_path)
-    episode = record_drive(storage.folder("episodes"))
+def test_a_recording_can_be_split_however_long_its_name(
+    store: EpisodeStore, tmp_path: Path, length: int
+) -> None:
+    episode = record_drive(tmp_path / "episodes")
     name, ids = "n" * length, list(episode.frames)
-    episode.path.rename(storage.folder("episodes") / f"{name}.mcap")
-    store = EpisodeStore(storage)
+    episode.path.rename(episode.path.with_stem(name))
     parts = {name, store.split(name, ids[len(ids) // 2]), store.split(name, ids[2])}
     assert parts == set(store.ids()) and len(parts) == 3
 
 
 @pytest.mark.parametrize("every_s", few([0.02, 0.05, 0.1, 0.2, 0.5], 2))
 def test_a_picture_of_a_standing_robot_has_no_data_of_the_next_drive(
-    tmp_path: Path, every_s: float
+    robot: RecordedBench, every_s: float
 ) -> None:
     """For any camera rate, although the loop ticks twenty times a second."""
-    robot = RecordedBench(tmp_path)
 
     def pass_time(seconds: float, held: Action | None) -> None:
         end_s = robot.clock.now_s() + seconds
@@ -180,23 +184,23 @@ def test_a_picture_of_a_standing_robot_has_no_data_of_the_next_drive(
     assert all(each.sent for each in drove) and all(each.distance_m for each in drove)
 
 
-def test_a_picture_from_before_the_start_keeps_the_label_that_it_was_taught(tmp_path: Path) -> None:
-    robot = RecordedBench(tmp_path)
+def test_a_picture_from_before_the_start_keeps_the_label_that_it_was_taught(
+    robot: RecordedBench,
+) -> None:
     for scene in range(10):
         robot.clock.sleep(0.2)
         seen = robot.camera.show(scene)
         robot.tick()
-    taken = robot.loop.set_mode(Mode.TRAIN)
+    robot.loop.set_mode(Mode.TRAIN)
     robot.tick()
-    assert taken.result(0)
     robot.clock.sleep(0.2)
     robot.camera.show(10)
     robot.hold(Action.RIGHT, frame_id=seen.frame_id)
     robot.tick()
     robot.stop()
-    found = list(moments(robot.episode(), Notes()))
-    assert {each.frame_id: each.label for each in found if each.label} == {
-        seen.frame_id: Action.RIGHT
-    }
+    episode = robot.episode()
+    found = list(moments(episode, Notes()))
+    assert [(e.frame_id, e.label) for e in found if e.label] == [(seen.frame_id, Action.RIGHT)]
+    assert episode.frame(seen.frame_id).data == seen.data
     sent = [each.sent for each in found if each.frame_id != seen.frame_id]
     assert sent[-1] == "right" and set(sent[:6]) == {None}

@@ -1,4 +1,5 @@
-"""A recording opened by its index equals the same recording read chunk by chunk."""
+"""A recording opened by its index equals the same recording read chunk by chunk, and needs little
+time and memory however long it is."""
 
 from __future__ import annotations
 
@@ -9,34 +10,55 @@ import tracemalloc
 import zlib
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
 
 from robot.errors import RobotError
 from robot.recordings import episode as reading
-from robot.recordings import index
-from robot.recordings.editing import moments
+from robot.recordings import index, reader
+from robot.recordings.editing import moments, sample
 from robot.recordings.edits import Notes
+from robot.recordings.ending import end_cut_recordings
 from robot.recordings.episode import Episode, open_episode, taught_frames
 from robot.recordings.index import INDEX
 from robot.recordings.messages import Topic
-from robot.recordings.reader import Attachment, Message, Metadata, read_ends, scan
-from robot.recordings.writer import EpisodeWriter
+from robot.recordings.reader import Attachment, Message, Metadata, read_ends, read_metadata, scan
+from robot.recordings.summary import read_summary
+from robot.recordings.writer import EpisodeWriter, describe_run
+from robot.testing import VirtualClock
 from robot.types import DEFAULT_MOVES
 from tests.kit.frames import jpeg_frame
-from tests.kit.sizes import seeds
+from tests.kit.sizes import crossed, seeds
 
-from .drives import content
-from .long_recording import ENDS, begin
+from .drives import content, record_drive
+from .test_damaged import messages
 
-mcap = pytest.importorskip("mcap.writer", reason="the extra 'episodes' is not installed")
 HEAD = struct.Struct("<II")
+ENDS = {"dropped_frames": "0", "lost_words": "0"}
 VECTOR = {"dtype": "<f4", "shape": [2], "data": "AACAPwAAAEA="}
 
 
+def begin(file: BinaryIO, model: bytes | None = None, **more: Any) -> EpisodeWriter:
+    """Begin the recording of a robot in a new file, with the bytes of its model if there are any;
+    `more` is for the writer."""
+    run = describe_run(
+        episode_id=Path(file.name).stem,
+        run_id="long",
+        origin_ns=1_700_000_000 * 10**9,
+        started_at_s=1_700_000_000.0,
+        robot="sim",
+        learner="knn-3",
+        moves=DEFAULT_MOVES,
+    )
+    return EpisodeWriter(file, run, model, **more)
+
+
 def teach(writer: EpisodeWriter, first: int, count: int) -> None:
+    """Write lessons of every kind, in small chunks."""
     for number in range(first, first + count):
         now_s, label = number / 30, DEFAULT_MOVES[number // 7 % 3]
         width, data = 160 if number % 50 else 80, b"\xff\xd8" + bytes(300)
@@ -54,14 +76,41 @@ def teach(writer: EpisodeWriter, first: int, count: int) -> None:
             writer.flush()
 
 
+def teach_long(writer: EpisodeWriter, count: int) -> None:
+    """Write everything that the recorder writes of a robot that is taught with every picture."""
+    rng = np.random.default_rng(1)
+    for number in range(1, count + 1):
+        now_s, label = number / 30, DEFAULT_MOVES[number // 40 % 3]
+        said = {"frame": number, "action": label, "confidence": 0.9}
+        drove = {"action": label, "sent": label, "driven_by": "pilot", "asks_pilot": False}
+        taught = {"event": "taught", "frame": number, "label": label, "intervention": False}
+        writer.write_frame(jpeg_frame(number, now_s, rng.bytes(1900)))
+        writer.write_message(Topic.SENSORS, now_s, {"distance_m": number / 1000, "pose": None})
+        writer.write_message(Topic.PREDICTION, now_s, said)
+        writer.write_message(Topic.DECISION, now_s, drove)
+        writer.write_message(Topic.LESSON, now_s, taught | {"at_s": now_s, "x": None})
+
+
 @pytest.fixture(scope="module")
-def long(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("long") / "long.mcap"
+def varied(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("varied") / "varied.mcap"
     writer = begin(path.open("xb"), b"before", section_frames=100)
     teach(writer, 1, 340)
     writer.write_frame(jpeg_frame(20, 12.0, b"\xff\xd8again"))
     writer.write_message(Topic.LESSON, 12.0, {"event": "undone", "frames": [340, 2]})
     writer.close(ENDS, b"after")
+    return path
+
+
+@pytest.fixture(scope="module")
+def long(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A drive of 6,000 pictures in some six chunks, with the last fifty lessons undone."""
+    path = tmp_path_factory.mktemp("long") / "long.mcap"
+    writer = begin(path.open("xb"))
+    teach_long(writer, 6000)
+    undone = {"event": "undone", "frames": list(range(5951, 6001))}
+    writer.write_message(Topic.LESSON, 201.0, undone)
+    writer.close(ENDS)
     return path
 
 
@@ -78,25 +127,25 @@ def walked(path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
 
 def test_opening_by_the_index_equals_reading_all_chunks(
-    long: Path, monkeypatch: pytest.MonkeyPatch
+    varied: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    wanted = walked(long, monkeypatch)
+    wanted = walked(varied, monkeypatch)
     assert len(wanted["frames"]) == 340 and len(wanted["results"]) == 8
     assert not wanted["about"][-1] and 9999 in wanted["taught"]
     monkeypatch.setattr(reading, "walk_part", None)
-    assert everything(open_episode(long)) == wanted
-    assert sum(isinstance(one, Attachment) and one.name == INDEX for one in scan(long)) == 4
+    assert everything(open_episode(varied)) == wanted
+    assert sum(isinstance(one, Attachment) and one.name == INDEX for one in scan(varied)) == 4
 
 
 def test_a_recording_rewritten_by_another_program_is_read_by_its_chunks(
-    long: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    varied: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    wanted, path = walked(long, monkeypatch), tmp_path / "long.mcap"
+    wanted, path = walked(varied, monkeypatch), tmp_path / "varied.mcap"
     with path.open("xb") as file:
-        writer = mcap.Writer(file, chunk_size=3000)
+        writer = Writer(file, chunk_size=3000)
         writer.start(profile="", library="another")
         numbers: dict[Any, int] = {}
-        for one in scan(long):
+        for one in scan(varied):
             if isinstance(one, Metadata):
                 writer.add_metadata(one.name, one.values)
             elif isinstance(one, Attachment):
@@ -114,10 +163,10 @@ def test_a_recording_rewritten_by_another_program_is_read_by_its_chunks(
 
 
 def test_a_damaged_index_only_costs_time(
-    long: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    varied: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    wanted, data = walked(long, monkeypatch), long.read_bytes()
-    rng, path = np.random.default_rng(1), tmp_path / "long.mcap"
+    wanted, data = walked(varied, monkeypatch), varied.read_bytes()
+    rng, path = np.random.default_rng(1), tmp_path / "varied.mcap"
     places = [at for at in range(len(data)) if data.startswith(INDEX.encode(), at)]
     for place in places[:4]:
         damaged = bytearray(data)
@@ -128,9 +177,9 @@ def test_a_damaged_index_only_costs_time(
 
 
 def test_a_false_index_raises_only_our_own_errors(
-    long: Path, monkeypatch: pytest.MonkeyPatch
+    varied: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    rng, ends = random.Random(4), read_ends(long, INDEX, ())
+    rng, ends = random.Random(4), read_ends(varied, INDEX, ())
     for _ in seeds(40, 400):
         number = rng.randrange(len(ends.sections))
         section = ends.sections[number]
@@ -144,22 +193,89 @@ def test_a_false_index_raises_only_our_own_errors(
         told = ends._replace(sections=sections)
         monkeypatch.setattr(index, "read_ends", lambda *_, told=told: told)
         with suppress(RobotError):
-            episode = open_episode(long)
+            episode = open_episode(varied)
             list(episode.events)
             taught_frames(episode)
             list(moments(episode, Notes()))
             episode.frame(int(episode.frames.ids[5]))
 
 
-def test_the_recorder_keeps_the_columns_of_a_section(tmp_path: Path) -> None:
-    """Before, the recorder kept 490 bytes for each picture, in sets and a table of examples."""
-    writer = begin((tmp_path / "one.mcap").open("xb"), section_frames=150)
-    teach(writer, 1, 300)
+@pytest.mark.parametrize("offset", [2**63 + 5, 3])
+def test_a_false_index_of_messages_is_not_used(long: Path, tmp_path: Path, offset: int) -> None:
+    found, data, at = messages(long), bytearray(long.read_bytes()), 8
+    while data[at] != 2:  # the footer
+        opcode, length = struct.unpack_from("<BQ", data, at)
+        if opcode == 7 and length > 6 + 32:  # a message index: its second offset
+            struct.pack_into("<Q", data, at + 9 + 6 + 16 + 8, offset)
+        at += 9 + length
+    lying = tmp_path / "lying.mcap"
+    lying.write_bytes(data)
+    assert messages(lying) == found and len(found) == 6000 * 5 + 1
+
+
+@crossed(frames=[1, 12, 400], read_bytes=[64, 8192])
+def test_the_list_reads_only_the_ends_of_a_file_and_finds_what_the_library_finds(
+    tmp_path: Path, frames: int, read_bytes: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reader, "_BUFFER_BYTES", read_bytes)
+    path = record_drive(tmp_path, frames=frames).path
+    with path.open("rb") as file:
+        found = {record.name: dict(record.metadata) for record in make_reader(file).iter_metadata()}
+    if frames == 400:  # whose middle is not even looked at
+        data = path.read_bytes()
+        path.write_bytes(data[:10_000] + bytes(len(data) - 50_000) + data[-40_000:])
+    assert read_metadata(path) == found and len(found) == 2
+
+
+# Memory ------------------------------------------------------------------------------------------
+
+
+def test_an_open_recording_has_no_object_for_each_picture(long: Path) -> None:
+    open_episode(long)
     gc.collect()
+    before = len(gc.get_objects())
+    episode = open_episode(long)
+    labels = taught_frames(episode)
+    gc.collect()
+    assert len(gc.get_objects()) - before < 500
+    assert len(episode.frames) == 6000 and len(labels) == 5950
+
+
+def test_the_data_of_pictures_are_read_chunk_by_chunk(long: Path) -> None:
+    episode, most = open_episode(long), 0
+    gc.collect()
+    before = len(gc.get_objects())
+    for number, moment in enumerate(moments(episode, Notes()), 1):
+        assert moment.frame_id == number
+        assert moment.label == (DEFAULT_MOVES[number // 40 % 3] if number <= 5950 else None)
+        assert moment.predicted == moment.sent == DEFAULT_MOVES[number // 40 % 3]
+        assert moment.driven_by == "pilot" and moment.distance_m == number / 1000
+        if number % 500 == 0:
+            most = max(most, len(gc.get_objects()) - before)
+    assert most < 4000, "messages of two chunks at most"
+    assert number == 6000
+
+
+def test_a_few_pictures_are_found_without_the_others(long: Path) -> None:
+    episode = open_episode(long)
+    every = list(moments(episode, Notes()))
+    assert sample(episode, Notes(), 7) == [every[round(i * 5999 / 6)] for i in range(7)]
+    assert sample(episode, Notes(), 3, (1001, 2001)) == [every[i] for i in (1000, 1500, 2000)]
+    assert sample(episode, Notes(), 3, (7000, 8000)) == []
+
+
+def test_counting_and_completing_leave_memory_and_processor_to_the_robot(
+    long: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(long.read_bytes()[:3_000_000])
     tracemalloc.start()
-    teach(writer, 301, 600)
-    gc.collect()
-    grown, _ = tracemalloc.get_traced_memory()
+    summary = read_summary(path)
+    _, peak_bytes = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    writer.close(ENDS)
-    assert grown / 600 < 250
+    assert summary.frames > 1000 and summary.damage
+    assert peak_bytes < path.stat().st_size + 2 * 2**20
+    clock, held = VirtualClock(0.0), len(messages(path))
+    end_cut_recordings([path], clock)
+    assert len(messages(path)) == held > 5000
+    assert clock.now_s() == pytest.approx(0.003 * held / 32, rel=0.1), "a rest after 32 records"

@@ -11,7 +11,7 @@ import zipfile
 from collections.abc import Callable
 from itertools import product
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,11 +36,9 @@ from robot.recordings.recorder import RecordingQueue
 from robot.recordings.rejoining import rejoin, strays
 from robot.recordings.store import EpisodeStore
 from robot.recordings.summary import read_summary
-from robot.recordings.teaching import learn_again
 from robot.recordings.writer import describe_run
 from robot.store.disk import no_announcement
 from robot.store.folder import Storage
-from robot.store.models.model import same_nodes
 from robot.store.prepare import ASIDE, prepare
 from robot.testing import VirtualClock
 from robot.types import Action, Example, Mode
@@ -117,17 +115,6 @@ def test_a_recording_in_parts_equals_one_in_a_single_file(
     assert told(open_episode(path)) == wanted, "without its indexes, too"
 
 
-def test_learning_it_again_gives_the_learner_that_was_driven(tmp_path: Path) -> None:
-    robot = drive(tmp_path, part_s=1.0)
-    live = robot.loop.history.policy.get_state()
-    episode = robot.episode()
-    before = episode.model_before()
-    assert before is not None
-    policy = before.to_policy()
-    learn_again(policy, [(episode, Notes())])
-    assert same_nodes(policy.get_state(), live)
-
-
 def test_every_file_is_read_by_the_library(store: EpisodeStore, path: Path) -> None:
     frames = 0
     for file in part_paths(path).values():
@@ -166,16 +153,6 @@ def test_a_copy_has_the_content_of_all_files(
     copy = way(path, tmp_path / "other")
     assert told(open_episode(copy)) == told(open_episode(path))
     assert read_summary(copy).taught == read_summary(path).taught
-
-
-def test_the_trash_takes_and_returns_all_files(store: EpisodeStore, path: Path) -> None:
-    wanted = told(store.open(path.stem))
-    key = store.delete(path.stem).key
-    assert key is not None and list(path.parent.glob("[!.]*")) == []
-    path.touch()  # the name is taken meanwhile
-    [restored] = store.restore(key)
-    assert restored != path.stem
-    assert told(store.open(restored)) == wanted and store.notes(restored).title == "long"
 
 
 def test_a_start_moves_no_file_of_a_recording(
@@ -308,28 +285,6 @@ def test_a_missing_or_foreign_part_is_named_and_the_others_are_read(
     file.write_bytes(part_paths(other)[gone].read_bytes())
     assert "another recording" in str(open_episode(path).damage)
     assert list(open_episode(path).frames) == list(episode.frames)
-
-
-@pytest.mark.parametrize("refused", range(3, 9))
-def test_a_disk_that_refuses_a_part_ends_the_recording(tmp_path: Path, refused: int) -> None:
-    files: list[BinaryIO] = []
-
-    def open_file(path: Path) -> BinaryIO:
-        if len(files) == refused:
-            raise OSError(28, "No space left on device")
-        files.append(path.open("xb"))
-        return files[-1]
-
-    robot = RecordedBench(tmp_path, open_file=open_file, part_s=1.0)
-    robot.start(Mode.TRAIN)
-    scene = 0
-    while not robot.recorder.recording.fault and scene < 200:
-        robot.step(scene := scene + 1, None)
-    assert "No space left" in str(robot.recorder.recording.fault)
-    [path] = sorted(tmp_path.glob("*.mcap"))
-    assert open_episode(path).damage == CUT_SHORT and len(part_paths(path)) == refused
-    robot.finish()
-    assert all(file.closed for file in files)
 
 
 def test_the_recorder_keeps_nothing_of_earlier_parts(tmp_path: Path) -> None:

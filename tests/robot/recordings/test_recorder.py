@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import json
 import math
+import os
 import random
 import threading
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pytest
@@ -17,27 +20,42 @@ from mcap.reader import make_reader
 
 from robot.clock import Clock
 from robot.coaching.gallery import images
+from robot.exchange.tub import write_tub
 from robot.policy.events import Taught, to_json
+from robot.recordings.edits import Notes
 from robot.recordings.episode import open_episode, taught_frames
 from robot.recordings.messages import SCHEMAS, Topic, describe_sensors
+from robot.recordings.parts import part_paths
+from robot.recordings.reader import CUT_SHORT
+from robot.recordings.teaching import learn_again
 from robot.store.disk import FLUSH_EVERY_S
+from robot.store.models.model import same_nodes
 from robot.testing import VirtualClock
-from robot.types import Action, Game, Mode, Pose, Sensors
+from robot.types import Action, Frame, Game, Mode, Pose, Sensors
 from tests.kit.protobuf import read_protobuf
-from tests.kit.sizes import seeds
+from tests.kit.sizes import crossed, seeds
 from tests.robot.store.models.lives import Disk
 
-from .drives import RecordedBench
+from .drives import MOVES, RecordedBench
 
 
 def test_everything_that_happened_is_in_the_recording(tmp_path: Path) -> None:
-    robot = RecordedBench(tmp_path)
-    robot.drive(range(40))
+    robot, given = RecordedBench(tmp_path), dict[int, Frame]()
+    robot.start(Mode.TRAIN, 0)
+    for scene in range(40):
+        robot.step(scene, MOVES[scene // 4 % 3])
+        frame = robot.camera.latest()
+        assert frame is not None
+        given[frame.frame_id] = frame
+    robot.stop()
     episode = robot.episode()
     assert episode.damage is None
     assert episode.run["robot"] == "bench" and episode.run["learner"] == "published-8"
     assert json.loads(episode.run["options"]) == {"world": "bench"}
-    assert len(episode.frames) >= 40
+    for frame_id, frame in given.items():
+        back = episode.frame(frame_id)
+        assert back.captured_s == pytest.approx(frame.captured_s, abs=2e-9)
+        assert replace(back, captured_s=frame.captured_s) == frame
     assert len(taught_frames(episode)) == robot.loop.history.taught.total() == 40
     held = [words["held"] for _, words in episode.messages(Topic.COMMAND)]
     assert held[:5] == ["forward"] * 4 + ["left"]
@@ -48,6 +66,23 @@ def test_everything_that_happened_is_in_the_recording(tmp_path: Path) -> None:
     models = [episode.model_before(), episode.model_after()]
     assert [model and model.summary.n_examples for model in models] == [0, 40]
     assert [name for name, _ in robot.told] == ["recording_on", "recording_done"]
+
+
+def test_dates_are_those_of_the_drive_not_of_the_clocks_start(tmp_path: Path) -> None:
+    """The loop's clock showed 0 when the machine was switched on, days before the drive."""
+    robot = RecordedBench(tmp_path)
+    robot.clock.advance(3 * 86_400.0)
+    robot.clock.set_wall(1_700_000_000)
+    robot.tick()
+    robot.drive(range(20))
+    episode = robot.episode()
+    assert episode.origin_ns / 1e9 < 1_700_000_000 - 2 * 86_400
+    write_tub(episode, Notes(), tmp_path / "tub")
+    manifest = (tmp_path / "tub" / "manifest.json").read_text().splitlines()
+    dates_s = [json.loads(manifest[3])["created_at"]]
+    with episode.path.open("rb") as file:
+        dates_s += [one.create_time / 1e9 for one in make_reader(file).iter_attachments()]
+    assert dates_s == pytest.approx([1_700_000_000] * 4, abs=60), "the models and the index"
 
 
 @pytest.mark.parametrize("seed", seeds(3, 10))
@@ -66,26 +101,11 @@ def test_a_power_cut_costs_only_what_was_not_flushed_yet(tmp_path: Path, seed: i
             assert lost_s <= FLUSH_EVERY_S + 2 * 0.1  # it flushes when a step ends
 
 
-def test_recorded_pictures_are_read_as_the_camera_gave_them(tmp_path: Path) -> None:
-    robot = RecordedBench(tmp_path)
-    given = {}
-    robot.start(Mode.TRAIN)
-    for scene in range(20):
-        robot.step(scene, Action.LEFT)
-        frame = robot.camera.latest()
-        assert frame is not None
-        given[frame.frame_id] = frame
-    episode = robot.episode()
-    for frame_id, frame in given.items():
-        back = episode.frame(frame_id)
-        assert back.data == frame.data and back.encoding is frame.encoding
-        assert (back.width, back.height) == (frame.width, frame.height)
-        assert back.captured_s == pytest.approx(frame.captured_s, abs=2e-9)
-
-
 def test_every_message_is_valid_against_its_schema(tmp_path: Path) -> None:
-    """Read by the library itself, with the schemas in the file."""
+    """Read by the library itself, with the schemas in the file. Foxglove draws what is protobuf."""
     robot = RecordedBench(tmp_path)
+    pose = Pose(x_m=1.0, y_m=2.0, heading_rad=3.0)
+    robot.driver.sensors = Sensors(distance_m=0.5, bumped=False, pose=pose)
     robot.drive(range(30))
     node = images(robot.loop.history.policy)[0].node_id
     robot.loop.submit(lambda: robot.loop.history.edit("relabel", node, Action.LEFT))
@@ -100,13 +120,20 @@ def test_every_message_is_valid_against_its_schema(tmp_path: Path) -> None:
                 described = json.loads(schema.data)
                 Draft202012Validator.check_schema(described)
                 Draft202012Validator(described).validate(json.loads(message.data))
+                continue
+            assert (schema.encoding, channel.message_encoding) == ("protobuf", "protobuf")
+            drawn = read_protobuf(schema.name, schema.data, message.data)
+            assert drawn.timestamp.ToNanoseconds() == message.log_time
+            if channel.topic == "/pose":
+                turn = drawn.pose.orientation
+                assert (schema.name, drawn.frame_id) == ("foxglove.PoseInFrame", "floor")
+                assert turn.z**2 + turn.w**2 == pytest.approx(1.0)
             else:
-                image = read_protobuf(schema.name, schema.data, message.data)
+                image = drawn
                 assert schema.name == "foxglove.RawImage"
                 assert (image.width, image.height, image.encoding) == (160, 120, "rgb8")
                 assert len(image.data) == image.step * image.height
-                assert image.timestamp.seconds * 10**9 + image.timestamp.nanos == message.log_time
-    topics = {"/command", "/decision", "/prediction", "/sensors", "/mode", "/lesson"}
+    topics = {"/command", "/decision", "/prediction", "/sensors", "/mode", "/lesson", "/pose"}
     assert seen == {"/camera", *topics}
 
 
@@ -134,40 +161,14 @@ def test_a_reading_that_is_no_finite_number_counts_as_missing(none: float) -> No
 def test_standing_for_a_while_ends_a_recording_and_the_next_drive_begins_another(
     tmp_path: Path,
 ) -> None:
+    """While the robot stands, few pictures are recorded."""
     robot = RecordedBench(tmp_path)
     for scenes, stands_s in ((range(20), 5), (range(20, 40), 12), (range(40, 60), 0)):
         robot.drive(scenes)
         robot.stand(stands_s)
-    assert [len(taught_frames(open_episode(path))) for path in robot.finish()] == [40, 20]
-
-
-def test_a_standing_robot_fills_no_disk(tmp_path: Path) -> None:
-    robot = RecordedBench(tmp_path)
-    robot.drive(range(20))
-    robot.stand(9)
-    assert len(robot.episode().frames) <= 20 + 5
-
-
-def test_pictures_from_before_the_start_go_along_when_they_are_labelled(tmp_path: Path) -> None:
-    robot = RecordedBench(tmp_path)
-    seen = robot.camera.show(1)
-    robot.tick()
-    robot.start(Mode.TRAIN, 2)
-    robot.hold(Action.LEFT, frame_id=seen.frame_id)
-    robot.tick()
-    episode = robot.episode()
-    assert seen.frame_id in taught_frames(episode)
-    assert episode.frame(seen.frame_id).data == seen.data
-
-
-def test_large_pictures_from_before_the_start_leave_room_for_those_after_it(tmp_path: Path) -> None:
-    robot = RecordedBench(tmp_path, queue_bytes=400_000)
-    for _ in range(20):
-        robot.camera.show(1)  # 57,600 bytes each
-        robot.tick()
-    robot.start(Mode.TRAIN, 2)
-    robot.step(3, Action.LEFT)
-    assert robot.recorder.queue.lost["frames"] == 0
+    episodes = [open_episode(path) for path in robot.finish()]
+    assert [len(taught_frames(episode)) for episode in episodes] == [40, 20]
+    assert len(episodes[0].frames) <= 40 + 15
 
 
 class SlowFile(io.BytesIO):
@@ -211,21 +212,6 @@ def test_a_slow_disk_costs_pictures_but_neither_memory_nor_examples(tmp_path: Pa
     assert ("recording_lossy", {"dropped_frames": queue.lost["frames"]}) in robot.told
 
 
-def test_a_full_disk_stops_recording_with_a_message_and_the_robot_drives_on(tmp_path: Path) -> None:
-    """A later drive is recorded again: see test_refusing_disk.py."""
-    disk = Disk()
-    robot = RecordedBench(tmp_path, open_file=disk.open)
-    robot.start(Mode.TRAIN)
-    robot.step(0, Action.LEFT)
-    disk.is_full = True
-    for scene in range(1, 20):
-        robot.step(scene, Action.LEFT)
-    fault = robot.recorder.recording.fault
-    assert fault is not None and "No space left" in fault
-    assert ("recording_off", {"detail": fault}) in robot.told
-    assert robot.step(30, Action.RIGHT).sent is Action.RIGHT
-
-
 def test_recording_keeps_room_on_the_disk_for_models(tmp_path: Path) -> None:
     robot = RecordedBench(tmp_path, spare_bytes=2**62)
     robot.drive(range(5))
@@ -247,30 +233,14 @@ def test_without_the_library_recording_is_off_with_a_message(
     assert robot.finish() == []
 
 
-@pytest.mark.parametrize(("does", "kept"), [("nothing", 0), ("teaches", 1), ("edits", 2)])
-def test_runs_without_training_or_driving_are_not_kept(
-    tmp_path: Path, does: str, kept: int
-) -> None:
-    robot = RecordedBench(tmp_path)
-    robot.start(Mode.TRAIN, 0)
-    for scene in range(5):
-        robot.step(scene, None if does == "nothing" else Action.LEFT)
-    robot.stop()
-    if does == "edits":
-        robot.recorder.finish()
-        node = images(robot.loop.history.policy)[0].node_id
-        robot.loop.submit(lambda: robot.loop.history.edit("pin", node, True))
-        robot.tick()
-    assert len(robot.finish()) == kept
-
-
+@pytest.mark.parametrize("keeps_drives", [True, False])
 @pytest.mark.parametrize(
-    ("keeps_drives", "is_asked_for", "kept"),
-    [(True, False, [40, 0]), (False, False, [40]), (False, True, [40, 0])],
+    ("does", "is_kept"), [("drives", False), ("is asked for", True), ("edits", True)]
 )
 def test_a_run_in_which_nothing_was_taught_is_dropped_unless_somebody_wants_it(
-    tmp_path: Path, keeps_drives: bool, is_asked_for: bool, kept: list[int]
+    tmp_path: Path, keeps_drives: bool, does: str, is_kept: bool
 ) -> None:
+    """An edit of what was learned is kept, too."""
     robot = RecordedBench(tmp_path, keeps_drives=keeps_drives)
     robot.drive(range(40))
     robot.stand(12)
@@ -278,7 +248,94 @@ def test_a_run_in_which_nothing_was_taught_is_dropped_unless_somebody_wants_it(
     for scene in range(40, 60):
         robot.step(scene, None)
     assert robot.loop.state.decision.action is not Action.STOP, "it drives itself"
-    if is_asked_for:
+    if does == "is asked for":
         robot.recorder.keep()
+    elif does == "edits":
+        node = images(robot.loop.history.policy)[0].node_id
+        robot.loop.submit(lambda: robot.loop.history.edit("pin", node, True))
+        robot.tick()
     robot.stop()
-    assert [len(taught_frames(open_episode(path))) for path in robot.finish()] == kept
+    taught = [len(taught_frames(open_episode(path))) for path in robot.finish()]
+    assert taught == ([40, 0] if keeps_drives or is_kept else [40])
+
+
+def test_a_run_without_driving_or_teaching_is_not_kept(tmp_path: Path) -> None:
+    robot = RecordedBench(tmp_path)
+    robot.start(Mode.TRAIN)
+    for scene in range(5):
+        robot.step(scene, None)
+    robot.stop()
+    assert robot.finish() == []
+
+
+@crossed(stood_s=[0.0, 0.5, 5.0, 9.5, 12.0], teaches_at_once=[False, True])
+def test_a_full_disk_ends_the_recording_and_the_next_drive_is_recorded_again(
+    tmp_path: Path, stood_s: float, teaches_at_once: bool
+) -> None:
+    """The robot drives on meanwhile, whenever the next drive begins."""
+    chance, disk = random.Random(f"{stood_s}"), Disk()
+    robot = RecordedBench(tmp_path, open_file=disk.open)
+    queue, recording = robot.recorder.queue, robot.recorder.recording
+    history = robot.loop.history
+    robot.drive(range(chance.randrange(5, 20)))
+    queue.write_waiting()
+    disk.is_full = True
+    robot.start(Mode.TRAIN)
+    assert [robot.step(20 + n, Action.LEFT).sent for n in range(20)] == [Action.LEFT] * 20
+    robot.stop()
+    queue.write_waiting()
+    assert recording.fault is not None and "No space left" in recording.fault
+    assert ("recording_off", {"detail": recording.fault}) in robot.told
+    disk.is_full = False
+    robot.stand(stood_s)
+
+    taught = history.taught.total()
+    if teaches_at_once:  # in the same tick in which it starts
+        frame = robot.camera.show(100)
+        robot.loop.set_mode(Mode.TRAIN)
+        robot.clock.sleep(0.05)
+        robot.hold(Action.RIGHT, frame.frame_id)
+        robot.tick()
+    robot.drive(range(100, 140))
+    live = history.policy.get_state()
+    assert recording.fault is None and recording.episode_id is not None
+    episode = robot.episode()
+    before = episode.model_before()
+    assert before is not None and episode.damage is None
+    assert before.summary.n_examples - taught in (0, teaches_at_once)
+    assert len(taught_frames(episode)) == history.taught.total() - before.summary.n_examples >= 40
+    again = before.to_policy()
+    learn_again(again, [(episode, Notes())])
+    assert same_nodes(again.get_state(), live)
+
+
+@pytest.mark.parametrize("what", ["open", "flush"])
+@pytest.mark.parametrize("refused", [0, 1, 2, 4, 8])
+def test_every_file_is_closed_whatever_the_disk_refuses(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str, refused: int
+) -> None:
+    """At the beginning, in the middle and at the end of a recording and of its parts."""
+    files: list[BinaryIO] = []
+    n_done = {"open": 0, "flush": 0}
+
+    def count(kind: str) -> None:
+        n_done[kind] += 1
+        if kind == what and n_done[kind] > refused:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def open_file(path: Path) -> BinaryIO:
+        count("open")
+        files.append(path.open("xb"))
+        return files[-1]
+
+    monkeypatch.setattr(os, "fsync", lambda _: count("flush"))
+    robot = RecordedBench(tmp_path, open_file=open_file, part_s=1.0)
+    robot.drive(range(200))
+    robot.recorder.queue.write_waiting()
+    robot.recorder.finish()
+    robot.recorder.stop()
+    assert "No space left" in str(robot.recorder.recording.fault)
+    assert all(file.closed for file in files)
+    if what == "open" and refused:
+        [path] = tmp_path.glob("*.mcap")
+        assert open_episode(path).damage == CUT_SHORT and len(part_paths(path)) == refused

@@ -1,29 +1,36 @@
-"""Learning again from recordings gives the same learner as driving, bit for bit."""
+"""Learning again from recordings gives the same learner as driving, bit for bit, and edits change
+what is learned. What edits change is measured on held-out frames, by the edited labels."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from robot.coaching.gallery import images
 from robot.errors import ConfigurationError
 from robot.moves import Move, names
-from robot.policy.autosize import sample_frames
-from robot.policy.events import HistoryEvent, Taught, describe_event
+from robot.policy.events import Taught
 from robot.policy.history import TrainingHistory
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
+from robot.recordings.comparison import FEWEST_FRAMES, compare
 from robot.recordings.edits import Edit, Notes, trim
-from robot.recordings.episode import Episode, open_episode
-from robot.recordings.messages import Topic
-from robot.recordings.teaching import learn_again, plan
-from robot.recordings.writer import EpisodeWriter, describe_run
+from robot.recordings.episode import Episode, open_episode, taught_frames
+from robot.recordings.teaching import count_steps, learn_again, plan
 from robot.store.models.model import Model, same_nodes
 from robot.types import Action, Example, Mode, Point
+from tests.robot.exchange.imported import import_pictures
 
 from .drives import RecordedBench, record_drive
+
+LEARNERS = ("published-8", "default-8", "published-32", "default-32")
+OWN = tuple(
+    Move(Action(name), steering=steering, throttle=0.5)
+    for name, steering in (("ahead", 0.0), ("port", -0.8), ("starboard", 0.8))
+)
 
 
 def examples(episode: Episode, *edits: Edit) -> list[Example]:
@@ -33,9 +40,6 @@ def examples(episode: Episode, *edits: Edit) -> list[Example]:
 
 def frames_taught(episode: Episode, *edits: Edit) -> list[int]:
     return [example.frame_id for example in examples(episode, *edits)]
-
-
-LEARNERS = ("published-8", "default-8", "published-32", "default-32")
 
 
 @pytest.mark.parametrize("learner", LEARNERS)
@@ -91,45 +95,28 @@ def test_several_recordings_of_one_run_with_an_undo_across_them(
     assert same_nodes(again.get_state(), live) and same_nodes(going_on.get_state(), live)
 
 
-OWN = tuple(
-    Move(Action(name), steering=steering, throttle=0.5)
-    for name, steering in (("ahead", 0.0), ("port", -0.8), ("starboard", 0.8))
-)
-
-
-def record_own_moves(path: Path, learner: str, declared: tuple[Move, ...]) -> tuple[Policy, Path]:
-    """Teach a body its own moves, sometimes proportionally; return the results."""
-    policy, told = make_policy(learner, names(OWN)), list[HistoryEvent]()
-    history = TrainingHistory(policy, told.extend, OWN)
-    run = describe_run(
-        episode_id=path.stem,
-        run_id="r",
-        origin_ns=0,
-        learner=learner,
+def record_own_moves(path: Path, declared: tuple[Move, ...]) -> Episode:
+    """Record a drive by a body's own moves, which the pilot sometimes steered proportionally."""
+    driven = [OWN[index // 12 % 3] for index in range(90)]
+    return import_pictures(
+        path,
+        np.random.default_rng(1).integers(0, 256, (90, 24, 32, 3), np.uint8),
+        [move.name for move in driven],
+        points=[move.point if index // 12 % 2 else None for index, move in enumerate(driven)],
         moves=names(OWN),
         declared_moves=declared,
     )
-    with path.open("xb") as file:
-        writer = EpisodeWriter(file, run)
-        for index, frame in enumerate(sample_frames(90)):
-            seen, move = replace(frame, captured_s=index / 10), OWN[index // 12 % 3]
-            point = move.point if index // 12 % 2 else None
-            example = Example(
-                frame_id=seen.frame_id, label=move.name, is_intervention=False, point=point
-            )
-            writer.write_frame(seen)
-            history.teach(example, policy.extract(seen), seen.captured_s)
-            told_last = describe_event(told[-1], with_vector=False)
-            writer.write_message(Topic.LESSON, seen.captured_s, told_last)
-        writer.close({"dropped_frames": "0", "lost_words": "0"})
-    return policy, path
 
 
 @pytest.mark.parametrize("learner", ["default-8", "default-32"])
 def test_a_bodys_own_moves_are_learned_again_bit_for_bit(tmp_path: Path, learner: str) -> None:
-    driven, path = record_own_moves(tmp_path / "a.mcap", learner, OWN)
-    again = make_policy(learner, names(OWN))
-    learn_again(again, [(open_episode(path), Notes())])
+    episode = record_own_moves(tmp_path / "a.mcap", OWN)
+    driven, again = make_policy(learner, names(OWN)), make_policy(learner, names(OWN))
+    history = TrainingHistory(driven, lambda events: None, OWN)
+    for frame_id, example in taught_frames(episode).items():
+        frame = episode.frame(frame_id)
+        history.teach(example, driven.extract(frame), frame.captured_s)
+    learn_again(again, [(episode, Notes())])
     assert same_nodes(again.get_state(), driven.get_state())
     assert (again.kinds.turns, again.kinds.points) == (driven.kinds.turns, driven.kinds.points)
     assert set(again.kinds.turns.values()) == {-1, 1}
@@ -137,17 +124,15 @@ def test_a_bodys_own_moves_are_learned_again_bit_for_bit(tmp_path: Path, learner
 
 def test_a_recording_without_declared_moves_removes_no_move_from_a_policy(tmp_path: Path) -> None:
     """A recording of 0.1, or of another program."""
-    _, path = record_own_moves(tmp_path / "a.mcap", "default-8", ())
+    episode = record_own_moves(tmp_path / "a.mcap", ())
     going_on = make_policy("default-8", names(OWN))
     going_on.kinds.describe(OWN)
     turns = dict(going_on.kinds.turns)
-    learn_again(going_on, [(open_episode(path), Notes())])
+    learn_again(going_on, [(episode, Notes())])
     assert going_on.kinds.turns == turns == {"port": -1, "starboard": 1}
 
 
-def test_another_learner_learns_the_same_examples_if_it_has_their_moves(
-    tmp_path: Path,
-) -> None:
+def test_another_learner_learns_the_same_examples_if_it_has_their_moves(tmp_path: Path) -> None:
     episode = record_drive(tmp_path, "published-8")
     other = make_policy("default-16")
     report = learn_again(other, [(episode, Notes())])
@@ -157,16 +142,7 @@ def test_another_learner_learns_the_same_examples_if_it_has_their_moves(
         learn_again(make_policy("published-8", (Action.FORWARD, Action.LEFT)), [(episode, Notes())])
 
 
-def test_deleted_frames_are_not_learned(tmp_path: Path) -> None:
-    episode = record_drive(tmp_path)
-    ids = frames_taught(episode)
-    deletion = Edit(verb="delete", ranges=((ids[10], ids[19]),))
-    trimming = trim(episode.frames, ids[5], ids[14])
-    assert frames_taught(episode, deletion) == ids[:10] + ids[20:]
-    assert frames_taught(episode, deletion, trimming) == ids[5:10]
-
-
-def test_relabelled_frames_are_learned_with_the_new_label_also_if_nobody_taught_them(
+def test_deleted_frames_are_not_learned_and_relabelled_ones_also_if_nobody_taught_them(
     tmp_path: Path,
 ) -> None:
     robot = RecordedBench(tmp_path)
@@ -174,6 +150,10 @@ def test_relabelled_frames_are_learned_with_the_new_label_also_if_nobody_taught_
     robot.drive(range(100, 110), Mode.AUTONOMOUS)
     episode = robot.episode()
     taught = frames_taught(episode)
+    deletion = Edit(verb="delete", ranges=((taught[5], taught[8]),))
+    assert frames_taught(episode, deletion) == taught[:5] + taught[9:]
+    trimming = trim(episode.frames, taught[3], taught[6])
+    assert frames_taught(episode, deletion, trimming) == taught[3:5]
     alone = [frame_id for frame_id in episode.frames if frame_id > taught[-1]][2:5]
     ranges = ((taught[0], taught[2]), (alone[0], alone[-1]))
     edit = Edit(verb="relabel", ranges=ranges, label=Action.RIGHT)
@@ -181,3 +161,56 @@ def test_relabelled_frames_are_learned_with_the_new_label_also_if_nobody_taught_
     labels = [example.label for example in examples(episode, edit)]
     before = [example.label for example in examples(episode)]
     assert labels == [Action.RIGHT] * 3 + before[3:] + [Action.RIGHT] * 3
+
+
+# Compared ----------------------------------------------------------------------------------------
+
+MOVES = (Action.FORWARD, Action.LEFT)
+
+
+def record(path: Path, labels: Sequence[Action], shown: Sequence[Action] | None = None) -> Episode:
+    """Record pictures that are bright on the left where left is the right move."""
+    noise = np.random.default_rng(len(labels))
+    pictures = noise.integers(0, 60, (len(labels), 120, 160, 3), dtype=np.uint8)
+    for pixels, truth in zip(pictures, shown or labels, strict=True):
+        half = slice(0, 80) if truth is Action.LEFT else slice(80, 160)
+        pixels[:, half] += 150
+    return import_pictures(path, pictures, labels, moves=MOVES)
+
+
+def alternating(n: int) -> list[Action]:
+    return [MOVES[i // 20 % 2] for i in range(n)]
+
+
+@pytest.mark.parametrize("n_wrong", [0, 40, 160])
+def test_a_repair_never_makes_it_worse_and_a_large_one_shows(tmp_path: Path, n_wrong: int) -> None:
+    truth, spoiled = alternating(200), alternating(200)
+    spoiled[20 : 20 + n_wrong] = [MOVES[move is Action.FORWARD] for move in truth[20:][:n_wrong]]
+    episode, notes = record(tmp_path / "a.mcap", spoiled, shown=truth), Notes()
+    for frame_id, label in list(zip(episode.frames, truth, strict=True))[20 : 20 + n_wrong]:
+        edit = Edit(verb="relabel", ranges=((frame_id, frame_id),), label=label)
+        notes = notes.with_edit(edit)
+    steps: list[None] = []
+    made: list[Policy] = []
+
+    def new_policy() -> Policy:
+        made.append(make_policy("default-16", MOVES))
+        return made[-1]
+
+    found = compare([(episode, notes)], new_policy, lambda: steps.append(None))
+    assert found is not None and 30 <= found.frames <= 50
+    assert found.after >= found.before
+    if n_wrong == 0:
+        assert (found.before, found.mended, found.broken) == (found.after, (), ())
+    if n_wrong == 160:
+        assert found.after > found.before and found.mended
+    assert {d.label for d in found.mended} == {d.after for d in found.mended}
+    assert 300 <= len(steps) <= count_steps([(episode, Notes())]) + count_steps([(episode, notes)])
+    n_taught = [policy.n_seen for policy in made]
+    assert n_taught == [200 - found.frames] * 2, "what is compared was taught to neither learner"
+
+
+def test_with_too_few_examples_there_is_no_comparison(tmp_path: Path) -> None:
+    for n in (2, FEWEST_FRAMES - 1):
+        episode = record(tmp_path / f"{n}.mcap", alternating(n))
+        assert compare([(episode, Notes())], lambda: make_policy("default-16", MOVES)) is None
