@@ -1,4 +1,4 @@
-"""`drivelesson episodes export` and `import`, as a user types them."""
+"""`drivelesson episodes export`, `import` and `play`, as a user types them."""
 
 from __future__ import annotations
 
@@ -22,6 +22,13 @@ from tests.robot.recordings.drives import RecordedBench
 from tests.server.conftest import Say
 
 
+@pytest.fixture
+def exported(episode_id: str, tmp_path: Path, say: Say) -> Path:
+    """The recording of the data folder as a folder of pictures."""
+    say(f"episodes export last --as folder --out {tmp_path}/out")
+    return tmp_path / "out"
+
+
 def test_models_among_recordings_are_reported_and_do_not_stop_an_import(
     episode_id: str, tmp_path: Path, say: Say
 ) -> None:
@@ -38,6 +45,107 @@ def test_models_among_recordings_are_reported_and_do_not_stop_an_import(
     say(f"episodes import {folder} --strict", status=2)
     (folder / "b.npz").unlink()
     assert "found no drive to import" in say(f"episodes import {folder}", status=2)
+
+
+def test_tubs_in_a_zip_are_imported_each_or_with_strict_none(
+    episode_id: str, data: Path, tmp_path: Path, say: Say
+) -> None:
+    for name in ("one!", "two"):
+        say(f"episodes export last --as folder --out {tmp_path}/drives/{name}")
+        say(f"episodes export last --as tub --out {tmp_path}/drives/tub-{name}")
+    next((tmp_path / "drives/two/images").iterdir()).write_bytes(b"")
+    archive = shutil.make_archive(str(tmp_path / "all"), "zip", tmp_path / "drives")
+    assert "is not a picture" in say(f"episodes import {archive} --strict", status=2)
+    store = EpisodeStore(Storage(data))
+    assert store.ids() == [episode_id]
+    assert not any(path.is_dir() for path in (data / "episodes").iterdir())
+    told = say(f"episodes import {archive}")
+    assert "60 pictures from two" in told and "skipped: 1" in told
+    assert set(store.ids()) == {episode_id, "one", "two", "tub-one", "tub-two"}
+
+
+def test_neither_a_starting_server_nor_emptying_the_trash_disturbs_an_import(
+    exported: Path, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, say: Say
+) -> None:
+    archive = shutil.make_archive(str(tmp_path / "all"), "zip", exported)
+    moved: list[tuple[str, str]] = []
+
+    def find_later(path: Path) -> list[Source]:
+        moved.extend(prepare(data))
+        assert main(["episodes", "empty-trash"]) == 0
+        return find_drives(path)
+
+    killed = data / "trash/.import-killed/one"
+    killed.mkdir(parents=True)
+    (killed.parent / ".lock").touch()
+    monkeypatch.setattr("server.exchange.command.find_drives", find_later)
+    assert "61 pictures from all" in say(f"episodes import {archive}")
+    assert moved == [] and not any((data / "trash").iterdir())
+
+
+def test_an_import_without_times_does_not_count_as_the_last_recording(
+    episode_id: str, exported: Path, say: Say
+) -> None:
+    say(f"episodes import {exported} --name zzz")
+    assert say("episodes show last") == say(f"episodes show {episode_id}")
+    assert "unknown" in say("episodes list")
+
+
+def test_two_imports_of_one_name_at_once_lose_nothing(
+    episode_id: str, exported: Path, data: Path, monkeypatch: pytest.MonkeyPatch, say: Say
+) -> None:
+    words = f"episodes import {exported} --name Hall"
+    meanwhile = [words, words.replace("Hall", "hall"), "episodes list"]
+
+    def write_slowly(*what: Any, **more: Any) -> int:
+        while meanwhile:
+            assert main(meanwhile.pop(0).split()) == 0
+        return write_episode(*what, **more)
+
+    monkeypatch.setattr("server.exchange.command.write_episode", write_slowly)
+    assert "damaged" not in say(words)
+    store = EpisodeStore(Storage(data))
+    assert set(store.ids()) == {episode_id, "Hall", "Hall (2)", "hall (3)"}
+    assert all(len(store.open(name).frames) == 61 for name in store.ids())
+
+
+def test_a_name_is_free_again_when_an_import_fails(exported: Path, data: Path, say: Say) -> None:
+    images = list((exported / "images").iterdir())
+    kept = {path: path.read_bytes() for path in images}
+    for path in images:
+        path.write_bytes(b"")
+    say(f"episodes import {exported} --name hall", status=2)
+    for path, content in kept.items():
+        path.write_bytes(content)
+    assert say(f"episodes import {exported} --name hall").startswith("hall: ")
+    assert len(list((data / "episodes").iterdir())) == 2
+
+
+def test_an_export_says_how_much_and_which_times_it_wrote(
+    data: Path, say: Say, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Between two lessons the robot drives by itself for 65 s, which only `--all` exports."""
+    robot = RecordedBench(Storage(data).folder("episodes"))
+    robot.drive(range(8))
+    robot.start(Mode.AUTONOMOUS, 0)
+    for number in range(1300):
+        robot.step(number % 8, None)
+    robot.stop()
+    robot.drive(range(8))
+    robot.finish()
+    told = say("episodes export last --as npz")
+    assert told.endswith("times repaired: 1 pauses of up to 65 s shortened to 2 s\n")
+    assert ": 16 records" in say("episodes export last --as tub")
+    assert ": 16 records" not in say("episodes export last --as tub --all")
+    assert main(["episodes", "export", "last", "--as", "tub"]) == 0
+    assert "100%" in capsys.readouterr().err, "what is left out is done, too"
+
+
+def test_films_and_datasets_go_to_the_exports(episode_id: str, data: Path, say: Say) -> None:
+    say("episodes export last --as film")
+    say("episodes export last --as lerobot --fps 10")
+    names = sorted(path.name for path in (data / "exports").iterdir())
+    assert names == [f"{episode_id}-film.mp4", f"{episode_id}-lerobot"]
 
 
 @pytest.mark.parametrize("form", ["tub", "film", "npz"])
@@ -60,149 +168,15 @@ def test_an_export_that_fails_leaves_no_file(
     assert len(seen) == 9 and not any((data / "exports").iterdir())
 
 
-def test_tubs_in_a_zip_are_imported_each_or_with_strict_none(
-    episode_id: str, data: Path, tmp_path: Path, say: Say
+def test_an_export_under_a_wrong_name_is_refused_before_anything_is_read(
+    episode_id: str, monkeypatch: pytest.MonkeyPatch, say: Say
 ) -> None:
-    for name in ("one!", "two"):
-        say(f"episodes export last --as folder --out {tmp_path}/drives/{name}")
-        say(f"episodes export last --as tub --out {tmp_path}/drives/tub-{name}")
-    next((tmp_path / "drives/two/images").iterdir()).write_bytes(b"")
-    archive = shutil.make_archive(str(tmp_path / "all"), "zip", tmp_path / "drives")
-    assert "is not a picture" in say(f"episodes import {archive} --strict", status=2)
-    assert EpisodeStore(Storage(data)).ids() == [episode_id]
-    assert not any(path.is_dir() for path in (data / "episodes").iterdir())
-    told = say(f"episodes import {archive}")
-    assert "60 pictures from two" in told and "skipped: 1" in told
-    assert set(EpisodeStore(Storage(data)).ids()) == {
-        episode_id,
-        "one",
-        "two",
-        "tub-one",
-        "tub-two",
-    }
+    def refuse(*_: object) -> None:
+        raise AssertionError("it was read")
 
-
-def test_neither_a_starting_server_nor_emptying_the_trash_disturbs_an_import(
-    episode_id: str, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, say: Say
-) -> None:
-    say(f"episodes export last --as folder --out {tmp_path}/drives/one")
-    archive = shutil.make_archive(str(tmp_path / "all"), "zip", tmp_path / "drives")
-    moved: list[tuple[str, str]] = []
-
-    def find_later(path: Path) -> list[Source]:
-        moved.extend(prepare(data))
-        assert main(["episodes", "empty-trash"]) == 0
-        return find_drives(path)
-
-    killed = data / "trash/.import-killed/one"
-    killed.mkdir(parents=True)
-    (killed.parent / ".lock").touch()
-    monkeypatch.setattr("server.exchange.command.find_drives", find_later)
-    assert "61 pictures from one" in say(f"episodes import {archive}")
-    assert moved == [] and not any((data / "trash").iterdir())
-
-
-def test_an_import_without_times_does_not_count_as_the_last_recording(
-    episode_id: str, tmp_path: Path, say: Say
-) -> None:
-    say(f"episodes export last --as folder --out {tmp_path}/out")
-    say(f"episodes import {tmp_path}/out --name zzz")
-    assert say("episodes show last") == say(f"episodes show {episode_id}")
-    assert "unknown" in say("episodes list")
-
-
-def test_two_imports_of_one_name_at_once_lose_nothing(
-    episode_id: str, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, say: Say
-) -> None:
-    say(f"episodes export last --as folder --out {tmp_path}/out")
-    words = f"episodes import {tmp_path}/out --name Hall"
-    meanwhile = [words, words.replace("Hall", "hall"), "episodes list"]
-
-    def write_slowly(*what: Any, **more: Any) -> int:
-        while meanwhile:
-            assert main(meanwhile.pop(0).split()) == 0
-        return write_episode(*what, **more)
-
-    monkeypatch.setattr("server.exchange.command.write_episode", write_slowly)
-    assert "damaged" not in say(words)
-    store = EpisodeStore(Storage(data))
-    assert set(store.ids()) == {episode_id, "Hall", "Hall (2)", "hall (3)"}
-    assert all(len(store.open(name).frames) == 61 for name in store.ids())
-
-
-def test_a_name_is_free_again_when_an_import_fails(
-    episode_id: str, data: Path, tmp_path: Path, say: Say
-) -> None:
-    say(f"episodes export last --as folder --out {tmp_path}/out")
-    images = list((tmp_path / "out/images").iterdir())
-    kept = {path: path.read_bytes() for path in images}
-    for path in images:
-        path.write_bytes(b"")
-    say(f"episodes import {tmp_path}/out --name hall", status=2)
-    for path, content in kept.items():
-        path.write_bytes(content)
-    assert say(f"episodes import {tmp_path}/out --name hall").startswith("hall: ")
-    assert len(list((data / "episodes").iterdir())) == 2
-
-
-def record_pause(data: Path) -> None:
-    """Record a drive with a gap of 65 s in the middle, in which nobody taught."""
-    robot = RecordedBench(Storage(data).folder("episodes"))
-    robot.drive(range(8))
-    robot.start(Mode.AUTONOMOUS, 0)
-    for number in range(1300):
-        robot.step(number % 8, None)
-    robot.stop()
-    robot.drive(range(8))
-    robot.finish()
-
-
-def test_remarks_about_times_concern_only_the_pictures_that_were_written(
-    data: Path, say: Say
-) -> None:
-    record_pause(data)
-    told = say("episodes export last --as npz")
-    assert told.endswith("times repaired: 1 pauses of up to 65 s shortened to 2 s\n")
-
-
-def test_films_and_datasets_go_to_the_exports(episode_id: str, data: Path, say: Say) -> None:
-    say("episodes export last --as film")
-    say("episodes export last --as lerobot --fps 10")
-    names = sorted(path.name for path in (data / "exports").iterdir())
-    assert names == [f"{episode_id}-film.mp4", f"{episode_id}-lerobot"]
-
-
-@pytest.mark.parametrize(
-    ("words", "complaint"),
-    [
-        ("episodes export last --as tub --out /proc/x", "cannot write"),
-        ("episodes export last --as folder --fps 5 --task x", "--as folder takes no --fps, --task"),
-        ("episodes export last --as film --all", "--as film takes no --all; leave it out"),
-        ("episodes export last --as tub --task x", "--as tub takes no --task"),
-        ("episodes import /nowhere --name a/b", "'a/b' is not a valid name"),
-        ("episodes import /nowhere", "nowhere does not exist"),
-        ("episodes import /nowhere --threshold 7", "--threshold"),
-    ],
-)
-def test_what_cannot_be_done_is_one_clear_line(
-    episode_id: str, words: str, complaint: str, say: Say
-) -> None:
-    assert complaint in say(words, status=2).splitlines()[-1]
-
-
-def test_with_the_option_all_a_tub_also_has_untaught_pictures(
-    data: Path, say: Say, capsys: pytest.CaptureFixture[str]
-) -> None:
-    robot = RecordedBench(Storage(data).folder("episodes"))
-    robot.drive(range(8))
-    robot.start(Mode.AUTONOMOUS, 0)
-    robot.step(1, None)
-    robot.stop()
-    robot.finish()
-    assert ": 8 records" in say("episodes export last --as tub")
-    assert ": 8 records" not in say("episodes export last --as tub --all")
-    assert main(["episodes", "export", "last", "--as", "tub"]) == 0
-    assert "100%" in capsys.readouterr().err, "what is left out is done, too"
+    monkeypatch.setattr("server.recordings.selection.open_episode", refuse)
+    for words in ("--as film --out cinema", "--as npz --fps 3", "--as tub --out ."):
+        assert say(f"episodes export last {words}", status=2)
 
 
 PLAY = [sys.executable, "-m", "server", "episodes", "play"]
@@ -224,11 +198,5 @@ def test_a_file_that_is_not_a_recording_is_reported(data: Path, tmp_path: Path) 
     words = [*PLAY, str(tmp_path / "broken.mcap"), "--port", "0", "--data", str(data)]
     played = subprocess.run(words, capture_output=True, text=True, check=False)
     assert (played.returncode, played.stdout) == (2, "")
-    assert (
-        played.stderr.splitlines()[-1]
-        == "drivelesson: broken.mcap cannot be read: broken.mcap is not an MCAP file"
-    )
-
-
-def test_an_unknown_name_is_reported(episode_id: str, say: Say) -> None:
-    assert "no episode of this name" in say("episodes play nobody", status=2)
+    said = "drivelesson: broken.mcap cannot be read: broken.mcap is not an MCAP file"
+    assert played.stderr.splitlines()[-1] == said

@@ -1,23 +1,77 @@
-"""The models of one robot over HTTP, with a running loop behind it."""
+"""Models renamed, copied, loaded and restored: in the data folder, and over HTTP."""
 
 from __future__ import annotations
 
 import shutil
+import unicodedata
 from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
 import pytest
 
+from robot.errors import ConfigurationError, NotFoundError
 from robot.store.folder import Storage
 from robot.store.models.model import same_nodes
 from robot.store.models.recovery import recover
 from robot.store.models.store import ModelStore
 from robot.types import Action, Mode
 from server.config import Config
+from server.library.models import ModelLibrary
+from tests.robot.store.models.test_model import some_model
 from tests.robot.store.models.test_store import everything
 from tests.server.live_robot import WEB
 from tests.server.virtual_server import VirtualServer
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> ModelStore:
+    times = iter(range(1000, 2000))
+    return ModelStore(Storage(tmp_path), wall_s=lambda: float(next(times)))
+
+
+@pytest.fixture
+def library(tmp_path: Path, store: ModelStore) -> ModelLibrary:
+    store.save("kitchen", some_model())
+    return ModelLibrary(Storage(tmp_path), store)
+
+
+def test_rename_copy_delete_and_restore(store: ModelStore, library: ModelLibrary) -> None:
+    store.current = "kitchen"
+    assert library.rename("kitchen", " Küche ") == "Küche"
+    assert store.current == "Küche"
+    assert library.copy("Küche") == "Küche (2)"
+    undo = store.delete("Küche")
+    assert store.names() == ["Küche (2)"]
+    store.save("KÜCHE", some_model())
+    assert library.restore(undo) == "Küche (3)"
+    assert store.names() == ["KÜCHE", "Küche (2)", "Küche (3)"]
+    with pytest.raises(NotFoundError):
+        library.restore(undo)
+    with pytest.raises(NotFoundError):
+        store.delete("cellar")
+
+
+def test_names_that_differ_in_how_an_accent_is_written_are_one(
+    store: ModelStore, library: ModelLibrary, tmp_path: Path
+) -> None:
+    (tmp_path / "models" / unicodedata.normalize("NFD", "Küche")).mkdir()
+    assert store.free_name("küche") == "küche (2)"
+    with pytest.raises(ConfigurationError, match="already"):
+        library.rename("kitchen", "Küche")
+
+
+def test_a_name_that_leads_elsewhere_is_refused(library: ModelLibrary, tmp_path: Path) -> None:
+    before = everything(tmp_path)
+    for name in ("../out", "/etc", "..", "", " ", "a/b", "con", ".x", "a\0", "x" * 65):
+        with pytest.raises((ConfigurationError, NotFoundError)):
+            library.rename("kitchen", name)
+        with pytest.raises((ConfigurationError, NotFoundError)):
+            library.copy("kitchen", name or ".")
+    assert everything(tmp_path) == before
+
+
+# Over HTTP ---------------------------------------------------------------------------------------
 
 
 class Bench:
@@ -92,7 +146,7 @@ def test_a_full_disk_refuses_another_model_and_keeps_what_was_taught(
     assert bench.server.ask_loop(lambda: bench.rig.loop.history.taught.total()) in (5, 12)
 
 
-def test_load_goes_back_to_what_a_model_knows(bench: Bench) -> None:
+def test_load_goes_back_to_what_a_model_knows_unless_the_robot_drives(bench: Bench) -> None:
     bench.server.teach(12)
     bench.client.post("/api/models/save")
     made = bench.client.post("/api/models", json={"name": "Flur", "place": "the hall"})
@@ -103,17 +157,12 @@ def test_load_goes_back_to_what_a_model_knows(bench: Bench) -> None:
     assert bench.server.ask_loop(lambda: bench.rig.loop.history.taught.total()) == 12
     assert bench.client.post("/api/models/Flur/load").status_code == 200
     assert bench.server.ask_loop(lambda: bench.rig.loop.history.taught.total()) == 3
-
-
-def test_a_driving_robot_keeps_its_model(bench: Bench) -> None:
-    bench.server.teach(12)
-    bench.client.post("/api/models/save")
     bench.server.set_mode(Mode.TRAIN)
     answer = bench.client.post("/api/models/bench/load")
     assert answer.status_code == 409 and "stop the robot" in answer.json()["detail"]
 
 
-def test_rename_copy_delete_and_undo(bench: Bench) -> None:
+def test_a_model_is_renamed_copied_deleted_and_restored_by_requests(bench: Bench) -> None:
     bench.server.teach(5)
     bench.client.post("/api/models/save")
     changed = bench.client.patch("/api/models/bench", json={"name": "Küche", "place": "home"})
@@ -122,12 +171,10 @@ def test_rename_copy_delete_and_undo(bench: Bench) -> None:
     undo = bench.client.delete("/api/models/Küche (2)").json()["undo"]
     assert bench.names() == ["Küche"]
     assert bench.client.post("/api/models/restore", json={"undo": undo}).status_code == 200
-    assert sorted(bench.names()) == ["Küche", "Küche (2)"]
-    bench.server.teach(1)
-    assert bench.client.post("/api/models/save").json() == {"name": "Küche"}
     change = {"name": "Küche (2)", "place": "elsewhere"}
     assert bench.client.patch("/api/models/Küche", json=change).status_code == 409
     models = bench.client.get("/api/models").json()["models"]
+    assert {one["name"] for one in models} == {"Küche", "Küche (2)"}
     assert {one["place"] for one in models} == {"home"}, "a refusal changes nothing"
 
 
@@ -159,33 +206,21 @@ def test_download_and_upload(bench: Bench) -> None:
     assert bench.client.get("/api/models/bench (2)/file").content == file.content
 
 
-@pytest.mark.parametrize(
-    ("method", "path", "body", "status"),
-    [
-        ("PUT", "/api/models/x/file", b"no model", 422),
-        ("PUT", "/api/models/x/file", b"", 400),
-        ("PUT", "/api/models/..%2Fx/file", b"no model", 405),
-        ("POST", "/api/models/nobody/load", b"", 404),
-        ("DELETE", "/api/models/nobody", b"", 404),
-        ("GET", "/api/models/nobody/preview", b"", 404),
-        ("GET", "/api/models/%2e%2e/file", b"", 404),
-        ("POST", "/api/models/restore", b'{"undo": "../.."}', 404),
-        ("POST", "/api/models", b"[1]", 400),
-        ("POST", "/api/models", b"{", 400),
-        ("POST", "/api/models", b'{"name": 7}', 400),
-        ("POST", "/api/models", b'{"name": "../x"}', 409),
-        ("POST", "/api/models", b'{"learner": "oracle-7"}', 409),
-        ("POST", "/api/models", b'{"like": 7}', 400),
-        ("POST", "/api/models", b'{"like": ["nobody"]}', 404),
-        ("POST", "/api/models", b'{"like": ["a","a","a","a","a","a","a","a","a"]}', 409),
-    ],
-)
-def test_what_cannot_be_done_is_said(
-    bench: Bench, tmp_path: Path, method: str, path: str, body: bytes, status: int
-) -> None:
+def test_what_cannot_be_done_changes_nothing(bench: Bench, tmp_path: Path) -> None:
+    """Each refusal has its status. Any other nonsense: tests/server/test_hostile_values.py."""
     before = everything(tmp_path)
-    answer = bench.client.request(method, path, content=body)
-    assert answer.status_code == status, answer.text
+    for method, path, body, status in (
+        ("PUT", "/x/file", b"no model", 422),
+        ("PUT", "/x/file", b"", 400),
+        ("POST", "/nobody/load", b"", 404),
+        ("GET", "/%2e%2e/file", b"", 404),
+        ("POST", "", b'{"name": "../x"}', 409),
+        ("POST", "", b'{"learner": "oracle-7"}', 409),
+        ("POST", "", b'{"like": ["nobody"]}', 404),
+        ("POST", "", b'{"like": ["a","a","a","a","a","a","a","a","a"]}', 409),
+    ):
+        answer = bench.client.request(method, f"/api/models{path}", content=body)
+        assert answer.status_code == status, (path, answer.text)
     assert everything(tmp_path) == before
 
 
@@ -196,25 +231,20 @@ def test_a_mode_change_saves(bench: Bench) -> None:
     assert bench.names() == ["bench"]
 
 
-@pytest.mark.parametrize("what", ["pin", "relabel", "undo", "undo of an edit", "outdate"])
+@pytest.mark.parametrize("what", ["undo of an edit", "outdate"])
 def test_a_change_that_is_acknowledged_survives_a_kill_at_that_very_moment(
     bench: Bench, tmp_path: Path, what: str
 ) -> None:
     """The folder is copied when the answer arrives, without the models, so that no save can
-    help."""
-    if what == "outdate":
-        bench.server.use_policy("default-8")
+    help. Other changes: tests/server/test_answers_are_facts.py."""
+    bench.server.use_policy("default-8")
     bench.server.teach(6)
     [node, *_] = [image["node"] for image in bench.client.get("/api/gallery").json()["images"]]
-    if what == "undo":
-        asked = bench.client.post("/api/teaching/undo", json={"seconds": 0.12})
-    elif what == "outdate":
+    if what == "outdate":
         asked = bench.client.post("/api/teaching/outdate")
     else:
-        verb, value = ("relabel", "right") if what == "relabel" else ("pin", True)
-        asked = bench.client.post(f"/api/gallery/{node}", json={"verb": verb, "value": value})
-        if what == "undo of an edit":
-            asked = bench.client.post("/api/gallery/undo")
+        bench.client.post(f"/api/gallery/{node}", json={"verb": "pin", "value": True})
+        asked = bench.client.post("/api/gallery/undo")
     assert asked.status_code == 200
     left = Storage(tmp_path / "left")
     shutil.copytree(tmp_path / "journal", left.journal)

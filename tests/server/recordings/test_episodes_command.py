@@ -1,4 +1,4 @@
-"""`drivelesson episodes`, as a user types it."""
+"""`drivelesson episodes`, as a user types it. Exports and imports: tests/server/exchange."""
 
 from __future__ import annotations
 
@@ -9,15 +9,122 @@ import unicodedata
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 import pytest
 
 from robot.recordings.folder import NAME
 from robot.recordings.store import EpisodeStore
 from robot.store.folder import Storage
+from robot.types import Action
 from server.__main__ import main
 from tests.client.disk import Disk
 from tests.kit.sizes import crossed
+from tests.robot.exchange.imported import import_pictures
 from tests.server.conftest import Say
+
+
+def test_a_recording_is_listed_shown_edited_titled_and_compacted(
+    episode_id: str, data: Path, say: Say, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store = EpisodeStore(Storage(data))
+    assert episode_id in say("episodes list")
+    shown = say("episodes show last")
+    assert "'forward': 20, 'left': 20, 'right': 20" in shown
+    pilot = next(line for line in shown.splitlines() if line.startswith("pilot"))
+    assert "FFFFLLLLRRRR" in pilot
+    assert say("episodes title last " + "x" * 300) == f"the title is now {'x' * 200!r}\n"
+    assert "x" * 200 in say("episodes show last")
+    assert main(["episodes", "title", "last", ""]) == 0
+    assert capsys.readouterr().out == "the title is removed\n"
+    assert "1 edit; " in say("episodes trim last --from 0.5 --to 2.5")
+    say("episodes relabel last --from 1 --to 2 --label right")
+    assert "3 edits" in say("episodes delete last --from 2")
+    assert len(store.notes(episode_id).edits) == 3
+    shown = say(f"episodes show {episode_id[:12]}")
+    assert "x" in shown and "edit 2: relabel right" in shown
+    say("episodes undo last")
+    assert len(store.notes(episode_id).edits) == 2
+    before = store.summary(episode_id).bytes
+    say("episodes compact last")
+    assert store.summary(episode_id).bytes < before
+
+
+def test_several_episodes_are_zipped_deleted_restored_and_imported_by_one_command_each(
+    episode_id: str, data: Path, tmp_path: Path, say: Say
+) -> None:
+    store, home = EpisodeStore(Storage(data)), tmp_path / "home.zip"
+    path = store.path(episode_id)
+    for name in ("hall", "yard"):
+        shutil.copy(path, path.with_stem(name))
+    listed = say("episodes list --search YARD")
+    assert "yard" in listed and "hall" not in listed
+    assert "3 episodes" in say(f"episodes zip --all --out {home} --delete")
+    assert store.ids() == []
+    assert say("episodes restore").count(" is restored") == 3
+    assert f"{episode_id} is never offered" in say("episodes protect last")
+    assert "3 episodes" not in say("episodes delete --all", status=1)
+    assert store.ids() == [episode_id]
+    assert "deletable" not in say("episodes budget --gigabytes 0")
+    assert f"{episode_id} is again offered" in say("episodes unprotect last")
+    assert f"deletable: {episode_id}" in say("episodes budget --gigabytes 0")
+    say(f"episodes import {home}")
+    assert len(store.ids()) == 4
+
+
+@pytest.mark.parametrize("theirs_first", [True, False])
+def test_the_word_last_means_the_newest_by_time_not_by_name(
+    episode_id: str, data: Path, theirs_first: bool, say: Say
+) -> None:
+    assert "nothing is recorded yet" in say(f"episodes show last --data {data}/none", status=2)
+    own = EpisodeStore(Storage(data)).open(episode_id)
+    began_s = own.started_at_s + (-86_400 if theirs_first else 86_400)
+    black = np.zeros((3, 120, 160, 3), np.uint8)
+    path = data / NAME / "their long hall.mcap"
+    import_pictures(path, black, [Action.LEFT] * 3, started_at_s=began_s)
+    newest = episode_id if theirs_first else "their long hall"
+    assert newest in say("episodes show last")
+    say("episodes export last --as folder")
+    [exported] = (data / "exports").iterdir()
+    assert exported.name == f"{newest.replace(' ', '-')}-folder"
+    assert newest in say("episodes delete last")
+
+
+@crossed(form=["NFC", "NFD"], typed=["Küche", "Kü", unicodedata.normalize("NFD", "Küche")])
+def test_a_name_is_found_in_every_encoding_of_its_accents(
+    episode_id: str, data: Path, form: Literal["NFC", "NFD"], typed: str, say: Say
+) -> None:
+    path = EpisodeStore(Storage(data)).path(episode_id)
+    path.rename(path.with_stem(unicodedata.normalize(form, "Küche")))
+    say(f"episodes title {typed} Here")
+    assert [one.title for one in EpisodeStore(Storage(data)).summaries()] == ["Here"]
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        ("show nobody", "no episode of this name"),
+        ("trim last --from 90 --to 91", "no pictures between"),
+        ("delete", "name at least one episode"),
+        ("delete last --all", "give only one of these"),
+        ("zip --search kitchen", "no episode has 'kitchen'"),
+        ("restore 17", "no longer in the trash"),
+        ("list --data /proc/x", "cannot be used"),
+        ("export last --as tub --out /proc/x", "cannot write"),
+        ("export last --as folder --fps 5 --task x", "--as folder takes no --fps, --task"),
+        ("export last --as film --all", "--as film takes no --all; leave it out"),
+        ("import /nowhere --name a/b", "'a/b' is not a valid name"),
+        ("import /nowhere", "nowhere does not exist"),
+        ("import /nowhere --threshold 7", "--threshold"),
+        ("play nobody", "no episode of this name"),
+    ],
+)
+def test_what_cannot_be_done_is_one_clear_line(
+    episode_id: str, words: str, complaint: str, say: Say
+) -> None:
+    assert complaint in say(f"episodes {words}", status=2).splitlines()[-1]
+
+
+# The folder and the disk -------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("why", [errno.EIO, errno.EROFS])
@@ -46,49 +153,6 @@ def test_a_folder_that_cannot_be_written_is_read(
         assert "cannot be used" in say(f"episodes {words}", status=2)
 
 
-def test_list_names_parts_without_their_recording(episode_id: str, data: Path, say: Say) -> None:
-    assert "is missing" not in say("episodes list")
-    (data / NAME / "gone.parts").mkdir()
-    assert "gone.parts, 0.0 MB: gone.mcap is missing" in say("episodes list")
-
-
-def test_episodes_are_listed_and_shown(episode_id: str, say: Say) -> None:
-    assert episode_id in say("episodes list")
-    shown = say("episodes show last")
-    assert "'forward': 20, 'left': 20, 'right': 20" in shown
-    pilot = next(line for line in shown.splitlines() if line.startswith("pilot"))
-    assert "FFFFLLLLRRRR" in pilot
-
-
-@crossed(form=["NFC", "NFD"], typed=["Küche", "Kü", unicodedata.normalize("NFD", "Küche")])
-def test_a_name_is_found_in_every_encoding_of_its_accents(
-    episode_id: str, data: Path, form: Literal["NFC", "NFD"], typed: str, say: Say
-) -> None:
-    path = EpisodeStore(Storage(data)).path(episode_id)
-    path.rename(path.with_stem(unicodedata.normalize(form, "Küche")))
-    say(f"episodes title {typed} Here")
-    assert [one.title for one in EpisodeStore(Storage(data)).summaries()] == ["Here"]
-
-
-def test_the_command_says_that_nothing_is_recorded_yet(data: Path, say: Say) -> None:
-    assert "nothing is recorded yet" in say("episodes show last", status=2)
-
-
-def test_edits_are_made_and_undone(episode_id: str, data: Path, say: Say) -> None:
-    store = EpisodeStore(Storage(data))
-    assert "1 edit; " in say("episodes trim last --from 0.5 --to 2.5")
-    say("episodes relabel last --from 1 --to 2 --label right")
-    assert "3 edits" in say("episodes delete last --from 2")
-    assert len(store.notes(episode_id).edits) == 3
-    shown = say(f"episodes show {episode_id[:12]}")
-    assert "x" in shown and "edit 2: relabel right" in shown
-    say("episodes undo last")
-    assert len(store.notes(episode_id).edits) == 2
-    before = store.summary(episode_id).bytes
-    say("episodes compact last")
-    assert store.summary(episode_id).bytes < before
-
-
 def test_the_one_deleted_last_is_restored_whatever_the_clock_says(
     episode_id: str, data: Path, monkeypatch: pytest.MonkeyPatch, say: Say
 ) -> None:
@@ -106,87 +170,11 @@ def test_the_one_deleted_last_is_restored_whatever_the_clock_says(
     assert "no longer in the trash" in say("episodes restore", status=2)
 
 
-def test_several_episodes_are_zipped_deleted_restored_and_imported_by_one_command_each(
-    episode_id: str, data: Path, tmp_path: Path, say: Say
-) -> None:
-    store, home = EpisodeStore(Storage(data)), tmp_path / "home.zip"
-    path = store.path(episode_id)
-    for name in ("hall", "yard"):
-        shutil.copy(path, path.with_stem(name))
-    listed = say("episodes list --search YARD")
-    assert "yard" in listed and "hall" not in listed
-    assert "3 episodes" in say(f"episodes zip --all --out {home} --delete")
-    assert store.ids() == []
-    assert say("episodes restore").count(" is restored") == 3
-    say("episodes protect last")
-    assert "3 episodes" not in say("episodes delete --all", status=1)
-    assert store.ids() == [episode_id]
-    say(f"episodes import {home}")
-    assert len(store.ids()) == 4
-
-
-def test_an_export_under_a_wrong_name_is_refused_before_anything_is_read(
-    episode_id: str, monkeypatch: pytest.MonkeyPatch, say: Say
-) -> None:
-    def refuse(*_: object) -> None:
-        raise AssertionError("it was read")
-
-    monkeypatch.setattr("server.recordings.selection.open_episode", refuse)
-    for words in ("--as film --out cinema", "--as npz --fps 3", "--as tub --out ."):
-        assert say(f"episodes export last {words}", status=2)
-
-
-def test_the_budget_offers_recordings_for_deletion_but_deletes_nothing(
-    episode_id: str, say: Say
-) -> None:
-    assert f"deletable: {episode_id}" in say("episodes budget --gigabytes 0")
-    assert f"{episode_id} is never offered" in say("episodes protect last")
-    assert "deletable" not in say("episodes budget --gigabytes 0")
-    assert f"{episode_id} is again offered" in say("episodes unprotect last")
-    assert f"deletable: {episode_id}" in say("episodes budget --gigabytes 0")
-    assert episode_id in say("episodes list")
-
-
-@pytest.mark.parametrize(
-    ("words", "complaint"),
-    [
-        ("episodes show nobody", "no episode of this name"),
-        ("episodes trim last --from 90 --to 91", "no pictures between"),
-        ("episodes delete", "name at least one episode"),
-        ("episodes delete last --all", "give only one of these"),
-        ("episodes zip --search kitchen", "no episode has 'kitchen'"),
-        ("episodes restore 17", "no longer in the trash"),
-        ("episodes list --data /proc/x", "cannot be used"),
-    ],
-)
-def test_what_cannot_be_done_is_one_clear_line(
-    episode_id: str, words: str, complaint: str, say: Say
-) -> None:
-    told = say(words, status=2)
-    assert complaint in told.splitlines()[-1]
-
-
-def test_a_title_is_shown_as_it_is_saved(
-    episode_id: str, say: Say, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert say("episodes title last " + "x" * 300) == f"the title is now {'x' * 200!r}\n"
-    assert "x" * 200 in say("episodes show last")
-    assert main(["episodes", "title", "last", ""]) == 0
-    assert capsys.readouterr().out == "the title is removed\n"
-
-
-def test_files_that_stay_in_the_trash_do_not_count_as_freed(
-    episode_id: str, data: Path, say: Say
-) -> None:
-    (data / "trash/by-hand.bin").write_bytes(bytes(3_000_000))
-    assert say("episodes empty-trash") == "0.0 MB are free again\n"
-    say("episodes delete last")
-    assert say("episodes empty-trash") != "0.0 MB are free again\n"
-
-
-def test_space_can_be_freed_on_a_full_disk(
+def test_the_trash_is_emptied_also_on_a_full_disk_and_says_what_is_free_again(
     episode_id: str, data: Path, monkeypatch: pytest.MonkeyPatch, say: Say
 ) -> None:
+    (data / "trash/by-hand.bin").write_bytes(bytes(3_000_000))  # which stays
+    assert say("episodes empty-trash") == "0.0 MB are free again\n"
     say("episodes delete last")
     real = os.mkdir
 
@@ -197,24 +185,25 @@ def test_space_can_be_freed_on_a_full_disk(
 
     monkeypatch.setattr(os, "mkdir", refuse)
     assert "trash" in say("episodes budget")
-    say("episodes empty-trash")
-    assert not any((data / "trash").iterdir())
+    assert say("episodes empty-trash") != "0.0 MB are free again\n"
+    assert [path.name for path in (data / "trash").iterdir()] == ["by-hand.bin"]
 
 
-def test_the_remains_of_a_killed_import_are_listed_and_removed_by_the_next_import(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_what_is_unfinished_is_listed_and_removed_by_the_next_import(
+    episode_id: str, data: Path, tmp_path: Path, say: Say
 ) -> None:
-    data = Storage(tmp_path / "data")
-    left = data.root / "episodes"
+    """The remains of a killed import, and parts without their recording."""
+    left = data / NAME
+    (left / "gone.parts").mkdir()
     for name, size in (("tub.mcap", 0), (".tub.mcap.4711.part", 69_000)):
         (left / name).write_bytes(bytes(size))
         os.utime(left / name, (1.0, 1.0))
     (left / ".new.mcap.4712.part").write_bytes(b"on its way")
-    words = ["--data", str(data.root)]
-    assert main(["episodes", "list", *words]) == 0
-    said = capsys.readouterr().out
+    said = say("episodes list")
+    assert "gone.parts, 0.0 MB: gone.mcap is missing" in said
     assert "unfinished: episodes/tub.mcap, 0.0 MB" in said
     assert "unfinished: episodes/.tub.mcap.4711.part, 0.1 MB" in said
     assert "4712" not in said
-    assert main(["episodes", "import", str(tmp_path / "nothing"), *words]) == 2
-    assert [path.name for path in left.iterdir()] == [".new.mcap.4712.part"]
+    say(f"episodes import {tmp_path / 'nothing'}", status=2)
+    kept = {"gone.parts", f"{episode_id}.mcap", ".new.mcap.4712.part"}
+    assert {path.name for path in left.iterdir()} == kept
