@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 
@@ -33,10 +33,9 @@ def described_routes(spec: dict[str, Any]) -> list[Described]:
     return found
 
 
-def readable_addresses(spec: dict[str, Any], listed: str) -> Iterator[str]:
-    """Yield every address that is read and ends, with each name that answers of lists contain."""
-    names = {"1", *re.findall(r'"(?:id|name)":\s*"([\w-]+)"', listed)}
+def readable_addresses(spec: dict[str, Any], names: Iterable[str]) -> Iterator[str]:
+    """Yield every address that is read and ends, with each name first and "1" behind it."""
     for route in described_routes(spec):
         if route.method == "GET" and route.path != "/video.mjpg":
-            for name in sorted(names) if "{" in route.path else [""]:
-                yield route.at(name)
+            for name in sorted({*names, "1"}) if "{" in route.path else [""]:
+                yield re.sub(r"{\w+}", "1", re.sub(r"{\w+}", name, route.path, count=1))

@@ -3,32 +3,36 @@
 Each route that writes runs on a robot in virtual time. Its disk refuses one call, or all calls from
 one on. The folder is copied when the answer arrives, as a kill would leave it, and a new start
 reads the copy. Unless the answer is a refusal or has `kept` false, the copy must contain what it
-contains with a sound disk. Commands on a full disk: cli/test_full_disk.py.
+contains with a sound disk. A copy at any earlier call of the disk must contain each thing as it was
+or as it was asked for. Commands on a full disk: cli/test_full_disk.py.
 """
 
 from __future__ import annotations
 
+import contextlib
 import random
 import shutil
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import httpx
 import pytest
 
 from robot.coaching.gallery import images
 from robot.store.folder import Storage
+from robot.store.prepare import prepare
 from robot.types import Mode
-from server.access.pairing import Pairing, cookie_name
+from server.access.gateway import NetworkGateway
+from server.access.pairing import Paired, Pairing, cookie_name
 from server.gateway.roles import Role
 from server.identity import IdentityFile
 from server.library.models import ModelLibrary
 from server.recordings.part import Recordings
-from tests.client.disk import Disk
+from tests.kit.disk import Disk
 from tests.kit.sizes import few, size
 from tests.robot.recordings.drives import record_drive
 
-from .test_damaged_folder import running
 from .virtual_server import VirtualServer
 
 MANY = 10**6
@@ -80,68 +84,87 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
-def holds(root: Path) -> dict[str, Any]:
+@contextlib.contextmanager
+def started(root: Path) -> Iterator[VirtualServer]:
+    """While the `with` block runs, serve a robot with everything that its folder keeps."""
+    prepare(root)
+    pairing = Pairing(10, file=root / "paired.json")
+    with VirtualServer(pairing=pairing, data=root, name="bench") as server:
+        identity = server.services.identity
+        identity._path, identity.now = root / "robot.json", IdentityFile(root).now
+        server.persistence.autosave.load_last()
+        server.forward(0.5)
+        yield server
+
+
+def paired(server: VirtualServer) -> Pairing:
+    gateway = server.services.gateway
+    assert isinstance(gateway, NetworkGateway) and gateway.pairing is not None
+    return gateway.pairing
+
+
+def holds(root: Path, secrets: Sequence[str]) -> dict[str, Any]:
     """Return what the next start finds in a folder."""
-    with running(root) as (rig, persistence):
-        models = {
-            saved.name: (saved.summary.place, saved.summary.n_examples, saved.summary.learner)
-            for saved in ModelLibrary(persistence.storage, persistence.models).saved()
-            if saved.summary is not None
-        }
-        part = persistence.part(Recordings)
-        episodes = sorted(
-            (one.title, one.is_protected, one.edits, one.frames)
-            for one in part.episodes.summaries()
-            if one.frames  # the runs of these servers have no name
-        )
-        history = rig.loop.history
+    with started(root) as server:
+        kept, history = server.persistence, server.rig.loop.history
+        saved = ModelLibrary(kept.storage, kept.models).saved()
         return {
-            "models": models,
-            "episodes": episodes,
-            "in use": (persistence.autosave.name, history.policy.name, dict(history.taught)),
-            "images": [
-                (image.votes, image.frames, image.is_pinned) for image in images(history.policy)
-            ],
+            "models": {one.name: one.summary.place for one in saved if one.summary},
+            "in use": (kept.autosave.name, history.policy.name, dict(history.taught)),
+            "images": [(one.votes, one.frames, one.is_pinned) for one in images(history.policy)],
+            "episodes": sorted(
+                (one.title, one.is_protected, one.edits, one.frames)
+                for one in kept.part(Recordings).episodes.summaries()
+                if one.frames  # the runs of these servers have no name
+            ),
             "identity": IdentityFile(root).now,
-            "sessions": len(Pairing(10, file=root / "paired.json")._sessions),
+            "sessions": [paired(server).find(secret) is not None for secret in secrets],
         }
+
+
+class Asked(NamedTuple):
+    """The answer to a write, the folder as a kill would leave it, and the calls of the disk.
+
+    `copies` are of the folder at each call of the disk, if they were asked for.
+    """
+
+    answer: httpx.Response
+    killed: Path
+    secrets: tuple[str, str]
+    calls: int
+    copies: list[Path]
 
 
 def ask(
-    folder: Path, write: str, first: int, *, for_ever: bool, scratch: Path
-) -> tuple[httpx.Response, Path, int]:
-    """Make one write on a failing disk; return the answer, the folder after a kill, and the
-    calls."""
-    root = scratch / "data"
+    folder: Path,
+    write: str,
+    scratch: Path,
+    *,
+    first: int = MANY,
+    lasts: bool = False,
+    is_copied: bool = False,
+) -> Asked:
+    """Make one write on a disk whose `first` call fails, and perhaps all later ones."""
+    root, copies = scratch / "data", list[Path]()
     shutil.copytree(folder, root)
     method, path, body = WRITES[write]
-    pairing = Pairing(10, file=root / "paired.json")
-    secret: Any = pairing.redeem(pairing.tokens[Role.PILOT], 0.0)
-    with (
-        pytest.MonkeyPatch.context() as patch,
-        VirtualServer(data=root, name="bench", pairing=pairing) as server,
-    ):
-        kept = server.persistence
-        kept.autosave.load_last()
-        server.services.identity._path = root / "robot.json"
+    with pytest.MonkeyPatch.context() as patch, started(root) as server:
+        kept, pairing = server.persistence, paired(server)
+        redeemed = pairing.redeem(pairing.tokens[Role.PILOT], 0.0)
+        assert isinstance(redeemed, Paired)
         server.set_mode(Mode.STOPPED)
         server.forward(1.0)
         episodes = kept.part(Recordings).episodes
         trashed = sorted(path.name for path in (root / "trash").iterdir() if path.name.isdigit())
         driven = next(one.id for one in episodes.summaries() if one.frames)
+        is_restored = "{episode_key}" in str(body)
         known = {
             "node": str(images(server.rig.loop.history.policy)[0].node_id),
             "episode": driven,
             "model_key": trashed[0] if trashed else "",
-            "episode_key": episodes.delete(driven).key or ""
-            if "{episode_key}" in str(body)
-            else "",
+            "episode_key": episodes.delete(driven).key or "" if is_restored else "",
             "token": pairing.tokens[Role.PILOT],
         }
-        disk = Disk(root)
-        disk.install(patch.setattr)
-        if (writer := kept.writer._writer) is not None:
-            writer._files = disk.lay_beneath(writer._files)
         options: dict[str, Any] = {}
         if isinstance(body, bytes):
             options["content"] = kept.models.read_file("other")
@@ -150,13 +173,24 @@ def ask(
                 key: value.format(**known) if isinstance(value, str) else value
                 for key, value in body.items()
             }
-        cookie = {"cookie": f"{cookie_name(server.services.gateway.config)}={secret.secret}"}
-        disk.fail(first - 1 if first else MANY, lasts=for_ever)
+        name = cookie_name(server.services.gateway.config)  # type: ignore[arg-type]
+        options["headers"] = {"cookie": f"{name}={redeemed.secret}"}
+
+        def copy() -> None:
+            copies.append(scratch / f"copy {len(copies)}")
+            shutil.copytree(root, copies[-1])
+
+        disk = Disk(root)
+        disk.install(patch.setattr)
+        disk.lay_beneath(kept)
+        disk.before_each = copy if is_copied else disk.before_each
+        disk.fail(first - 1, lasts=lasts)
         url = server.address + path.format(**known)
-        answer = httpx.request(method, url, headers=cookie, timeout=10, verify=False, **options)
+        answer = httpx.request(method, url, timeout=10, verify=False, **options)
         disk.heal()
         shutil.copytree(root, scratch / "killed")
-    return answer, scratch / "killed", disk.calls
+    given = answer.headers.get("set-cookie", "").split(";")[0].partition("=")[2]
+    return Asked(answer, scratch / "killed", (redeemed.secret, given), disk.calls, copies)
 
 
 def is_kept(answer: httpx.Response) -> bool:
@@ -176,16 +210,25 @@ def failures(calls: int) -> list[tuple[int, bool]]:
 def test_a_change_that_was_answered_as_saved_is_never_lost(
     folder: Path, tmp_path: Path, write: str
 ) -> None:
-    def make(first: int, *, for_ever: bool) -> Any:
-        scratch = tmp_path / f"{first} {for_ever}"
-        scratch.mkdir()
-        return ask(folder, write, first, for_ever=for_ever, scratch=scratch)
+    sound = ask(folder, write, tmp_path / "sound")
+    assert is_kept(sound.answer), sound.answer.text
+    wanted = holds(sound.killed, sound.secrets)
+    for first, lasts in failures(sound.calls):
+        asked = ask(folder, write, tmp_path / f"{first} {lasts}", first=first, lasts=lasts)
+        assert asked.answer.status_code in (200, 201, 404, 409, 422, 507), asked.answer.text
+        if is_kept(asked.answer):
+            held = holds(asked.killed, asked.secrets)
+            assert held == wanted, f"call {first} failed, all later ones: {lasts}"
 
-    answer, killed, calls = make(0, for_ever=False)
-    assert is_kept(answer), answer.text
-    wanted = holds(killed)
-    for first, always in failures(calls):
-        answer, killed, _ = make(first, for_ever=always)
-        assert answer.status_code in (200, 201, 404, 409, 422, 507), answer.text
-        if is_kept(answer):
-            assert holds(killed) == wanted, f"call {first} failed, all later ones: {always}"
+
+@pytest.mark.parametrize("write", few(list(WRITES), 5))
+def test_a_kill_during_a_change_leaves_each_thing_as_it_was_or_as_it_was_asked_for(
+    folder: Path, tmp_path: Path, write: str
+) -> None:
+    asked = ask(folder, write, tmp_path / "asked", is_copied=True)
+    after = holds(asked.killed, asked.secrets)
+    first, *copies = asked.copies
+    before = holds(first, asked.secrets)
+    for copy in random.Random(1).sample(copies, min(CASES, len(copies))):
+        for thing, held in holds(copy, asked.secrets).items():
+            assert held in (before[thing], after[thing]), (thing, copy.name)

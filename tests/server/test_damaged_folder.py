@@ -1,4 +1,7 @@
-"""However the data folder is damaged, the server starts, lists, drives, and reports moved files."""
+"""However the data folder is damaged, the server starts, lists, drives, and reports moved files.
+
+When the folder disappears, like a stick that is pulled out, nothing is written below its path.
+"""
 
 from __future__ import annotations
 
@@ -14,23 +17,25 @@ import pytest
 
 from robot.devices.rig import Rig
 from robot.policy.registry import make_policy
-from robot.recordings.store import EpisodeStore
-from robot.store.folder import Storage
+from robot.store.folder import Storage, write_whole
 from robot.store.prepare import prepare
+from robot.store.presence import MARK, Presence
 from robot.testing import FakeCamera, FakeDriver, VirtualClock
 from robot.types import Action, Example
 from server.access.pairing import Pairing
+from server.gateway.roles import Role
 from server.identity import IdentityFile
 from server.library.models import ModelLibrary
 from server.persistence import Persistence
 from server.recordings.part import Recordings
-from tests.client.disk import Disk
+from tests.kit.disk import Disk
 from tests.kit.sizes import size
 from tests.robot.recordings.drives import record_drive
 
 from .virtual_server import VirtualServer
 
 SEEDS = size("DAMAGE", 8, 100)
+MOMENTS = size("MOMENTS", 4, 30)
 KINDS = (
     "flip", "cut", "empty", "not utf-8", "huge", "folder", "dangling", "loop", "link to folder",
     "fifo", "socket", "remove", "unreadable",
@@ -60,10 +65,6 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
-def episodes(persistence: Persistence) -> EpisodeStore:
-    return persistence.part(Recordings).episodes
-
-
 class running:  # noqa: N801
     """A rig with persistence, started as `drivelesson serve` starts it."""
 
@@ -77,10 +78,7 @@ class running:  # noqa: N801
         IdentityFile(root)
         Pairing(10, file=root / "paired.json")
         self.persistence = Persistence(
-            self.storage,
-            self.rig,
-            name="bench",
-            announce=lambda name, **fields: self.told.append(name),
+            self.storage, self.rig, name="bench", announce=lambda name, **_: self.told.append(name)
         )
 
     def __enter__(self) -> tuple[Rig, Persistence]:
@@ -92,6 +90,13 @@ class running:  # noqa: N801
     def __exit__(self, *error: object) -> None:
         self.persistence.stop()
         self.rig.stop()
+
+    def listed(self) -> tuple[list[str], list[str]]:
+        """Return the names of the models and the ids of the recordings that the page lists."""
+        library = ModelLibrary(self.storage, self.persistence.models)
+        recordings = self.persistence.part(Recordings).episodes
+        recordings.offered()
+        return [one.name for one in library.saved()], [one.id for one in recordings.summaries()]
 
 
 def teach(rig: Rig) -> int:
@@ -169,9 +174,7 @@ def test_after_every_start_the_robot_serves_drives_and_saves(
         assert started.storage.fault is None, done
         lessons = teach(rig)
         assert lessons >= 5
-        ModelLibrary(persistence.storage, persistence.models).saved()
-        episodes(persistence).summaries()
-        episodes(persistence).offered()
+        started.listed()
         name = persistence.autosave.save()
         assert persistence.models.load(name).summary.n_examples == lessons, done
         assert persistence.part(Recordings).recorder.recording.fault is None, done
@@ -192,22 +195,18 @@ def test_the_data_folder_itself_may_be_something_else(tmp_path: Path, kind: str)
     with started as (rig, persistence):
         assert teach(rig) == 5
         assert persistence.autosave.save() == "bench"
-    assert len(started.moved) == 1
-    moved = tmp_path / "data.1"
-    assert os.path.lexists(moved) or os.path.lexists(tmp_path / started.moved[0][1])
+    [(_, where)] = started.moved
+    assert os.path.lexists(tmp_path / "data.1") or os.path.lexists(tmp_path / where)
 
 
-def test_if_nothing_can_be_saved_the_robot_drives_and_reports_it(tmp_path: Path) -> None:
+def test_if_nothing_can_be_saved_the_robot_drives_and_reports_it() -> None:
     started = running(Path("/proc/drivelesson"))
     with started as (rig, persistence):
         assert started.storage.fault and str(Path("/proc/drivelesson")) in started.storage.fault
         assert teach(rig) == 5
-        assert (
-            persistence.part(Recordings).recorder.recording.fault
-            and "recording_off" in started.told
-        )
-        assert ModelLibrary(persistence.storage, persistence.models).saved() == []
-        assert episodes(persistence).summaries() == []
+        assert persistence.part(Recordings).recorder.recording.fault
+        assert "recording_off" in started.told
+        assert started.listed() == ([], [])
         with pytest.raises(OSError):
             persistence.autosave.save()
 
@@ -221,7 +220,7 @@ def test_a_data_folder_may_have_the_name_of_one_of_its_parts(
     assert started.moved == []
     with started as (_, persistence):
         assert persistence.autosave.name == "second"
-        assert episodes(persistence).summaries() != []
+        assert all(started.listed())
 
 
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EIO])
@@ -237,8 +236,7 @@ def test_a_disk_that_cannot_be_written_prevents_neither_start_nor_drive(
         started = running(root)
         with started as (rig, persistence):
             assert teach(rig) >= 5
-            episodes(persistence).summaries()
-            ModelLibrary(persistence.storage, persistence.models).saved()
+            started.listed()
             with pytest.raises(OSError):
                 persistence.autosave.save()
             persistence.autosave.save_if_changed()
@@ -254,8 +252,7 @@ def test_every_message_is_obeyed_even_if_the_disk_cannot_be_written(tmp_path: Pa
     ):
         disk = Disk(tmp_path)
         disk.install(patch.setattr)
-        if (writer := server.persistence.writer._writer) is not None:
-            writer._files = disk.lay_beneath(writer._files)
+        disk.lay_beneath(server.persistence)
         disk.fail(0, lasts=True)
         for mode in ("train", "autonomous", "train"):
             pilot.mode(mode)
@@ -313,11 +310,8 @@ def test_files_of_other_programs_are_neither_moved_listed_nor_deleted(
 ) -> None:
     root = tmp_path / "data"
     shutil.copytree(whole, root)
-    foreign = [
-        root / folder / name
-        for folder in ("", "models", "models/second", "episodes", "exports", "trash", "journal")
-        for name in FOREIGN
-    ]
+    folders = ("", "models", "models/second", "episodes", "exports", "trash", "journal")
+    foreign = [root / folder / name for folder in folders for name in FOREIGN]
     for path in foreign:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("theirs")
@@ -329,9 +323,80 @@ def test_files_of_other_programs_are_neither_moved_listed_nor_deleted(
         system = running(root)
         with system as (_, persistence):
             assert persistence.models.names() == ["bench", "second"]
-            store = episodes(persistence)
+            store = persistence.part(Recordings).episodes
             assert all(name.startswith("2023-") for name in store.ids())
             store.restore(store.delete(store.ids()[0]).key or "")
             persistence.storage.empty_trash()
         assert system.moved == []
     assert all(path.read_text() == "theirs" for path in foreign)
+
+
+def pull(root: Path) -> Path:
+    """Leave an empty folder at the path of the data folder, as below a mount point."""
+    away = root.with_name("away")
+    root.rename(away)
+    root.mkdir()
+    return away
+
+
+def plug_in(root: Path, away: Path) -> None:
+    root.rmdir()  # fails if anything was written there
+    away.rename(root)
+
+
+@pytest.mark.parametrize("seed", range(MOMENTS))
+def test_a_folder_that_disappears_during_teaching_loses_nothing(tmp_path: Path, seed: int) -> None:
+    root, dice = tmp_path / "data", random.Random(seed)
+    system = running(root)
+    pairing, identity = Pairing(10, root / "paired.json"), IdentityFile(root)
+    with system as (rig, persistence):
+        for _ in range(dice.randrange(4)):
+            teach(rig)
+            rig.clock.sleep(dice.random() * 12.0)
+        away = pull(root)
+        learned = teach(rig)
+        rig.clock.sleep(5.0)
+        assert system.told.count("nothing_kept") == 1
+        pairing.redeem(pairing.tokens[Role.PILOT], 0.0)
+        with pytest.raises(OSError, match="data folder is gone"):
+            identity.change(name="another")
+        with pytest.raises(OSError, match="data folder is gone"):
+            persistence.autosave.save()
+        rig.clock.sleep(dice.random() * 30.0)
+        assert list(root.iterdir()) == []
+        is_back = dice.random() < 0.5
+        if is_back:
+            plug_in(root, away)
+            rig.clock.sleep(5.0)
+            assert system.told.count("kept_again") == 1
+            learned = teach(rig)
+    if not is_back:
+        assert list(root.iterdir()) == [], "nothing is written at the end, either"
+        plug_in(root, away)
+    with running(root) as (_, persistence):
+        saved = [model.summary.n_examples for _, model in persistence.models.good_models()]
+        assert max(saved) == learned if is_back else max(saved, default=0) <= learned
+
+
+def test_a_folder_is_known_again_on_another_disk_and_refused_only_while_it_is_gone(
+    tmp_path: Path,
+) -> None:
+    root, file = tmp_path / "data", tmp_path / "data/models/m/00001.npz"
+    root.mkdir()
+    presence = Presence(root)
+    presence.watch()
+    try:
+        away = pull(root)
+        write_whole(tmp_path / "other" / "file", b"x")
+        with pytest.raises(OSError, match="data folder is gone"):
+            write_whole(file, b"x")
+        root.rmdir()
+        root.mkdir()  # the same stick, with another device number
+        (root / MARK).write_bytes((away / MARK).read_bytes())
+        assert presence.is_there() and presence.is_there()
+        write_whole(file, b"x")
+        root.rename(tmp_path / "gone")
+        assert not presence.is_there()
+    finally:
+        presence.end_watch()
+    write_whole(file, b"x")  # nobody watches it now

@@ -23,10 +23,11 @@ from server.access.config import NetworkLimits
 from server.access.pairing import Pairing
 from server.config import Config
 from server.identity import IdentityFile
+from tests.kit.described import readable_addresses
 from tests.kit.sizes import size
 from tests.robot.recordings.drives import record_drive
 
-from .study.sessions import PLAN, answer, begin, drive, post, session, take_part
+from .study.sessions import PLAN, answer, begin, drive, post, take_part
 from .virtual_server import WEB, VirtualServer
 
 SEEDS = size("DAMAGE", 4, 100)
@@ -67,10 +68,12 @@ def lively(tmp_path_factory: pytest.TempPathFactory) -> Path:
         client.delete(f"/api/episodes/{gone}")
         client.post("/api/models/save", json={})
         begin(server, "P02")
-        assert session(server) is not None
         post(server, "/api/session/drive", confirmed=True)
         drive(server)
         answer(server)
+    kinds = {path.relative_to(root).parts[0] for path in stored(root)}
+    assert kinds >= {"models", "studies", "lessons", "robot.json", "paired.json", "class.json"}
+    assert list((root / "episodes").glob("*.edits.json"))
     return root
 
 
@@ -103,26 +106,6 @@ def stored(root: Path) -> list[Path]:
     return sorted(path for path in root.rglob("*") if path.suffix in kinds and path.is_file())
 
 
-def addresses(server: VirtualServer, client: httpx.Client) -> list[str]:
-    """Return every readable address, with each existing name filled in."""
-    found = []
-    listed = client.get("/api/episodes").text + client.get("/api/models").text
-    names = {"walk", "P01", "1", *re.findall(r'"(?:id|name)":\s*"([\w-]+)"', listed)}
-    for path, ways in server.app.openapi()["paths"].items():
-        if "get" in ways and path != "/video.mjpg":
-            blanks = re.findall(r"\{(\w+)\}", path)
-            for name in sorted(names) if blanks else [""]:
-                words = dict.fromkeys(blanks, name) | dict.fromkeys(blanks[1:], "1")
-                found.append(path.format(**words))
-    return found
-
-
-def test_the_folder_has_every_kind_of_file(lively: Path) -> None:
-    kinds = {path.relative_to(lively).parts[0] for path in stored(lively)}
-    assert kinds >= {"models", "studies", "lessons", "robot.json", "paired.json", "class.json"}
-    assert list((lively / "episodes").glob("*.edits.json"))
-
-
 @pytest.mark.parametrize("seed", range(SEEDS))
 def test_no_stored_value_makes_an_address_fail(lively: Path, tmp_path: Path, seed: int) -> None:
     dice = random.Random(seed)
@@ -137,7 +120,9 @@ def test_no_stored_value_makes_an_address_fail(lively: Path, tmp_path: Path, see
     failed: dict[str, Any] = {}
     seen: list[str] = []
     with served(root) as server, httpx.Client(base_url=server.address, timeout=60) as client:
-        for address in addresses(server, client):
+        listed = client.get("/api/episodes").text + client.get("/api/models").text
+        names = {"walk", "P01", *re.findall(r'"(?:id|name)":\s*"([\w-]+)"', listed)}
+        for address in readable_addresses(server.app.openapi(), names):
             answer = client.get(address)
             if answer.status_code >= 500:
                 failed[address] = answer.text[:200]

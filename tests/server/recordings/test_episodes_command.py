@@ -17,7 +17,7 @@ from robot.recordings.store import EpisodeStore
 from robot.store.folder import Storage
 from robot.types import Action
 from server.__main__ import main
-from tests.client.disk import Disk
+from tests.kit.disk import Disk
 from tests.kit.sizes import crossed
 from tests.robot.exchange.imported import import_pictures
 from tests.server.conftest import Say

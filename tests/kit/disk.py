@@ -1,62 +1,53 @@
-"""A disk below one folder that can fail, fill up or kill the process."""
+"""A disk below one folder that can fail or fill up, or be looked at at each call."""
 
 from __future__ import annotations
 
 import errno
 import io
 import os
-import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from server.persistence import Persistence
+
 
 class Disk:
-    """Counts the calls that change a folder; one of them, or all from it on, can fail or kill.
+    """Counts the calls that change a folder; one of them, or all from it on, can fail.
 
     Attributes:
-        is_failing: True while calls may fail; the robot must then say what is not saved.
-        calls: Number of calls since `fail` or `kill` was called.
+        calls: Number of calls since `fail` was called.
+        before_each: Called before each call after `fail` was called, until `heal`.
     """
 
     def __init__(self, root: Path) -> None:
         self._root = os.fspath(root)
-        self._left = self.calls = 0
-        self._do: Callable[[str], None] | None = None
-        self._lasts = False
-        self.is_failing = False
+        self._first = self.calls = 0
+        self._is_watching = self._lasts = False
+        self._why = errno.EIO
+        self.before_each: Callable[[], object] = lambda: None
 
     def fail(self, after: int, *, lasts: bool, why: int = errno.EIO) -> None:
         """Fail the call after this number of calls, or all calls from it on until `heal`."""
-
-        def refuse(path: str) -> None:
-            raise OSError(why, os.strerror(why), path)
-
-        self.calls = 0
-        self._left, self._do, self._lasts, self.is_failing = after, refuse, lasts, True
-
-    def kill(self, after: int) -> None:
-        """Kill this process before the call after this number of calls."""
-        self._left, self._lasts = after, True
-        self._do = lambda path: os.kill(os.getpid(), signal.SIGKILL)
+        self._first, self._lasts, self._why = after, lasts, why
+        self.calls, self._is_watching = 0, True
 
     def heal(self) -> None:
-        self._do, self.is_failing = None, False
+        self._is_watching = False
 
     def count(self, path: Any) -> None:
-        if self._do is None or not os.fspath(path).startswith(self._root):
+        if not self._is_watching or not os.fspath(path).startswith(self._root):
             return
-        self._left -= 1
+        self._is_watching = False
+        self.before_each()
+        self._is_watching = True
         self.calls += 1
-        if self._left < 0:
-            do = self._do
-            if not self._lasts:
-                self._do = lambda path: None
-            do(os.fspath(path))
+        late = self.calls - 1 - self._first
+        if late == 0 or (late > 0 and self._lasts):
+            raise OSError(self._why, os.strerror(self._why), os.fspath(path))
 
-    def install(self, put: Callable[[Any, str, Any], None] = setattr) -> None:
-        """Intercept the program's calls on its folder, for the rest of the process or as long as
-        `put` runs."""
+    def install(self, put: Callable[[Any, str, Any], None]) -> None:
+        """Intercept the program's calls on its folder, as long as `put` lasts."""
 
         def counted(module: Any, name: str, writes: Callable[..., bool] = lambda *_: True) -> None:
             real = getattr(module, name)
@@ -82,9 +73,9 @@ class Disk:
 
         put(os, "fsync", sync)
 
-    def lay_beneath(self, files: list[Any]) -> list[Any]:
-        """Return the files that are open already, whose writes are also counted."""
-        disk = self
+    def lay_beneath(self, persistence: Persistence) -> None:
+        """Also count the writes to the files that the journal has already open."""
+        disk, writer = self, persistence.writer._writer
 
         class File:
             def __init__(self, file: Any) -> None:
@@ -97,4 +88,5 @@ class Disk:
             def __getattr__(self, name: str) -> Any:
                 return getattr(self._file, name)
 
-        return [File(file) for file in files]
+        if writer is not None:
+            writer._files = [File(file) for file in writer._files]  # type: ignore[misc]
