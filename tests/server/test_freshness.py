@@ -14,9 +14,9 @@ import pytest
 
 from robot.control.state import Tick
 from robot.testing import FakeCamera, FakePolicy, VirtualClock
-from robot.types import Action, Mode, Point, StopReason
+from robot.types import Action, Mode, StopReason
+from tests.faults.scenario import POINTS
 from tests.kit.sizes import combined, crossed, size
-from tests.robot.bench_robot import BenchRobot
 
 from .virtual import Pilot, ServedWorld, Socket, in_virtual_time
 
@@ -32,7 +32,6 @@ CHUNKS = size("CHUNKS", 1, 20)
 OLDEST_S = 0.3
 STANDS_WITHIN_S = 0.5
 _EPSILON_S = 1e-6
-POINTS = {"forward": Point(0.1, 0.5), "left": Point(-0.7, 0.4)}
 _PICTURE = bytes(5000)
 """The size of a JPEG of 160x120."""
 
@@ -238,20 +237,6 @@ async def test_a_stop_overtakes_all_messages_sent_before_it(world: ServedWorld) 
     pilot.send(type="stop")
     await world.until(lambda: world.loop.state.emergency, 0.1)
     assert "too_fast" in pilot.errors()
-
-
-def test_a_stop_overtakes_queued_messages_and_cancels_earlier_requests() -> None:
-    robot = BenchRobot()
-    robot.start(Mode.TRAIN)
-    robot.loop.latch_emergency()
-    robot.tick()
-    robot.loop.release_emergency()
-    started = robot.loop.set_mode(Mode.TRAIN)
-    robot.loop.latch_emergency()
-    robot.tick()
-    assert robot.loop.state.emergency
-    assert not started.result(0)
-    assert robot.loop.mode is Mode.STOPPED
 
 
 @crossed(kind=["drive", "mode"], lie=["no nonce", "another nonce", "no frame"], by=STEERED)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -12,29 +13,28 @@ from robot.types import DEFAULT_MOVES, Action, Encoding, Point
 from server import protocol
 from server.protocol import ProtocolError, VideoFrame
 
-VECTORS: dict[str, Any] = json.loads(
-    (Path(__file__).parents[1] / "vectors" / "wire.json").read_text()
-)
+VECTORS = Path(__file__).parents[1] / "vectors"
+WIRE: dict[str, Any] = json.loads((VECTORS / "wire.json").read_text())
+POINTS: dict[str, Any] = json.loads((VECTORS / "points.json").read_text())
 
 
-def _named(name: str) -> Any:
-    vectors = VECTORS[name]
-    return pytest.mark.parametrize(
-        "vector", vectors, ids=[v.get("name", str(i)) for i, v in enumerate(vectors)]
-    )
+def _each(*names: str) -> Any:
+    vectors = [vector for name in names for vector in WIRE[name]]
+    ids = [vector.get("name", str(number)) for number, vector in enumerate(vectors)]
+    return pytest.mark.parametrize("vector", vectors, ids=ids)
 
 
-def _fields(message: protocol.ClientMessage) -> dict[str, Any]:
-    return {} if isinstance(message, protocol.BareMessage) else asdict(message)
+def _check_refused(vector: dict[str, Any], parse: Callable[[], object]) -> None:
+    with pytest.raises(ProtocolError) as raised:
+        parse()
+    assert raised.value.code == vector["error"]
 
 
-@_named("pictures")
-def test_pictures(vector: dict[str, Any]) -> None:
+@_each("pictures")
+def test_every_picture_is_parsed_or_refused(vector: dict[str, Any]) -> None:
     message = bytes.fromhex(vector["hex"])
     if "error" in vector:
-        with pytest.raises(ProtocolError) as raised:
-            protocol.parse_picture(message)
-        assert raised.value.code == vector["error"]
+        _check_refused(vector, lambda: protocol.parse_picture(message))
         return
     fields = dict(vector["picture"])
     picture = VideoFrame(
@@ -48,46 +48,38 @@ def test_pictures(vector: dict[str, Any]) -> None:
     assert encoded == message
 
 
-@_named("acknowledgements")
-def test_every_acknowledgement_is_parsed(vector: dict[str, Any]) -> None:
+@_each("acknowledgements", "refused_acknowledgements")
+def test_every_acknowledgement_is_parsed_or_refused(vector: dict[str, Any]) -> None:
     message = bytes.fromhex(vector["hex"])
-    assert protocol.parse_acknowledgement(message) == vector["frame_id"]
-    assert protocol.encode_acknowledgement(vector["frame_id"]) == message
+    if "error" in vector:
+        _check_refused(vector, lambda: protocol.parse_acknowledgement(message))
+    else:
+        assert protocol.parse_acknowledgement(message) == vector["frame_id"]
+        assert protocol.encode_acknowledgement(vector["frame_id"]) == message
 
 
-@_named("refused_acknowledgements")
-def test_every_invalid_acknowledgement_is_refused(vector: dict[str, Any]) -> None:
-    with pytest.raises(ProtocolError) as raised:
-        protocol.parse_acknowledgement(bytes.fromhex(vector["hex"]))
-    assert raised.value.code == vector["error"]
-
-
-@_named("up")
+@_each("up")
 def test_every_message_from_the_page_is_parsed(vector: dict[str, Any]) -> None:
-    word = protocol.parse_message(json.dumps(vector), DEFAULT_MOVES, takes_points=True)
+    message = protocol.parse_message(json.dumps(vector), DEFAULT_MOVES, takes_points=True)
+    fields = {} if isinstance(message, protocol.BareMessage) else asdict(message)
     wanted = {name: value for name, value in vector.items() if name != "type"}
-    assert {name: value for name, value in _fields(word).items() if name in wanted} == wanted
-    assert all(value is None for name, value in _fields(word).items() if name not in wanted)
+    assert {name: value for name, value in fields.items() if name in wanted} == wanted
+    assert all(value is None for name, value in fields.items() if name not in wanted)
 
 
-@_named("refused_up")
+@_each("refused_up")
 def test_every_invalid_message_from_the_page_is_refused(vector: dict[str, Any]) -> None:
-    with pytest.raises(ProtocolError) as raised:
-        protocol.parse_message(
-            vector["text"], DEFAULT_MOVES, takes_points=vector.get("takes_points", True)
-        )
-    assert raised.value.code == vector["error"]
+    takes_points = vector.get("takes_points", True)
+    _check_refused(
+        vector,
+        lambda: protocol.parse_message(vector["text"], DEFAULT_MOVES, takes_points=takes_points),
+    )
 
 
 def test_a_refusal_names_the_seq_of_the_refused_message() -> None:
     with pytest.raises(ProtocolError) as raised:
         protocol.parse_message('{"type":"drive","held":"up","seq":5}', DEFAULT_MOVES)
     assert json.loads(protocol.encode_error(raised.value))["seq"] == 5
-
-
-POINTS: dict[str, Any] = json.loads(
-    (Path(__file__).parents[1] / "vectors" / "points.json").read_text()
-)
 
 
 @pytest.mark.parametrize("body", POINTS)

@@ -47,45 +47,36 @@ def spent(server: VirtualServer, seconds: float) -> tuple[int, int]:
     return camera._last_frame_id - pictures, loop.state.cycles - ticks
 
 
-def look_once_a_second(server: VirtualServer) -> Socket:
+def test_an_unwatched_robot_takes_no_pictures_and_rarely_ticks(resting: VirtualServer) -> None:
+    pictures, ticks = spent(resting, 10.0)
+    assert pictures == 0 and ticks <= 50
+
+
+def test_a_viewer_gets_no_old_picture_and_soon_a_new_one(resting: VirtualServer) -> None:
+    came_s = resting.clock.now_s()
+    with connect(resting.ws("/ws/video")) as viewer:
+        picture = parse_picture(viewer.recv(FRESH_S))  # type: ignore[arg-type]
+    assert picture.captured_s >= came_s
+    assert resting.clock.now_s() - came_s <= FRESH_S
+
+
+def test_a_viewer_with_one_picture_a_second_costs_one_and_changes_no_rate(
+    resting: VirtualServer,
+) -> None:
     async def begin() -> Socket:
         def acknowledge(message: str | bytes) -> None:
             assert isinstance(message, bytes)
             socket.send(encode_acknowledgement(parse_picture(message).frame_id))
 
-        socket = server.connect("/ws/video?every_ms=1000", acknowledge, {"host": "127.0.0.1"})
+        socket = resting.connect("/ws/video?every_ms=1000", acknowledge)
         return socket
 
-    return server.run(begin())
-
-
-def test_an_unwatched_robot_takes_no_pictures_and_rarely_ticks(resting: VirtualServer) -> None:
-    pictures, ticks = spent(resting, 10.0)
-
-    assert pictures == 0
-    assert ticks <= 50
-
-
-def test_a_viewer_gets_no_old_picture_and_soon_a_new_one(resting: VirtualServer) -> None:
-    came_s = resting.clock.now_s()
-
-    with connect(resting.ws("/ws/video")) as viewer:
-        picture = parse_picture(viewer.recv(FRESH_S))  # type: ignore[arg-type]
-
-    assert picture.captured_s >= came_s
-    assert resting.clock.now_s() - came_s <= FRESH_S
-
-
-def test_a_viewer_with_one_picture_a_second_costs_one_picture_a_second(
-    resting: VirtualServer,
-) -> None:
-    viewer = look_once_a_second(resting)
+    viewer = resting.run(begin())
     resting.forward(1.5)
     pictures, ticks = spent(resting, 10.0)
+    assert 9 <= pictures <= 11 and ticks <= 60
+    assert resting.rig.loop.state.cycle_hz == pytest.approx(30.0, rel=0.1), "as before the rest"
     viewer.close()
-
-    assert 9 <= pictures <= 11
-    assert ticks <= 60
 
 
 def test_a_page_without_a_picture_leaves_the_robot_at_rest(resting: VirtualServer) -> None:
@@ -109,17 +100,7 @@ def test_a_pilot_starts_at_once_and_the_rest_does_not_count_as_the_cameras_perio
         pilot.wait_for_state(action="left")
         resting.forward(1.0)
         state = resting.rig.loop.state
-        assert state.decision.mode is Mode.TRAIN
-        assert not resting.rig.loop.is_resting
+        assert state.decision.mode is Mode.TRAIN and not resting.rig.loop.is_resting
         assert state.camera.period_s == pytest.approx(1 / 30, rel=0.1)
         assert state.camera.speed_scale == 1.0
     assert resting.clock.now_s() - came_s < 5.0
-
-
-def test_the_rate_is_the_one_from_before_the_rest_even_if_somebody_looks_now_and_then(
-    resting: VirtualServer,
-) -> None:
-    viewer = look_once_a_second(resting)
-    resting.forward(5.0)
-    assert resting.rig.loop.state.cycle_hz == pytest.approx(30.0, rel=0.1)
-    viewer.close()

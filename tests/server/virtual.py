@@ -12,6 +12,7 @@ import inspect
 import json
 from collections.abc import Callable, Coroutine
 from typing import Any, Self, TypeVar
+from urllib.parse import unquote
 
 from fastapi import FastAPI
 
@@ -126,6 +127,29 @@ class ServedWorld(VirtualRobot):
         return self.loop.state.decision.mode
 
 
+def asgi_scope(
+    kind: str, scheme: str, path: str, headers: list[tuple[bytes, bytes]], **more: Any
+) -> dict[str, Any]:
+    """Return the scope of a request or websocket from this computer."""
+    path, _, query = path.partition("?")
+    return {
+        "type": kind,
+        "asgi": {"version": "3.0", "spec_version": "2.3"},
+        "http_version": "1.1",
+        "scheme": scheme,
+        "path": unquote(path),
+        "raw_path": path.encode(),
+        "query_string": query.encode(),
+        "root_path": "",
+        "headers": headers,
+        "client": ("127.0.0.1", 50_000),
+        "server": ("127.0.0.1", 8000),
+        "state": {},
+        "extensions": {},
+        **more,
+    }
+
+
 class Socket:
     """One websocket: the app's ASGI conversation, with the link between it and the page."""
 
@@ -145,26 +169,10 @@ class Socket:
         self.close_code: int | None = None
         self.is_accepted = False
         self.refused_with: int | None = None
-        path, _, query = path.partition("?")
-        scope = {
-            "type": "websocket",
-            "asgi": {"version": "3.0", "spec_version": "2.3"},
-            "http_version": "1.1",
-            "scheme": "ws",
-            "path": path,
-            "raw_path": path.encode(),
-            "query_string": query.encode(),
-            "root_path": "",
-            "headers": [
-                (name.encode(), value.encode())
-                for name, value in (headers or {"host": "127.0.0.1:8000"}).items()
-            ],
-            "client": ("127.0.0.1", 50_000),
-            "server": ("127.0.0.1", 8000),
-            "subprotocols": [],
-            "state": {},
-            "extensions": {"websocket.http.response": {}},
-        }
+        named = headers or {"host": "127.0.0.1:8000"}
+        encoded = [(name.encode(), value.encode()) for name, value in named.items()]
+        more = {"subprotocols": [], "extensions": {"websocket.http.response": {}}}
+        scope = asgi_scope("websocket", "ws", path, encoded, **more)
         self.task = asyncio.ensure_future(world.app(scope, self._incoming.get, self._send))
 
     def send(self, message: str | bytes) -> None:

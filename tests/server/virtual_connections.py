@@ -6,13 +6,12 @@ import asyncio
 import contextlib
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Self
-from urllib.parse import unquote
 
 import httpx
 from websockets.exceptions import ConnectionClosedError, ConnectionClosedOK, InvalidStatus
 from websockets.frames import Close
 
-from .virtual import Socket
+from .virtual import Socket, asgi_scope
 
 if TYPE_CHECKING:
     from .virtual_server import VirtualServer
@@ -32,23 +31,10 @@ class Exchange:
         for number, chunk in enumerate(chunks or [b""]):
             more = number < len(chunks) - 1
             self._incoming.put_nowait({"type": "http.request", "body": chunk, "more_body": more})
-        whole = request.url.raw_path if raw_path is None else raw_path.encode()
-        path, _, query = whole.partition(b"?")
-        scope = {
-            "type": "http",
-            "asgi": {"version": "3.0", "spec_version": "2.3"},
-            "http_version": "1.1",
-            "method": request.method,
-            "scheme": request.url.scheme,
-            "path": unquote(path.decode("ascii")),
-            "raw_path": path,
-            "query_string": query,
-            "root_path": "",
-            "headers": [(name.lower(), value) for name, value in request.headers.raw],
-            "client": ("127.0.0.1", 50_000),
-            "server": ("127.0.0.1", server.port),
-            "extensions": {},
-        }
+        path = request.url.raw_path.decode("ascii") if raw_path is None else raw_path
+        headers = [(name.lower(), value) for name, value in request.headers.raw]
+        more = {"method": request.method, "server": ("127.0.0.1", server.port)}
+        scope = asgi_scope("http", request.url.scheme, path, headers, **more)
         self.task = asyncio.ensure_future(server.app(scope, self._incoming.get, self._send))
 
     async def _send(self, message: dict[str, Any]) -> None:

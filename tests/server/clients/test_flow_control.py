@@ -1,104 +1,13 @@
-"""The window of frames in flight and their size; time is an argument."""
+"""The window of frames in flight and their size; time is an argument. On links: test_video.py."""
 
 from __future__ import annotations
 
-import heapq
 from itertools import count
 
 import pytest
 
 from server.clients.flow_control import PictureSize, VideoWindow
 from server.protocol import ProtocolError
-
-
-class _Link:
-    """A connection with this bandwidth and round trip, and a viewer at its end."""
-
-    def __init__(self, *, bytes_a_second: float, round_trip_s: float, size: int = 5000) -> None:
-        self.window = VideoWindow()
-        self.rate, self.round_trip_s, self.size = bytes_a_second, round_trip_s, size
-        self.ages_s: list[float] = []
-        self.sizes: list[int] = []
-        self.n_acknowledged = 0
-        self._line_free_s = 0.0
-        self._arriving: list[tuple[float, int, float, bool]] = []
-        self._newest: tuple[int, float] | None = None
-        self._sent = 0
-
-    def run(self, seconds: float, rate_hz: float = 30.0, start_s: float = 0.0) -> None:
-        for number in range(1, int(seconds * rate_hz)):
-            now_s = start_s + number / rate_hz
-            while self._arriving and self._arriving[0][0] <= now_s:
-                at_s, frame_id, captured_s, is_quiet = heapq.heappop(self._arriving)
-                if not is_quiet:
-                    self.n_acknowledged += 1
-                    self.window.acknowledged(frame_id, at_s)
-                self.ages_s.append(at_s - self.round_trip_s / 2 - captured_s)
-                self._offer(at_s)
-            self._newest = (int(now_s * 1000), now_s)
-            self._offer(now_s)
-            self.sizes.append(self.window.size)
-
-    def _offer(self, now_s: float) -> None:
-        if self._newest is None or self._newest[0] == self._sent:
-            return
-        if self.window.may_send(self.size):
-            self._sent, captured_s = self._newest
-            is_quiet = self.window.sent(self._sent, self.size, now_s)
-            self._line_free_s = max(self._line_free_s, now_s) + self.size / self.rate
-            arrival = (self._line_free_s + self.round_trip_s, self._sent, captured_s, is_quiet)
-            heapq.heappush(self._arriving, arrival)
-
-
-def test_on_a_fast_link_every_frame_arrives_and_every_third_is_acknowledged() -> None:
-    link = _Link(bytes_a_second=1e7, round_trip_s=0.01)
-    link.run(10)
-    assert len(link.ages_s) >= 297
-    assert 95 <= link.n_acknowledged <= 115
-
-
-def test_large_frames_on_a_fast_link_are_never_all_quiet() -> None:
-    link = _Link(bytes_a_second=1e8, round_trip_s=0.01, size=45_000)
-    link.run(10)
-    assert len(link.ages_s) >= 297
-
-
-@pytest.mark.parametrize("size", [5000, 25_000])
-def test_a_fast_link_that_becomes_slow_is_noticed(size: int) -> None:
-    link = _Link(bytes_a_second=1e7, round_trip_s=0.01, size=size)
-    link.run(5)
-    link.rate = 62_500
-    link.ages_s.clear()
-    link.run(20, start_s=5)
-    assert not link.window.is_easy
-    assert max(link.ages_s[5:]) < 4 * size / 62_500
-
-
-def test_on_a_link_with_high_latency_the_window_grows_until_every_frame_arrives() -> None:
-    link = _Link(bytes_a_second=1e7, round_trip_s=0.1)
-    link.run(20)
-    assert link.window.size == 4
-    assert len(link.ages_s) > 0.9 * 600
-
-
-@pytest.mark.parametrize(("size", "most_s"), [(5000, 0.25), (25_000, 1.2)])
-def test_on_a_link_with_little_bandwidth_the_picture_stays_fresh(size: int, most_s: float) -> None:
-    link = _Link(bytes_a_second=62_500, round_trip_s=0.01, size=size)
-    link.run(60)
-    ages_s = sorted(link.ages_s)
-    assert ages_s[int(0.95 * len(ages_s))] < most_s
-    assert sum(n > 1 for n in link.sizes) < 0.15 * len(link.sizes), "it tries seldom"
-    first, last = link.ages_s[20:120], link.ages_s[-100:]
-    assert sum(last) / len(last) < 1.2 * sum(first) / len(first), "flat over a minute"
-
-
-def test_a_link_that_loses_bandwidth_is_noticed() -> None:
-    link = _Link(bytes_a_second=1e7, round_trip_s=0.1)
-    link.run(10)
-    link.rate = 62_500
-    link.ages_s.clear()
-    link.run(20, start_s=10)
-    assert sorted(link.ages_s[20:])[int(0.9 * len(link.ages_s[20:]))] < 0.35
 
 
 def test_large_frames_go_out_alone_so_that_sending_never_waits() -> None:

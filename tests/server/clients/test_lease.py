@@ -5,15 +5,6 @@ from __future__ import annotations
 from server.clients.lease import Lease
 
 
-def test_the_wheel_goes_to_the_first_client_and_then_to_the_first_that_asked() -> None:
-    lease = Lease()
-    assert lease.join("a", 0.0)
-    assert not lease.join("b", 0.1)
-    assert not lease.take("b", 0.2)
-    assert lease.give_up("a", 0.4)
-    assert lease.owner == "b"
-
-
 def test_a_lapsed_wheel_goes_to_the_first_client_that_waits_or_asks() -> None:
     lease = Lease()
     lease.join("a", 0.0)
@@ -24,15 +15,6 @@ def test_a_lapsed_wheel_goes_to_the_first_client_that_waits_or_asks() -> None:
     assert lease.pass_on_if_lapsed(10.6)
     assert lease.owner == "b"
     assert lease.take("c", 20.0), "b has been silent"
-
-
-def test_a_client_that_leaves_while_waiting_is_forgotten() -> None:
-    lease = Lease()
-    lease.join("a", 0.0)
-    lease.take("b", 0.0)
-    assert not lease.give_up("b", 0.1)
-    assert lease.give_up("a", 0.2)
-    assert lease.owner is None
 
 
 def test_a_lease_lasts_to_its_very_end_and_a_second_and_a_half_by_default() -> None:
@@ -46,12 +28,12 @@ def test_a_lease_lasts_to_its_very_end_and_a_second_and_a_half_by_default() -> N
 
 def test_clients_get_the_wheel_in_the_order_of_their_requests() -> None:
     lease = Lease()
-    lease.join("a", 0.0)
+    assert lease.join("a", 0.0) and not lease.join("b", 0.1)
     for client in "bcdb":
         assert not lease.take(client, 0.1)
     assert not lease.join("new", 2.0), "it has lapsed, but others wait"
     assert lease.take("b", 2.0), "the first who asked"
-    assert not lease.give_up("d", 2.1)
+    assert not lease.give_up("d", 2.1), "it waits no longer"
     assert lease.give_up("b", 2.2)
     assert lease.owner == "c"
     lease.take("b", 2.3)
