@@ -1,4 +1,4 @@
-"""Ideas of a person: one that works, and some that fail."""
+"""Ideas of a person that fail: each is a learner."""
 
 from __future__ import annotations
 
@@ -6,15 +6,20 @@ import os
 from typing import Any
 
 from robot.learner.base import BaseLearner, Evidence, State
-from robot.policy.registry import make_policy
-from robot.types import DEFAULT_MOVES
 
 
-class Straight(BaseLearner):
-    """A learner that always goes forward."""
+class NotPicklableError(Exception):
+    """Pickle constructs it again with one argument, but it needs two."""
+
+    def __init__(self, one: str, two: int) -> None:
+        super().__init__(one)
+
+
+class Odd(BaseLearner):
+    """A learner whose error cannot travel."""
 
     def learn_one(self, x: Any, y: Any) -> None:
-        pass
+        raise NotPicklableError("odd", 2)
 
     def explain_one(self, x: Any) -> Evidence:
         return Evidence(label="forward", probabilities={"forward": 1.0}, confidence=1.0)
@@ -26,32 +31,8 @@ class Straight(BaseLearner):
         pass
 
 
-class Teaching(Straight):
-    def learn_one(self, x: Any, y: Any) -> None:
-        raise ValueError("nothing can be learned")
+class Deadly(Odd):
+    """A learner that ends its process."""
 
-
-class Driving(Straight):
-    def explain_one(self, x: Any) -> Evidence:
-        raise ValueError("nothing can be said")
-
-
-class NotPicklableError(Exception):
-    """Pickle constructs it again with one argument, but it needs two."""
-
-    def __init__(self, one: str, two: int) -> None:
-        super().__init__(one)
-
-
-class Odd(Straight):
-    def learn_one(self, x: Any, y: Any) -> None:
-        raise NotPicklableError("odd", 2)
-
-
-class Deadly(Straight):
     def learn_one(self, x: Any, y: Any) -> None:
         os._exit(3)
-
-
-def honest() -> Any:
-    return make_policy("default-8", DEFAULT_MOVES)

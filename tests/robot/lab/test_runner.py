@@ -20,9 +20,6 @@ from robot.lab.lessons import run_lesson
 from robot.lab.outcome import Outcome, TrialError, contents_of, run_task
 from robot.lab.runner import Store, run_all
 from robot.lab.task import Params, Result, Task
-from tests.cluster.cases import CASES
-from tests.cluster.processes import run_client
-from tests.kit.sizes import only_full
 
 pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
 pytest.importorskip("joblib", reason="the extra 'experiments' is not installed")
@@ -260,17 +257,3 @@ def test_a_silent_worker_is_reported_and_its_task_goes_to_another(
     run._listen("address", 1.0, silent_s)
     assert [change.partition("worker at a ")[2].partition(";")[0] for change in said] == told
     assert run._todo == (["key"] if silent_s > 60 else [])
-
-
-@only_full
-@pytest.mark.realtime
-def test_a_real_cluster_gives_the_same_results_or_one_sentence(tmp_path: Path) -> None:
-    """Three of the cases of `python -m tests.cluster`."""
-    pytest.importorskip("distributed", reason="the extra 'dask' is not installed")
-    for name, results in {"one_of_two_killed": 4, "good_and_changed": 4, "other_code": 0}.items():
-        folder = tmp_path / name
-        folder.mkdir()
-        alone = run_client(folder, "here", store="alone")
-        ended, expected = CASES[name](folder)
-        assert not ended.verdict(expected, alone.results).startswith("WRONG"), (name, ended)
-        assert len(list((folder / "kept").glob("*.json"))) == results, name
