@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.faults import table
+from tests.faults import page as faults
 
 from . import command_line, decisions, imports, results, values
 
@@ -19,7 +19,7 @@ def made() -> dict[Path, str]:
         decisions.INDEX: decisions.render(),
         imports.PAGE: imports.render(),
         results.PAGE: results.render(),
-        table.PAGE: table.render(table.figures(table.PAGE.read_text("utf-8"))),
+        faults.PAGE: faults.render(faults.PAGE.read_text("utf-8")),
     }
     pages = {page: whole.get(page, page.read_text("utf-8")) for page in values.pages()}
     return {**whole, **{page: values.fill(text) for page, text in pages.items()}}

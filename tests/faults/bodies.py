@@ -41,7 +41,6 @@ from tests.standins.firmware_in_time import RunningFirmware, RunningHub, Running
 from tests.standins.rosbridge_in_time import WatchedBridge
 
 FAULTS = ("link lost", "server killed", "server frozen")
-STANDS_S = 0.5
 DRIVES = 50
 """Number of drives measured for the page."""
 _STEP_S = 0.004
@@ -222,14 +221,6 @@ BODIES: dict[str, tuple[Callable[[int], AbstractContextManager[TimedBody]], str]
     "ros": (_ros, "our watchdog on the robot: see [ROS 2](../howto/ros.md)"),
 }
 """How each body is made, and what stops it."""
-OTHERS = (
-    (
-        "`ros` without the watchdog",
-        "stands when its base stops it",
-        "nothing of ours: see [ROS 2](../howto/ros.md)",
-    ),
-)
-"""Bodies that are not driven here: the table's text on all three faults, and what stops them."""
 
 
 def stood_after_s(name: str, fault: str, seed: int, *, proportional: bool = False) -> float:
@@ -286,8 +277,3 @@ def _pass(body: TimedBody, seconds: float) -> bool:
         body.clock.sleep(min(_STEP_S, end_s - body.clock.now_s()))
         body.tick()
     return body.is_moving()
-
-
-def worst_ms(name: str, fault: str, n_seeds: int) -> float:
-    """Return the longest time of this number of drives, in milliseconds."""
-    return 1000 * max(stood_after_s(name, fault, seed) for seed in range(n_seeds))

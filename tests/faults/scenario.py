@@ -130,7 +130,7 @@ class FaultWorld(ServedWorld):
         for fault, wait_s in plan.faults:  # a link has one fault at a time, so the last one counts
             await self.forward(wait_s)
             fault.begin(self)
-        await self.until(self.stands, plan.limit_s, f"{plan}: stands")
+        await self.until(self.stands, 0.5, f"{plan}: stands")
         await self.until(lambda: self.mode is Mode.STOPPED, 0.1, f"{plan}: stopped")
         moved_s = self.driver.moved_s
         for fault, wait_s in plan.faults:
@@ -161,7 +161,6 @@ class Plan:
 
     mode: str
     seed: int
-    limit_s: float
     faults: tuple[tuple[Fault, float], ...]
 
 
@@ -224,21 +223,25 @@ Change = Callable[[FaultWorld], None]
 Condition = Callable[[FaultWorld], bool]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Fault:
-    """One fault, and its end."""
+    """One fault, the stop reasons that the robot may report, and the end of the fault."""
 
     name: str
     begin: Change
-    end: Change = lambda world: None
     reasons: tuple[str, ...]
-    """The stop reasons that the robot may report."""
+    end: Change = lambda world: None
     counts_from: Condition | None = None
     """The condition after which the robot must stand; None: it must stand from the beginning."""
     counts_from_last_message: bool = False
     """Some messages may arrive in time by chance; the robot must stand this long after the last
     one."""
     note: str = ""
+
+    @property
+    def title(self) -> str:
+        """The fault's name in the docs, which says from when its time counts."""
+        return f"{self.name}{self.note}"
 
 
 def outcomes(fault: Fault, mode: str, seeds: range, *, proportional: bool = False) -> list[Outcome]:
