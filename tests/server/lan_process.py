@@ -6,7 +6,6 @@ import contextlib
 import json
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -88,39 +87,20 @@ def main(web: str) -> None:
     services = Services(config, rig, name="bench", gateway=gateway)
     with rig, served(create_app(services), config) as address:
         leave_out_of_collections()
-        notes = {"address": address, "threads": threading.active_count()}
-        print(json.dumps(notes), flush=True)
+        print(json.dumps({"address": address}), flush=True)
         for command in sys.stdin:
             if command.strip() == "release":
                 rig.loop.release_emergency()
                 while rig.loop.state.emergency:
                     clock.sleep(0.001)
-            tokens = {role.value: token for role, token in pairing.tokens.items()}
-            driver = rig.driver
-            assert isinstance(driver, FakeDriver)
-            stood_s = [
-                after - at
-                for (at, action), (after, _) in zip(
-                    driver.changes, driver.changes[1:], strict=False
-                )
-                if action.value == "stop"
-            ]
-            print(
-                json.dumps(
-                    {
-                        "tokens": tokens,
-                        "open": len(gateway.admission.connections),
-                        "evicted": gateway.admission.pending.evicted
-                        + gateway.admission.admitted.evicted,
-                        "longest_stand_s": max(stood_s[1:], default=0.0),
-                        "moves": sum(one.value != "stop" for _, one in driver.changes),
-                        "mode": rig.loop.state.decision.mode.value,
-                        "emergency": rig.loop.state.emergency,
-                        "stops": sum(rig.loop.state.stops.values()),
-                    }
-                ),
-                flush=True,
-            )
+            admission = gateway.admission
+            notes = {
+                "tokens": {role.value: token for role, token in pairing.tokens.items()},
+                "open": len(admission.connections),
+                "evicted": admission.pending.evicted + admission.admitted.evicted,
+                "emergency": rig.loop.state.emergency,
+            }
+            print(json.dumps(notes), flush=True)
 
 
 if __name__ == "__main__":

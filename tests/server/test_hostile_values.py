@@ -1,6 +1,6 @@
 """Nonsense values at every described route: a 4xx with a sentence, never 5xx, no crash.
 
-That its memory stays small: test_fuzz.py.
+That its memory stays small, and malformed models: test_fuzz.py.
 """
 
 from __future__ import annotations
@@ -21,9 +21,7 @@ from server.access.config import NetworkLimits
 from server.config import Config
 from tests.kit.described import Described, described_routes
 from tests.kit.sizes import IS_FULL, few
-from tests.learners import installed
 from tests.robot.recordings.drives import record_drive
-from tests.robot.store.models.test_checking import good, malformed
 
 from .virtual_server import WEB, VirtualServer
 
@@ -62,6 +60,10 @@ class Robot:
         known = {"episode_id": self.episode, "name": quote(model, safe="")}
         return re.sub(r"{(\w+)}", lambda found: known.get(found[1], "1"), path)
 
+    def ask(self, method: str, path: str, body: bytes = b"", kind: str = "") -> httpx.Response:
+        headers = {"content-type": kind} if kind else {}
+        return self.client.request(method, path, content=body, headers=headers)
+
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
@@ -90,7 +92,7 @@ def test_a_hostile_value_is_refused_in_every_field_and_nothing_breaks(robot: Rob
         others = OTHERS if IS_FULL else few(OTHERS[number % 3 :], 2)
         for value in (*REFUSED, *others):
             body = body_of(route, field, value)
-            answer = robot.client.request(route.method, robot.existing(route.path), content=body)
+            answer = robot.ask(route.method, robot.existing(route.path), body)
             is_refused = 400 <= answer.status_code < 500 and answer.json()["detail"]
             may_pass = value in others or field in _ACCEPTED
             if not is_refused and (answer.status_code not in (200, 201, 501, 503) or not may_pass):
@@ -105,11 +107,9 @@ def test_a_hostile_name_is_refused_in_every_path(robot: Robot) -> None:
     for route in robot.routes:
         names = re.findall("{.*?}", route.path)
         for name in NAMES if names else ():
-            for path in {
-                route.at(name),
-                robot.existing(name.join(route.path.rsplit(names[-1], 1))),
-            }:
-                answer = robot.client.request(route.method, path)
+            last_is_hostile = robot.existing(name.join(route.path.rsplit(names[-1], 1)))
+            for path in {route.at(name), last_is_hostile}:
+                answer = robot.ask(route.method, path)
                 if not 400 <= answer.status_code < 500:
                     unlike.append((route.method, path[:60], answer.status_code))
     assert unlike == []
@@ -123,33 +123,17 @@ def test_no_hostile_query_or_body_makes_a_route_fail(robot: Robot) -> None:
         if route.method not in ("GET", "DELETE"):
             asked += [(path, body) for body in few(WHOLE, 4)]
         for address, body in asked:
-            answer = robot.client.request(route.method, address, content=body)
+            answer = robot.ask(route.method, address, body)
             if answer.status_code >= 500 and answer.status_code != 503:
                 failures.append((route.method, address[:60], body[:20], answer.status_code))
     assert failures == []
-
-
-@pytest.mark.parametrize("learner", installed("published-4", "knn-3"))
-def test_malformed_models_are_422_over_http(robot: Robot, learner: str) -> None:
-    """Some of the models that tests/robot/store/models/test_checking.py generates, uploaded."""
-    if learner.startswith("knn"):
-        pytest.importorskip("sklearn", reason="kNN needs the extra `evaluate`")
-    for what, data in malformed(learner, every=7):
-        answer = robot.client.put("/api/models/x/file", content=data)
-        assert answer.status_code == 422 and answer.json()["detail"], what
-    assert robot.client.put("/api/models/y/file", content=good(learner)).status_code == 201
 
 
 @pytest.mark.parametrize("kind", ["application/x-www-form-urlencoded", "text/plain"])
 def test_a_body_that_does_not_say_that_it_is_json_is_told_how_to(robot: Robot, kind: str) -> None:
     """As `curl -d` sends it."""
     routes = [route for route in robot.routes if route.fields]
-    answers = [
-        robot.client.request(
-            route.method, route.at(), content=b"{}", headers={"content-type": kind}
-        )
-        for route in routes
-    ]
+    answers = [robot.ask(route.method, route.at(), b"{}", kind) for route in routes]
     assert [answer for answer in answers if answer.is_success] == []
     told = [answer.json()["detail"] for answer in answers if answer.status_code == 400]
     assert len(told) > 15

@@ -10,8 +10,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import httpx
@@ -24,31 +22,14 @@ from tests.kit.sizes import IS_FULL
 from tests.robot.store.models.test_journal import check_a_disk_whose_flush_hangs_holds_up_no_record
 
 from .live_robot import Pilot
-from .own_process import own_process
+from .own_process import OwnProcess, own_process
 
 pytestmark = pytest.mark.realtime
 
 
-@contextmanager
-def serving(data: Path, *words: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    command = [sys.executable, "-m", "server", "serve", "--port", "0", "--data", str(data)]
-    root = Path(__file__).parents[2]
-    process = subprocess.Popen([*command, *words], stdout=subprocess.PIPE, text=True, cwd=root)
-    try:
-        assert process.stdout is not None
-        lines = iter(process.stdout.readline, "")
-        address = next(w for line in lines for w in line.split() if w.startswith("http://"))
-        yield process, address.rstrip("/")
-    finally:
-        process.kill()
-        process.wait()
-        if process.stdout is not None:
-            process.stdout.close()
-
-
-def teach(address: str, lessons: int) -> int:
+def teach(server: OwnProcess, lessons: int) -> int:
     """Hold a move until this number of examples was taught; return the final number."""
-    with Pilot(address.replace("http", "ws") + "/ws/drive") as pilot:
+    with Pilot(f"ws://127.0.0.1:{server.port}/ws/drive") as pilot:
         pilot.drive_until(lambda: pilot.state["lessons"] >= lessons, held="left")
         pilot.mode("stopped")
         pilot.wait_for_state(mode="stopped")
@@ -58,7 +39,7 @@ def teach(address: str, lessons: int) -> int:
 
 @pytest.mark.slow
 def test_taught_examples_survive_every_kind_of_end(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     a_second_server_leaves_the_folder_of_the_first_alone(tmp_path / "shared")
     ends = [signal.SIGTERM, signal.SIGINT]
@@ -66,29 +47,30 @@ def test_taught_examples_survive_every_kind_of_end(
         ends.append(signal.SIGHUP)  # a window was closed
     for end in ends if IS_FULL else ends[:1]:
         it_ends_with_everything_saved_and_goes_on_from_there(tmp_path / end.name, end)
-        assert "Traceback" not in capfd.readouterr().err, "its end is no error"
     it_starts_on_a_ruin_and_says_what_it_moved(tmp_path / "ruin")
     (tmp_path / "hung").mkdir()
     check_a_disk_whose_flush_hangs_holds_up_no_record(tmp_path / "hung", monkeypatch)
 
 
 def a_second_server_leaves_the_folder_of_the_first_alone(folder: Path) -> None:
-    words = [sys.executable, "-m", "server", "serve", "--port", "0", "--data", str(folder)]
-    with serving(folder, "--robot", "sim") as (process, address):
+    with own_process(folder) as first:
+        words = [sys.executable, "-m", "server", "serve", "--port", "0", "--data", str(folder)]
         second = subprocess.run(words, capture_output=True, text=True, timeout=60)
         assert second.returncode == 1
-        assert f"process {process.pid}" in second.stderr and "--data" in second.stderr
+        assert f"process {first.process.pid}" in second.stderr and "--data" in second.stderr
         assert len(second.stderr.strip().splitlines()) == 1
-        assert teach(address, 5) >= 5
-    with serving(folder, "--robot", "sim") as (_, address):  # the first was killed
-        assert httpx.get(address + "/healthz").status_code == 200
+        assert teach(first, 5) >= 5
+        first.process.kill()
+    with own_process(folder) as after_a_kill:
+        assert httpx.get(after_a_kill.address + "/healthz").status_code == 200
 
 
 def it_ends_with_everything_saved_and_goes_on_from_there(folder: Path, end: signal.Signals) -> None:
-    with serving(folder, "--robot", "sim", "--name", "sim") as (process, address):
-        taught = teach(address, 20)
-        process.send_signal(end)
-        assert process.wait(60) in (0, 130)
+    with own_process(folder, "--name", "sim") as server:
+        taught = teach(server, 20)
+        server.process.send_signal(end)
+        assert server.process.wait(60) in (0, 130)
+    assert "Traceback" not in "".join(server.errors), "its end is no error"
     model = ModelStore(Storage(folder)).load("sim")
     assert model.summary.n_examples >= taught
     readable = [path for path in folder.rglob("*") if path.stat().st_mode & 0o077]
@@ -96,9 +78,8 @@ def it_ends_with_everything_saved_and_goes_on_from_there(folder: Path, end: sign
     [path] = folder.glob("episodes/*.mcap")
     summary = read_summary(path)
     assert summary.damage is None and sum(summary.taught.values()) == model.summary.n_examples
-
-    with serving(folder, "--robot", "replay", "--episode", str(path)) as (_, address):
-        listed = httpx.get(f"{address}/api/models", timeout=60).json()
+    with own_process(folder, "--robot", "replay", "--episode", str(path)) as server:
+        listed = httpx.get(f"{server.address}/api/models", timeout=60).json()
         assert listed["current"] == "sim"
         assert listed["models"][0]["lessons"] == model.summary.n_examples
 

@@ -5,10 +5,10 @@ DRIVELESSON_FULL=1 compares 10,000 orders (.ci/run).
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import importlib
 import random
-import subprocess
 import sys
 import time
 import types
@@ -46,30 +46,28 @@ def asks(steering: float, throttle: float | None) -> dict[str, float]:
 
 
 @pytest.mark.parametrize(
-    ("asked", "taken", "move"),
+    ("steering", "throttle", "taken", "move"),
     [
-        (asks(0.0, 0.5), MOVES, "forward"),
-        (asks(-1.0, 0.5), MOVES, "left"),
-        (asks(0.7, 0.9), MOVES, "right"),
-        (asks(-1.0, 0.0), MOVES, None),
-        (asks(-1.0, 0.2), MOVES, None),
-        (asks(-1.0, 0.3), MOVES, "left"),
-        (asks(0.0, -0.5), MOVES, None),
-        (asks(0.0, -0.5), MORE, "backward"),
-        (asks(-1.0, 0.0), MORE, "spin_left"),
-        (asks(0.4, 0.0), MORE, None),
-        (asks(-1.0, None), MORE, None),
-        (asks(9.0, 7.0), MOVES, "right"),
-        (asks(float("nan"), 0.5), MOVES, None),
-        (asks(0.0, float("inf")), MOVES, None),
-        (asks(0.0, 0.5), {}, None),
-        ({}, MOVES, None),
+        (0.0, 0.5, MOVES, "forward"),
+        (0.7, 0.9, MOVES, "right"),
+        (-1.0, 0.2, MOVES, None),
+        (-1.0, 0.3, MOVES, "left"),
+        (0.0, -0.5, MOVES, None),
+        (0.0, -0.5, MORE, "backward"),
+        (-1.0, 0.0, MORE, "spin_left"),
+        (0.4, 0.0, MORE, None),
+        (-1.0, None, MORE, None),
+        (9.0, 7.0, MOVES, "right"),
+        (float("nan"), 0.5, MOVES, None),
+        (0.0, float("inf"), MOVES, None),
+        (0.0, 0.5, {}, None),
     ],
 )
 def test_an_action_counts_as_the_nearest_move_that_is_taken(
-    asked: dict[str, float], taken: dict[str, tuple[float, float]], move: str | None
+    steering: float, throttle: float | None, taken: dict[str, Any], move: str | None
 ) -> None:
-    assert part("nearest").nearest(asked, taken) == move
+    assert part("nearest").nearest(asks(steering, throttle), taken) == move
+    assert part("nearest").nearest({}, taken) is None
 
 
 @pytest.fixture
@@ -80,16 +78,17 @@ def server() -> Iterator[LiveServer]:
         yield running
 
 
-def line_to(server: LiveServer) -> Any:
-    line = part("line").Line(server.address, "", drives=True)
-    line.open()
-    return line
+@contextlib.contextmanager
+def line_to(server: LiveServer) -> Iterator[Any]:
+    with contextlib.closing(part("line").Line(server.address, "", drives=True)) as line:
+        line.open()
+        yield line
 
 
 @pytest.mark.realtime
 def test_random_orders_are_driven_and_the_returned_actions_were_done(server: LiveServer) -> None:
-    line, chance = line_to(server), random.Random(1)
-    try:
+    chance = random.Random(1)
+    with line_to(server) as line:
         line.begin()
         assert set(line.points) < {str(move) for move in server.driver.moves}, "taken now, not all"
         ticks: list[tuple[int, str]] = []
@@ -105,16 +104,13 @@ def test_random_orders_are_driven_and_the_returned_actions_were_done(server: Liv
             asked = asks(chance.uniform(-1.2, 1.2), chance.choice([0.0, 0.5, -0.5, 1.0, None]))
             before = line.state["frame"]
             done = line.drive(asked)
-            if line.state["mode"] != "train":  # a busy machine made it stand
+            if line.state["mode"] == "train":
+                wait_until(functools.partial(since, before, done), f"{done} after {asked}")
+            else:  # a busy machine made it stand
                 assert done == (0.0, 0.0)
                 line.begin()
-                continue
-            was_done = functools.partial(since, before, done)
-            wait_until(was_done, f"{done} after {asked}")
         refused = server.hub.refused
         assert not refused["bad_field"] and not refused["too_fast"], refused
-    finally:
-        line.close()
 
 
 def test_a_message_that_is_read_late_was_sent_when_the_robot_says() -> None:
@@ -139,8 +135,7 @@ def test_an_order_needs_the_wheel_and_a_fresh_proof_or_is_refused(
 def an_order_waits_for_a_proof_that_is_young_enough(
     server: LiveServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    line = line_to(server)
-    try:
+    with line_to(server) as line:
         line.begin()
         with monkeypatch.context() as held_up:
             held_up.setattr(line, "_take_nonce", lambda *_: None)
@@ -157,11 +152,8 @@ def an_order_waits_for_a_proof_that_is_young_enough(
             line._proven_s, line._nonce = time.monotonic(), 1
             is_done = line.drive(asks(-1.0, 0.5)) == (-1.0, 0.5)
             if is_done and server.hub.refused["stale"] > before:
-                break
-        else:
-            pytest.fail("no order was given again")
-    finally:
-        line.close()
+                return
+        pytest.fail("no order was given again")
 
 
 def without_the_wheel_it_does_not_begin(
@@ -170,42 +162,20 @@ def without_the_wheel_it_does_not_begin(
     with monkeypatch.context() as hasty, Pilot(server.ws("/ws/drive"), sees=True) as pilot:
         hasty.setattr(part("line"), "_WHEEL_S", 0.3)
         pilot.drive_until(lambda: server.driver.now is Action.FORWARD)
-        line = line_to(server)
-        try:
-            with pytest.raises(ConnectionError, match=f"in other hands .{pilot.hello['client']}"):
-                line.begin()
-            assert pilot.state["you_are_pilot"], "and nobody was disturbed"
-            pilot.drive_until(lambda: server.driver.now is Action.FORWARD)
-        finally:
-            line.close()
-        a_line_that_nobody_closes_lets_the_program_end(server)
-
-
-def a_line_that_nobody_closes_lets_the_program_end(server: LiveServer) -> None:
-    """If the robot refuses to connect, LeRobot closes its teleoperator only by `__del__`."""
-    program = (
-        "import sys, types\n"
-        f"bare = types.ModuleType({PACKAGE!r}); bare.__path__ = [{str(FOLDER)!r}]\n"
-        f"sys.modules[{PACKAGE!r}] = bare\n"
-        f"from {PACKAGE}.line import Line\n"
-        f"line = Line({server.address!r}, '', drives=False); line.open()\n"
-        "class Left:\n"
-        "    def __del__(self): line.close()\n"
-        "left = Left()\n"
-        "raise ConnectionError('no wheel')\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=False
-    )
-    assert done.returncode == 1 and done.stderr.strip().endswith("no wheel"), done.stderr
+        with (
+            line_to(server) as line,
+            pytest.raises(ConnectionError, match=f"in other hands .{pilot.hello['client']}"),
+        ):
+            line.begin()
+        assert pilot.state["you_are_pilot"], "and nobody was disturbed"
+        pilot.drive_until(lambda: server.driver.now is Action.FORWARD)
 
 
 def what_the_server_refuses_is_read_and_said_once_a_second(
     server: LiveServer, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.clear()
-    line = line_to(server)
-    try:
+    with line_to(server) as line:
         line.begin()
         line.points["spin_left"] = (-1.0, 0.0)  # accepted when we joined, but not any more
         assert line.drive(asks(-1.0, 0.0)) == (0.0, 0.0)
@@ -218,7 +188,5 @@ def what_the_server_refuses_is_read_and_said_once_a_second(
         assert line.drive(asks(0.0, 0.5)) == (0.0, 0.0)
         with pytest.raises(ConnectionError, match="emergency stop is on"):
             line.begin()
-    finally:
-        line.close()
     said = [record for record in caplog.records if "refuses" in record.message]
     assert 1 <= len(said) <= 3 and "held" in said[0].message

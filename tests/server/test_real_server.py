@@ -9,14 +9,13 @@ import asyncio
 import datetime as dt
 import os
 import ssl
-import time
 from pathlib import Path
 
 import httpx
 import pytest
 from websockets.asyncio.client import connect
 
-from robot.types import Action, Mode
+from robot.types import Action
 from server.access import gateway
 from server.access.certificates import make_certificates
 from server.access.config import NetworkConfig
@@ -31,8 +30,6 @@ from .hosting.starting import (
     check_it_names_what_is_still_starting_and_then_lets_the_server_answer,
 )
 from .live_robot import WEB, LiveServer, Pilot, live_server
-
-_PATIENCE_S = 60.0
 
 
 @pytest.mark.realtime
@@ -57,25 +54,16 @@ def a_pilot_drives_and_the_robot_stands_when_it_vanishes() -> None:
     with live_server() as server:
         assert httpx.get(server.address + "/healthz").json()["status"] == "ok"
         with Pilot(server.ws("/ws/drive"), sees=True) as pilot:
-            wait_until(lambda: pilot.picture is not None, "a picture", _PATIENCE_S)
-            pilot.wait_for_state(_PATIENCE_S, you_are_pilot=True)
-            wait_until(lambda: _drives(server, pilot), "it drives", _PATIENCE_S)
+            pilot.wait_for_state(you_are_pilot=True)
+            pilot.drive_until(lambda: server.driver.now is Action.FORWARD)
+            assert pilot.picture is not None
             pilot.vanish()
-            wait_until(lambda: server.driver.now is Action.STOP, "it stands", _PATIENCE_S)
+            wait_until(lambda: server.driver.now is Action.STOP, "it stands")
         with server.pilot() as pilot:
             pilot.socket.send("x" * 70_000)
-            pilot._threads[0].join(_PATIENCE_S)
+            pilot._threads[0].join(60.0)
             assert pilot.socket.close_code == 1009, "a huge message closes the connection"
-        wait_until(lambda: not server.hub.broadcast.clients, "the hub lets it go", _PATIENCE_S)
-
-
-def _drives(server: LiveServer, pilot: Pilot) -> bool:
-    """Start again if a busy machine has stopped the robot, as a person does."""
-    if server.rig.loop.mode is Mode.STOPPED:
-        pilot.mode("train")
-        time.sleep(0.2)
-    pilot.held = "forward"
-    return server.driver.now is Action.FORWARD
+        wait_until(lambda: not server.hub.broadcast.clients, "the hub lets it go")
 
 
 def tls_with_an_authority_of_our_own(tmp_path: Path) -> None:
@@ -101,14 +89,11 @@ def tls_with_an_authority_of_our_own(tmp_path: Path) -> None:
         paired_clients_are_never_reset(server, cookie.split(";")[0], trust)
 
 
-def paired_clients_are_never_reset(
-    server: LiveServer, cookie: str, trust: ssl.SSLContext | None
-) -> None:
-    request = f"GET /api/settings HTTP/1.1\r\nhost: localhost:{server.port}\r\ncookie: {cookie}\r\n"
-
+def paired_clients_are_never_reset(server: LiveServer, cookie: str, trust: ssl.SSLContext) -> None:
     async def ask() -> bytes:
         reader, writer = await asyncio.open_connection("localhost", server.port, ssl=trust)
-        writer.write(f"{request}connection: close\r\n\r\n".encode())
+        host = f"host: localhost:{server.port}\r\ncookie: {cookie}\r\nconnection: close"
+        writer.write(f"GET /api/settings HTTP/1.1\r\n{host}\r\n\r\n".encode())
         answer = await reader.read()
         writer.close()
         return answer.split(b"\r\n\r\n")[0].lower()
