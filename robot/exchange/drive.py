@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from statistics import median, mode
 from typing import Any, TypeVar
@@ -171,6 +172,13 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
     Raises RecordingError if the drive is broken or empty, and OSError if the disk fails. After an
     error no file is left.
     """
+    line = make_timeline([shot.t_s for shot in drive.shots])
+    drive.report.remark(line.remark)
+    drive.report.rate = 1 / line.usual_s
+    taken = _frames(drive, line.times_s)
+    first = next(taken, None)
+    if first is None:
+        raise RecordingError(f"{drive.name} has no pictures to use{drive.report.why_nothing()}")
     is_past = 0 < drive.started_at_s <= RealClock().wall_s()
     # If the drive's time is unknown, write 0, so that the list begins with this drive.
     started_at_s = drive.started_at_s if is_past else 0.0
@@ -182,29 +190,32 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
         moves=tuple(move.value for move in drive.moves),
         declared_moves=drive.declared_moves,
         source=drive.source,
+        pictures=first[1].encoding,
     )
-    line = make_timeline([shot.t_s for shot in drive.shots])
-    drive.report.remark(line.remark)
-    drive.report.rate = 1 / line.usual_s
     with whole_file(path) as file:
         writer = EpisodeWriter(file, run)
-        for shot, t_s in zip(drive.shots, line.times_s, strict=True):
-            try:
-                frame = shot.frame(writer.frames + 1, t_s)
-            except RecordingError as error:
-                drive.report.skip(shot.place, str(error))
-                continue
+        for shot, frame in chain([first], taken):
             writer.write_frame(frame)
-            _write_label(writer, shot, frame.frame_id, t_s)
+            _write_label(writer, shot, frame)
             if shot.label:
                 drive.report.labels[shot.label] += 1
             on_shot()
-        if not writer.frames:
-            why = drive.report.why_nothing()
-            raise RecordingError(f"{drive.name} has no pictures to use{why}")
         writer.close({"dropped_frames": "0", "lost_words": "0"})
     drive.report.remark(_hint(drive))
     return writer.frames
+
+
+def _frames(drive: Drive, times_s: Iterable[float]) -> Iterator[tuple[FrameEvent, Frame]]:
+    """Read the pictures one by one, with ids from 1; report the damaged ones."""
+    frame_id = 1
+    for shot, t_s in zip(drive.shots, times_s, strict=True):
+        try:
+            frame = shot.frame(frame_id, t_s)
+        except RecordingError as error:
+            drive.report.skip(shot.place, str(error))
+        else:
+            frame_id += 1
+            yield shot, frame
 
 
 def _hint(drive: Drive) -> str | None:
@@ -224,16 +235,17 @@ def _hint(drive: Drive) -> str | None:
     )
 
 
-def _write_label(writer: EpisodeWriter, shot: FrameEvent, frame_id: int, t_s: float) -> None:
+def _write_label(writer: EpisodeWriter, shot: FrameEvent, frame: Frame) -> None:
     if shot.label is None:
         return
     example = Example(
-        frame_id=frame_id,
+        frame_id=frame.frame_id,
         label=shot.label,
         is_intervention=shot.is_intervention,
         point=shot.point,
     )
-    writer.write_lesson(t_s, Taught(example=example, x=np.zeros(0), at_s=t_s))
+    at_s = frame.captured_s
+    writer.write_lesson(at_s, Taught(example=example, x=np.zeros(0), at_s=at_s))
 
 
 def _moves_with(labels: Iterable[Action | None]) -> tuple[Action, ...]:

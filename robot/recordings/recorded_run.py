@@ -38,7 +38,7 @@ class RecordedRun:
     def begin(self, now_s: float) -> None:
         """Begin a recording."""
         wall_ns = round(1e9 * self._loop.clock.wall_s())
-        state = self._loop.state
+        state, frame = self._loop.state, self._loop.learning.frame
         run = describe_run(
             episode_id=make_id(wall_ns),
             run_id=self._run_id,
@@ -46,6 +46,7 @@ class RecordedRun:
             started_at_s=wall_ns / 1e9,
             learner=state.learner,
             moves=tuple(move.value for move in state.moves),
+            pictures=None if frame is None else frame.encoding,
             **self._about,
         )
         self._queue.begin(run, self.base)

@@ -36,7 +36,7 @@ from robot.recordings.reader import (
     WrittenFile,
     require_mcap,
 )
-from robot.types import Action, Frame
+from robot.types import Action, Encoding, Frame
 
 FORMAT = 1
 _CHUNK_BYTES = 1 << 20
@@ -54,12 +54,13 @@ def describe_run(
     declared_moves: Sequence[Move] = (),
     options: Mapping[str, Any] | None = None,
     source: str = "drive",
+    pictures: Encoding | None = None,
 ) -> dict[str, str]:
     """Return the metadata at the beginning of a recording.
 
     `started_at_s` is the wall-clock time in seconds since 1970. `origin_ns` is the zero of the
     run's clock, in nanoseconds since 1970. All recordings of one run of the program have the same
-    `run_id`; frame ids are unique within a run.
+    `run_id`; frame ids are unique within a run. `pictures` is the encoding of the first picture.
     """
     return {
         "format": str(FORMAT),
@@ -73,6 +74,7 @@ def describe_run(
         "declared_moves": to_text(declared_moves),
         "options": json.dumps(dict(options or {}), default=str),
         "source": source,
+        "pictures": pictures or "",
         "timed": "1",  # means that each example states when it was taught
     }
 
@@ -114,7 +116,8 @@ class EpisodeWriter:
         self._writer = Writer(
             self._written,
             chunk_size=_CHUNK_BYTES,
-            compression=CompressionType.ZSTD,
+            # LZ4 takes a fifth of zstd's time, but makes raw pictures a fifth larger
+            compression=CompressionType["LZ4" if run.get("pictures") == Encoding.JPEG else "ZSTD"],
         )
         self._schema = cache(lambda schema: self._writer.register_schema(*schema))
         self._channel = cache(self._register)

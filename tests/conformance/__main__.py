@@ -71,7 +71,7 @@ def check_mcap_in_javascript(home: Path, samples: Samples) -> Iterator[Result]:
     npm = _program("npm", "node")
     home.mkdir(parents=True, exist_ok=True)
     shutil.copy(HERE / "in_mcap.mjs", home)
-    packages = ["@mcap/core@latest", "@mcap/nodejs@latest", "fzstd@latest"]
+    packages = ["@mcap/core@latest", "@mcap/nodejs@latest", "@mcap/support@latest"]
     _get([npm, "install", "--silent", "--no-audit", "--no-fund", "--prefix", home, *packages])
     yield from _run(home.name, [_program("node"), home / "in_mcap.mjs", samples.recording])
 

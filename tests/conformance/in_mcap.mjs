@@ -4,12 +4,12 @@ import { readFileSync } from 'node:fs';
 import { open } from 'node:fs/promises';
 import { McapIndexedReader, McapStreamReader } from '@mcap/core';
 import { FileHandleReadable } from '@mcap/nodejs';
-import { decompress } from 'fzstd';
+import { loadDecompressHandlers } from '@mcap/support';
 
 const [, , recording] = process.argv;
 const own = new URL('node_modules/@mcap/core/package.json', import.meta.url);
 console.log('VERSION', JSON.parse(readFileSync(own, 'utf8')).version);
-const decompressHandlers = { zstd: (data, size) => decompress(data, new Uint8Array(Number(size))) };
+const decompressHandlers = await loadDecompressHandlers();
 
 console.log('TRY reads with checksums');
 const reader = new McapStreamReader({ decompressHandlers, validateCrcs: true });
