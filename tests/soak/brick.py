@@ -15,8 +15,7 @@ import time
 from _pytest.outcomes import Skipped
 
 from tests.robot.bodies.ev3.armel import guest_memory_mb
-from tests.robot.bodies.ev3.test_server_on_brick import MOST_MEMORY_MB, Watcher, serve_on_brick
-from tests.server.live_robot import Pilot
+from tests.robot.bodies.ev3.test_server_on_brick import MOST_MEMORY_MB, serve_on_brick
 
 _EVERY = 250
 _MOST_GROWTH_MB = 0.1
@@ -27,11 +26,7 @@ _STALLED_S = 120.0
 def soak(pictures: int) -> bool:
     """Teach this number of pictures; return whether memory stayed within its bounds."""
     measured: list[tuple[int, float]] = []
-    with (
-        serve_on_brick() as served,
-        Watcher(served.address),
-        Pilot(served.address + "/ws/drive", open_timeout=120) as pilot,
-    ):
+    with serve_on_brick() as served, served.pilot() as pilot:
         pilot.wait_for_state(120, you_are_pilot=True)
         taught, began_s = 0, time.monotonic()
         lesson_s = began_s
@@ -48,7 +43,7 @@ def soak(pictures: int) -> bool:
                 print(f"no lesson for {_STALLED_S:.0f} s: {pilot.state}")
                 return False
             if now // _EVERY > taught // _EVERY:
-                memory_mb = guest_memory_mb(served.process.pid)["resident"]
+                memory_mb = guest_memory_mb(served.process.pid)
                 measured.append((now, memory_mb))
                 print(f"{now} taught, {now_s - began_s:.0f} s: {memory_mb:.2f} MB", flush=True)
             taught = now

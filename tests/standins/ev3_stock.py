@@ -1,7 +1,7 @@
 """A simulated brick with LEGO's firmware on this machine: beacon, unlock and direct commands.
 
 It has its own reader of bytecodes, and shares no code with the driver's codec. The third-party
-client `ev3-dc` checks it (tests/robot/bodies/ev3/test_ev3_dc.py), and then it checks our driver.
+client `ev3-dc` checks it (tests/robot/bodies/ev3/test_stock.py), and then it checks our driver.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import struct
 import threading
 import time
 from collections.abc import Callable
-from typing import Self
+from typing import BinaryIO, Self
 
 SERIAL = "0016533f0c1e"
 LARGE, TOUCH, ULTRASONIC, NOTHING = 7, 16, 30, 126
@@ -37,17 +37,12 @@ class Motor:
 def _bind() -> tuple[socket.socket, socket.socket]:
     """Bind both to one port of four digits, because clients also answer the beacon on that port."""
     for port in range(5555, 10_000):
-        with contextlib.suppress(OSError):
-            server = socket.create_server(("127.0.0.1", port), reuse_port=False)
-            beacon = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-            try:
-                beacon.bind(("127.0.0.1", port))
-            except OSError:
-                server.close()
-                beacon.close()
-                raise
-            server.settimeout(0.05)
+        with contextlib.suppress(OSError), contextlib.ExitStack() as stack:
+            server = stack.enter_context(socket.create_server(("127.0.0.1", port)))
+            beacon = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+            beacon.bind(("127.0.0.1", port))
             beacon.settimeout(0.05)
+            stack.pop_all()
             return server, beacon
     raise AssertionError("no port is free")
 
@@ -100,14 +95,14 @@ class StockBrick(StockFirmware):
 
     def __init__(self, beacon_port: int = 0) -> None:
         super().__init__()
-        self._ending = threading.Event()
+        self._ending, self._unlocked = threading.Event(), threading.Event()
         self._server, self._beacon = _bind()
+        self._client = self._server
         if beacon_port == 0:
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
                 probe.bind(("127.0.0.1", 0))
                 beacon_port = probe.getsockname()[1]
         self.beacon_port = beacon_port
-        self._unlocked = threading.Event()
         self._threads = [
             threading.Thread(target=target, daemon=True) for target in (self._announce, self._serve)
         ]
@@ -119,6 +114,9 @@ class StockBrick(StockFirmware):
 
     def __exit__(self, *error: object) -> None:
         self._ending.set()
+        for waiting in (self._server, self._client):
+            with contextlib.suppress(OSError):
+                waiting.shutdown(socket.SHUT_RDWR)
         for thread in self._threads:
             thread.join()
         self._server.close()
@@ -136,41 +134,24 @@ class StockBrick(StockFirmware):
 
     def _serve(self) -> None:
         while not self._ending.is_set():
-            with contextlib.suppress(TimeoutError):
-                client, _ = self._server.accept()
-                with client, contextlib.suppress(ConnectionError):
-                    client.settimeout(0.05)
-                    self._talk(client)
+            with contextlib.suppress(OSError):
+                self._client, _ = self._server.accept()
+                with self._client, self._client.makefile("rb") as stream:
+                    if not self._ending.is_set():
+                        self._talk(self._client, stream)
 
-    def _talk(self, client: socket.socket) -> None:
-        head = self._read_until(client, lambda data: b"VMTP1.0" in data and b"EV3" in data)
-        if not self._unlocked.wait(2.0) or SERIAL.encode() not in head.lower().replace(b":", b""):
+    def _talk(self, client: socket.socket, stream: BinaryIO) -> None:
+        head = client.recv(1024).replace(b":", b"")
+        is_meant = b"VMTP1.0" in head and SERIAL.encode() in head.lower()
+        if not (self._unlocked.wait(2.0) and is_meant):
             return
         client.sendall(b"Accept:EV340\r\n\r\n")
-        rest = b""
-        while not self._ending.is_set():
-            data = rest + self._read_until(client, bool)
-            while len(data) >= 2 and len(data) >= (size := struct.unpack_from("<H", data)[0] + 2):
-                message, data = data[:size], data[size:]
-                self.messages.append(message)
-                answer = self.answer(message)
-                if answer is not None and not self.frozen.is_set():
-                    client.sendall(answer)
-            rest = data
-
-    def _read_until(self, client: socket.socket, is_enough) -> bytes:
-        data = b""
-        while not self._ending.is_set():
-            try:
-                part = client.recv(4096)
-            except TimeoutError:
-                continue
-            if not part:
-                raise ConnectionError
-            data += part
-            if is_enough(data):
-                break
-        return data
+        while size := stream.read(2):
+            message = size + stream.read(struct.unpack("<H", size)[0])
+            self.messages.append(message)
+            answer = self.answer(message)
+            if answer is not None and not self.frozen.is_set():
+                client.sendall(answer)
 
 
 class _Machine:

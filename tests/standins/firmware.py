@@ -44,14 +44,12 @@ class Relay:
     cut."""
 
     def __init__(self, robot_port: int) -> None:
-        self.is_cut = threading.Event()
-        self._ending = threading.Event()
+        self.is_cut, self._ending = threading.Event(), threading.Event()
         self._near = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._near.bind(("127.0.0.1", 0))
         self._far = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._far.connect(("127.0.0.1", robot_port))
         self.address = f"127.0.0.1:{self._near.getsockname()[1]}"
-        self._client: Any = None
         self._thread = threading.Thread(target=self._run, daemon=True)
 
     def __enter__(self) -> Self:
@@ -65,18 +63,18 @@ class Relay:
         self._far.close()
 
     def _run(self) -> None:
+        client: Any = None
         while not self._ending.is_set():
-            ready, _, _ = select.select([self._near, self._far], [], [], 0.05)
-            for sock in ready:
+            for sock in select.select([self._near, self._far], [], [], 0.05)[0]:
                 with contextlib.suppress(OSError):
                     data, sender = sock.recvfrom(2048)
                     if self.is_cut.is_set():
                         continue
                     if sock is self._near:
-                        self._client = sender
+                        client = sender
                         self._far.send(data)
-                    elif self._client is not None:
-                        self._near.sendto(data, self._client)
+                    elif client is not None:
+                        self._near.sendto(data, client)
 
 
 class FirmwareRobot:

@@ -21,6 +21,7 @@ from typing import Any, Self
 from robot.bodies.pybricks.driver import PybricksDriver, PybricksOptions
 from robot.bodies.pybricks.hub_line import HubLine
 from robot.clock import RealClock
+from tests.kit.wait import wait_until
 from tests.standins.firmware import ROOT, find_micropython
 
 PROGRAM = ROOT / "docs/examples/firmware/hub.py"
@@ -55,9 +56,6 @@ class FakeHub:
         self.is_in_reach = True
         self.clients: list[_Client] = []
         self.process: subprocess.Popen[bytes] | None = None
-        self._reader: threading.Thread | None = None
-        self._is_up = threading.Event()
-        self._news = threading.Condition()
         self.bluetooth = SimpleNamespace(
             BleakScanner=SimpleNamespace(find_device_by_filter=self._find),
             BleakClient=self._make_client,
@@ -81,16 +79,11 @@ class FakeHub:
         driver._open_line = lambda: HubLine(self.bluetooth, options.hub, RealClock(), driver._same)
         return driver
 
-    def wait_until(self, happened: Callable[[], bool]) -> None:
-        """Wait for a condition that the program causes."""
-        with self._news:
-            assert self._news.wait_for(happened, 60.0)
-
     # A person's actions on the hub ---------------------------------------------------------------
 
     def start_program(self) -> None:
         """Start the program and wait until it runs; on a real hub it runs at once."""
-        self._is_up.clear()
+        self.light = ""
         self.process = subprocess.Popen(
             [find_micropython(), str(PROGRAM)],
             env={**os.environ, "MICROPYPATH": str(_MODULES)},
@@ -99,86 +92,74 @@ class FakeHub:
         )
         self._reader = threading.Thread(target=self._read, args=(self.process,), daemon=True)
         self._reader.start()
-        assert self._is_up.wait(60.0)
+        wait_until(lambda: self.light, "the program sets the light when it begins")
         self.report_status()
 
     def end_program(self) -> None:
         """End the program, like the hub's button; the firmware then stops the motors."""
         process, self.process = self.process, None
-        if process is None or self._reader is None:
-            return
-        process.send_signal(signal.SIGCONT)
-        process.kill()
-        process.wait()
-        self._reader.join()
-        for pipe in (process.stdin, process.stdout):
-            if pipe is not None:
-                pipe.close()
-        self.ends_s.clear()
-        self.report_status()
+        if process is not None:
+            with process:
+                process.kill()
+                self._reader.join()
+            self.ends_s.clear()
+            self.report_status()
 
-    def freeze(self) -> None:
-        """Let the program hang, while the firmware goes on."""
+    def send_signal(self, how: signal.Signals) -> None:
+        """Let the program hang or go on, while the firmware goes on."""
         assert self.process is not None
-        self.process.send_signal(signal.SIGSTOP)
-
-    def thaw(self) -> None:
-        assert self.process is not None
-        self.process.send_signal(signal.SIGCONT)
+        self.process.send_signal(how)
 
     def cut(self) -> None:
         """Carry the hub out of range: nothing arrives, and later both sides notice."""
         self.is_in_reach = False
         for client in list(self.clients):
-            client.lose_later()
+            client.call(client.lose, LOST_AFTER_S)
 
     # The firmware ------------------------------------------------------------------------------
 
     def _read(self, process: subprocess.Popen[bytes]) -> None:
         assert process.stdout is not None
         for line in process.stdout:
-            with self._news:
-                if line.startswith(b"\x01motor"):
-                    _, port, speed, run_ms = line.decode().split()
-                    self.told.append((port, float(speed), int(run_ms)))
-                    self.ends_s[port] = time.monotonic() + int(run_ms) / 1000
-                elif line.startswith(b"\x01light"):  # its first line, when it begins
-                    self.light = line.split()[1].decode()
-                    self._is_up.set()
-                else:
-                    self.reports.append(line)
-                    for client in list(self.clients):
-                        client.notify_soon(b"\x01" + line.rstrip(b"\n") + b"\r\n")
-                self._news.notify_all()
+            if line.startswith(b"\x01motor"):
+                _, port, speed, run_ms = line.decode().split()
+                self.told.append((port, float(speed), int(run_ms)))
+                self.ends_s[port] = time.monotonic() + int(run_ms) / 1000
+            elif line.startswith(b"\x01light"):
+                self.light = line.split()[1].decode()
+            else:
+                self.reports.append(line)
+                self._notify(b"\x01" + line.rstrip(b"\n") + b"\r\n")
 
-    def status(self) -> bytes:
-        return b"\x00" + struct.pack("<I", (1 << 6) * (self.process is not None))
+    def _notify(self, data: bytes) -> None:
+        for client in list(self.clients):
+            client.notify_soon(data)
 
     def report_status(self) -> None:
-        for client in list(self.clients):
-            client.notify_soon(self.status())
+        self._notify(b"\x00" + struct.pack("<I", (1 << 6) * (self.process is not None)))
+
+    def type(self, data: bytes) -> None:
+        """Write to the program's standard input."""
+        if self.process is not None and self.process.stdin is not None:
+            self.process.stdin.write(data)
+            self.process.stdin.flush()
 
     def obey(self, data: bytes) -> None:
         """Receive a write to the characteristic; raises BleakError if the hub refuses it."""
-        if len(data) > MOST_BYTES:
-            raise BleakError("Invalid Attribute Length")
-        if data[:1] == b"\x01":
-            if self.process is not None:
-                raise BleakError("Unlikely Error: busy")
-            self.start_program()
-        elif data[:1] == b"\x00":
+        kind = data[:1]
+        if len(data) > MOST_BYTES or kind not in (b"\x00", b"\x01", b"\x06"):
+            raise BleakError("Invalid Attribute Length, or invalid command")
+        if kind == b"\x06":
+            self.type(data[1:])
+        elif kind == b"\x00":
             self.end_program()
-        elif data[:1] == b"\x06":
-            if self.process is not None and self.process.stdin is not None:
-                self.process.stdin.write(data[1:])
-                self.process.stdin.flush()
+        elif self.process is not None:
+            raise BleakError("Unlikely Error: busy")
         else:
-            raise BleakError("Unlikely Error: invalid command")
+            self.start_program()
 
-    def read(self, uuid: str) -> bytes:
-        return (
-            struct.pack("<HII", MOST_BYTES, 6, 1 << 17) if uuid == _CAPABILITIES else _OTHERS[uuid]
-        )
+    def _make_client(self, device: Any, disconnected_callback: Any = None, **_: Any) -> _Client:
+        return _Client(getattr(device, "hub", self), disconnected_callback)
 
     async def _find(self, matches: Any, timeout: float, **_: Any) -> Any:
         """Like `BleakScanner.find_device_by_filter`, but gives up at once."""
@@ -188,9 +169,6 @@ class FakeHub:
             if hub.is_in_reach and not hub.clients and matches(found, said):
                 return found
         return None
-
-    def _make_client(self, device: Any, disconnected_callback: Any = None, **_: Any) -> _Client:
-        return _Client(getattr(device, "hub", self), disconnected_callback)
 
 
 class BleakError(Exception):
@@ -205,34 +183,37 @@ class _Client:
         self._notify: Any = None
         self._is_lost = False
 
-    async def __aenter__(self) -> Self:
-        await self.connect()
-        return self
-
-    async def __aexit__(self, *error: object) -> None:
-        await self.disconnect()
-
     async def connect(self) -> None:
         if not self._hub.is_in_reach or self._hub.clients:
             raise BleakError("failed to connect")
         self._loop = asyncio.get_running_loop()
         self._hub.clients.append(self)
 
-    async def disconnect(self) -> None:
+    async def disconnect(self, *error: object) -> None:
+        self._hang_up()
+
+    def _hang_up(self) -> None:
         if self in self._hub.clients:
             self._hub.clients.remove(self)
             if self._on_lost is not None:
                 self._on_lost(self)
 
+    async def __aenter__(self) -> Self:
+        await self.connect()
+        return self
+
+    __aexit__ = disconnect
+
     async def read_gatt_char(self, uuid: str) -> bytes:
         await self._pass()
-        return self._hub.read(uuid)
+        capabilities = struct.pack("<HII", MOST_BYTES, 6, 1 << 17)
+        return capabilities if uuid == _CAPABILITIES else _OTHERS[uuid]
 
     async def start_notify(self, uuid: str, callback: Any) -> None:
         await self._pass()
         if uuid == _COMMAND_EVENT:
             self._notify = callback
-            self.notify_soon(self._hub.status())
+            self._hub.report_status()
 
     async def write_gatt_char(self, uuid: str, data: bytes, response: bool = False) -> None:
         await self._pass()
@@ -246,24 +227,17 @@ class _Client:
                 raise BleakError("Not connected")
             await asyncio.sleep(0.01)
 
+    def call(self, what: Callable[[], object], after_s: float = 0.0) -> None:
+        """Call a function on the client's event loop, from another thread."""
+        self._loop.call_soon_threadsafe(self._loop.call_later, after_s, what)
+
     def notify_soon(self, data: bytes) -> None:
         """Send an event from another thread; a long one in several parts."""
-        if not self._hub.is_in_reach:
-            return
-        for start in range(1, max(2, len(data)), MOST_BYTES - 1):
-            part = data[:1] + data[start : start + MOST_BYTES - 1]
-            self._loop.call_soon_threadsafe(self._tell, part)
+        if self._hub.is_in_reach and self._notify is not None:
+            for start in range(1, max(2, len(data)), MOST_BYTES - 1):
+                part = bytearray(data[:1] + data[start : start + MOST_BYTES - 1])
+                self._loop.call_soon_threadsafe(self._notify, None, part)
 
-    def _tell(self, data: bytes) -> None:
-        if self._notify is not None:
-            self._notify(None, bytearray(data))
-
-    def lose_later(self) -> None:
-        self._loop.call_soon_threadsafe(self._loop.call_later, LOST_AFTER_S, self._lose)
-
-    def _lose(self) -> None:
+    def lose(self) -> None:
         self._is_lost = True
-        if self in self._hub.clients:
-            self._hub.clients.remove(self)
-            if self._on_lost is not None:
-                self._on_lost(self)
+        self._hang_up()

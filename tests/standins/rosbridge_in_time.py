@@ -3,32 +3,32 @@
 from __future__ import annotations
 
 import json
-import random
+import math
 from collections.abc import Callable
 from typing import Any
 
 from robot.testing import VirtualClock
-from tests.standins.firmware_in_time import Box
+from tests.standins.firmware_in_time import Box, RunningProgram
 from tests.standins.rclpy_node import WatchdogNode
 
 
-class WatchedBridge:
+class WatchedBridge(RunningProgram):
     """A rosbridge with the watchdog behind it, and a base that never stops by itself."""
 
+    trouble = refusal = ""
+    where = "rosbridge at robot"
+    wheels: tuple[float, float] = (0.0, 0.0)
+
     def __init__(self, clock: VirtualClock, seed: int) -> None:
-        self._clock, self._chance = clock, random.Random(seed)
-        self._to_robot, self._to_server = Box(clock), Box(clock)
-        self.slowest_s, self.lost_s = 0.05, float("inf")
-        self.wheels, self._is_over = (0.0, 0.0), False
+        super().__init__(clock, seed)
+        self.slowest_s, self.lost_s = 0.05, math.inf
         self._node = WatchdogNode(clock, self._say)
         self._node.start()
         self._threads = [
-            clock.start_thread(lambda: self._pass(self._to_robot, self._node.take), "to robot"),
-            clock.start_thread(lambda: self._pass(self._to_server, self._tell), "to server"),
+            clock.start_thread(lambda: self._pass(self.to_board, self._node.take), "to robot"),
+            clock.start_thread(lambda: self._pass(self.to_server, self._tell), "to server"),
         ]
         self._on_message: Callable[[str, Any], None] = lambda topic, message: None
-        self.trouble = self.refusal = ""
-        self.where = "rosbridge at robot"
 
     def open(self, *_: Any, on_message: Callable[[str, Any], None], **topics: Any) -> Any:
         """Replaces `open_topics`."""
@@ -36,16 +36,12 @@ class WatchedBridge:
         return self
 
     @property
-    def is_moving(self) -> bool:
-        return any(self.wheels)
-
-    @property
     def silent_s(self) -> float:
-        return max(0.0, self._clock.now_s() - self.lost_s)
+        return max(0.0, self.clock.now_s() - self.lost_s)
 
     def publish(self, topic: str, message: Any, *_: Any) -> None:
         """Publish a velocity without the zero that a server sends afterwards: it may be gone."""
-        self._send(self._to_robot, json.dumps(message).encode())
+        self.send(self.to_board, json.dumps(message).encode())
 
     def hear(self, topic: str, message: Any) -> None:
         """Publish like another node on the robot."""
@@ -55,27 +51,23 @@ class WatchedBridge:
         """There is nothing to close."""
 
     def lose(self) -> None:
-        self.lost_s = min(self.lost_s, self._clock.now_s())
+        self.is_lost, self.lost_s = True, min(self.lost_s, self.clock.now_s())
 
     def regain(self) -> None:
-        self.lost_s = float("inf")
+        self.is_lost, self.lost_s = False, math.inf
 
     def end(self) -> None:
-        self._is_over = True
+        super().end()
         self._node.end()
         for thread in self._threads:
             thread.join()
-
-    def _send(self, box: Box, data: bytes) -> None:
-        if self.lost_s == float("inf"):
-            box.put(data, self._chance.uniform(0.0005, self.slowest_s))
 
     def _say(self, topic: str, kind: str, message: Any) -> None:
         if topic == "/cmd_vel":
             ahead, turn = message["linear"]["x"], message["angular"]["z"]
             self.wheels = ahead - turn, ahead + turn
         else:
-            self._send(self._to_server, json.dumps(message).encode())
+            self.send(self.to_server, json.dumps(message).encode())
 
     def _tell(self, message: Any) -> None:
         self._on_message("/drivelesson/alive", message)

@@ -37,7 +37,7 @@ SKIPPED = {
     **dict.fromkeys([f"{ITSELF}[{kind}" for kind in ("dangling", "loop")], LINKS),
     "server/access/test_unpaired_flood.py::test_a_flood": KERNEL + "a limit of descriptors",
     "robot/lab/test_evaluation.py::test_the_command_writes": NO_EXTRA.format("evaluate"),
-    "robot/bodies/ev3/test_agent_syntax.py": "the brick's Python, which Windows does not have",
+    "robot/bodies/ev3/test_agent_process.py": "the brick's Python, which Windows does not have",
     "robot/bodies/ev3/test_installer.py": "a stand-in for ssh, a script that Linux runs",
     "robot/bodies/ev3/test_stock.py::test_the_cable_carries": KERNEL + "packets of a local socket",
 }

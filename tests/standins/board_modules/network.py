@@ -7,18 +7,7 @@ class WLAN:
     """A Wi-Fi interface that is connected immediately."""
 
     def __init__(self, kind):
-        pass
-
-    def active(self, is_on):
-        """Do nothing."""
-
-    def connect(self, name, password):
-        """Do nothing."""
-
-    def isconnected(self):
-        """Always true."""
-        return True
-
-    def ifconfig(self):
-        """Return the address first."""
-        return ("127.0.0.1", "255.0.0.0", "127.0.0.1", "127.0.0.1")
+        self.active = bool
+        self.isconnected = lambda: True
+        self.connect = lambda name, password: None
+        self.ifconfig = lambda: ("127.0.0.1", "255.0.0.0", "127.0.0.1", "127.0.0.1")

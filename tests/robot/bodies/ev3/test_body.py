@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import pytest
 
@@ -22,20 +21,15 @@ def make_driver(brick: FakeBrick, **options: object) -> Ev3Driver:
     return Ev3Driver(found, brick.clock)
 
 
-def test_the_defaults_are_the_speeds_of_the_paper() -> None:
-    wheels = wheels_of(ChassisOptions())
-    assert wheels.at(CLASSIC_POINTS[Action.FORWARD]) == pytest.approx((360, 360), rel=0.01)
-    assert wheels.at(CLASSIC_POINTS[Action.LEFT]) == pytest.approx((-90, 0), rel=0.01)
-    assert wheels.at(CLASSIC_POINTS[Action.RIGHT]) == pytest.approx((0, -90), rel=0.01)
-
-
 @pytest.mark.parametrize("turn_by", ["backward", "forward", "both"])
-def test_each_way_to_turn_turns_at_the_same_rate(turn_by: str) -> None:
+def test_speeds_are_those_of_the_paper_whichever_wheel_turns(turn_by: str) -> None:
     options = ChassisOptions(turn_by=turn_by)
-    left, right = wheels_of(options).at(CLASSIC_POINTS[Action.LEFT])
+    wheels = wheels_of(options)
+    assert wheels.at(CLASSIC_POINTS[Action.FORWARD]) == pytest.approx((360, 360), rel=0.01)
+    left, right = wheels.at(CLASSIC_POINTS[Action.LEFT])
     rim_m_per_deg = math.pi * options.wheel_diameter_m / 360
     assert (right - left) * rim_m_per_deg / options.track_m == pytest.approx(math.radians(18.5))
-    assert wheels_of(options).at(CLASSIC_POINTS[Action.RIGHT]) == (right, left)
+    assert wheels.at(CLASSIC_POINTS[Action.RIGHT]) == (right, left)
 
 
 def test_a_move_is_timed_and_ends_by_itself(brick: FakeBrick) -> None:
@@ -45,59 +39,35 @@ def test_a_move_is_timed_and_ends_by_itself(brick: FakeBrick) -> None:
         began_s = next(c.at_s for c in brick.commands if c.command == "run-timed")
         brick.wait_until(lambda: not brick.is_moving())
         assert brick.clock.now_s() - began_s == pytest.approx(0.4, abs=2 * POLL_S)
-    moves = [c for c in brick.commands if c.command.startswith("run")]
-    assert {(c.command, c.time_ms) for c in moves} == {("run-timed", 400)}
-
-
-def test_a_turn_moves_one_wheel_and_stops_the_other(brick: FakeBrick) -> None:
-    with make_driver(brick) as driver:
         driver.send_action(Action.FORWARD)
-        brick.wait_until(brick.is_moving)
         driver.send_action(Action.LEFT, speed_scale=0.5)
         brick.wait_until(lambda: brick.speeds() == {"outB": -45, "outC": 0})
         driver.stop()
         driver.stop()
         brick.wait_until(lambda: not brick.is_moving(), 0.3)
-
-
-def test_sensors_are_read_in_metres(brick: FakeBrick) -> None:
-    brick.add_sensor("in4", "lego-ev3-us", 1234, decimals=1)
-    brick.add_sensor("in1", "lego-ev3-touch", 0)
-    with make_driver(brick, ultrasonic_port="in4") as driver:
-        sensors = driver.sense()
-        assert sensors.distance_m == pytest.approx(1.234)
-        assert sensors.bumped is False
-        assert sensors.battery_share == pytest.approx(0.5)
-        brick.set_sensor("in1", 1)
-        assert driver.sense().bumped is True
+    moves = [c for c in brick.commands if c.command.startswith("run")]
+    assert {(c.command, c.time_ms) for c in moves} == {("run-timed", 400)}
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"left_port": "outA"}, ["port outA", "--left-port", "lego-ev3-l-motor at ev3-ports:outB"]),
-        ({"left_port": "out"}, ["port out;", "--left-port", "lego-ev3-l-motor at ev3-ports:outB"]),
-        ({"left_port": ""}, ["port ;", "--left-port", "lego-ev3-l-motor at ev3-ports:outB"]),
-        ({"ultrasonic_port": "in2"}, ["port in2", "--ultrasonic-port", "found: nothing"]),
-        ({"touch_port": "in3"}, ["port in3", "--touch-port"]),
+        ({"left_port": "outA"}, r"port outA; .*--left-port .*lego-ev3-l-motor at ev3-ports:outB"),
+        ({"left_port": "out"}, "port out;"),
+        ({"left_port": ""}, "port ;"),
+        ({"ultrasonic_port": "in2"}, r"port in2; .*--ultrasonic-port .*found: lego-nxt-us at"),
+        ({"ultrasonic_port": "n1"}, "ultrasonic sensor at port n1"),
+        ({"ultrasonic_port": "in1:i2c"}, "ultrasonic sensor at port in1:i2c"),
+        ({"touch_port": "in3"}, r"port in3.*--touch-port"),
     ],
 )
 def test_a_wrong_port_is_one_clear_line(
-    brick: FakeBrick, options: dict[str, str], words: list[str]
-) -> None:
-    with pytest.raises(DriveError) as failure:
-        make_driver(brick, **options).connect()
-    assert all(word in str(failure.value) for word in words)
-    assert "\n" not in str(failure.value)
-
-
-def test_a_port_is_named_by_its_whole_address_but_not_by_a_part_of_its_name(
-    brick: FakeBrick,
+    brick: FakeBrick, options: dict[str, str], words: str
 ) -> None:
     brick.add_sensor("in1:i2c1", "lego-nxt-us", 42)
-    for port in ("in", "n1", "1", "in1:i2c"):
-        with pytest.raises(DriveError, match="ultrasonic sensor at port"):
-            make_driver(brick, ultrasonic_port=port).connect()
+    with pytest.raises(DriveError, match=words) as failure:
+        make_driver(brick, **options).connect()
+    assert "\n" not in str(failure.value)
     for port in ("in1", "in1:i2c1", "ev3-ports:in1", " in1"):
         with make_driver(brick, ultrasonic_port=port) as driver:
             assert driver.sense().distance_m == pytest.approx(0.42)
@@ -110,19 +80,16 @@ def test_options_that_make_no_sense_are_refused() -> None:
         ChassisOptions(track_m=0)
 
 
-def test_without_a_brick_the_error_is_one_clear_line(tmp_path: Path) -> None:
-    driver = Ev3Driver(Ev3Options(brick_root=str(tmp_path)))
-    with pytest.raises(DriveError, match=r"no left motor at port outB.*found: nothing"):
-        driver.connect()
-
-
 def test_a_motor_that_was_unplugged_is_found_again(brick: FakeBrick) -> None:
     with make_driver(brick) as driver:
-        for side in (0, 1):
-            close_motor(driver, side)
+        driver.send_action(Action.FORWARD)
+        brick.wait_until(brick.is_moving)
+        close_motor(driver, 1)
         brick.unplug_motor("outC")
         with pytest.raises(DriveError, match="outB and outC do not answer"):
             driver.send_action(Action.FORWARD)
+        brick.catch_up()
+        assert not brick.is_moving(), "the other motor stands as well"
         with pytest.raises(DriveError, match="no right motor at port outC"):
             driver.send_action(Action.FORWARD)
         brick.add_motor("outC")
@@ -130,28 +97,13 @@ def test_a_motor_that_was_unplugged_is_found_again(brick: FakeBrick) -> None:
         brick.wait_until(lambda: set(brick.speeds().values()) == {360})
 
 
-def test_an_unplugged_sensor_is_reported_and_found_again(brick: FakeBrick) -> None:
-    brick.add_sensor("in1", "lego-ev3-touch", 0)
-    with make_driver(brick) as driver:
-        folder = brick.root / "sys/class/lego-sensor"
-        driver._connection.sensors._touch._ports[0].close()
-        folder.rename(brick.root / "unplugged")
-        for _ in range(2):
-            with pytest.raises(DriveError, match=r"touch sensor does not answer.*cable"):
-                driver.sense()
-        (brick.root / "unplugged").rename(folder)
-        assert driver.sense().bumped is False
-
-
 def test_buttons_are_read_and_lights_and_screen_are_set(brick: FakeBrick) -> None:
     driver = make_driver(brick)
     driver.announce("http://192.168.1.7:8000")
     with driver:
         assert "192.168.1.7" in brick.screen.read_text()
-        assert (brick.light("led0:red:brick-status"), brick.light("led1:green:brick-status")) == (
-            0,
-            255,
-        )
+        assert brick.light("led0:red:brick-status") == 0
+        assert brick.light("led1:green:brick-status") == 255
         assert driver.take_button() is None
         brick.press(28)
         assert driver.take_button() is BodyButton.START
@@ -190,9 +142,7 @@ def test_a_motor_that_cannot_be_reset_is_one_clear_line(brick: FakeBrick, name: 
     ("options", "words"),
     [
         ({"forward_speed_mps": 0.5}, r"--forward-speed-mps 0.5 .* outB .* only 1050; choose"),
-        ({"turn_rate_deg_s": 300}, r"--turn-rate-deg-s 300 .* outB .* only 1050; choose"),
         ({"turn_rate_deg_s": 300, "turn_by": "forward"}, r"--turn-rate-deg-s .* outC .* choose"),
-        ({"wheel_diameter_m": 0.01}, r"--forward-speed-mps 0.16 .* choose"),
     ],
 )
 def test_a_speed_above_the_motors_limit_names_the_limit(
@@ -222,19 +172,24 @@ def test_the_agent_itself_refuses_what_the_kernel_would(brick: FakeBrick) -> Non
         assert brick.refused == []
 
 
-def test_two_bumpers_are_told_apart_from_left_to_right(brick: FakeBrick) -> None:
+def test_sensors_are_read_in_their_order_and_ports(brick: FakeBrick) -> None:
+    brick.add_sensor("in3", "lego-ev3-us", 1234, decimals=1)
     for port in ("in4", "in1"):
         brick.add_sensor(port, "lego-ev3-touch", 0)
     with make_driver(brick) as driver:
-        assert (driver.sense().bumped, driver.sense().bumpers) == (False, (False, False))
+        sensors = driver.sense()
+        assert sensors.distance_m == pytest.approx(1.234)
+        assert sensors.battery_share == pytest.approx(0.5)
+        assert (sensors.bumped, sensors.bumpers) == (False, (False, False))
         brick.set_sensor("in4", 1)
         assert (driver.sense().bumped, driver.sense().bumpers) == (True, (False, True))
-    with make_driver(brick, touch_port="in4,in1") as driver:
-        assert driver.sense().bumpers == (True, False)
-    with make_driver(brick, touch_port="in1") as driver:
-        assert (driver.sense().bumped, driver.sense().bumpers) == (False, (False,))
-    with make_driver(brick, touch_port="none") as driver:
-        assert (driver.sense().bumped, driver.sense().bumpers) == (None, ())
+    for ports, bumped, bumpers in (
+        ("in4,in1", True, (True, False)),
+        ("in1", False, (False,)),
+        ("none", None, ()),
+    ):
+        with make_driver(brick, touch_port=ports) as driver:
+            assert (driver.sense().bumped, driver.sense().bumpers) == (bumped, bumpers), ports
 
 
 def test_sensors_that_appear_late_are_found(
@@ -251,17 +206,23 @@ def test_sensors_that_appear_late_are_found(
         assert driver.sense().bumpers == (True, False)
 
 
-@pytest.mark.parametrize("missing", ["mode", "decimals", "value0"])
-def test_a_sensor_whose_plug_makes_no_contact_yet_is_reported(
+@pytest.mark.parametrize("missing", ["", "mode", "decimals", "value0"])
+def test_a_sensor_that_is_unplugged_or_makes_no_contact_yet_is_reported_until_it_is_there(
     brick: FakeBrick, monkeypatch: pytest.MonkeyPatch, missing: str
 ) -> None:
     monkeypatch.setattr(sensors, "SEARCH_S", 0.0)
     with make_driver(brick) as driver:
         brick.add_sensor("in4", "lego-ev3-us", 500, decimals=1)
         file = brick.root / "sys/class/lego-sensor/sensor0" / missing
-        there = file.rename(brick.root / "away")
-        with pytest.raises(DriveError, match=r"ultrasonic sensor does not answer.*check its cable"):
+        if not missing:  # a sensor that was read has open files, which do not vanish here
             driver.sense()
+            driver._connection.sensors._ultrasonic._ports[0].close()
+        there = file.rename(brick.root / "away")
+        for _ in range(2):
+            with pytest.raises(
+                DriveError, match=r"ultrasonic sensor does not answer.*check its cable"
+            ):
+                driver.sense()
         there.rename(file)
         assert driver.sense().distance_m == pytest.approx(0.5)
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,16 +13,16 @@ import pytest
 from robot.bodies.ev3 import examination
 from robot.bodies.ev3.agent.inspection import inspect_brick
 from robot.bodies.ev3.doctor import BrickFacts, Finding, Level, WheelTurn, examine, write_report
-from robot.bodies.ev3.examination import measure
-from robot.bodies.ev3.fake_agent import SECRET, FakeCameraReader, fake_agent, inspect_as_ev3
+from robot.bodies.ev3.examination import WHEEL_TEST, measure
+from robot.bodies.ev3.fake_agent import FakeCameraReader, inspect_as_ev3
 from robot.bodies.ev3.fake_brick import FakeBrick
-from robot.bodies.ev3.link import BrickLink, RemotePicture
+from robot.bodies.ev3.link import RemotePicture
 from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
 from server.__main__ import main
 from server.bodies import brick as command
-from tests.robot.bodies.ev3.virtual_agent import VirtualAgent
+from tests.kit.needed import ROOT
+from tests.robot.bodies.ev3.virtual_agent import ADDRESS, VirtualAgent
 
-ROOT = Path(__file__).parents[4]
 GUIDE = ROOT / "docs/howto/ev3.md"
 
 
@@ -42,13 +42,8 @@ def pictures(n: int = 40, period_s: float = 0.1, age_s: float = 0.12) -> list[Re
 
 
 SOUND_WHEELS = [
-    WheelTurn(asked_dps=asked, turned_dps=turned)
-    for asked, turned in (
-        ((180, 0), (176, 0)),
-        ((0, 180), (0, 177)),
-        ((180, 180), (176, 175)),
-        ((-180, -180), (-176, -177)),
-    )
+    WheelTurn(asked_dps=(180 * left, 180 * right), turned_dps=(176 * left, 176 * right))
+    for left, right in WHEEL_TEST
 ]
 MOTORS = [
     {"driver_name": "lego-ev3-l-motor", "address": f"ev3-ports:{port}"} for port in ("outB", "outC")
@@ -98,12 +93,6 @@ UNPLUGGED = replace(SOUND, pictures=[], camera_fault="it was unplugged")
 MJPEG, LARGE = {"MJPG": ["640x480"]}, {"YUYV": ["320x240"]}
 
 
-def test_a_sound_brick_needs_nothing() -> None:
-    findings = examine(SOUND)
-    assert {finding.level for finding in findings} == {Level.OK}
-    assert write_report(findings).endswith("All is well.")
-
-
 @pytest.mark.parametrize(
     ("facts", "level", "topic", "text", "advice"),
     [
@@ -138,6 +127,7 @@ def test_a_sound_brick_needs_nothing() -> None:
 def test_each_fault_is_named_with_what_to_do(
     facts: BrickFacts, level: str, topic: str, text: str, advice: str
 ) -> None:
+    assert write_report(examine(SOUND)).endswith("All is well.")
     findings = examine(facts)
     bad = [one for one in findings if one.level is not Level.OK]
     assert len(bad) == 1
@@ -148,62 +138,34 @@ def test_each_fault_is_named_with_what_to_do(
 
 
 @pytest.fixture
-def link(brick: FakeBrick) -> Iterator[BrickLink]:
+def doctored(brick: FakeBrick) -> Iterator[VirtualAgent]:
     def inspect(root: str) -> dict[str, Any]:
         return {**inspect_as_ev3(root), "clock_s": brick.clock.wall_s()}
 
     with VirtualAgent(brick, open_camera=FakeCameraReader, inspect=inspect) as agent:
-        yield agent.link()
+        yield agent
 
 
-def found(link: BrickLink, may_turn: bool = True) -> dict[str, Finding]:
-    return {one.topic: one for one in examine(measure(link, lambda: may_turn))}
+def found(agent: VirtualAgent, may_turn: bool = True) -> dict[str, Finding]:
+    return {one.topic: one for one in examine(measure(agent.link(), lambda: may_turn))}
 
 
-def test_a_sound_brick_is_measured(brick: FakeBrick, link: BrickLink) -> None:
-    brick.add_sensor("in4", "lego-ev3-us", 1234, decimals=1)
-    assert {one.level for one in found(link).values()} == {Level.OK}
-    assert not brick.is_moving()
-
-
-def test_nothing_moves_without_consent(brick: FakeBrick, link: BrickLink) -> None:
-    assert found(link, may_turn=False)["wheels"].text == "not tested"
+def test_nothing_moves_without_consent(brick: FakeBrick, doctored: VirtualAgent) -> None:
+    assert found(doctored, may_turn=False)["wheels"].text == "not tested"
     assert not [one for one in brick.commands if one.command.startswith("run")]
 
 
-def test_the_doctor_finds_the_faults_of_a_brick(brick: FakeBrick, link: BrickLink) -> None:
+def test_the_doctor_finds_the_faults_of_a_brick(brick: FakeBrick, doctored: VirtualAgent) -> None:
+    assert set(inspect_brick(str(brick.root))) == set(INSPECTED)
     brick.motors["outC"].is_stalled = True
     brick.set_battery(6.1)
-    findings = found(link)
+    findings = found(doctored)
     assert "right wheel (outC) did not turn when it was driven" in findings["wheels"].text
     assert findings["battery"].text == "6.1 V"
     brick.unplug_motor("outB")
-    findings = found(link)
+    findings = found(doctored)
     assert "no left motor at port outB" in findings["motors"].advice
     assert findings["motors"].text == "lego-ev3-l-motor at ev3-ports:outC"
-
-
-def test_the_agent_reports_every_value_that_the_doctor_needs(brick: FakeBrick) -> None:
-    assert set(inspect_brick(str(brick.root))) == set(INSPECTED)
-
-
-def a_busy_brick_is_one_clear_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("DRIVELESSON_BRICK_SECRET", SECRET)
-    with (
-        FakeBrick(tmp_path / "busy") as brick,
-        fake_agent(brick) as address,
-        Ev3RemoteDriver(Ev3RemoteOptions(brick=address, brick_secret=SECRET)),
-    ):
-        assert main(["brick", "doctor", address]) == 1
-    error = capsys.readouterr().err
-    assert "busy: 127.0.0.1 has the robot; stop the other server first" in error
-    assert error.count("\n") == 1
-    assert main(["brick", "doctor"]) == 2
-    assert (
-        "name the brick: drivelesson brick doctor ADDRESS, or use --fake" in capsys.readouterr().err
-    )
 
 
 @pytest.mark.parametrize(
@@ -212,12 +174,7 @@ def a_busy_brick_is_one_clear_line(
 def test_consent_is_asked_for(
     answer: str | None, may: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def read(_question: str) -> str:
-        if answer is None:
-            raise EOFError
-        return answer
-
-    monkeypatch.setattr("builtins.input", read)
+    monkeypatch.setattr("sys.stdin", io.StringIO("" if answer is None else answer + "\n"))
     assert command.ask_consent() is may
 
 
@@ -226,25 +183,32 @@ def masked(text: str) -> str:
     return re.sub(r"\b[0-9a-f]{8}\b|[0-9]+(\.[0-9]+)*", "#", text)
 
 
-def test_the_report_in_the_guide_is_what_it_prints(
+def test_a_sound_brick_is_reported_as_in_the_guide_and_a_busy_one_is_one_clear_line(
     brick: FakeBrick,
-    link: BrickLink,
+    doctored: VirtualAgent,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     command.furnish(brick)
-    monkeypatch.setattr(command, "BrickLink", lambda *_: link)
-    assert command.examine_at("127.0.0.1:8765", SECRET, lambda: True) == 0
+    monkeypatch.setattr(command, "BrickLink", lambda *_: doctored.link())
+    assert main(["brick", "doctor", ADDRESS, "--yes"]) == 0
     printed = capsys.readouterr().out
+    assert "All is well." in printed and not brick.is_moving()
     shown = "".join(f"    {line}".rstrip() + "\n" for line in printed.splitlines())
+    shown = shown.replace("brick at brick,", "brick at 127.0.0.1,")
     assert masked(shown) in masked(GUIDE.read_text()), f"put this into {GUIDE}:\n{shown}"
+    with Ev3RemoteDriver(Ev3RemoteOptions(), doctored.link()):
+        assert main(["brick", "doctor", ADDRESS]) == 1
+    error = capsys.readouterr().err
+    assert "busy: 127.0.0.1 has the robot; stop the other server first" in error
+    assert error.count("\n") == 1
+    assert main(["brick", "doctor"]) == 2
+    said = "name the brick: drivelesson brick doctor ADDRESS, or use --fake"
+    assert said in capsys.readouterr().err
 
 
 @pytest.mark.realtime
-def test_the_command_examines_a_brick_unless_it_is_busy(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    a_busy_brick_is_one_clear_line(tmp_path, capsys, monkeypatch)
+def test_the_command_examines_a_simulated_brick(capsys: pytest.CaptureFixture[str]) -> None:
     for _ in range(10):  # a computer that is paused for a moment loses the brick, and reports it
         assert main(["brick", "doctor", "--fake"]) in (0, 1), "1 if a busy computer is slow"
         said, error = capsys.readouterr()

@@ -33,8 +33,8 @@ cd "$FAKE_HOME" && exec sh -c "$*"
 def far_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A brick's home folder, which a stand-in for ssh reaches."""
     tools, home = tmp_path / "tools", tmp_path / "home"
-    tools.mkdir()
-    home.mkdir()
+    for folder in (tools, home):
+        folder.mkdir()
     for name, text in (
         ("ssh", SSH),
         ("systemctl", '[ $1 = is-active ] && exit 3\necho "$@" >>"$FAKE_HOME/systemctl"\n'),
@@ -43,11 +43,10 @@ def far_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ):
         (tools / name).write_text("#!/bin/sh\n" + text)
         (tools / name).chmod(0o755)
-    path = f"{tools}:{Path(sys.executable).parent}:{os.environ['PATH']}"
-    monkeypatch.setenv("PATH", path)
-    monkeypatch.setenv("FAKE_HOME", str(home))
+    monkeypatch.setenv("PATH", f"{tools}:{Path(sys.executable).parent}:{os.environ['PATH']}")
+    for name in ("FAKE_HOME", "DRIVELESSON_PREFIX"):
+        monkeypatch.setenv(name, str(home))
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
-    monkeypatch.setenv("DRIVELESSON_PREFIX", str(home))
     return home
 
 
@@ -145,22 +144,19 @@ def test_installing_is_safe_to_repeat(
     builds: list[tuple[str, str]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    there = far_home / "opt/drivelesson"
+    packages, program = there / "packages", there / "root/opt/drivelesson"
     monkeypatch.setattr(
         command.installer,
         "installed_packages",
         lambda target: packages.read_text() if packages.exists() else "",
     )
-    there = far_home / "opt/drivelesson"
-    packages = there / "packages"
     words = ["brick", "install", "10.0.0.9", "--keep", str(tmp_path / "keep")]
     assert main(words) == 0
-    program = there / "root/opt/drivelesson"
-    for part in ("robot/bodies/ev3/agent/body", "server/bodies/lean", "ev3dev2/__init__"):
-        assert (program / f"{part}.py").is_file()
-    assert (program / "server/web/index.html").is_file()
+    for part in ("robot/bodies/ev3/agent/body.py", "ev3dev2/__init__.py", "server/web/index.html"):
+        assert (program / part).is_file()
     plugins = next(program.glob("*.dist-info/entry_points.txt")).read_text()
     assert "ev3 = robot.bodies.ev3.driver" in plugins
-    assert (there / "root/usr/lib/python3/this.py").is_file()
     config = far_home / "etc/drivelesson.toml"
     config.write_text("left_port = 'outA'\n")
     (program / "robot/left_over.py").touch()
@@ -170,9 +166,7 @@ def test_installing_is_safe_to_repeat(
     assert not (program / "robot/left_over.py").exists()
     assert (there / "root/usr/lib/python3/this.py").is_file()
     assert not (there / "incoming").exists()
-    said = (far_home / "systemctl").read_text()
-    assert said.count("restart drivelesson") == 2
-    assert "run-timed" in (program / "robot/bodies/ev3/agent/motors.py").read_text()
+    assert (far_home / "systemctl").read_text().count("restart drivelesson") == 2
     unit = (far_home / "etc/systemd/system/drivelesson.service").read_text()
     assert "python3 -OO -m server.bodies.lean serve --robot ev3" in unit
     assert os.access(there / "start", os.X_OK)
@@ -187,11 +181,10 @@ def test_an_unreachable_brick_is_one_clear_line(
     assert "robot@10.0.0.9 could not be set up: ssh: No route to host" in error
     assert main(["brick", "install"]) == 2
     assert "name the brick" in capsys.readouterr().err
-
-
-def test_the_scripts_can_be_printed_before_they_run(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["brick", "install", "--script"]) == 0
     assert "systemctl enable drivelesson" in capsys.readouterr().out
+    with pytest.raises(ConfigurationError, match="sid is not supported; choose one of: bookworm"):
+        build_userland(Path("nowhere"), "sid")
 
 
 def test_a_packed_server_is_installed_without_building_anything(
@@ -202,16 +195,13 @@ def test_a_packed_server_is_installed_without_building_anything(
 ) -> None:
     file = tmp_path / "brick.tar"
     mirror = ["--release", "trixie", "--mirror", "http://mirror.example/debian"]
-    keep = ["--keep", str(tmp_path / "keep")]
-    assert main(["brick", "pack", str(file), *mirror, *keep]) == 0
+    assert main(["brick", "pack", str(file), *mirror, "--keep", str(tmp_path / "keep")]) == 0
     assert f"install root@ADDRESS --from {file}" in capsys.readouterr().out
     assert main(["brick", "install", "10.0.0.9", "--from", str(file)]) == 0
     assert builds == [("trixie", "http://mirror.example/debian")], "once, to be packed"
     there = far_home / "opt/drivelesson"
     assert (there / "root/usr/lib/python3/this.py").is_file()
-    assert (there / "root/opt/drivelesson/server/web/index.html").is_file()
     assert (there / "packages").read_text().startswith("trixie python3 ")
-    assert "enable drivelesson" in (far_home / "systemctl").read_text()
     (there / "root/usr/lib/python3/this.py").unlink()
     subprocess.run(  # without Drivelesson, as the message says
         f'ssh root@ADDRESS "$(tar -xOf {file} install)" <{file}', shell=True, check=True
@@ -231,10 +221,3 @@ def test_a_file_that_pack_did_not_make_is_one_clear_line(
     assert str(file) in error
     assert error.count("\n") == 1
     assert not (far_home / "opt").exists()
-
-
-def test_an_unknown_release_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(
-        ConfigurationError, match="--release sid is not supported; choose one of: bookworm"
-    ):
-        build_userland(Path("nowhere"), "sid")

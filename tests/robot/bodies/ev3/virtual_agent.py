@@ -15,9 +15,8 @@ from robot.bodies.ev3.handshake import PATIENCE_S
 from robot.bodies.ev3.link import BrickLink
 from robot.bodies.v4l2.device import VideoFrame
 from robot.clock import Clock, Worker
-from tests.robot.bodies.ev3.running_agent import SECRET
 
-ADDRESS = "brick:8765"
+ADDRESS, SECRET = "brick:8765", "a shared secret"
 _HOLDS_BYTES = 65_536
 """Maximum number of unread bytes in one direction of a connection, like a socket's buffer."""
 _TICK_S = 0.0002
@@ -50,45 +49,49 @@ class Net:
 
 
 class End:
-    """One end of a connection, used like a socket; with `timeout_s` 0 it does not wait."""
+    """One end of a connection, used like a socket; with `timeout_s` 0 it does not wait.
+
+    While `is_deaf`, it receives nothing; while `is_mute`, all that it sends is lost.
+    """
 
     def __init__(self, net: Net, timeout_s: float | None) -> None:
         self.net, self.timeout_s = net, timeout_s
         self.inbox = bytearray()
-        self.is_closed = False
+        self.is_closed = self.is_deaf = self.is_mute = False
         self.peer: End = self
 
     @property
     def is_readable(self) -> bool:
-        return bool(self.inbox) or self.peer.is_closed or self.is_closed
+        hears = not self.is_deaf and (self.inbox or self.peer.is_closed)
+        return self.is_closed or bool(hears)
 
     @property
     def is_writable(self) -> bool:
         return len(self.peer.inbox) < _HOLDS_BYTES or self.peer.is_closed or self.is_closed
 
-    def recv(self, size: int) -> bytes:
-        if not self.net.wait_for(lambda: self.is_readable, self.timeout_s):
+    def _wait_for(self, is_so: Callable[[], bool]) -> None:
+        if not self.net.wait_for(is_so, self.timeout_s):
             raise TimeoutError("timed out") if self.timeout_s else BlockingIOError()
+
+    def recv(self, size: int) -> bytes:
+        self._wait_for(lambda: self.is_readable)
+        if self.is_deaf:
+            return b""
         data = bytes(self.inbox[:size])
         del self.inbox[:size]
         self.net.poke()
         return data
 
     def send(self, data: bytes) -> int:
-        if not self.net.wait_for(lambda: self.is_writable, self.timeout_s):
-            raise TimeoutError("timed out") if self.timeout_s else BlockingIOError()
+        if self.is_mute:
+            return len(data)
+        self._wait_for(lambda: self.is_writable)
         if self.is_closed or self.peer.is_closed:
             raise BrokenPipeError(32, "Broken pipe")
         sent = data[: _HOLDS_BYTES - len(self.peer.inbox)]
         self.peer.inbox += sent
         self.net.poke()
         return len(sent)
-
-    def hear_nothing(self, size: int) -> bytes:
-        """Like `recv` after the connection was cut."""
-        if not self.net.wait_for(lambda: self.is_closed, self.timeout_s):
-            raise TimeoutError("timed out") if self.timeout_s else BlockingIOError()
-        return b""
 
     def sendall(self, data: bytes) -> None:
         while data:
@@ -103,19 +106,26 @@ class End:
     def setsockopt(self, *option: int) -> None:
         """There is nothing to set."""
 
-    def shutdown(self, how: int) -> None:
-        self.close()
-
-    def close(self) -> None:
+    def close(self, how: int = 0) -> None:
         self.is_closed = True
         self.net.poke()
 
+    shutdown = close
+
+
+def connected(net: Net, patience_s: float = PATIENCE_S) -> tuple[End, End]:
+    """Return both ends of a connection: one that waits, and the agent's, which does not."""
+    near, far = End(net, patience_s), End(net, 0.0)
+    near.peer, far.peer = far, near
+    return near, far
+
 
 class Listener:
-    """The listener at which connections arrive."""
+    """The listener at which connections arrive; `accept` first raises the `errors`."""
 
-    def __init__(self) -> None:
+    def __init__(self, *errors: OSError) -> None:
         self.arrived: deque[End] = deque()
+        self.errors = list(errors)
         self.address = "127.0.0.1"
 
     @property
@@ -123,6 +133,8 @@ class Listener:
         return bool(self.arrived)
 
     def accept(self) -> tuple[End, tuple[str, int]]:
+        if self.errors:
+            raise self.errors.pop(0)
         if not self.arrived:
             raise BlockingIOError
         return self.arrived.popleft(), (self.address, 50_000)
@@ -167,8 +179,7 @@ class VirtualAgent:
         if self._is_cut:
             self.net.clock.sleep(PATIENCE_S)
             raise TimeoutError("timed out")
-        near, far = End(self.net, PATIENCE_S), End(self.net, 0.0)
-        near.peer, far.peer = far, near
+        near, far = connected(self.net)
         self._dialled.append(near)
         self._listener.arrived.append(far)
         self.net.poke()
@@ -179,22 +190,18 @@ class VirtualAgent:
         direction."""
         self._is_cut = True
         for near in self._dialled:
-            near.send = len
-        self.deafen()
-
-    def deafen(self) -> None:
-        """Hold back all of the agent's messages, as while the computer is paused."""
-        for near in self._dialled:
-            near.recv = near.hear_nothing
-
-    def hear_again(self) -> None:
-        """Deliver all that `deafen` held back, and later messages."""
-        for near in self._dialled:
-            near.__dict__.pop("recv", None)
+            near.is_mute = near.is_deaf = True
 
     def mend(self) -> None:
         """Allow new connections; cut connections stay cut, because TCP waits longer and longer."""
         self._is_cut = False
+
+    def deafen(self, is_deaf: bool = True) -> None:
+        """Hold back all of the agent's messages, as while the computer is paused; or deliver
+        them."""
+        for near in self._dialled:
+            near.is_deaf = is_deaf
+        self.net.poke()
 
     def hang_up(self) -> None:
         """Close all connections from the server's side, as the system does for a killed process."""
@@ -204,11 +211,7 @@ class VirtualAgent:
 
     def kill(self) -> None:
         """End like a killed process: nothing is stopped, and the kernel closes the connections."""
-        assert self._thread is not None
-        self._ending.set()
-        self.net.poke()
-        self._thread.join()
-        self._thread = None
+        self._end()
         for caller in self._agent._limiter.callers:
             caller.line.close()
 
@@ -217,7 +220,7 @@ class VirtualAgent:
         for caller in list(self._agent._limiter.callers):
             self._agent._drop(caller, "killed")
         self._ending.clear()
-        self._thread = self.net.clock.start_thread(self._serve, "agent")
+        self.__enter__()
 
     def __enter__(self) -> Self:
         self._thread = self.net.clock.start_thread(self._serve, "agent")
@@ -225,11 +228,15 @@ class VirtualAgent:
 
     def __exit__(self, *error: object) -> None:
         if self._thread is not None:
-            self._ending.set()
-            self.net.poke()
-            self._thread.join()
-            self._thread = None
+            self._end()
             self._agent.close()
+
+    def _end(self) -> None:
+        assert self._thread is not None
+        self._ending.set()
+        self.net.poke()
+        self._thread.join()
+        self._thread = None
 
     def _serve(self) -> None:
         while not self._ending.is_set():
