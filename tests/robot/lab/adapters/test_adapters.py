@@ -1,11 +1,7 @@
-"""The adapters pass all checks of their libraries, and predict on several threads."""
+"""The adapters pass all checks of their libraries, and learn the libraries' streams."""
 
-from __future__ import annotations
-
-import pickle
 from concurrent.futures import ThreadPoolExecutor
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -34,14 +30,14 @@ def for_river(**options: Any) -> Any:
 
 
 @pytest.mark.parametrize("options", [{}, {"max_nodes": 8, "penalty": 1.0}])
-def test_it_passes_each_check_of_scikit_learn(options: dict[str, Any]) -> None:
+def test_it_passes_each_check_of_scikit_learn(options):
     from sklearn.utils.estimator_checks import check_estimator
 
     ran = check_estimator(for_sklearn(**options), on_skip=None)
     assert sum(check["status"] == "passed" for check in ran) > 50
 
 
-def test_it_passes_each_check_of_river() -> None:
+def test_it_passes_each_check_of_river():
     from river import checks
 
     model = for_river(max_nodes=8)
@@ -55,29 +51,12 @@ def blobs(n: int = 300) -> tuple[np.ndarray, np.ndarray]:
     return rng.normal(size=(n, 5)) + 3.0 * np.eye(5)[ys], ys
 
 
-def test_predictions_are_the_same_on_many_threads_and_in_read_only_memory() -> None:
-    xs, ys = blobs()
-    estimator = for_sklearn(max_nodes=16, penalty=1.0).fit(xs, ys)
-    kept: list[Any] = []
-    text = pickle.dumps(estimator, protocol=5, buffer_callback=kept.append)
-    frozen = pickle.loads(text, buffers=[bytes(buffer.raw()) for buffer in kept])
-    assert not frozen.learner_.cluster._images._rows.flags.writeable
-    alone = [estimator.predict_proba(row[None]) for row in xs]
-    with ThreadPoolExecutor(8) as pool:
-        together = list(pool.map(lambda row: frozen.predict_proba(row[None]), xs))
-    np.testing.assert_array_equal(alone, together)
-
-
-def test_partial_fit_equals_fit_and_a_class_may_come_late() -> None:
-    from sklearn.base import clone
-
+def test_partial_fit_equals_fit_and_a_class_may_come_late():
     xs, ys = blobs()
     words = np.array(["stop", "left", "go"])[ys]
-    at_once = for_sklearn().fit(xs, words)
-    in_parts = clone(at_once)
     late = np.argsort(words == "go", kind="stable")
     xs, words = xs[late], words[late]
-    at_once.fit(xs, words)
+    at_once, in_parts = for_sklearn().fit(xs, words), for_sklearn()
     for i in range(0, len(xs), 37):
         in_parts.partial_fit(xs[i : i + 37], words[i : i + 37])
     assert in_parts.classes_.tolist() == ["go", "left", "stop"]
@@ -85,7 +64,7 @@ def test_partial_fit_equals_fit_and_a_class_may_come_late() -> None:
     assert at_once.score(xs, words) > 0.9
 
 
-def test_river_takes_any_label_and_features_that_come_late() -> None:
+def test_river_takes_any_label_and_features_that_come_late():
     model = for_river()
     labels = [None, 3, ("a", 1), 2.5]
     for i in range(120):
@@ -98,7 +77,7 @@ def test_river_takes_any_label_and_features_that_come_late() -> None:
 
 
 @pytest.mark.parametrize("bad", [float("nan"), 1e39, "text"])
-def test_after_a_refused_example_river_is_answered_as_before(bad: Any) -> None:
+def test_after_a_refused_example_river_is_answered_as_before(bad):
     model = for_river()
     with pytest.raises(ValueError):
         model.learn_one({"light": bad}, "dusk")
@@ -112,32 +91,26 @@ def test_after_a_refused_example_river_is_answered_as_before(bad: Any) -> None:
     assert model.predict_proba_one({"light": 1.0, "wind": 9.0}) == known
 
 
-def test_after_a_refused_example_scikit_learn_is_answered_as_before() -> None:
-    estimator = for_sklearn().partial_fit([[0.9]], ["day"], classes=["day", "dusk", "night"])
+def test_after_a_refused_example_scikit_learn_is_answered_as_before():
+    days = for_sklearn().partial_fit([[0.9]], ["day"], classes=["night", "dusk", "day"])
+    before = days.predict_proba([[0.9]])
     with pytest.raises(ValueError, match="large"):
-        estimator.partial_fit([[1e30]], ["dusk"])
-    assert estimator.partial_fit([[0.1]], ["night"]).predict_proba([[0.1]]).shape == (1, 3)
-    assert estimator.predict([[0.1], [0.9]]).tolist() == ["night", "day"]
-
-
-def test_a_label_outside_of_classes_is_refused_and_the_columns_stay() -> None:
-    named = for_sklearn().partial_fit([[0.9]], ["day"], classes=["night", "dusk", "day"])
-    before = named.predict_proba([[0.9]])
-    for classes in (None, ["day", "dusk", "night"]):
-        with pytest.raises(ValueError, match=r"'dawn'.*first call"):
-            named.partial_fit([[0.5], [0.1]], ["night", "dawn"], classes=classes)
+        days.partial_fit([[1e30]], ["dusk"])
+    with pytest.raises(ValueError, match=r"'dawn'.*first call"):
+        days.partial_fit([[0.5], [0.1]], ["night", "dawn"])
     with pytest.raises(ValueError, match="differ from the first call's"):
-        named.partial_fit([[0.5]], ["dawn"], classes=["dawn", "day", "dusk", "night"])
-    assert named.classes_.tolist() == ["day", "dusk", "night"]
-    np.testing.assert_array_equal(named.predict_proba([[0.9]]), before)
+        days.partial_fit([[0.5]], ["dawn"], classes=["dawn", "day", "dusk", "night"])
     with pytest.raises(ValueError, match="'dawn'"):
         for_sklearn().partial_fit([[0.5]], ["dawn"], classes=["day"])
+    assert days.classes_.tolist() == ["day", "dusk", "night"]
+    np.testing.assert_array_equal(days.predict_proba([[0.9]]), before)
+    assert days.partial_fit([[0.1]], ["night"]).predict([[0.1], [0.9]]).tolist() == ["night", "day"]
 
 
 @pytest.mark.parametrize("penalty", [None, 1.0])
-def test_it_learns_on_from_a_file_that_is_mapped_into_memory(
-    tmp_path: Path, penalty: float | None
-) -> None:
+def test_a_model_that_is_mapped_into_memory_learns_on_and_is_asked_on_many_threads(
+    tmp_path, penalty
+):
     joblib = pytest.importorskip("joblib")
     xs, ys = blobs()
     whole = for_sklearn(max_nodes=16, penalty=penalty).fit(xs, ys)
@@ -146,5 +119,27 @@ def test_it_learns_on_from_a_file_that_is_mapped_into_memory(
     file = (tmp_path / "model").read_bytes()
     for estimator in (whole, mapped):
         estimator.partial_fit(xs[::-1], ys[::-1])
-    np.testing.assert_array_equal(whole.predict_proba(xs), mapped.predict_proba(xs))
+    alone = whole.predict_proba(xs)
+    with ThreadPoolExecutor(8) as pool:
+        together = list(pool.map(lambda row: mapped.predict_proba(row[None])[0], xs))
+    np.testing.assert_array_equal(alone, together)
     assert (tmp_path / "model").read_bytes() == file
+
+
+@pytest.mark.parametrize(
+    ("stream", "classes"), [("digits", 10), ("image segments", 7), ("text", 3)]
+)
+def test_a_stream_beyond_driving_is_whole_and_the_same_each_time(stream, classes):
+    from robot.lab.streams import read_stream, run_stream
+
+    examples = read_stream(stream)
+    assert len(examples) > 1000
+    assert len({label for _, label in examples}) == classes
+    assert len({x.shape for x, _ in examples}) == 1
+    again = read_stream(stream)
+    assert all((x == y).all() for (x, _), (y, _) in zip(examples, again, strict=True))
+    if stream == "digits":
+        first, second = (
+            run_stream({"stream": stream, "learner": "BSOC-128", "seed": 1}) for _ in range(2)
+        )
+        assert first == second and first["right"] > 0.88 * first["examples"]

@@ -1,7 +1,5 @@
 """The learner as it drives, in a loop of another program: the same as in ours, including undo."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -18,20 +16,7 @@ from tests.kit.frames import frame_of, noisy_blocks
 MOVES = ("left", "right", "gas")
 
 
-def test_it_proposes_the_moves_that_it_was_taught() -> None:
-    learner = DrivingLearner(MOVES)
-    for i in range(60):
-        learner.see(noisy_blocks(i // 5 % 3, i), 0.1 * i)
-        learner.teach(MOVES[i // 5 % 3])
-    learner.reset()
-    for scene, move in enumerate(MOVES):
-        learner.reset()
-        for i in range(5):
-            proposed = learner.see(noisy_blocks(scene, 500 + i), 10.0 + scene + 0.1 * i).action
-        assert proposed == move
-
-
-def test_a_move_is_known_by_its_effect_and_not_by_its_name() -> None:
+def test_a_move_is_known_by_its_effect_and_not_by_its_name():
     classic = ("left", "right", "forward", "brake")
     own = dict(zip(classic, ("wander", "bend", "hurry", "ease"), strict=True))
     declared = [
@@ -41,50 +26,36 @@ def test_a_move_is_known_by_its_effect_and_not_by_its_name() -> None:
     learners = DrivingLearner(classic), DrivingLearner([*declared, own["brake"]])
     rng = np.random.default_rng(3)
     for i in range(120):
-        taught = classic[i // 6 % 4] if i < 40 or rng.random() < 0.3 else None
+        move = classic[i // 6 % 4] if i < 40 or rng.random() < 0.3 else None
         first, second = (learner.see(noisy_blocks(i // 6 % 5, i), 0.1 * i) for learner in learners)
-        assert [own[move] for move in first.probabilities] == list(second.probabilities)
+        assert [own[name] for name in first.probabilities] == list(second.probabilities)
         assert list(first.probabilities.values()) == list(second.probabilities.values())
         assert first.action is None or own[first.action] == second.action
-        if taught is not None:
-            learners[0].teach(taught)
-            learners[1].teach(own[taught])
+        if move is not None:
+            learners[0].teach(move)
+            learners[1].teach(own[move])
 
 
-def test_it_equals_the_learner_of_the_control_loop() -> None:
+def test_it_equals_the_learner_of_the_control_loop():
     rng = np.random.default_rng(5)
     own = DrivingLearner(MOVES)
-    loop = OnlineLearning(
-        make_policy("default-32", tuple(Action(move) for move in MOVES)), VirtualClock()
-    )
-    under_way = None
+    policy = make_policy("default-32", tuple(Action(move) for move in MOVES))
+    loop, under_way = OnlineLearning(policy, VirtualClock()), None
     for i in range(80):
         pixels, at_s = noisy_blocks(i // 7 % 4, i), 0.1 * i
-        taught = MOVES[i // 7 % 3] if i < 30 or rng.random() < 0.3 else None
         loop.look(frame_of(pixels, i + 1, at_s), under_way)
         assert own.see(pixels, at_s) == loop.prediction
-        under_way = None
-        if taught is not None:
-            own.teach(taught, is_correction=i >= 30)
-            command = PilotCommand(held=Action(taught), frame_id=i + 1, seq=i, received_s=at_s)
-        else:
-            command = PilotCommand(held=None, frame_id=i + 1, seq=i, received_s=at_s)
-            under_way = loop.prediction.action
+        under_way, held = loop.prediction.action, None
+        if i < 30 or rng.random() < 0.3:
+            under_way, held = None, MOVES[i // 7 % 3]
+            own.teach(held, is_correction=i >= 30)
+        action = Action(held) if held else None
+        command = PilotCommand(held=action, frame_id=i + 1, seq=i, received_s=at_s)
         loop.learn([command], is_intervention=i >= 30, may_learn=True)
     assert own.n_examples == loop.history.taught.total()
 
 
-def test_what_was_taught_can_be_taken_back() -> None:
-    learner = DrivingLearner(MOVES)
-    for i in range(30):
-        learner.see(noisy_blocks(1, i), 0.1 * i)
-        learner.teach("gas" if i < 20 else "left")
-    assert learner.undo(0.95) == 10
-    assert learner.n_examples == 20
-    assert learner.see(noisy_blocks(1, 99), 3.1).action == "gas"
-
-
-def test_bad_input_is_named_and_teaches_nothing() -> None:
+def test_bad_input_is_named_and_teaches_nothing():
     with pytest.raises(ValueError, match="two moves"):
         DrivingLearner(["gas"])
     learner = DrivingLearner(MOVES)
@@ -102,13 +73,16 @@ def test_bad_input_is_named_and_teaches_nothing() -> None:
     assert learner.see(noisy_blocks(1), 0.1).point == Point(-0.5, 0.5)
 
 
-def test_an_invalid_time_is_refused_and_undo_still_works() -> None:
+def test_what_was_taught_can_be_taken_back_and_an_invalid_time_is_refused():
     learner = DrivingLearner(MOVES)
-    for i in range(20):
+    for i in range(30):
         learner.see(noisy_blocks(1, i), 0.1 * i)
-        learner.teach("gas")
+        learner.teach("gas" if i < 20 else "left")
+    for at_s in (math.nan, math.inf):
         with pytest.raises(ValueError, match="seconds"):
-            learner.see(noisy_blocks(1, i), math.nan if i % 2 else math.inf)
+            learner.see(noisy_blocks(1), at_s)
         with pytest.raises(ValueError, match="see"):  # and an earlier picture is not taught twice
             learner.teach("gas")
     assert learner.undo(0.95) == 10
+    assert learner.n_examples == 20
+    assert learner.see(noisy_blocks(1, 99), 3.1).action == "gas"
