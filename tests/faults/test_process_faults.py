@@ -12,8 +12,10 @@ import pytest
 
 from robot.driver import ACTION_TIMEOUT_S
 from server.lab.bench.subject import ServerUnderTest
-from tests.server.cli.keeping_secrets import check_no_secret_leaves
-from tests.server.hosting.ending import check_a_hanging_upload_and_half_a_request_hold_up_no_end
+from tests.server.cli.test_secrets import check_no_secret_leaves
+from tests.server.hosting.starting_and_ending import (
+    check_a_hanging_upload_and_half_a_request_hold_up_no_end,
+)
 from tests.server.live_robot import Pilot
 from tests.server.own_process import own_process
 

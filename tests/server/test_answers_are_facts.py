@@ -4,7 +4,7 @@ Each route that writes runs on a robot in virtual time. Its disk refuses one cal
 one on. The folder is copied when the answer arrives, as a kill would leave it, and a new start
 reads the copy. Unless the answer is a refusal or has `kept` false, the copy must contain what it
 contains with a sound disk. A copy at any earlier call of the disk must contain each thing as it was
-or as it was asked for. Commands on a full disk: cli/test_full_disk.py.
+or as it was asked for. Commands on a full disk: cli/test_main.py.
 """
 
 from __future__ import annotations

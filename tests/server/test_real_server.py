@@ -26,7 +26,7 @@ from tests.kit.sizes import IS_FULL, size
 from tests.kit.wait import wait_until
 
 from .browsers import WAYS, check_nobody_s_page_is_dead
-from .hosting.starting import (
+from .hosting.starting_and_ending import (
     check_it_names_what_is_still_starting_and_then_lets_the_server_answer,
 )
 from .live_robot import WEB, LiveServer, Pilot, live_server

@@ -33,7 +33,6 @@ SKIPPED = {
         NO_EXTRA.format("export"),
     ),
     "server/exchange/test_in_and_out.py::test_films_and_datasets": NO_EXTRA.format("export"),
-    "server/cli/test_main.py::test_bash_completes": "there is no bash",
     **dict.fromkeys([f"{ITSELF}[{kind}" for kind in ("dangling", "loop")], LINKS),
     "server/access/test_unpaired_flood.py::test_a_flood": KERNEL + "a limit of descriptors",
     "robot/lab/test_evaluation.py::test_the_command_writes": NO_EXTRA.format("evaluate"),

@@ -1,11 +1,9 @@
 """Whatever connections people open, limits hold, and people with few connections keep them."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from server.access.admission import AdmissionControl, ConnectionLimiter, Peer, address_key
 from server.access.config import NetworkLimits
@@ -29,7 +27,6 @@ class PeopleAtTheDoor(RuleBasedStateMachine):
         self.admission = AdmissionControl(LIMITS, CAPACITY, PROTECTED.__contains__)
         self.now_s, self.port = 0.0, 0
         self.connections: dict[Peer, str | None] = {}
-        self.closed: list[Peer] = []
 
     @rule(address=st.sampled_from(ADDRESSES), times=st.sampled_from([1, 1, 3, 40]))
     def arrive(self, address: str, times: int) -> None:
@@ -40,18 +37,19 @@ class PeopleAtTheDoor(RuleBasedStateMachine):
 
             def close(peer: Peer = peer) -> None:
                 del self.connections[peer]
-                self.closed.append(peer)
                 self.admission.left(peer)
 
             self.admission.arrive(peer, self.now_s, close)
             assert peer in self.connections, "the newest is always accepted"
 
+    def _picked(self, pick: int) -> Peer:
+        return list(self.connections)[pick % len(self.connections)]
+
+    @precondition(lambda self: self.connections)
     @rule(person=st.sampled_from((*PEOPLE, None)), pick=st.integers(0, 50), lasts=st.booleans())
     def ask(self, person: str | None, pick: int, lasts: bool) -> None:
-        if self.connections:
-            peer = list(self.connections)[pick % len(self.connections)]
-            person = person or self.connections[peer]
-            self._ask(peer, person, lasts=lasts)
+        peer = self._picked(pick)
+        self._ask(peer, person or self.connections[peer], lasts=lasts)
 
     def _ask(self, peer: Peer, person: str | None, *, lasts: bool) -> None:
         role = Role.PILOT if person in PROTECTED else Role.VIEWER
@@ -61,40 +59,34 @@ class PeopleAtTheDoor(RuleBasedStateMachine):
         if self.admission.pending.taken < waiting or self.connections.get(peer) is not None:
             self.connections[peer] = person
 
+    @precondition(lambda self: self.connections)
     @rule(pick=st.integers(0, 50))
     def answer(self, pick: int) -> None:
-        if self.connections:
-            self.admission.answered(
-                list(self.connections)[pick % len(self.connections)], self.now_s
-            )
+        self.admission.answered(self._picked(pick), self.now_s)
 
+    @precondition(lambda self: self.connections)
     @rule(pick=st.integers(0, 50))
     def leave(self, pick: int) -> None:
-        if self.connections:
-            peer = list(self.connections)[pick % len(self.connections)]
-            del self.connections[peer]
-            self.admission.left(peer)
+        peer = self._picked(pick)
+        del self.connections[peer]
+        self.admission.left(peer)
 
     @rule(seconds=st.floats(0.0, 6.0))
     def wait(self, seconds: float) -> None:
         self.now_s += seconds
         self.admission.expire(self.now_s)
 
-    @rule(address=st.sampled_from(ADDRESSES), person=st.sampled_from(PROTECTED))
-    def a_stop_arrives(self, address: str, person: str) -> None:
-        """Whatever happened before, the connection is accepted, and is still open when it is
-        read."""
+    @rule(
+        address=st.sampled_from(ADDRESSES), person=st.sampled_from(PROTECTED), lasts=st.booleans()
+    )
+    def who_drives_stops_or_comes_back(self, address: str, person: str, lasts: bool) -> None:
+        """Whatever happened before, the connection is accepted, and still open when it is read."""
         self.arrive(address, 1)
         peer = (address, self.port)
-        self._ask(peer, person, lasts=False)
+        self._ask(peer, person, lasts=lasts)
         assert peer in self.connections
-
-    @rule(address=st.sampled_from(ADDRESSES), person=st.sampled_from(PROTECTED))
-    def who_drives_comes_back(self, address: str, person: str) -> None:
-        self.arrive(address, 1)
-        peer = (address, self.port)
-        self._ask(peer, person, lasts=True)
-        assert self.connections[peer] == person, "it need not wait for anybody's answer"
+        if lasts:
+            assert self.connections[peer] == person, "it need not wait for anybody's answer"
 
     @invariant()
     def the_books_agree(self) -> None:
@@ -142,7 +134,7 @@ class Crowd:
         return self.now_s - start_s
 
 
-def test_a_newcomer_is_served_in_the_middle_of_a_flood() -> None:
+def test_a_newcomer_is_served_in_the_middle_of_a_flood():
     crowd = Crowd(capacity=100)
     for port in range(1, 6100):
         crowd.arrive(port)
@@ -153,9 +145,7 @@ def test_a_newcomer_is_served_in_the_middle_of_a_flood() -> None:
 
 
 @pytest.mark.parametrize("held_up_s", [0.0, 3.0, 60.0])
-def test_a_silent_connection_is_closed_but_not_because_the_computer_was_blocked(
-    held_up_s: float,
-) -> None:
+def test_a_silent_connection_is_closed_but_not_because_the_computer_was_blocked(held_up_s):
     crowd = Crowd()
     crowd.now_s = 1000.0
     crowd.arrive(1)
@@ -170,7 +160,7 @@ def test_a_silent_connection_is_closed_but_not_because_the_computer_was_blocked(
 
 
 @pytest.mark.parametrize("address", ADDRESSES)
-def test_without_pairing_an_answer_may_take_long(address: str) -> None:
+def test_without_pairing_an_answer_may_take_long(address):
     """A board copies a model from robot to robot, and reports the failures at the end."""
     crowd = Crowd()
     for port in range(8):
@@ -181,7 +171,7 @@ def test_without_pairing_an_answer_may_take_long(address: str) -> None:
     assert not crowd.gone and len(crowd.control.connections) == 8
 
 
-def test_no_answer_is_cut_short_for_the_request_of_somebody_else() -> None:
+def test_no_answer_is_cut_short_for_the_request_of_somebody_else():
     """Pages that load together open more connections than there are places for admitted ones."""
     crowd = Crowd(NetworkLimits(pending=6, connections_each=6), 16)
     people = ("one", "other", "third")
@@ -203,7 +193,7 @@ def test_no_answer_is_cut_short_for_the_request_of_somebody_else() -> None:
     assert crowd.gone == [4], "nobody has more than this one"
 
 
-def test_a_newcomer_waits_for_an_idle_place_before_it_takes_a_busy_one() -> None:
+def test_a_newcomer_waits_for_an_idle_place_before_it_takes_a_busy_one():
     """Before, when a class loaded its pages at once, newcomers evicted connections in use."""
     crowd = Crowd(NetworkLimits(pending=6, connections_each=6), 16)
     for port in range(16):
@@ -225,14 +215,11 @@ def test_a_newcomer_waits_for_an_idle_place_before_it_takes_a_busy_one() -> None
     assert {11, 12, 13, 14, 15} < set(crowd.gone) and 10 not in crowd.gone, "a websocket stays"
 
 
-def test_a_stop_is_obeyed_even_if_all_websocket_slots_are_taken() -> None:
+def test_a_request_that_hangs_gives_way_in_the_end_and_so_does_a_websocket_to_a_stop():
     crowd = Crowd(NetworkLimits(pending=6), 16)
     for port in range(16):
         crowd.come(port, f"page {port}", lasts=True)
     assert crowd.wait_for_room() < 2.5, "they were there before"
-
-
-def test_a_request_that_hangs_gives_way_in_the_end() -> None:
     crowd = Crowd(NetworkLimits(pending=6, connections_each=20), 16)
     for port in range(10):
         crowd.come(port, Session(Role.VIEWER, "greedy"))
@@ -242,10 +229,10 @@ def test_a_request_that_hangs_gives_way_in_the_end() -> None:
     assert crowd.gone == [0] and crowd.control.admitted.has("other")
 
 
-def test_a_session_whose_connections_are_all_busy_gets_429_and_keeps_them() -> None:
+def test_a_session_whose_connections_are_all_busy_gets_429_and_keeps_them():
     crowd = Crowd(NetworkLimits(connections_each=4), 500)
 
-    def comes(port: int, now_s: float, *, lasts: bool = False) -> bool:
+    def comes(port, now_s, *, lasts=False):
         crowd.now_s = now_s
         return crowd.come(port, "a curl loop", lasts=lasts)
 
@@ -258,11 +245,11 @@ def test_a_session_whose_connections_are_all_busy_gets_429_and_keeps_them() -> N
     assert comes(13, 2.0 + LIMITS.idle_s) and crowd.gone == [2, 0, 1], "a request that hangs, too"
 
 
-def test_a_person_with_many_connections_never_evicts_a_person_with_fewer() -> None:
+def test_a_person_with_many_connections_never_evicts_a_person_with_fewer():
     places = ConnectionLimiter(8, 6, PROTECTED.__contains__)
     gone = list[str]()
 
-    def come(person: str, now_s: float) -> bool:
+    def come(person, now_s):
         session = Session(role=Role.VIEWER, name=person)
         return places.take(session, now_s, lambda: gone.append(person)) is not None
 
@@ -286,5 +273,5 @@ def test_a_person_with_many_connections_never_evicts_a_person_with_fewer() -> No
         ("", "", True),
     ],
 )
-def test_addresses_of_one_host_count_as_one(one: str, other: str, same: bool) -> None:
+def test_addresses_of_one_host_count_as_one(one, other, same):
     assert (address_key(one) == address_key(other)) == same

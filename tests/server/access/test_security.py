@@ -1,13 +1,9 @@
 """Every refusal of the guard, by a real server, with the status that a client gets."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import itertools
 import re
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import httpx
@@ -20,14 +16,13 @@ from server.access.pairing import Pairing, cookie_name
 from server.app import ROUTERS
 from server.config import Config, Limits
 from server.gateway.roles import Role
-from tests.kit.sizes import crossed
 from tests.server.live_robot import WEB
-from tests.server.virtual_connections import Exchange, VirtualSocket
+from tests.server.virtual_connections import Exchange
 from tests.server.virtual_server import VirtualPilot, VirtualServer, connect
 
 
 @pytest.fixture(scope="module")
-def here() -> Iterator[VirtualServer]:
+def here():
     with VirtualServer(
         Config(port=0, web=WEB, limits=NetworkLimits(requests_burst=5000))
     ) as running:
@@ -35,7 +30,7 @@ def here() -> Iterator[VirtualServer]:
 
 
 @pytest.fixture
-def lan(tmp_path: Path) -> Iterator[VirtualServer]:
+def lan(tmp_path):
     limits = NetworkLimits(pairing_failures=3)
     config = NetworkConfig(port=0, web=WEB, lan=True, limits=limits, data=tmp_path)
     pairing = Pairing(limits.pairing_failures, file=tmp_path / "paired.json")
@@ -65,15 +60,9 @@ def _routes(server: VirtualServer) -> set[tuple[str, str]]:
     }
 
 
-def _pairing(server: VirtualServer) -> Pairing:
-    pairing = server.services.gateway.pairing
-    assert isinstance(pairing, Pairing)
-    return pairing
-
-
 def _pair(server: VirtualServer, role: Role) -> dict[str, str]:
     """Pair a new browser; return the header that it sends from then on."""
-    token = _pairing(server).tokens[role]
+    token = server.services.gateway.pairing.tokens[role]
     answer = httpx.post(server.address + "/api/pair", json={"token": token})
     assert answer.json()["role"] == role.value
     return {"cookie": answer.headers["set-cookie"].split(";")[0]}
@@ -89,8 +78,7 @@ LINK = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "navigate"}
 @pytest.mark.parametrize(
     ("method", "path", "headers", "status"),
     [
-        ("GET", "/", {"host": "evil.example"}, 421),  # DNS rebinding
-        ("GET", "/", {"host": "evil.example:8000"}, 421),
+        ("GET", "/", {"host": "evil.example:8000"}, 421),  # DNS rebinding
         ("GET", "/", {"host": ""}, 421),
         ("GET", "/", {"host": "127.0.0.1.evil.example"}, 421),
         ("GET", "/", {"sec-fetch-site": "cross-site"}, 403),
@@ -101,59 +89,43 @@ LINK = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "navigate"}
     ],
 )
 def test_requests_for_other_names_and_of_other_sites_are_refused(
-    here: VirtualServer, method: str, path: str, headers: dict[str, str], status: int
-) -> None:
+    here, method, path, headers, status
+):
     answer = httpx.request(method, here.address + path, headers=headers)
     assert answer.status_code == status
     assert status != 403 or answer.json()["error"] == "origin"
 
 
-@crossed(
-    origin=["http://evil.example", "null", "https://127.0.0.1", "http://127.0.0.1:1"],
-    path=["/ws/drive", "/ws/video"],
-)
-def test_cross_site_websocket_hijacking_is_refused(
-    here: VirtualServer, path: str, origin: str
-) -> None:
-    assert _socket_status(here, path, origin=origin) == 403
+@pytest.mark.parametrize("path", ["/ws/drive", "/ws/video"])
+def test_cross_site_websocket_hijacking_is_refused(here, path):
+    for origin in ("http://evil.example", "null", "https://127.0.0.1", "http://127.0.0.1:1"):
+        assert _socket_status(here, path, origin=origin) == 403
     assert _socket_status(here, path, host="evil.example") == 421, "DNS rebinding"
     assert _socket_status(here, path, origin=here.address) == 101, "our own page"
 
 
-def test_large_bodies_are_refused(here: VirtualServer) -> None:
-    body = b"x" * 1_000_001
-    assert httpx.post(here.address + "/api/pair", content=body).status_code == 413
-
-
-def test_a_large_upload_without_a_length_is_refused_too(tmp_path: Path) -> None:
+def test_large_bodies_are_refused_with_and_without_a_length(tmp_path):
     config = Config(port=0, web=WEB, limits=Limits(upload_bytes=2000))
     with VirtualServer(config, data=tmp_path) as server:
-        content = itertools.repeat(b"x" * 500, 9)
-        answer = httpx.put(server.address + "/api/models/Kitchen/file", content=content)
+        body = b"x" * 1_000_001
+        assert httpx.post(server.address + "/api/pair", content=body).status_code == 413
+        parts = itertools.repeat(b"x" * 500, 9)
+        answer = httpx.put(server.address + "/api/models/Kitchen/file", content=parts)
         assert (answer.status_code, answer.json()["error"]) == (413, "size")
 
 
-@pytest.mark.parametrize(
-    "path",
-    [
-        "/../pyproject.toml",
-        "/%2e%2e/pyproject.toml",
-        "/..%2fpyproject.toml",
-        "/%00",
-        "//etc/passwd",
-    ],
-)
-def test_no_path_leads_out_of_the_page(here: VirtualServer, path: str) -> None:
-    answer = here.get_raw(path)
-    assert answer.status_code in (400, 404)
-    assert b"drivelesson" not in answer.read().lower()
+def test_no_path_leads_out_of_the_page(here):
+    files = ("/../pyproject.toml", "/%2e%2e/pyproject.toml", "/..%2fpyproject.toml")
+    for path in (*files, "/%00", "//etc/passwd"):
+        answer = here.get_raw(path)
+        assert answer.status_code in (400, 404), path
+        assert b"drivelesson" not in answer.read().lower()
 
 
-def test_the_page_may_load_nothing_from_elsewhere(here: VirtualServer) -> None:
+def test_the_page_may_load_nothing_from_elsewhere(here):
     headers = httpx.get(here.address).headers
-    policy = dict(
-        part.strip().split(" ", 1) for part in headers["content-security-policy"].split(";")
-    )
+    parts = headers["content-security-policy"].split(";")
+    policy = dict(part.strip().split(" ", 1) for part in parts)
     assert policy["default-src"] == "'none'"
     assert policy["script-src"] == policy["style-src"]
     own, *inline = policy["script-src"].split()
@@ -166,7 +138,7 @@ def test_the_page_may_load_nothing_from_elsewhere(here: VirtualServer) -> None:
     assert httpx.get(here.address + "/healthz").headers["referrer-policy"] == "no-referrer"
 
 
-def test_no_page_has_script_or_style_inside_but_the_first_one() -> None:
+def test_no_page_has_script_or_style_inside_but_the_first_one():
     """The inline script and style of this page are allowed by their hashes
     (tests/web/test_bundle.py)."""
     for page in WEB.rglob("*.html"):
@@ -177,41 +149,36 @@ def test_no_page_has_script_or_style_inside_but_the_first_one() -> None:
         assert text.count("<script") == text.count('<script type="module" src=') + inside, page
 
 
-def test_when_all_slots_are_taken_a_newcomer_evicts_the_person_with_the_most(
-    tmp_path: Path,
-) -> None:
+def test_when_all_slots_are_taken_a_newcomer_evicts_the_person_with_the_most(tmp_path):
     limits = NetworkLimits(clients=4, clients_each=3)
     config = NetworkConfig(port=0, web=WEB, lan=True, limits=limits, data=tmp_path)
-    with VirtualServer(config, pairing=Pairing(3)) as server:
-        owner, greedy, second, third = (
-            _pair(server, role) for role in (Role.PILOT, *3 * [Role.VIEWER])
-        )
-        with contextlib.ExitStack() as stack:
+    with VirtualServer(config, pairing=Pairing(3)) as server, contextlib.ExitStack() as stack:
+        roles = (Role.PILOT, *3 * [Role.VIEWER])
+        owner, greedy, second, third = (_pair(server, role) for role in roles)
 
-            def page(cookie: dict[str, str]) -> VirtualSocket:
-                socket = connect(server.ws("/ws/drive"), additional_headers=cookie)
-                server.forward(0.1)  # until the evicted session is gone
-                return stack.enter_context(socket)  # type: ignore[no-any-return]
+        def page(cookie):
+            socket = connect(server.ws("/ws/drive"), additional_headers=cookie)
+            server.forward(0.1)  # until the evicted session is gone
+            return stack.enter_context(socket)
 
-            many = [page(greedy) for _ in range(5)]
-            assert [one.close_code for one in many] == [1013, 1013, None, None, None]
-            page(second)
-            page(third)  # the client with the most uploads gives way
-            assert many[2].close_code == 1013
-            assert _socket_status(server, **third) == 503, "who would have as many as greedy"
-            stack.enter_context(VirtualPilot(server, headers=owner))
-            server.forward(0.1)
-            assert many[3].close_code == 1013, "the owner comes in whoever wants a place"
+        many = [page(greedy) for _ in range(5)]
+        assert [one.close_code for one in many] == [1013, 1013, None, None, None]
+        page(second)
+        page(third)  # the client with the most connections gives way
+        assert many[2].close_code == 1013
+        assert _socket_status(server, **third) == 503, "who would have as many as greedy"
+        page(owner)
+        assert many[3].close_code == 1013, "the owner comes in whoever wants a place"
 
 
-def test_uploads_that_never_end_use_the_memory_of_only_two(tmp_path: Path) -> None:
+def test_uploads_that_never_end_use_the_memory_of_only_two(tmp_path):
     """Before, one pupil could keep an upload of 64 MB open on each connection."""
     config = NetworkConfig(port=0, web=WEB, lan=True, data=tmp_path)
     with VirtualServer(config, pairing=Pairing(3), data=tmp_path) as server:
         owner, *pupils = (_pair(server, Role.PILOT) for _ in range(4))
 
-        def begin(cookie: dict[str, str]) -> Exchange:
-            async def ask() -> Exchange:
+        def begin(cookie):
+            async def ask():
                 path = f"{server.address}/api/models/mine/file"
                 request = httpx.Request("PUT", path, content=b"x", headers=cookie)
                 exchange = Exchange(server, request, None)
@@ -232,7 +199,7 @@ def test_uploads_that_never_end_use_the_memory_of_only_two(tmp_path: Path) -> No
         server.wait_until(lambda: server.services.gateway.admission.uploads.taken == 0)
 
 
-def test_too_many_requests_are_refused(tmp_path: Path) -> None:
+def test_too_many_requests_are_refused(tmp_path):
     limits = NetworkLimits(requests_burst=10, requests_per_second=1)
     config = NetworkConfig(port=0, web=WEB, lan=True, limits=limits, data=tmp_path)
     with VirtualServer(config, pairing=Pairing(3)) as server, httpx.Client() as client:
@@ -241,7 +208,7 @@ def test_too_many_requests_are_refused(tmp_path: Path) -> None:
         assert statuses[-1] == 429
 
 
-def test_a_client_with_too_many_messages_is_refused_and_then_disconnected() -> None:
+def test_a_client_with_too_many_messages_is_refused_and_then_disconnected():
     limits = Limits(messages_per_second=5, messages_burst=5, refused_before_closing=20)
     with VirtualServer(Config(port=0, web=WEB, limits=limits)) as server, server.pilot() as pilot:
         for _ in range(10):
@@ -272,7 +239,7 @@ ANSWERED = {
 """The addresses that an unpaired client may read; all others answer 401."""
 
 
-def test_an_unpaired_client_gets_nothing_else(lan: VirtualServer) -> None:
+def test_an_unpaired_client_gets_nothing_else(lan):
     routes = _routes(lan)
     routes |= {("GET", path) for path in ("/", "/index.html", "/js/main.js", "/openapi.json")}
     unlike = {}
@@ -287,32 +254,23 @@ def test_an_unpaired_client_gets_nothing_else(lan: VirtualServer) -> None:
             unlike[method, path] = (answer.status_code, names)
     assert len(routes) > 60
     assert unlike == {}
-
-
-@pytest.mark.parametrize("path", ["/ws/drive", "/ws/video"])
-def test_an_unpaired_client_gets_no_websocket(lan: VirtualServer, path: str) -> None:
     guess = f"{cookie_name(lan.services.config)}=guess"
-    assert _socket_status(lan, path) == _socket_status(lan, path, cookie=guess) == 401
+    for path in ("/ws/drive", "/ws/video"):
+        assert _socket_status(lan, path) == _socket_status(lan, path, cookie=guess) == 401
 
 
-def test_a_token_that_an_app_put_into_the_path_is_moved_behind_the_hash_sign(
-    lan: VirtualServer,
-) -> None:
+def test_an_unpaired_browser_is_redirected_to_the_pairing_page(lan):
+    answer = httpx.get(lan.address, headers={"accept": "text/html"})
+    assert (answer.status_code, answer.headers["location"]) == (303, "/pair")
+    # An app may have put the token into the path.
     answer = httpx.get(lan.address + "/pair%23ABCD-EFGH")
     assert (answer.status_code, answer.headers["location"]) == (303, "pair#ABCD-EFGH")
     forged = httpx.get(lan.address + "/pair%23a%0d%0ab: c")
     assert forged.headers["location"] == "pair#a%0D%0Ab%3A%20c"
 
 
-def test_an_unpaired_browser_is_redirected_to_the_pairing_page(lan: VirtualServer) -> None:
-    answer = httpx.get(lan.address, headers={"accept": "text/html"})
-    assert (answer.status_code, answer.headers["location"]) == (303, "/pair")
-    for path in ("/pair", "/pair/pair.js", "/pair/pair.css", "/healthz"):
-        assert httpx.get(lan.address + path).status_code == 200
-
-
-def test_a_token_lets_one_browser_in_once(lan: VirtualServer) -> None:
-    token = _pairing(lan).tokens[Role.PILOT]
+def test_a_token_lets_one_browser_in_once(lan):
+    token = lan.services.gateway.pairing.tokens[Role.PILOT]
     answer = httpx.post(lan.address + "/api/pair", json={"token": token.lower()})
     cookie = answer.headers["set-cookie"]
     assert "HttpOnly" in cookie and "samesite=strict" in cookie.lower()
@@ -323,20 +281,17 @@ def test_a_token_lets_one_browser_in_once(lan: VirtualServer) -> None:
     assert _socket_status(lan, cookie=value) == 101
 
 
-def test_guessing_tokens_is_soon_refused(lan: VirtualServer) -> None:
+def test_guessing_tokens_is_soon_refused_and_nonsense_is_not_taken_for_one(lan):
+    for body in (b"", b"[]", b'{"token": 1}', b"\xff", b"[" * 100_000):
+        assert httpx.post(lan.address + "/api/pair", content=body).status_code == 400
     guess = {"token": "AAAA-AAAA-AAAA-AAAA"}
     statuses = [httpx.post(lan.address + "/api/pair", json=guess).status_code for _ in range(4)]
     assert statuses == [403, 403, 403, 429]
-    right = {"token": _pairing(lan).tokens[Role.PILOT]}
+    right = {"token": lan.services.gateway.pairing.tokens[Role.PILOT]}
     assert httpx.post(lan.address + "/api/pair", json=right).status_code == 200
 
 
-@pytest.mark.parametrize("body", [b"", b"[]", b'{"token": 1}', b"\xff", b"[" * 100_000])
-def test_nonsense_is_not_taken_for_a_token(lan: VirtualServer, body: bytes) -> None:
-    assert httpx.post(lan.address + "/api/pair", content=body).status_code == 400
-
-
-def test_a_viewer_watches_and_may_stop_but_not_drive(lan: VirtualServer) -> None:
+def test_a_viewer_may_stop_but_not_drive(lan):
     with VirtualPilot(lan, headers=_pair(lan, Role.VIEWER)) as viewer:
         assert viewer.hello["role"] == "viewer"
         viewer.send(type="take")
@@ -347,7 +302,7 @@ def test_a_viewer_watches_and_may_stop_but_not_drive(lan: VirtualServer) -> None
         assert state["mode"] == "stopped" and state["pilot"] is None
 
 
-def test_a_viewer_can_change_only_its_own_pairing(lan: VirtualServer) -> None:
+def test_a_viewer_can_change_only_its_own_pairing(lan):
     viewer, described = _pair(lan, Role.VIEWER), lan.app.openapi()["paths"]
     allowed = set()
     for path in sorted(described, key="/api/unpair".__eq__):  # it ends the session
@@ -371,10 +326,8 @@ CLASS_PATHS = {"/api/class/hello", "/api/class/join"}
         ("/api/pair", Role.PILOT, True),
     ],
 )
-def test_after_unpairing_no_other_tab_can_drive(
-    lan: VirtualServer, path: str, role: Role, stays: bool
-) -> None:
-    cookie, body = _pair(lan, Role.PILOT), {"token": _pairing(lan).tokens[role]}
+def test_after_unpairing_no_other_tab_can_drive(lan, path, role, stays):
+    cookie, body = _pair(lan, Role.PILOT), {"token": lan.services.gateway.pairing.tokens[role]}
     with connect(lan.ws("/ws/drive"), additional_headers=cookie):
         lan.wait_until(lambda: bool(lan.hub.broadcast.clients))
         assert httpx.post(lan.address + path, json=body, headers=cookie).status_code == 200
@@ -384,7 +337,7 @@ def test_after_unpairing_no_other_tab_can_drive(
     assert status == (200 if stays else 401)
 
 
-def test_pairings_outlive_a_restart_as_hashes_only(lan: VirtualServer, tmp_path: Path) -> None:
+def test_pairings_outlive_a_restart_as_hashes_only(lan, tmp_path):
     secret = _pair(lan, Role.PILOT)["cookie"].partition("=")[2]
     file = tmp_path / "paired.json"
     assert secret not in file.read_text()
@@ -393,18 +346,13 @@ def test_pairings_outlive_a_restart_as_hashes_only(lan: VirtualServer, tmp_path:
     assert session is not None and session.role is Role.PILOT
 
 
-def test_a_robot_on_the_network_answers_to_any_address_but_to_no_foreign_name(
-    lan: VirtualServer,
-) -> None:
+def test_a_robot_on_the_network_answers_to_any_address_but_to_no_foreign_name(lan):
     named = {"192.168.1.7:8000": 200, "drivelesson.local": 200, "evil.example": 421}
     for host, status in named.items():
         assert httpx.get(lan.address + "/healthz", headers={"host": host}).status_code == status
 
 
-# Configuration ---------------------------------------------------------------------------------
-
-
-def test_an_open_robot_cannot_be_put_on_the_network() -> None:
+def test_an_open_robot_cannot_be_put_on_the_network():
     with pytest.raises(ValueError, match="--lan"):
         NetworkConfig(host="0.0.0.0")
     assert dataclasses.replace(NetworkConfig(), host="0.0.0.0", lan=True).lan

@@ -1,66 +1,58 @@
-"""Addresses, names and the wall clock may change while the server runs, and it follows them."""
+"""Names and addresses are announced and shown, and followed while they change."""
 
-from __future__ import annotations
-
-import datetime as dt
+import contextlib
 import secrets
 import socket
-import ssl
+import sys
+import threading
 from collections.abc import Sequence
-from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 from unittest import mock
 
 import pytest
 
 from robot.testing import VirtualClock
-from server.access.announcement import Announcement
-from server.access.certificates import RenewedCertificates
-from server.access.config import NetworkConfig
+from server.access.announcement import Announcement, announced
+from server.access.banner import greet_phones
+from server.access.config import NetworkConfig, PublicAddress
 from server.access.gateway import NetworkGateway
 from server.access.network import lan_addresses, names_in_network, page_addresses
-from server.access.pairing import Pairing
+from server.access.pairing import Paired, Pairing
 from server.access.surroundings import CLAIM_EVERY_S, LOOK_EVERY_S, Surroundings, Watch
+from server.access.terminal_code import draw_qr
 from server.access.unknown_name import explain_unknown_name
+from server.board.discovery import browsing
+from server.board.transport import RobotAddress
 from server.gateway.roles import Role
 from server.gateway.rules import check_host
 from server.hosting.serving import open_sockets
 from tests.kit.wait import wait_until
 
-from .test_certificates import handshake, serving
-
 LAN = NetworkConfig(host="::", lan=True, port=8000)
 
 
 class Network:
-    """The machine's surroundings; the tests change `there` and `names`."""
+    """The machine's surroundings; the tests change `there`, `names`, `hostname` and `is_taken`."""
 
     def __init__(self, *there: str) -> None:
         self.there, self.names = list(there), list[str]()
         self.claimed: list[tuple[str, ...]] = []
-        self.hostname = "drivelesson"
+        self.hostname, self.is_taken = "drivelesson", False
+        self.around = Surroundings(
+            LAN,
+            addresses=lambda _: list(self.there),
+            ask_names=lambda *_: [*self.names, f"{socket.gethostname()}.school.example"],
+            claim=self.claim,
+            is_taken=lambda _: self.is_taken,
+        )
 
     def claim(self, addresses: Sequence[str]) -> str:
         self.claimed.append(tuple(addresses))
         return self.hostname
 
-    def surroundings(self, config: NetworkConfig = LAN) -> Surroundings:
-        return Surroundings(
-            config,
-            addresses=lambda _: list(self.there),
-            ask_names=lambda *_: list(self.names),
-            claim=self.claim,
-        )
 
-
-def test_an_address_that_comes_late_is_announced_and_shown(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    network = Network()
-    around = network.surroundings()
-    shown: list[str] = []
-    pairing = Pairing(10)
+def test_an_address_that_comes_late_is_announced_and_shown(capsys):
+    network, pairing = Network(), Pairing(10)
+    around, shown = network.around, list[str]()
     gateway = NetworkGateway(LAN, VirtualClock(), pairing, around)
     gateway._show = shown.append
     gateway.serving(list).__enter__()
@@ -79,78 +71,74 @@ def test_an_address_that_comes_late_is_announced_and_shown(
     assert "drivelesson-2.local" in around and "drivelesson.local" not in around
 
 
-def test_the_watch_looks_again_and_outlives_a_network_that_fails() -> None:
-    looks = 0
+def test_the_computers_own_name_may_change_and_a_taken_name_is_given_up_while_it_serves():
+    network = Network("10.0.0.1")
+    around = network.around
+    with mock.patch("socket.gethostname", lambda: "old"):
+        around.look(0.0)
+        around.ask(0.0)
+    assert "old.local" in around and "old.school.example" in around
+    with mock.patch("socket.gethostname", lambda: "new"):
+        assert around.look(1.0)
+        around.ask(1.0)
+        assert "new.local" in around and "new.school.example" in around
+        assert "old.local" not in around and len(network.claimed) == 1
+        network.is_taken, network.hostname = True, "drivelesson-2"
+        assert not around.look(2.0), "it is asked every ten seconds"
+        assert around.look(1.0 + CLAIM_EVERY_S) and "drivelesson-2.local" in around
 
-    def look(_: NetworkConfig) -> list[str]:
-        nonlocal looks
-        looks += 1
-        if looks == 3:
-            raise OSError("no such device")
-        return ["10.0.0.1"] if looks > 4 else []
+
+def test_the_watch_looks_again_and_outlives_a_network_that_fails():
+    looks = iter([[], [], OSError("no such device"), [], *[["10.0.0.1"]] * 9])
+
+    def look(_):
+        found = next(looks)
+        if isinstance(found, OSError):
+            raise found
+        return found
 
     clock = VirtualClock()
-    around = Surroundings(LAN, addresses=look, ask_names=lambda *_: [], claim=lambda _: "x")
-    ended = SimpleNamespace(n=0)
-
-    def wait(event: Any, timeout_s: float | None = None) -> bool:
-        ended.n += 1
-        clock.advance(timeout_s or 0.0)
-        if ended.n == 6:
-            event.set()
-        return bool(event.is_set())
-
+    around = Surroundings(LAN, addresses=look, ask_names=lambda *_: ["x.example"])
     watch = Watch(around, clock)
-    with mock.patch.object(clock, "wait", wait):
-        watch._run()
-    assert around.now.addresses == ("10.0.0.1",) and clock.now_s() == 6 * LOOK_EVERY_S
+    watch.start()
+    clock.sleep(5.5 * LOOK_EVERY_S)
+    watch.stop()
+    assert (around.now.addresses, around.now.names) == (("10.0.0.1",), ("x.example",))
 
 
 @pytest.mark.parametrize(
     ("asked", "is_known"),
     [
-        ("rover.fritz.box", True),
-        ("rover.school.example", True),
-        ("robot_1", True),
-        ("drivelesson", True),
-        ("printer.school.example", True),
-        ("localhost", True),
-        ("evil.example", False),
-        ("drivelesson.local.evil.example", False),
-        ("rover.fritz.box.evil.example", False),
-        ("rover.evil.example", False),
-        ("", False),
+        *(("rover.fritz.box", True), ("printer.school.example", True), ("localhost", True)),
+        *(("robot_1", True), ("drivelesson", True)),
+        *(("evil.example", False), ("drivelesson.local.evil.example", False)),
+        *(("rover.fritz.box.evil.example", False), ("rover.evil.example", False), ("", False)),
     ],
 )
-def test_the_robot_answers_only_to_names_that_the_network_gives_it(
-    asked: str, is_known: bool
-) -> None:
+def test_the_robot_answers_only_to_names_that_the_network_gives_it(asked, is_known):
     network = Network("192.168.178.20")
-    network.names = ["rover.fritz.box", "rover.school.example", "printer.school.example"]
-    around = network.surroundings()
-    around.ask(0.0)
-    gateway = NetworkGateway(LAN, VirtualClock(), surroundings=around)
+    network.names = ["rover.fritz.box", "printer.school.example"]
+    network.around.ask(0.0)
+    gateway = NetworkGateway(LAN, VirtualClock(), surroundings=network.around)
     refusal = check_host(gateway, {"host": f"{asked}:8000"})
     assert (refusal is None) is is_known
     if refusal is not None:
         assert "http://192.168.178.20:8000" in refusal.sentence
 
 
-def test_without_lan_the_robot_does_not_answer_to_a_name_without_a_dot() -> None:
+def test_without_lan_the_robot_does_not_answer_to_a_name_without_a_dot():
     around = Surroundings(NetworkConfig(also_at=("rover.test",)))
     assert "rover.test" in around and "localhost" in around
     assert "robot" not in around
 
 
-def test_the_resolver_gives_this_machines_names_in_the_network(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_resolver_gives_this_machines_names_in_the_network(tmp_path, monkeypatch):
     file = tmp_path / "resolv.conf"
     file.write_text("# made by dhcp\ndomain old.example\nsearch Fritz.Box school.example local\n")
     monkeypatch.setattr(socket, "gethostname", lambda: "Rover")
     asked: list[str] = []
 
-    def ask(address: str) -> tuple[str, list[str], list[str]]:
+    def ask(address):
         asked.append(address)
         if ":" in address:
             raise OSError("no answer")
@@ -165,112 +153,81 @@ def test_the_resolver_gives_this_machines_names_in_the_network(
     assert "penguin.linux.test" in names_in_network("drivelesson", [], tmp_path / "none")
 
 
-@pytest.mark.parametrize("accepted", ["en-GB,en;q=0.9", "es-ES", "zh-CN,zh", "fr"])
-def test_a_browser_at_an_unknown_name_is_led_to_the_address(accepted: str) -> None:
+@pytest.mark.parametrize(
+    ("accepted", "language"),
+    [("en-GB,en;q=0.9", "en"), ("es-ES", "es"), ("zh-CN,zh", "zh"), ("fr", "en")],
+)
+def test_a_browser_at_an_unknown_name_is_led_to_the_address(accepted, language):
     page = explain_unknown_name("a<b>.example", ["http://10.0.0.2:8000"], accepted).decode()
     assert '<a href="http://10.0.0.2:8000/">' in page and "--also-at a&lt;b&gt;" in page
-    assert f'lang="{accepted[:2] if accepted != "fr" else "en"}"' in page
-
-
-NEW_YEAR = dt.datetime(1970, 1, 1, 0, 5, tzinfo=dt.UTC)
-NOW = dt.datetime(2026, 9, 1, tzinfo=dt.UTC)
-
-
-def test_a_certificate_of_1970_is_renewed_when_the_clock_is_set(tmp_path: Path) -> None:
-    made = RenewedCertificates(tmp_path, ["drivelesson.local"], NEW_YEAR)
-    server, anybody = serving(made.files), ssl.create_default_context()
-    anybody.check_hostname, anybody.verify_mode = False, ssl.CERT_NONE
-    made.use(server)
-    authority = made.files.authority.read_bytes()
-    before = handshake(anybody, server)
-    assert made.renew(["drivelesson.local"], NEW_YEAR) is None
-    assert made.renew(["drivelesson.local"], NOW) == "the clock was set"
-    assert handshake(anybody, server) != before, "in the context that serves"
-    assert made.renew(["drivelesson.local"], NOW) is None
-    assert made.renew(["drivelesson.local", "192.168.1.7"], NOW) == "names or addresses changed"
-    assert made.renew(["drivelesson.local", "192.168.1.7"], NOW + dt.timedelta(days=380))
-    assert made.renew(["drivelesson.local", "192.168.1.7"], NEW_YEAR), "back again"
-    assert made.files.authority.read_bytes() == authority, "phones trust that one"
-
-
-@pytest.fixture
-def default_name(monkeypatch: pytest.MonkeyPatch) -> str:
-    """The name of a robot that nobody named, different in each test: all share one loopback."""
-    if not hasattr(pytest.importorskip("zeroconf"), "AddressResolver"):
-        pytest.skip("this zeroconf cannot ask for a host's addresses")
-    name = f"drivelesson-{secrets.token_hex(4)}"
-    monkeypatch.setattr("server.access.announcement.DEFAULT_HOSTNAME", name)
-    return name
-
-
-def two_addresses() -> tuple[str, str]:
-    """Two of the loopback that no other process has, the lower one first."""
-    first = f"127.{secrets.randbelow(250) + 2}.{secrets.randbelow(250)}"
-    return f"{first}.2", f"{first}.3"
-
-
-def test_of_two_robots_that_nobody_named_the_second_takes_another_name(default_name: str) -> None:
-    chosen = f"ada-{default_name}"
-    one, two, named = (
-        Announcement(NetworkConfig(lan=True, port=8130 + i, hostname=name), "Ada")
-        for i, name in enumerate([default_name, default_name, chosen])
-    )
-    first, second = two_addresses()
-    try:
-        assert one.announce([first]) == default_name
-        assert two.announce([second]) == f"{default_name}-2"
-        assert two.announce([second]) == f"{default_name}-2", "it keeps it"
-        assert named.announce([second]) == chosen
-    finally:
-        for each in (one, two, named):
-            each.close()
+    assert f'lang="{language}"' in page
 
 
 @pytest.mark.realtime
-def test_of_two_robots_that_start_at_the_same_moment_the_second_gives_way(
-    default_name: str,
-) -> None:
-    config = NetworkConfig(lan=True, port=8135, hostname=default_name)
-    places = two_addresses()
-    robots = [Announcement(config, "Ada") for _ in places]
-    try:
-        for robot, place in zip(robots, places, strict=True):
-            with mock.patch.object(robot, "_free_name", lambda _: default_name):
-                robot.announce([place])  # neither hears the other one
-        first, second = robots
-        wait_until(lambda: second.must_yield([places[1]]), "the second hears the first")
-        wait_until(lambda: not first.must_yield([places[0]]), "the first keeps the name")
-        assert second.announce([places[1]]) == f"{default_name}-2"
-        assert not second.must_yield([places[1]])
-    finally:
-        for robot in robots:
-            robot.close()
+def test_of_two_robots_that_nobody_named_the_second_takes_another_name(monkeypatch):
+    """Also if they start at the same moment."""
+    if not hasattr(pytest.importorskip("zeroconf"), "AddressResolver"):
+        pytest.skip("this zeroconf cannot ask for a host's addresses")
+    # All processes share one loopback: the name and the addresses are this test's own.
+    name = f"drivelesson-{secrets.token_hex(4)}"
+    monkeypatch.setattr("server.access.announcement.DEFAULT_HOSTNAME", name)
+    net = f"127.{secrets.randbelow(250) + 2}.{secrets.randbelow(250)}"
+    low, high = [f"{net}.2"], [f"{net}.3"]
+    with contextlib.ExitStack() as stack:
+
+        def robot(hostname):
+            config = NetworkConfig(lan=True, port=8130, hostname=hostname)
+            return stack.enter_context(contextlib.closing(Announcement(config, "Ada")))
+
+        first, second, third, named = map(robot, (name, name, name, f"ada-{name}"))
+        for one, place in ((first, low), (second, high)):
+            with mock.patch.object(one, "_free_name", lambda _: name):
+                one.announce(place)  # neither hears the other one
+        wait_until(lambda: second.must_yield(high), "the second hears the first")
+        wait_until(lambda: not first.must_yield(low), "the first keeps the name")
+        for _ in range(2):
+            assert second.announce(high) == f"{name}-2", "it keeps it"
+        assert not second.must_yield(high)
+        assert third.announce([f"{net}.4"]) == f"{name}-3"
+        assert named.announce(high) == f"ada-{name}"
 
 
-def test_the_computers_own_name_may_change_and_a_taken_name_is_given_up_while_it_serves() -> None:
-    network, taken = Network("10.0.0.1"), [False]
-    around = Surroundings(
-        LAN,
-        addresses=lambda _: ["10.0.0.1"],
-        ask_names=lambda *_: [f"{socket.gethostname()}.school.example"],
-        claim=network.claim,
-        is_taken=lambda _: taken[0],
-    )
-    with mock.patch("socket.gethostname", lambda: "old"):
-        around.look(0.0)
-        around.ask(0.0)
-    assert "old.local" in around and "old.school.example" in around
-    with mock.patch("socket.gethostname", lambda: "new"):
-        assert around.look(1.0)
-        around.ask(1.0)
-        assert "new.local" in around and "new.school.example" in around
-        assert "old.local" not in around and len(network.claimed) == 1
-        taken[0], network.hostname = True, "drivelesson-2"
-        assert not around.look(2.0), "it is asked every ten seconds"
-        assert around.look(1.0 + CLAIM_EVERY_S) and "drivelesson-2.local" in around
+def test_two_robots_announce_themselves_and_the_board_finds_both():
+    zeroconf = pytest.importorskip("zeroconf")
+    kind, here = "_http._tcp.local.", ["127.0.0.1"]
+    both = {RobotAddress("127.0.0.1", 8123), RobotAddress("127.0.0.1", 8124, is_tls=True)}
+    found, is_complete = set[RobotAddress](), threading.Event()
+
+    def note(address):
+        found.add(address)
+        if both <= found:
+            is_complete.set()
+
+    with (
+        announced(NetworkConfig(port=8123, lan=True, hostname="ada-test"), "Ada"),
+        announced(NetworkConfig(port=8124, lan=True, hostname="bolt-test", tls=True), "Bolt"),
+        browsing(note, here),
+        contextlib.closing(zeroconf.Zeroconf(interfaces=here)) as asker,
+    ):
+        is_complete.wait()  # the test's own time limit ends it
+        info = asker.get_service_info(kind, f"Drivelesson ada-test.{kind}", 10_000)
+    assert (info.server, info.port) == ("ada-test.local.", 8123)
+    assert info.parsed_addresses() == here
 
 
-def test_addresses_of_six_are_announced_and_served() -> None:
+@pytest.mark.parametrize("address", ["raspberrypi", ""])
+def test_a_machine_without_an_address_or_zeroconf_starts_without_a_name(
+    address, monkeypatch, caplog
+):
+    pytest.importorskip("zeroconf")
+    with announced(NetworkConfig(host=address, lan=True), "Ada"):
+        assert "mdns off" in caplog.text
+    monkeypatch.setitem(sys.modules, "zeroconf", None)
+    with announced(NetworkConfig(hostname="r", lan=True), "Ada"):
+        assert "the name r.local needs drivelesson[lan]" in caplog.text
+
+
+def test_addresses_of_six_are_announced_and_served():
     pytest.importorskip("zeroconf")
     config = NetworkConfig(lan=True, host="fd99::1", port=8140)
     service = Announcement(config, "Ada")._service(lan_addresses(config))
@@ -282,13 +239,28 @@ def test_addresses_of_six_are_announced_and_served() -> None:
     for listener in listeners:
         listener.close()
     assert len(ports) == 1 and socket.AF_INET in families
-    if socket.has_ipv6 and _has_six():
+    with contextlib.suppress(OSError):  # a machine without IPv6
+        socket.create_server(("::1", 0), family=socket.AF_INET6).close()
         assert families == {socket.AF_INET, socket.AF_INET6}
 
 
-def _has_six() -> bool:
-    try:
-        with socket.create_server(("::1", 0), family=socket.AF_INET6):
-            return True
-    except OSError:
-        return False
+def test_phones_are_greeted_with_a_code_and_addresses_for_both_rights():
+    tokens = {Role.PILOT: "PPPP-PPPP", Role.VIEWER: "VVVV-VVVV"}
+    text = greet_phones(["http://192.0.2.1:8000", "http://drivelesson.local:8000"], tokens, [])
+    assert "http://192.0.2.1:8000/pair#VVVV-VVVV" in text
+    assert "http://drivelesson.local:8000" in text
+    assert draw_qr("http://192.0.2.1:8000/pair#PPPP-PPPP") in text.replace("\n\n  or", "\n  or")
+
+
+def test_a_paused_terminal_does_not_delay_a_phone_that_pairs(tmp_path, capsys):
+    """The event loop would wait for the terminal, and every STOP with it."""
+    clock, shown = VirtualClock(), list[str]()
+    here = PublicAddress.parse("http://10.0.0.2:8000")
+    gateway = NetworkGateway(NetworkConfig(public=(here,), data=tmp_path), clock)
+    gateway.open("Ada", shown.append)
+    pairing = gateway.pairing
+    assert isinstance(pairing.redeem(pairing.tokens[Role.PILOT], 0.0), Paired)
+    assert not capsys.readouterr().out
+    clock.sleep(1.0)  # a thread of its own writes now
+    assert pairing.tokens[Role.PILOT] in capsys.readouterr().out
+    assert shown[-1].endswith(pairing.tokens[Role.PILOT])

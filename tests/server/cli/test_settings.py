@@ -1,16 +1,12 @@
 """Settings: their sources, the refused values, and that the reference lists each of them."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import re
-import subprocess
 import sys
 from dataclasses import fields, make_dataclass
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -22,7 +18,7 @@ from server.app import ROUTERS
 from server.cli import serve
 from server.cli.main import main, make_parser
 from server.cli.settings import apply_to, build, read_settings
-from tests.kit.sizes import crossed
+from tests.kit.run import run
 
 REFERENCE = Path(__file__).resolve().parents[3] / "docs" / "reference"
 
@@ -34,7 +30,7 @@ def _parse(file: Path | None, environ: dict[str, str], *words: str) -> argparse.
     return parser.parse_args(words)
 
 
-def test_flags_go_before_environment_before_file(tmp_path: Path) -> None:
+def test_flags_go_before_environment_before_file(tmp_path):
     file = tmp_path / "robot.toml"
     file.write_text('port = 8001\nhostname = "kitchen"\nlan = true\njpeg-quality = 70\n')
     environ = {"DRIVELESSON_PORT": "8002", "DRIVELESSON_HOSTNAME": "hall"}
@@ -44,9 +40,8 @@ def test_flags_go_before_environment_before_file(tmp_path: Path) -> None:
     assert _parse(file, {}).port == 8001
 
 
-def test_a_file_is_utf_8_on_every_system(tmp_path: Path) -> None:
-    names = ("Müller", "李", "kitchen", "\ufeff")
-    cases = list(product(("utf-8", "utf-8-sig"), ("\n", "\r\n"), names))
+def test_a_file_is_utf_8_on_every_system(tmp_path):
+    cases = list(product(("utf-8", "utf-8-sig"), ("\n", "\r\n"), ("Müller", "李", "\ufeff")))
     for number, (encoding, end, name) in enumerate(cases):
         file = tmp_path / f"{number:02}.toml"
         file.write_bytes(f'name = "{name}"{end}port = 8001{end}'.encode(encoding))
@@ -59,14 +54,15 @@ from server.cli.settings import read_settings
 for file in sorted(Path({str(tmp_path)!r}).iterdir()):
     print(ascii(read_settings(file, {{}}).flags["name"]))
 """
-    words = [sys.executable, "-X", "utf8=0", "-c", program]
     environ = {**os.environ, "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0"}
-    done = subprocess.run(words, env=environ, capture_output=True, text=True, check=True)
-    assert done.stdout.split() == [ascii(name) for _, _, name in cases]
+    done = run(sys.executable, "-X", "utf8=0", "-c", program, env=environ)
+    assert done.stdout.split() == [ascii(name) for _, _, name in cases], done.stderr
 
 
-def test_a_file_in_another_encoding_is_refused_by_its_name(tmp_path: Path) -> None:
+def test_a_file_that_is_missing_or_in_another_encoding_is_refused_by_its_name(tmp_path):
     file = tmp_path / "robot.toml"
+    with pytest.raises(ConfigurationError, match=r"cannot read .*robot\.toml"):
+        read_settings(file, {})
     file.write_bytes('name = "Müller"'.encode("cp1252"))
     with pytest.raises(ConfigurationError, match=r"robot.toml is not valid TOML: 'utf-8'.*0xfc"):
         read_settings(file, {})
@@ -82,9 +78,9 @@ def test_a_file_in_another_encoding_is_refused_by_its_name(tmp_path: Path) -> No
         ("port = " + "[" * 20_000, "is not valid TOML"),
         ("gate = 3", "must be tables"),
     ],
-    ids=["unknown", "list", "perhaps", "nothing", "nested", "table"],
+    ids=lambda text: text[:30],
 )
-def test_a_broken_file_is_refused(tmp_path: Path, text: str, said: str) -> None:
+def test_a_broken_file_is_refused(tmp_path, text, said):
     file = tmp_path / "robot.toml"
     file.write_text(text)
     with pytest.raises(ConfigurationError, match=said):
@@ -100,9 +96,7 @@ def test_a_broken_file_is_refused(tmp_path: Path, text: str, said: str) -> None:
         ("hostname", "a.b", "at most 63 letters, digits and hyphens, without a dot, not 'a.b'"),
     ],
 )
-def test_an_impossible_value_is_refused_with_its_location(
-    tmp_path: Path, name: str, value: str, said: str
-) -> None:
+def test_an_impossible_value_is_refused_with_its_location(tmp_path, name, value, said):
     file = tmp_path / "robot.toml"
     file.write_text(f"{name} = {value!r}\n")
     with pytest.raises(ConfigurationError, match=re.escape(f"robot.toml: {name}") + ".*" + said):
@@ -113,9 +107,7 @@ def test_an_impossible_value_is_refused_with_its_location(
 
 
 @pytest.mark.parametrize("name", ["rate", "name", "port", "no_page"])
-def test_a_plug_in_cannot_declare_an_option_of_the_server(
-    monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
+def test_a_plug_in_cannot_declare_an_option_of_the_server(monkeypatch, name):
     options = make_dataclass("PicturesOptions", [(name, str | None, None)])
     camera = type("Pictures", (), {"name": "pictures", "options_type": options})
     monkeypatch.setattr(serve, "load_camera", lambda _: camera)
@@ -126,9 +118,7 @@ def test_a_plug_in_cannot_declare_an_option_of_the_server(
         serve.extend(parser, ["--robot", "sim", "--camera", "pictures"])
 
 
-def test_an_empty_folder_is_the_usual_one_and_not_where_one_stands(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_an_empty_folder_is_the_usual_one_and_not_where_one_stands(monkeypatch):
     for name in ("DATA", "CONFIG"):
         monkeypatch.setenv(f"DRIVELESSON_{name}", "")
     args = make_parser("serve").parse_args([])
@@ -136,48 +126,34 @@ def test_an_empty_folder_is_the_usual_one_and_not_where_one_stands(
 
 
 @pytest.mark.parametrize("words", ["--robot gpio", "--robot=gpio", "--rob gpio", "--ro=gpio"])
-def test_a_robots_options_are_declared_however_its_flag_is_abbreviated(words: str) -> None:
+def test_a_robots_options_are_declared_however_its_flag_is_abbreviated(words):
     given = [*words.split(), "--servo-pin", "13"]
     args = make_parser("serve", given).parse_args(given)
     assert (args.robot, args.servo_pin) == ("gpio", "13")
 
 
-@crossed(name=["robot", "camera"], value=["5", "true", "['sim']", "1979-05-27"])
-def test_an_invalid_robot_name_is_refused_in_one_line(
-    tmp_path: Path, name: str, value: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.mark.parametrize(("name", "value"), [("robot", "5"), ("camera", "['sim']")])
+def test_an_invalid_robot_name_is_refused_in_one_line(tmp_path, name, value, capsys):
     file = tmp_path / "robot.toml"
     file.write_text(f"{name} = {value}\n")
     assert main(["serve", "--config", str(file)]) == 2
     assert capsys.readouterr().err.startswith(f"drivelesson: unknown {name} ")
 
 
-def test_a_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="cannot read"):
-        read_settings(tmp_path / "none.toml", {})
-
-
-@pytest.mark.parametrize(
-    ("table", "said"),
-    [
-        ({"warn": 1}, "unknown setting warn"),
-        ({"warn_s": "soon"}, "must be a number"),
-        ({"warn_s": -1}, "must be a number of at least 0"),
-        ({"warn_s": True}, "must be a number"),
-    ],
-)
-def test_a_broken_table_is_refused(table: dict[str, Any], said: str) -> None:
-    with pytest.raises(ConfigurationError, match=said):
-        build(LinkGovernorConfig, table, "governor")
-
-
-def test_a_table_changes_only_the_fields_that_it_names() -> None:
+def test_a_table_changes_only_the_fields_that_it_names_and_a_broken_one_is_refused():
     assert build(LinkGovernorConfig, {"stop_s": 0.4}, "governor") == LinkGovernorConfig(stop_s=0.4)
-    with pytest.raises(ConfigurationError, match="whole number"):
-        build(NetworkLimits, {"clients": 1.5}, "limits")
+    for kind, field, value, said in (
+        (LinkGovernorConfig, "warn", 1, "unknown setting warn"),
+        (LinkGovernorConfig, "warn_s", "soon", "must be a number"),
+        (LinkGovernorConfig, "warn_s", -1, "must be a number of at least 0"),
+        (LinkGovernorConfig, "warn_s", True, "must be a number"),
+        (NetworkLimits, "clients", 1.5, "whole number"),
+    ):
+        with pytest.raises(ConfigurationError, match=said):
+            build(kind, {field: value}, "table")
 
 
-def test_every_setting_is_in_the_reference() -> None:
+def test_every_setting_is_in_the_reference():
     text = (REFERENCE / "configuration.md").read_text()
     parser = argparse.ArgumentParser(add_help=False)
     serve.configure(parser)
@@ -190,7 +166,7 @@ def test_every_setting_is_in_the_reference() -> None:
     assert [name for name in flags + tables if f"`{name}`" not in text] == []
 
 
-def test_every_address_is_in_the_reference() -> None:
+def test_every_address_is_in_the_reference():
     text = (REFERENCE / "http.md").read_text()
     paths = [getattr(route, "path", "") for router in ROUTERS for route in router.routes]
     ours = [path for path in paths if not path.startswith("/api/") or "pair" in path]

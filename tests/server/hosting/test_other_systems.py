@@ -1,14 +1,12 @@
 """Differences of Windows in sockets, loops, clocks, streams and modules, simulated here."""
 
-from __future__ import annotations
-
 import asyncio
 import io
 import mimetypes
 import socket
 import subprocess
 import sys
-from typing import Any
+from unittest import mock
 
 import pytest
 
@@ -41,7 +39,7 @@ assert main(["completion", "bash"]) == 0
 """
 
 
-def test_every_robot_and_camera_is_listed_on_other_systems_than_linux() -> None:
+def test_every_robot_and_camera_is_listed_on_other_systems_than_linux():
     done = subprocess.run(
         [sys.executable, "-c", _WITHOUT_LINUX], capture_output=True, text=True, encoding="utf-8"
     )
@@ -49,47 +47,27 @@ def test_every_robot_and_camera_is_listed_on_other_systems_than_linux() -> None:
     assert "drivelesson" in done.stdout
 
 
-def test_no_other_program_shares_the_port(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[int] = []
-
-    class Noting:
-        def __init__(self, *_: Any) -> None: ...
-
-        def setsockopt(self, level: int, option: int, _: int) -> None:
-            if level == socket.SOL_SOCKET:
-                asked.append(option)
-
-        def bind(self, _: Any) -> None: ...
-
-        def listen(self, _: int) -> None: ...
-
+def test_no_other_program_shares_the_port(monkeypatch):
+    listener = mock.MagicMock()
     monkeypatch.setattr(serving.socket, "SO_EXCLUSIVEADDRUSE", -5, raising=False)
-    monkeypatch.setattr(serving.socket, "socket", Noting)
+    monkeypatch.setattr(serving.socket, "socket", lambda *_: listener)
     serving.open_socket("127.0.0.1", 8000)
-    assert asked == [-5]
+    calls = [call.args for call in listener.setsockopt.call_args_list]
+    assert [option for level, option, _ in calls if level == socket.SOL_SOCKET] == [-5]
 
 
-def test_the_loop_accepts_through_the_limiting_listener(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_loop_accepts_through_the_limiting_listener(monkeypatch):
     """Windows' own event loop accepts connections past the limits of the listener."""
-
-    def refuse() -> None:
-        raise AssertionError("that is the system's own loop")
-
-    monkeypatch.setattr(asyncio.events, "new_event_loop", refuse)
+    monkeypatch.setattr(asyncio.events, "new_event_loop", lambda: pytest.fail("the system's loop"))
     seen = []
 
-    async def look() -> None:
+    async def look():
         seen.append(asyncio.get_running_loop())
 
     serving.run(look())
     assert isinstance(seen[0], asyncio.SelectorEventLoop)
-
-
-def test_there_are_no_more_connections_than_windows_can_wait_for(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
     monkeypatch.setitem(sys.modules, "resource", None)
-    assert 32 < connection_capacity() < 512
+    assert 32 < connection_capacity() < 512, "more than Windows can wait for"
 
 
 class CoarseClock(VirtualClock):
@@ -99,8 +77,8 @@ class CoarseClock(VirtualClock):
         return int(super().now_s() * 64) / 64
 
 
-@pytest.mark.parametrize("rate_hz", [5, 15, 30])
-def test_a_clock_of_16_ms_drives_and_stops_as_any_other(rate_hz: int) -> None:
+@pytest.mark.parametrize("rate_hz", [5, 30])
+def test_a_clock_of_16_ms_drives_and_stops_as_any_other(rate_hz):
     clock = CoarseClock(100.0)
     rig = Rig(FakeDriver(clock=clock), FakeCamera(clock), make_policy("published-8"), clock)
     with VirtualServer(rig=rig) as server, server.pilot() as pilot:
@@ -114,10 +92,8 @@ def test_a_clock_of_16_ms_drives_and_stops_as_any_other(rate_hz: int) -> None:
         assert server.wait_until(lambda: server.driver.now is Action.STOP) < 0.5 + 1 / 64
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "cp437", "cp1252", "gbk", "utf-8"])
-def test_a_terminal_with_few_letters_shows_what_it_can(
-    encoding: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252", "gbk"])
+def test_a_terminal_with_few_letters_shows_what_it_can(encoding, monkeypatch):
     raw = io.BytesIO()
     stream = io.TextIOWrapper(raw, encoding=encoding)
     monkeypatch.setattr(sys, "stdout", stream)
@@ -138,13 +114,11 @@ def test_a_terminal_with_few_letters_shows_what_it_can(
         ("darwin", {"SSH_CONNECTION": "192.0.2.1"}, False),
     ],
 )
-def test_the_page_opens_only_on_a_computer_with_a_screen(
-    system: str, environment: dict[str, str], is_shown: bool
-) -> None:
+def test_the_page_opens_only_on_a_computer_with_a_screen(system, environment, is_shown):
     assert has_screen(system, environment) is is_shown
 
 
-def test_scripts_run_even_if_the_registry_calls_them_plain_text() -> None:
+def test_scripts_run_even_if_the_registry_calls_them_plain_text():
     mimetypes.add_type("text/plain", ".js")
     scope = {"type": "http", "method": "GET", "headers": []}
     answer = asyncio.run(CompressedFiles(WEB).get_response("board/main.js", scope))

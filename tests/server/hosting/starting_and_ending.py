@@ -1,6 +1,7 @@
-"""The server ends, whatever its clients leave open; `test_process_faults.py` checks it."""
+"""The server starts and ends, whatever its clients do.
 
-from __future__ import annotations
+`test_real_server.py` and `test_process_faults.py` check it.
+"""
 
 import contextlib
 import os
@@ -13,38 +14,58 @@ from pathlib import Path
 
 import httpx
 
-from tests.server.own_process import OwnProcess, own_process
+from robot.clock import RealClock
+from server.hosting.serving import open_socket
+from server.hosting.starting_page import StartingPage, StartingPart
+from tests.server.own_process import own_process
 
 UPLOAD = b"PUT /api/models/m/file HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 999\r\n\r\nx"
 HALF_A_REQUEST = b"GET / HTTP/1.1\r\nHost: 127.0"
 
 
+def check_it_names_what_is_still_starting_and_then_lets_the_server_answer() -> None:
+    def ask(request: bytes = b"GET / HTTP/1.1\r\n\r\n") -> bytes:
+        with socket.create_connection(listener.getsockname()) as line:
+            line.sendall(request)
+            return b"".join(iter(lambda: line.recv(4096), b""))
+
+    listener = open_socket("127.0.0.1", 0)
+    with listener, StartingPage([listener], RealClock()) as page:
+        assert ask().startswith(b"HTTP/1.1 503 ")
+        assert b"the program" in ask()
+        page.part = StartingPart.ROBOT
+        assert b"the robot and its camera" in ask()
+        page.part = StartingPart.MODEL
+        assert b"the robot's model" in ask()
+        socket.create_connection(listener.getsockname()).close()  # who leaves delays nobody
+        assert b"Retry-After" in ask(b"\x16\x03\x01 no HTTP at all")
+
+        page.stop()
+
+        with socket.create_connection(listener.getsockname()) as line:
+            listener.setblocking(True)
+            accepted, _ = listener.accept()
+            with accepted:
+                accepted.sendall(b"served")
+                assert line.recv(6) == b"served"
+
+
 def check_a_hanging_upload_and_half_a_request_hold_up_no_end(tmp_path: Path) -> None:
-    with own_process(tmp_path / "data") as running, contextlib.ExitStack() as stack:
-        for data in (UPLOAD, HALF_A_REQUEST):
-            stack.enter_context(_connected(running)).sendall(data)
-        httpx.get(running.address + "/healthz")  # both have been read by then
-        running.process.send_signal(signal.SIGTERM)
-        assert running.process.wait(60) == 0, "uvicorn alone waits for ever"
-    _check_hanging_tls_does_not_delay_the_end(tmp_path / "tls")
-    _check_a_full_pipe_does_not_delay_the_end()
-    _check_a_computation_neither_delays_the_end_nor_logs_an_error()
-
-
-def _check_hanging_tls_does_not_delay_the_end(folder: Path) -> None:
-    """Silence, half a handshake, half a request and a stalled upload do not delay the end."""
+    """Neither do silence and half a handshake, by HTTP or by TLS."""
     unchecked = ssl.create_default_context()
     unchecked.check_hostname, unchecked.verify_mode = False, ssl.CERT_NONE
-    words = ("--lan", "--tls", "--host", "127.0.0.1")
-    with own_process(folder, *words) as running, contextlib.ExitStack() as stack:
-        stack.enter_context(_connected(running))
-        stack.enter_context(_connected(running)).sendall(b"\x16\x03\x01\x02\x00\x01\x00")
-        for data in (b"", HALF_A_REQUEST, UPLOAD):
-            plain = stack.enter_context(_connected(running))
-            stack.enter_context(unchecked.wrap_socket(plain)).sendall(data)
-        httpx.get(running.address + "/healthz", verify=False)
-        running.process.send_signal(signal.SIGTERM)
-        assert running.process.wait(60) == 0, "a line that nobody ends holds it up"
+    for folder, *words in (("http",), ("tls", "--lan", "--tls", "--host", "127.0.0.1")):
+        with own_process(tmp_path / folder, *words) as running, contextlib.ExitStack() as stack:
+            for data in (b"", b"\x16\x03\x01\x02\x00\x01\x00", HALF_A_REQUEST, UPLOAD):
+                line = socket.create_connection(("127.0.0.1", running.port))
+                if words and data in (HALF_A_REQUEST, UPLOAD):
+                    line = unchecked.wrap_socket(line)
+                stack.enter_context(line).sendall(data)
+            httpx.get(running.address + "/healthz", verify=False)  # all have been read by then
+            running.process.send_signal(signal.SIGTERM)
+            assert running.process.wait(60) == 0, "a line that nobody ends holds it up"
+    _check_a_full_pipe_does_not_delay_the_end()
+    _check_a_computation_neither_delays_the_end_nor_logs_an_error()
 
 
 def _check_a_full_pipe_does_not_delay_the_end() -> None:
@@ -89,7 +110,6 @@ def _check_a_computation_neither_delays_the_end_nor_logs_an_error() -> None:
     with subprocess.Popen(
         [sys.executable, "-c", COMPUTING], stdin=pipe, stdout=pipe, stderr=pipe
     ) as process:
-        assert process.stdin and process.stdout and process.stderr
         port = int(process.stdout.readline())
         with socket.create_connection(("127.0.0.1", port)) as client:
             head = f"POST /api/models/left-turns HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n"
@@ -102,7 +122,3 @@ def _check_a_computation_neither_delays_the_end_nor_logs_an_error() -> None:
         errors = process.stderr.read().decode()
         assert process.wait(60) == 0
     assert errors == ""
-
-
-def _connected(running: OwnProcess) -> socket.socket:
-    return socket.create_connection(("127.0.0.1", running.port))
