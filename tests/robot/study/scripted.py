@@ -1,7 +1,5 @@
 """A scripted participant for the pure session: drives ticks, answers questions, leaves a log."""
 
-from __future__ import annotations
-
 import random
 
 import numpy as np
@@ -99,7 +97,6 @@ class Participant:
             self.events += self.session.note(made, 1.7e9 + self.now_s, lambda: {"examples": "7"})
 
     def _how(self, mode: Mode | None) -> How:
-        assert self.session.phase is not None
         kind = self.session.phase.kind
         is_pilot = kind == "teach" or (kind == "correct" and self.dice.random() < 0.1)
         action = self.dice.choice([Action.FORWARD, Action.LEFT])

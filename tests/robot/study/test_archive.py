@@ -1,7 +1,5 @@
 """The table is computed only from plan and logs, and is the same on every machine."""
 
-from __future__ import annotations
-
 import csv
 import io
 import os
@@ -36,7 +34,7 @@ def repacked(file: Path, change: Callable[[str, bytes], bytes]) -> Path:
     return file
 
 
-def test_there_is_one_row_a_participant_and_phase_and_one_with_the_answers() -> None:
+def test_there_is_one_row_a_participant_and_phase_and_one_with_the_answers():
     assert table({}) == []
     rows = table(logs_of(4))
     found = {(r["participant"], r["condition"], r["phase"]) for r in rows}
@@ -53,8 +51,8 @@ def test_there_is_one_row_a_participant_and_phase_and_one_with_the_answers() -> 
         assert float(row["nasa_tlx"]) == pytest.approx(sum(tlx) / 6, abs=1e-6)
 
 
-def test_a_session_counts_as_far_as_it_came_and_the_last_attempt_of_a_condition_counts() -> None:
-    def phases() -> list[tuple[str, str, str]]:
+def test_a_session_counts_as_far_as_it_came_and_the_last_attempt_of_a_condition_counts():
+    def phases():
         rows = table({"P01": person.log})
         return [(r["phase"], r["attempt"], r["is_complete"]) for r in rows]
 
@@ -65,7 +63,7 @@ def test_a_session_counts_as_far_as_it_came_and_the_last_attempt_of_a_condition_
     assert phases() == [("teach", "2", "0")]
 
 
-def test_drives_stay_under_their_own_condition_after_the_plan_was_changed() -> None:
+def test_drives_stay_under_their_own_condition_after_the_plan_was_changed():
     """A condition that is added later gives the same slots other orders."""
     logs = logs_of(2)
     added = '[[condition]]\nname = "third"\n[[condition]]\nname = "short"'
@@ -74,13 +72,11 @@ def test_drives_stay_under_their_own_condition_after_the_plan_was_changed() -> N
     assert {row["condition"] for row in first} == {"short", "long"}
     assert table(logs, later) == first
     other = SMALL_PLAN.replace('name = "short"', 'name = "brief"')
-    with pytest.raises(
-        RecordingError, match=r"P01.csv: the plan no longer has the condition 'short'"
-    ):
+    with pytest.raises(RecordingError, match=r"P01.csv: the plan no longer has the condition 'sho"):
         rebuild(other, logs)
 
 
-def test_a_zip_gives_the_same_table_in_another_process(tmp_path: Path) -> None:
+def test_a_zip_gives_the_same_table_in_another_process(tmp_path):
     file = tmp_path / "study.zip"
     file.write_bytes(pack(SMALL_PLAN, logs_of(4, seed=3)))
     command = [sys.executable, "-m", "server", "study", "report", str(file), "--out", "again"]
@@ -97,14 +93,8 @@ def test_a_zip_gives_the_same_table_in_another_process(tmp_path: Path) -> None:
     assert re.search(r"questions: trust +(long - short|short - long): n=4 mean=", said), said
 
 
-def test_a_table_that_was_changed_by_hand_is_named(tmp_path: Path) -> None:
-    changed = {"phases.csv": b"x"}
-    file = repacked(tmp_path / "study.zip", lambda name, data: data + changed.get(name, b""))
-    assert report(file, tmp_path / "out") == ([], ["phases.csv"])
-
-
 @pytest.mark.parametrize("fault", ["no zip", "damaged", "no plan", "strange name"])
-def test_a_file_that_is_not_a_study_is_refused_with_a_sentence(tmp_path: Path, fault: str) -> None:
+def test_a_file_that_is_not_a_study_is_refused_with_a_sentence(tmp_path, fault):
     file = tmp_path / "study.zip"
     if fault == "no zip":
         file.write_bytes(b"PK\x03\x04 and no more")
@@ -122,13 +112,15 @@ def test_a_file_that_is_not_a_study_is_refused_with_a_sentence(tmp_path: Path, f
     assert not (tmp_path / "evil.csv").exists()
 
 
-def test_a_zip_that_was_packed_again_and_saved_by_a_spreadsheet_gives_the_same(
-    tmp_path: Path,
-) -> None:
+def test_a_zip_that_a_spreadsheet_saved_gives_the_same_and_a_changed_table_is_named(tmp_path):
     """With a folder among its entries, and Windows' line ends and byte order marks in the logs."""
 
-    def saved(name: str, data: bytes) -> bytes:
+    def saved(name, data):
         is_saved = name.startswith("events/") or name == "plan.toml"
         return b"\xef\xbb\xbf" + data.replace(b"\n", b"\r\n") if is_saved else data
 
-    assert report(repacked(tmp_path / "study.zip", saved), tmp_path / "out")[1] == []
+    file, out = tmp_path / "study.zip", tmp_path / "out"
+    assert report(repacked(file, saved), out)[1] == []
+    changed = {"phases.csv": b"x"}
+    repacked(file, lambda name, data: data + changed.get(name, b""))
+    assert report(file, out) == ([], ["phases.csv"])

@@ -1,7 +1,5 @@
 """A class in virtual time: the robots' real apps, the real board, and a network that can fail."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import random
@@ -14,7 +12,7 @@ from robot.testing import FakeCamera, LinkConditions, VirtualClock
 from robot.types import Action
 from server.access.config import NetworkConfig
 from server.access.gateway import NetworkGateway
-from server.access.pairing import Paired, Pairing, cookie_name
+from server.access.pairing import Pairing, cookie_name
 from server.app import create_app
 from server.board.board import Board
 from server.board.class_key import ClassKey, endpoint
@@ -46,7 +44,6 @@ class Pupil(ServedWorld):
         self.pairing = Pairing(10)
         self._begin(f"R{port}", key)
         pair = self.pairing.redeem(self.pairing.tokens[Role.PILOT], clock.now_s())
-        assert isinstance(pair, Paired)
         self._cookie = f"{cookie_name(NetworkConfig.of(self.services.config))}={pair.secret}"
 
     def _begin(self, name: str, key: ClassKey | None) -> None:
@@ -74,6 +71,13 @@ class Pupil(ServedWorld):
         self.__dict__["app"] = create_app(self.services)
         for socket in self._sockets:
             socket.cut()
+
+
+class Absent:
+    """An announced robot, of which only the fault of its network is known."""
+
+    def __init__(self, port: int, fault: str) -> None:
+        self.port, self.fault = port, fault
 
 
 class VirtualNetwork:
@@ -178,9 +182,18 @@ class ClassWorld:
         for pupil in self.pupils.values():
             self.board.add(RobotAddress("127.0.0.1", pupil.port))
 
-    async def until(self, condition: Callable[[], bool], within_s: float, what: str) -> float:
+    async def ask(
+        self, of: Any, method: str, path: str, headers: Mapping[str, str], body: bytes = b""
+    ) -> HttpAnswer:
+        """Send a request to a robot, or to another served application with a port."""
+        place = ServerPlace(RobotAddress("127.0.0.1", of.port), "")
+        return await VirtualNetwork({of.port: of}, self.dice).request(
+            place, method, path, headers, body
+        )
+
+    async def until(self, is_so: Callable[[], object], within_s: float, what: str = "") -> float:
         start_s = self.clock.now_s()
-        while not condition():
+        while not is_so():
             assert self.clock.now_s() - start_s < within_s, f"not within {within_s} s: {what}"
             await self.clock.pause(0.005)
         return self.clock.now_s() - start_s

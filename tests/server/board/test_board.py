@@ -3,22 +3,18 @@
 That STOP reaches ten robots in time, among a thousand others: test_unverified_robots.py.
 """
 
-from __future__ import annotations
-
 import random
 from typing import Any
 
 import pytest
 
 from robot.types import Action
-from server.board.board import Board, BoardViewer
-from server.board.class_key import ClassKey
+from server.board.board import BoardViewer
 from server.board.robot_link import START_S
 from server.board.stopping import CONFIRM_S, Stopping
 from server.board.teacher_session import Status
-from server.board.transport import NetworkTransport
 
-from .classroom_world import FAULTS, OPEN_FAULTS, ClassWorld, Pupil, break_down, in_class_time
+from .classroom_world import FAULTS, OPEN_FAULTS, Pupil, break_down, in_class_time
 
 STOP_S = 0.3
 
@@ -34,8 +30,8 @@ def _any_fault(dice: random.Random, number: int) -> str:
 @pytest.mark.parametrize("seed", range(5))
 @in_class_time(robots=6, faults=_any_fault)
 async def test_if_some_robots_fail_the_others_stop_in_time_and_the_failed_ones_are_named(
-    world: ClassWorld, seed: int
-) -> None:
+    world, seed
+):
     """Faults before and after the robots were connected, drawn anew for each seed."""
     before = {p.port: p.fault for p in world.pupils.values()}
     good = [p for p in world.pupils.values() if p.fault in OPEN_FAULTS]
@@ -67,10 +63,8 @@ async def test_if_some_robots_fail_the_others_stop_in_time_and_the_failed_ones_a
     "text",
     ["[]", "[" * 100_000, f'{{"type": "pong", "client_ms": 1{"0" * 400}}}', '{"agreement": NaN}'],
 )
-@in_class_time(robots=2)
-async def test_after_any_message_of_a_robot_the_board_connects_to_it_again(
-    world: ClassWorld, text: str
-) -> None:
+@in_class_time(robots=1)
+async def test_after_any_message_of_a_robot_the_board_connects_to_it_again(world, text):
     _, link = await world.first()
     link.stop.channel._inbox.put_nowait(text)
     await world.until(lambda: link.status is Status.AWAY, 1.0, "it makes no sense")
@@ -78,39 +72,25 @@ async def test_after_any_message_of_a_robot_the_board_connects_to_it_again(
     await world.until_there()
 
 
-@in_class_time(robots=1, faults=lambda dice, i: "silent")
-async def test_the_terminal_does_not_warn_of_a_robot_that_may_still_be_starting(
-    world: ClassWorld, caplog: pytest.LogCaptureFixture
-) -> None:
-    def warned() -> list[str]:
-        mine = [one for one in caplog.records if one.name == "server.board.robot_link"]
-        return [one.getMessage() for one in mine if one.levelname == "WARNING"]
-
-    await world.clock.pause(START_S - 8.0)
-    assert not warned()
-    await world.clock.pause(16.0)
-    assert len(warned()) == 1 and "status=away" in warned()[0]
-
-
-@pytest.mark.parametrize("starts_s", [3.0, 12.0, 25.0])
+@pytest.mark.parametrize(("starts_s", "n_warnings"), [(3.0, 0), (START_S - 8.0, 0), (45.0, 1)])
 @in_class_time(robots=1, faults=lambda dice, i: "refuses")
-async def test_a_robot_that_has_started_is_there_within_a_second(
-    world: ClassWorld, starts_s: float
-) -> None:
+async def test_a_robot_may_take_long_to_start_and_is_there_soon_afterwards(
+    world, starts_s, n_warnings, caplog
+):
     [pupil] = world.pupils.values()
     await world.clock.pause(starts_s)
+    said = [one.name for one in caplog.records if one.levelname == "WARNING"]
+    assert said.count("server.board.robot_link") == n_warnings
     break_down(pupil, "none")
-    took_s = await world.until(lambda: world.link(pupil).status is Status.THERE, 5.0, "it is")
-    assert took_s < 1.2
+    took_s = await world.until(lambda: world.link(pupil).status is Status.THERE, 10.0, "it is")
+    assert took_s < (1.2 if starts_s < START_S else 5.2)
 
 
 @in_class_time()
-async def test_a_robot_that_stands_already_confirms_the_next_stop_on_the_open_line(
-    world: ClassWorld,
-) -> None:
+async def test_a_robot_that_stands_already_confirms_the_next_stop_on_the_open_line(world):
     await world.until_there()
 
-    def stages() -> set[Stopping | None]:
+    def stages():
         return {link.stop.stage for link in world.board.robots.values()}
 
     for _ in range(2):
@@ -119,13 +99,12 @@ async def test_a_robot_that_stands_already_confirms_the_next_stop_on_the_open_li
         await world.until(lambda: stages() == {Stopping.STOPPED}, CONFIRM_S, "all confirm it")
         await world.clock.pause(0.7)
     assert not any("/api/stop" in path for _, path in world.network.requests)
+    assert world.board.at_leisure.is_set(), "the news continues"
     assert all(pupil.hub.lease.owner is None for pupil in world.pupils.values()), "it has no wheel"
 
 
 @in_class_time(robots=1)
-async def test_only_a_state_that_is_newer_than_a_stop_confirms_or_clears_it(
-    world: ClassWorld,
-) -> None:
+async def test_only_a_state_that_is_newer_than_a_stop_confirms_or_clears_it(world):
     """A separate request confirms the stop while the websocket still delivers older states."""
     one, link = await world.first()
     hear, link._note_state = link._note_state, lambda _: None  # the line is slow
@@ -156,9 +135,7 @@ async def test_only_a_state_that_is_newer_than_a_stop_confirms_or_clears_it(
 
 
 @in_class_time(robots=1)
-async def test_a_stop_released_before_a_state_reported_it_is_shown_as_released(
-    world: ClassWorld,
-) -> None:
+async def test_a_stop_released_before_a_state_reported_it_is_shown_as_released(world):
     one, link = await world.first()
     told = list[dict[str, Any]]()
     hear, link._note_state = link._note_state, told.append  # the line is slow
@@ -173,15 +150,15 @@ async def test_a_stop_released_before_a_state_reported_it_is_shown_as_released(
 
 
 @in_class_time(robots=1)
-async def test_a_late_request_of_a_stop_does_not_stop_a_released_robot(world: ClassWorld) -> None:
+async def test_a_late_request_of_a_stop_does_not_stop_a_released_robot(world):
     one, link = await world.first()
     request, told = world.network.request, list[dict[str, Any]]()
 
-    async def slowly(place: Any, method: str, path: str, *rest: Any) -> Any:
+    async def slowly(place, method, path, *rest):
         await world.clock.pause(2.0)
         return await request(place, method, path, *rest)
 
-    world.network.request = slowly  # type: ignore[method-assign]
+    world.network.request = slowly
     hear, link._note_state = link._note_state, told.append
     world.board.stop()
     await world.until(lambda: link.stop.stage is Stopping.NOT_REACHED, 1.0, "a request is sent")
@@ -193,17 +170,7 @@ async def test_a_late_request_of_a_stop_does_not_stop_a_released_robot(world: Cl
 
 
 @in_class_time()
-async def test_a_stop_without_robots_does_not_hold_up_the_news(world: ClassWorld) -> None:
-    board = Board(ClassKey("k" * 40), NetworkTransport(), world.clock)
-    board.stop()
-    assert board.at_leisure.is_set(), "who is no robot of the class is told all the same"
-    await board.close()
-
-
-@in_class_time()
-async def test_one_robot_is_stopped_and_no_other_and_shown_as_free_when_a_phone_releases_it(
-    world: ClassWorld,
-) -> None:
+async def test_one_robot_is_stopped_and_no_other_and_shown_as_free_when_a_phone_releases_it(world):
     one, link = await world.first()
     world.board.stop(link.number)
     await world.until(lambda: _latched(one), STOP_S, "it stands")
@@ -218,7 +185,7 @@ async def test_one_robot_is_stopped_and_no_other_and_shown_as_free_when_a_phone_
 
 @pytest.mark.parametrize("seed", range(3))
 @in_class_time(robots=1)
-async def test_only_the_board_releases_what_the_board_stopped(world: ClassWorld, seed: int) -> None:
+async def test_only_the_board_releases_what_the_board_stopped(world, seed):
     """Pupils and teacher press at random; after each step the rule about the last stop holds."""
     one, link = await world.first()
     phone = await one.pilot(sees=True)
@@ -245,7 +212,7 @@ async def test_only_the_board_releases_what_the_board_stopped(world: ClassWorld,
 
 
 @in_class_time(robots=2)
-async def test_a_restarted_robot_is_joined_again(world: ClassWorld) -> None:
+async def test_a_restarted_robot_is_joined_again(world):
     one, link = await world.first()
     one.restart()
     await one.hub.start()
@@ -255,31 +222,26 @@ async def test_a_restarted_robot_is_joined_again(world: ClassWorld) -> None:
 
 
 @in_class_time()
-async def test_pictures_come_only_while_somebody_looks_and_about_one_a_second(
-    world: ClassWorld,
-) -> None:
-    (one, link), page = await world.first(), BoardViewer()
-    other = list(world.pupils.values())[1]
+async def test_pictures_come_only_while_somebody_looks_and_about_one_a_second(world):
+    (_, link), page = await world.first(), BoardViewer()
+    video, others = (pupil.hub.broadcast.video for pupil in [*world.pupils.values()][:2])
     world.board.join(page)
     await world.clock.pause(2.0)
-    assert not page.pictures and one.hub.broadcast.video.frames_sent == 0
+    assert not page.pictures and video.frames_sent == 0
     world.board.watch(page, [link.number])
     await world.clock.pause(10.0)
-    assert (
-        9 <= one.hub.broadcast.video.frames_sent <= 12
-        and other.hub.broadcast.video.frames_sent == 0
-    )
+    assert 9 <= video.frames_sent <= 12 and others.frames_sent == 0
     assert set(page.pictures) == {link.number}
     world.board.watch(page, [])
     await world.clock.pause(0.5)
-    sent = one.hub.broadcast.video.frames_sent
+    sent = video.frames_sent
     await world.clock.pause(10.0)
-    assert one.hub.broadcast.video.frames_sent == sent and one.hub.broadcast.video.viewers == 0
+    assert video.frames_sent == sent and video.viewers == 0
     world.board.leave(page)
 
 
 @in_class_time()
-async def test_pictures_and_news_wait_while_a_stop_is_under_way(world: ClassWorld) -> None:
+async def test_pictures_and_news_wait_while_a_stop_is_under_way(world):
     """One robot has fallen silent, so the stop stays in progress for as long as possible."""
     (one, link), page = await world.first(), BoardViewer()
     lost = list(world.pupils.values())[1]
@@ -301,9 +263,7 @@ async def test_pictures_and_news_wait_while_a_stop_is_under_way(world: ClassWorl
 
 
 @in_class_time()
-async def test_an_impostor_in_between_gets_no_session_and_its_messages_do_not_count(
-    world: ClassWorld,
-) -> None:
+async def test_an_impostor_in_between_gets_no_session_and_its_messages_do_not_count(world):
     """An impostor at another address relays everything to a real robot, and back."""
     one, *_ = world.pupils.values()
     world.network.sees_as[one.port] = "10.0.0.66:8000"

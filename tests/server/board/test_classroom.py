@@ -1,11 +1,8 @@
 """Who becomes a robot's teacher, and what its pupils may change afterwards."""
 
-from __future__ import annotations
-
 import json
 import random
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -15,7 +12,6 @@ from server.access.pairing import Pairing
 from server.board.class_command import split
 from server.board.class_key import ClassKey, endpoint, keep_class_key, new_nonce, read_class_key
 from server.board.classroom import LOCKS, Classroom
-from server.board.transport import RobotAddress, ServerPlace
 from tests.kit.described import described_routes
 from tests.kit.sizes import seeds
 
@@ -25,7 +21,7 @@ KEY, OTHER = ClassKey("a" * 40), ClassKey("b" * 40)
 HERE, THERE = "192.168.1.5:8000", "192.168.1.6:8000"
 
 
-def test_a_board_with_the_key_gets_a_session_and_knows_the_robot() -> None:
+def test_a_board_with_the_key_gets_a_session_and_knows_the_robot():
     room, mine = Classroom(KEY), new_nonce()
     nonce, proof = room.challenge(mine, HERE, 10.0)
     assert KEY.accepts(proof, "robot", mine, nonce, HERE)
@@ -35,7 +31,7 @@ def test_a_board_with_the_key_gets_a_session_and_knows_the_robot() -> None:
 
 
 @pytest.mark.parametrize("seed", seeds(8, 40))
-def test_only_a_fresh_proof_of_the_same_handshake_is_admitted(seed: int) -> None:
+def test_only_a_fresh_proof_of_the_same_handshake_is_admitted(seed):
     """Change one part of a valid handshake, chosen anew for each seed."""
     dice = random.Random(seed)
     room, mine, now_s = Classroom(KEY), new_nonce(), dice.uniform(0, 1e6)
@@ -60,88 +56,72 @@ def test_only_a_fresh_proof_of_the_same_handshake_is_admitted(seed: int) -> None
     assert room.admit(mine, nonce, whole, HERE, now_s + 1) is None, "it works once"
 
 
-def test_endpoints_are_written_in_one_way() -> None:
+def test_endpoints_are_written_in_one_way():
     assert endpoint("::ffff:10.0.0.1", 80) == endpoint("10.0.0.1", 80)
     assert endpoint("FE80::1%eth0", 80) == endpoint("fe80::1", 80)
 
 
-@pytest.mark.parametrize("text", ["", "short", "ä" * 40])
-def test_an_invalid_key_is_refused(tmp_path: Path, text: str) -> None:
-    (tmp_path / "key").write_text(text)
-    with pytest.raises(ConfigurationError, match="class key"):
-        read_class_key(tmp_path / "key")
-
-
-def test_a_key_is_made_once_and_is_readable_only_by_its_owner(tmp_path: Path) -> None:
+def test_a_key_is_made_once_and_is_readable_only_by_its_owner(tmp_path):
     file = tmp_path / "deep" / "class.key"
     assert keep_class_key(file) == keep_class_key(file)
     assert file.stat().st_mode & 0o077 == 0
     assert file.read_text().strip() not in repr(read_class_key(file))
+    for text in ("", "short", "ä" * 40):
+        file.write_text(text)
+        with pytest.raises(ConfigurationError, match="class key"):
+            read_class_key(file)
+
+
+def test_locks_survive_a_restart_and_an_unknown_one_is_refused(tmp_path):
+    file = tmp_path / "class.json"
+    assert Classroom(KEY, file).locks == frozenset()
+    Classroom(KEY, file).lock(["models", "gallery"])
+    assert json.loads(file.read_text()) == {"locks": ["gallery", "models"]}
+    unknown: list[Sequence[str]] = [["doors"], ["models", ""], "models"]
+    for names in unknown:
+        with pytest.raises(ConfigurationError, match="settings"):
+            Classroom(KEY, file).lock(names)
+    assert Classroom(KEY, file).locks == {"models", "gallery"}
 
 
 @pytest.mark.parametrize("kept", [b"", b"{", b"[]", b"\xff", b'{"locks": 3}'])
-def test_if_the_file_of_locks_is_damaged_everything_is_locked(tmp_path: Path, kept: bytes) -> None:
+def test_if_the_file_of_locks_is_damaged_everything_is_locked(tmp_path, kept):
     (tmp_path / "class.json").write_bytes(kept)
     assert Classroom(KEY, tmp_path / "class.json").locks == set(LOCKS)
 
 
-def test_locks_survive_a_restart(tmp_path: Path) -> None:
-    file = tmp_path / "class.json"
-    assert Classroom(KEY, file).locks == frozenset()
-    Classroom(KEY, file).lock(["models", "gallery"])
-    assert Classroom(KEY, file).locks == {"models", "gallery"}
-    assert json.loads(file.read_text()) == {"locks": ["gallery", "models"]}
-
-
-@pytest.mark.parametrize("names", [["doors"], ["models", ""], "models"])
-def test_an_unknown_lock_is_refused_and_changes_nothing(names: Sequence[str]) -> None:
-    room = Classroom(KEY)
-    room.lock(["settings"])
-    with pytest.raises(ConfigurationError, match="settings"):
-        room.lock(names)
-    assert room.locks == {"settings"}
-
-
-def test_a_saved_session_cannot_have_the_role_of_a_teacher(tmp_path: Path) -> None:
+def test_a_saved_session_cannot_have_the_role_of_a_teacher(tmp_path):
     file = tmp_path / "paired.json"
     file.write_text('{"sessions": [{"sha256": "00", "role": "teacher"}]}')
     assert Pairing(10, file)._sessions == {}
 
 
-class _Asker:
+class Asker:
     """Sends requests to one robot, as a phone, a stranger or the teacher."""
 
     def __init__(self, world: ClassWorld, pupil: Pupil) -> None:
-        self._network = world.network
-        self._place = ServerPlace(RobotAddress("127.0.0.1", pupil.port), "")
-        self._host = f"127.0.0.1:{pupil.port}"
+        self._world, self._pupil = world, pupil
         self.phone = {"cookie": pupil._cookie}
         self.teacher = world.link(pupil)._session.headers
 
-    async def status(
-        self, method: str, path: str, headers: dict[str, str], body: Any = None
-    ) -> int:
+    async def status(self, method: str, path: str, headers: Any, body: Any = None) -> int:
         data = b"" if body is None else json.dumps(body).encode()
-        answer = await self._network.request(
-            self._place, method, path, {"host": self._host, **headers}, data
-        )
-        return answer.status
+        return (await self._world.ask(self._pupil, method, path, headers, data)).status
 
 
 @in_class_time(robots=1)
-async def test_every_change_below_a_lock_is_refused_and_reading_is_not(world: ClassWorld) -> None:
+async def test_every_change_below_a_lock_is_refused_and_reading_is_not(world):
     """The addresses come from the application itself, so that a new route is included."""
     one, _ = await world.first()
-    asker = _Asker(world, one)
+    asker = Asker(world, one)
     routes = described_routes(one.app.openapi())
     found = [(route.method, route.at()) for route in routes if route.method != "GET"]
     assert {path.split("/")[2] for _, path in found} >= {"settings", "models", "gallery"}
     for name in LOCKS:
-        locked = await asker.status("PUT", "/api/class/locks", asker.teacher, {"locks": [name]})
-        assert locked == 200
+        locks = {"locks": [name]}
+        assert await asker.status("PUT", "/api/class/locks", asker.teacher, locks) == 200
         for method, path in found:
-            is_locked = any(path == p or path.startswith(p + "/") for p in LOCKS[name])
-            if is_locked:
+            if any(path == p or path.startswith(p + "/") for p in LOCKS[name]):
                 assert await asker.status(method, path, asker.phone, {}) == 423, path
                 assert await asker.status(method, path, asker.teacher, {}) != 423, path
         assert await asker.status("GET", LOCKS[name][0], asker.phone) != 423
@@ -150,9 +130,9 @@ async def test_every_change_below_a_lock_is_refused_and_reading_is_not(world: Cl
 
 
 @in_class_time(robots=1)
-async def test_only_the_teacher_locks_invites_and_looks(world: ClassWorld) -> None:
+async def test_only_the_teacher_locks_invites_and_looks(world):
     one, _ = await world.first()
-    asker = _Asker(world, one)
+    asker = Asker(world, one)
     for headers, wanted in (
         (asker.phone, 403),
         ({}, 401),
@@ -169,21 +149,19 @@ async def test_only_the_teacher_locks_invites_and_looks(world: ClassWorld) -> No
 
 
 @in_class_time(robots=1, faults=lambda dice, i: "no class")
-async def test_a_robot_in_no_class_has_no_teacher(world: ClassWorld) -> None:
-    one = next(iter(world.pupils.values()))
-    asker = _Asker(world, one)
+async def test_a_robot_in_no_class_has_no_teacher(world):
+    asker = Asker(world, next(iter(world.pupils.values())))
     assert await asker.status("POST", "/api/class/hello", {}, {"nonce": "0" * 32}) == 404
     assert await asker.status("GET", "/api/class", asker.phone) == 403
 
 
 @in_class_time(robots=1)
-async def test_the_code_on_the_board_pairs_phone_after_phone(world: ClassWorld) -> None:
+async def test_the_code_on_the_board_pairs_phone_after_phone(world):
     one, link = await world.first()
-    asker = _Asker(world, one)
+    asker = Asker(world, one)
     seen = set()
     for _ in range(30):
         address = link.page_address()
-        assert address is not None
         token = address.rsplit("#", 1)[1]
         seen.add(token)
         assert await asker.status("POST", "/api/pair", {}, {"token": token}) == 200
@@ -192,9 +170,9 @@ async def test_the_code_on_the_board_pairs_phone_after_phone(world: ClassWorld) 
 
 
 @in_class_time(robots=1)
-async def test_the_code_on_paper_pairs_until_the_class_has_another_key(world: ClassWorld) -> None:
+async def test_the_code_on_paper_pairs_until_the_class_has_another_key(world):
     one, link = await world.first()
-    asker = _Asker(world, one)
+    asker = Asker(world, one)
     paper = str(link.page_address(printed=True)).rsplit("#", 1)[1]
     old = ClassKey("o" * 40).code
     for _ in range(3):
@@ -204,20 +182,11 @@ async def test_the_code_on_paper_pairs_until_the_class_has_another_key(world: Cl
         await world.clock.pause(400.0)  # longer than any invitation
 
 
-@pytest.mark.parametrize(
-    ("text", "wanted"),
-    [
-        ("10", (10, "")),
-        (" 2, ada.local:8000 ,1", (3, "ada.local:8000")),
-        ("192.168.1.2,robot:80", (0, "192.168.1.2,robot:80")),
-        ("robots.txt", (0, "robots.txt")),
-    ],
-)
-def test_a_class_has_simulated_robots_and_real_ones(text: str, wanted: tuple[int, str]) -> None:
-    assert split(text) == wanted
-
-
-@pytest.mark.parametrize("text", ["", "0", ",", "61", "30,31,ada:8000"])
-def test_a_class_has_at_least_one_robot_and_not_too_many(text: str) -> None:
-    with pytest.raises(ConfigurationError, match="--robots"):
-        split(text)
+def test_a_class_has_simulated_robots_and_real_ones_but_not_too_many():
+    assert split("10") == (10, "")
+    assert split(" 2, ada.local:8000 ,1") == (3, "ada.local:8000")
+    assert split("192.168.1.2,robot:80") == (0, "192.168.1.2,robot:80")
+    assert split("robots.txt") == (0, "robots.txt")
+    for text in ("", "0", ",", "61", "30,31,ada:8000"):
+        with pytest.raises(ConfigurationError, match="--robots"):
+            split(text)

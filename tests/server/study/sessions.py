@@ -1,7 +1,5 @@
 """The actions of researcher and participant in a session, over HTTP and in virtual time."""
 
-from __future__ import annotations
-
 import csv
 import io
 import zipfile

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import errno
-from collections.abc import Callable
 from concurrent.futures import Future
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -31,7 +29,8 @@ class Conducted:
         camera, driver = FakeCamera(self.clock), FakeDriver(clock=self.clock)
         self.rig = Rig(driver, camera, make_policy("published-8"), self.clock)
         self.kept = Persistence(Storage(folder), self.rig)
-        self.conductor = Conductor(self.rig, self.kept, lambda *_, **__: None)
+        self.told: list[object] = []
+        self.conductor = Conductor(self.rig, self.kept, lambda _, step: self.told.append(step))
 
     def __enter__(self) -> Conducted:
         self._stack = contextlib.ExitStack()
@@ -49,14 +48,12 @@ class Conducted:
         return [event.event for event in self.conductor.folder.events("walk", "P01")]
 
 
-def test_an_event_that_happens_after_its_timeout_is_in_the_log_too(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_event_that_happens_after_its_timeout_is_in_the_log_too(tmp_path, monkeypatch):
     """Before, after a short suspension of the computer only the session went on, not its log."""
     with Conducted(tmp_path) as world:
         submit = world.rig.loop.submit
 
-        def much_later(work: Any) -> Any:
+        def much_later(work):
             world.clock.start_thread(lambda: (world.clock.sleep(12.0), submit(work)), "late")
             return Future()
 
@@ -65,17 +62,14 @@ def test_an_event_that_happens_after_its_timeout_is_in_the_log_too(
             with pytest.raises(TimeoutError):
                 world.conductor.consent("en")
         world.clock.sleep(5.0)
-        assert world.conductor.session is not None
         assert world.conductor.session.step is SessionStep.READY
         assert world.events == ["session_begun", "consent"]
 
 
-def test_a_session_cannot_be_left_while_its_events_cannot_be_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_session_cannot_be_left_while_its_events_cannot_be_written(tmp_path, monkeypatch):
     """Before, a participant's answers were lost without a message."""
 
-    def refuse(*_: object) -> None:
+    def refuse(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with Conducted(tmp_path) as world:
@@ -91,25 +85,14 @@ def test_a_session_cannot_be_left_while_its_events_cannot_be_written(
 
 
 def test_a_request_sent_twice_at_once_is_done_once_and_every_page_learns_of_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    tmp_path, monkeypatch
+):
     """Before, answers from two devices skipped a condition, and one start counted twice."""
-    clock = VirtualClock(100.0)
-    rig = Rig(FakeDriver(clock=clock), FakeCamera(clock), make_policy("published-8"), clock)
-    kept = Persistence(Storage(tmp_path), rig)
-    told: list[object] = []
-    submit = rig.loop.submit
 
-    def take_long(work: Any) -> Any:
-        clock.sleep(0.1)
-        return submit(work)
-
-    monkeypatch.setattr(rig.loop, "submit", take_long)
-
-    def twice(act: Callable[[], object]) -> list[str]:
+    def twice(act):
         refused: list[str] = []
 
-        def once() -> None:
+        def once():
             try:
                 act()
             except ConfigurationError as error:
@@ -120,19 +103,23 @@ def test_a_request_sent_twice_at_once_is_done_once_and_every_page_learns_of_it(
         clock.sleep(3.0)
         return refused
 
-    with rig, kept, Conductor(rig, kept, lambda _, step: told.append(step)) as conductor:
-        conductor.folder.create("walk", PLAN)
+    with Conducted(tmp_path) as world:
+        clock, conductor, session = world.clock, world.conductor, world.conductor.session
+        submit = world.rig.loop.submit
+
+        def take_long(work):
+            clock.sleep(0.1)
+            return submit(work)
+
+        monkeypatch.setattr(world.rig.loop, "submit", take_long)
         assert twice(lambda: conductor.begin("walk", "P01")) == []
         assert len(twice(lambda: conductor.consent("en"))) == 1
         assert twice(lambda: conductor.drive(confirmed=True)) == []
-        session = conductor.session
-        assert session is not None
         for _ in range(2):
             session.make("phase_ended", 100.0)
         (said,) = twice(lambda: conductor.answer(TRUST, is_done=True))
         assert "waits for 'ready'" in said
         assert (session.position, session.step) == (1, SessionStep.READY)
-        events = [event.event for event in conductor.folder.events("walk", "P01")]
-    assert told[:4] == ["consent", "ready", "drive", "ready"]
-    for once_only in ("session_begun", "consent", "condition_begun", "answered"):
-        assert events.count(once_only) == 1, once_only
+        assert world.told[:4] == ["consent", "ready", "drive", "ready"]
+        for once_only in ("session_begun", "consent", "condition_begun", "answered"):
+            assert world.events.count(once_only) == 1, once_only

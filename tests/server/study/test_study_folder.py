@@ -1,40 +1,26 @@
-"""Stored sessions: results of earlier versions, damaged logs, and a participant who withdraws."""
-
-from __future__ import annotations
+"""Stored studies: damaged logs, a participant who withdraws, and `drivelesson study`."""
 
 import errno
 import unicodedata
 from pathlib import Path
-from typing import Literal
 
 import pytest
 
 from robot.errors import ConfigurationError
 from robot.store.folder import Storage
 from robot.study.events import StudyEvent, read_events, write_events
+from robot.study.plan import parse_plan
 from robot.testing import VirtualClock
+from server.cli.main import main
 from server.study.erasing import erase
 from server.study.event_log import EventLog
 from server.study.extension import StudyExtension
 from server.study.folder import StudyFolder
 from tests.server.study.sessions import PLAN, begin, drive, post, refused, rows, session, take_part
 from tests.server.test_teaching_routes import ask
-from tests.server.virtual_server import VirtualServer
 
 
-def files_with(folder: Path, words: set[bytes]) -> list[str]:
-    """Return the paths whose names are one of these words, or contain one."""
-    found = (path for path in folder.rglob("*") if path.is_file())
-    return [
-        str(path.relative_to(folder))
-        for path in found
-        if any(word in str(path).encode() or word in path.read_bytes() for word in words)
-    ]
-
-
-def test_a_withdrawn_participant_leaves_nothing_and_frees_the_place(
-    server: VirtualServer, tmp_path: Path
-) -> None:
+def test_a_withdrawn_participant_leaves_nothing_and_frees_the_place(server, tmp_path):
     pilot = server.pilot()
     pilot.mode("train")
     pilot.hold("forward")
@@ -62,7 +48,8 @@ def test_a_withdrawn_participant_leaves_nothing_and_frees_the_place(
     assert {"studies/walk/P01.csv", "studies/walk/models/P01-1.npz"} < set(deleted)
     assert not [path for path in deleted if (tmp_path / path).exists()]
     assert not list(tmp_path.rglob("*P01*"))
-    assert files_with(tmp_path / "episodes", {id.encode() for id in driven}) == []
+    for path in filter(Path.is_file, (tmp_path / "episodes").rglob("*")):
+        assert not [id for id in driven if id in str(path) or id.encode() in path.read_bytes()]
     left = {e["id"] for e in ask(server, "GET", "/api/episodes").json()["episodes"]}
     assert own <= left and not driven & left
     begin(server, "P03")
@@ -71,15 +58,12 @@ def test_a_withdrawn_participant_leaves_nothing_and_frees_the_place(
     assert {s["participant"]: s["order"][0] for s in listed} == {"P02": "long", "P03": "short"}
 
 
-def test_a_session_that_is_still_recorded_is_not_withdrawn(
-    server: VirtualServer, tmp_path: Path
-) -> None:
+def test_a_session_that_is_still_recorded_is_not_withdrawn(server, tmp_path):
     begin(server)
     post(server, "/api/session/drive", confirmed=True)
     drive(server, 1.0)
     ask(server, "DELETE", "/api/session")
     conductor = server.services.extension(StudyExtension).conductor
-    assert conductor is not None
     (recording,) = {
         e.value for e in conductor.folder.events("walk", "P01") if e.event == "recording"
     }
@@ -88,9 +72,7 @@ def test_a_session_that_is_still_recorded_is_not_withdrawn(
     assert (tmp_path / "studies/walk/P01.csv").exists()
 
 
-def test_a_damaged_log_is_reported_and_affects_no_other_session(
-    server: VirtualServer, tmp_path: Path
-) -> None:
+def test_a_damaged_log_is_reported_and_affects_no_other_session(server, tmp_path):
     begin(server, "P01")
     ask(server, "DELETE", "/api/session")
     (tmp_path / "studies/walk/P02.csv").write_bytes(b"\xff\xfe\n\n")
@@ -101,36 +83,22 @@ def test_a_damaged_log_is_reported_and_affects_no_other_session(
     begin(server, "P01")
 
 
-def test_a_new_participant_with_a_withdrawn_code_is_listed_with_the_new_data(
-    tmp_path: Path,
-) -> None:
+def test_a_withdrawn_code_that_is_used_again_is_listed_with_the_new_data(tmp_path):
     """Both logs have the same length."""
     folder = StudyFolder(Storage(tmp_path))
     folder.create("walk", PLAN)
-
-    def begun(code: str, slot: int, at_s: float) -> None:
+    for slot, at_s in ((0, 1000.0), (1, 2000.0)):
         event = StudyEvent(wall_s=at_s, event="session_begun", position=1, value=str(slot))
-        log = write_events([event], with_head=True)
-        folder.log_path("walk", code).write_bytes(log.encode())
-
-    begun("P01", 0, 1000.0)
-    assert folder.free_slots("walk", folder.plan("walk")) == [1]
-    folder.withdraw("walk", "P01", None)
-    begun("P02", 0, 2000.0)
-    begun("P01", 1, 3000.0)
-    found = {s.participant: (s.slot, s.began_at_s) for s in folder.summaries("walk")}
-    assert found == {"P01": (1, 3000.0), "P02": (0, 2000.0)}
-    assert folder.free_slots("walk", folder.plan("walk")) == []
+        folder.log_path("walk", "P01").write_text(write_events([event], with_head=True))
+        [found] = folder.summaries("walk")
+        assert (found.slot, found.began_at_s) == (slot, at_s)
+        folder.withdraw("walk", "P01", None)
 
 
-@pytest.mark.parametrize("there", ["Caf\u00e9", "Cafe\u0301", "CAFE\u0301", "caf\u00e9"])
-def test_a_name_that_the_file_system_considers_equal_counts_as_taken(
-    there: str, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("there", ["Caf\u00e9", "CAFE\u0301"])
+def test_a_name_that_the_file_system_considers_equal_counts_as_taken(there, tmp_path):
     folder = StudyFolder(Storage(tmp_path))
-    kept = tmp_path / "studies" / there / "plan.toml"
-    kept.parent.mkdir(parents=True)
-    kept.write_text(PLAN, "utf-8")
+    folder.create(there, PLAN)
     for name in ("Caf\u00e9", "Cafe\u0301", " CAF\u00c9 "):
         with pytest.raises(ConfigurationError, match="there is already a study"):
             folder.create(name, PLAN)
@@ -138,9 +106,7 @@ def test_a_name_that_the_file_system_considers_equal_counts_as_taken(
 
 
 @pytest.mark.parametrize("form", ["NFC", "NFD"])
-def test_data_is_erased_in_every_encoding_of_its_names_accents(
-    tmp_path: Path, form: Literal["NFC", "NFD"]
-) -> None:
+def test_data_is_erased_in_every_encoding_of_its_names_accents(tmp_path, form):
     storage, name = Storage(tmp_path), unicodedata.normalize(form, "Zoé")
     for entry in (f"{name}.mcap", f"{name}-2.edits.json", f"{name}e.mcap"):
         (storage.folder("episodes") / entry).touch()
@@ -149,7 +115,7 @@ def test_data_is_erased_in_every_encoding_of_its_names_accents(
     assert [path.name for path in storage.folder("episodes").iterdir()] == [f"{name}e.mcap"]
 
 
-def test_an_incomplete_line_is_cut_off_when_the_disk_is_full(tmp_path: Path) -> None:
+def test_an_incomplete_line_is_cut_off_when_the_disk_is_full(tmp_path):
     resource = pytest.importorskip("resource")
     path = tmp_path / "P01.csv"
     whole = write_events([StudyEvent(wall_s=1.0, event="left")] * 3, with_head=True)
@@ -165,24 +131,13 @@ def test_an_incomplete_line_is_cut_off_when_the_disk_is_full(tmp_path: Path) -> 
     assert len(read_events(path.read_bytes())) == 3
 
 
-def test_a_new_log_has_its_head_and_what_happens(tmp_path: Path) -> None:
-    path = tmp_path / "studies" / "P01.csv"
-    log = EventLog(path, VirtualClock())
-    log.start()
-    log.note([StudyEvent(wall_s=1.0, event="left")])
-    log.stop()
-    assert [event.event for event in read_events(path.read_bytes())] == ["left"]
-
-
-def test_an_event_whose_write_failed_is_not_written_twice(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refuse(*_: object) -> None:
+def test_an_event_whose_write_failed_is_not_written_twice(tmp_path, monkeypatch):
+    def refuse(*_):
         raise OSError(errno.EIO, "Input/output error")
 
-    path = tmp_path / "P01.csv"
+    path = tmp_path / "studies" / "P01.csv"
     log = EventLog(path, VirtualClock())
-    log.start()
+    log.start()  # a new log gets its folder and its head
     for n in range(3):
         log.note([StudyEvent(wall_s=float(n), event="left")])
         with monkeypatch.context() as patch:
@@ -193,3 +148,19 @@ def test_an_event_whose_write_failed_is_not_written_twice(
     log.flush()
     log.stop()
     assert [event.wall_s for event in read_events(path.read_bytes())] == [0.0, 1.0, 2.0]
+
+
+@pytest.mark.parametrize("name", ["trust", "participant"])
+def test_a_question_with_the_name_of_another_column_is_refused_in_a_new_plan(
+    tmp_path, capsys, name
+):
+    """Before, its answers replaced what that column holds: a score or the participant's code."""
+    text = f'{PLAN}[[question]]\nname = "{name}"\ntext = "Well?"\n'
+    plan = tmp_path / "plan.toml"
+    plan.write_text(text)
+    assert main(["study", "check", str(plan)]) == 2
+    said = f"plan.toml: two of the phases.csv columns are called '{name}'; give each its own name"
+    assert said in capsys.readouterr().err
+    with pytest.raises(ConfigurationError, match=f"phases.csv columns are called '{name}'"):
+        StudyFolder(Storage(tmp_path)).create("walk", text)
+    assert name in {question.name for question in parse_plan(text).questions}, "an old one is read"
