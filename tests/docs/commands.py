@@ -15,6 +15,10 @@ from server.cli import main
 from server.lab.bench_command import BENCHMARKS
 
 ROOT = Path(__file__).parents[2]
+TARGETS = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
+EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"][
+    "optional-dependencies"
+]
 commands, drivers = cache(main.commands), cache(driver_names)  # each reads the installed packages
 _CODE = re.compile(r"```[^\n]*\n(.*?)```|^( {4}[^\n]*)$|(?<!`)`([^`\n]+)`", re.DOTALL | re.M)
 _CALL = re.compile(r"(?:^|[\s/\"(])drivelesson((?: [^|&;#()`\n]+)?)")
@@ -23,20 +27,19 @@ _OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
 
 def unknown(page: str) -> list[str]:
     """Return the commands in a Markdown page that would not work."""
-    return [fault for code in _code_of(page) for fault in _faults(code)]
-
-
-def _code_of(page: str) -> Iterator[str]:
+    found: list[str] = []
     for block, indented, span in _CODE.findall(page):
-        yield from (block.replace("\\\n", " ").splitlines() if block else [indented or span])
+        for code in block.replace("\\\n", " ").splitlines() if block else [indented or span]:
+            found += _faults(code)
+    return found
 
 
 def _faults(code: str) -> Iterator[str]:
     for target in re.findall(r"(?:^|[$#(&]|: ) *make ([a-z-]+)", code):
-        if target not in _targets():
+        if target not in TARGETS:
             yield f"make {target}"
     for extras in re.findall(r"drivelesson\[([\w, ]+)\]", code):
-        yield from (f"drivelesson[{e}]" for e in re.split(", ?", extras) if e not in _extras())
+        yield from (f"drivelesson[{e}]" for e in re.split(", ?", extras) if e not in EXTRAS)
     arguments = re.search(r"ARGS=[\"']?([^\"']*)", code)
     if arguments and "make run" in code:
         yield from _wrong_words(f"serve {arguments[1]}")
@@ -91,14 +94,3 @@ def _options_of(command: str) -> tuple[set[str], set[str]]:
 @cache
 def _all_options() -> set[str]:
     return set().union(*(_options_of(command)[0] for command in commands()))
-
-
-@cache
-def _targets() -> set[str]:
-    return set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
-
-
-@cache
-def _extras() -> set[str]:
-    settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
-    return set(settings["project"]["optional-dependencies"])

@@ -36,12 +36,6 @@ def test_every_stop_reason_in_an_alert_exists() -> None:
     assert set(reasons.split("|")) <= {*StopReason}
 
 
-def test_no_two_panels_of_the_dashboard_overlap() -> None:
-    panels = json.loads((EXAMPLES / "monitoring/dashboard.json").read_text("utf-8"))["panels"]
-    places = [(panel["gridPos"]["x"], panel["gridPos"]["y"]) for panel in panels]
-    assert len({*places}) == len({panel["id"] for panel in panels}) == len(panels)
-
-
 def test_the_layout_shows_topics_and_fields_that_recordings_have() -> None:
     layout = json.loads((EXAMPLES / "foxglove/layout.json").read_text("utf-8"))
     panels = layout["configById"].values()

@@ -10,6 +10,8 @@ from types import ModuleType
 
 import pytest
 
+import robot
+
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text("utf-8")
 HOME = "https://forge.example/somebody/drivelesson/"
@@ -55,13 +57,6 @@ def test_a_link_that_is_absolute_or_within_the_page_is_left_alone(build: ModuleT
     assert build.page(text, HOME, "1") == text == build.page(text, "", "1")
 
 
-def test_all_links_of_the_readme_are_in_one_list() -> None:
-    head, documents = README.split("\n## Documents\n")
-    assert not re.search(r"\]\(", head)
-    assert all(line.startswith("- ") for line in documents.strip().splitlines())
-    assert head.count("<img ") == 2  # one picture, one figure
-
-
 def test_the_classifiers_name_every_tested_python() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     told = re.findall(r"Python :: (3\.\d+)", " ".join(project["classifiers"]))
@@ -69,3 +64,12 @@ def test_the_classifiers_name_every_tested_python() -> None:
     tried = re.search(r"python: \[(.*)\]", release)
     assert tried is not None and [word.strip(' "') for word in tried[1].split(",")] == told
     assert f">={told[0]}" == project["requires-python"]
+
+
+def test_the_citation_is_of_this_version_and_its_day() -> None:
+    changes = (ROOT / "CHANGELOG.md").read_text("utf-8")
+    assert changes.index("\n## Unreleased\n") < changes.index(f"\n## {robot.__version__} (")
+    [day] = re.findall(rf"^## {re.escape(robot.__version__)} \(([\d-]+)\)$", changes, re.M)
+    citation = (ROOT / "CITATION.cff").read_text("utf-8")
+    assert f"version: {robot.__version__}\n" in citation
+    assert f"date-released: {day}\n" in citation
