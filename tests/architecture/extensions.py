@@ -9,9 +9,8 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from pathlib import Path
 
-from . import rules
-
 ROOT = Path(__file__).parents[2]
+PACKAGES = ("robot", "server")
 NEEDS: dict[str, tuple[str, ...]] = {
     "access": (),
     "board": ("access",),
@@ -44,26 +43,6 @@ WEB = {
     "study": ("js/study",),
 }
 """The folders of an extension in `web`."""
-DOCUMENTS = {
-    "access": ("howto/behind-a-proxy.md", "howto/phone.md"),
-    "board": ("howto/class.md", "reference/board.md"),
-    "bodies": (
-        "howto/ev3.md",
-        "howto/ev3-stock.md",
-        "howto/gymnasium.md",
-        "howto/lego-education.md",
-        "howto/phone-eye.md",
-        "howto/pybricks.md",
-        "howto/ros.md",
-    ),
-    "exchange": ("howto/lerobot.md", "reference/imports.md"),
-    "integrations": (),
-    "lab": ("howto/try-an-idea.md", "reference/experiments.md"),
-    "recordings": ("howto/episodes.md", "reference/episodes.md"),
-    "simulator": ("reference/worlds.md",),
-    "study": ("howto/run-a-study.md", "reference/study.md"),
-}
-"""The pages of an extension in `docs`."""
 CORE_DOCUMENTS = (
     "howto/proportional-steering.md",
     "howto/use-from-python.md",
@@ -73,22 +52,23 @@ CORE_DOCUMENTS = (
 """Pages about the core only; the other pages name extensions, to say where they are."""
 
 
+def modules(root: Path) -> list[Path]:
+    """Return the modules of the product."""
+    return sorted(file for package in PACKAGES for file in (root / package).rglob("*.py"))
+
+
 def extension_of(file: Path) -> str:
     """Return the extension to which a module of the product belongs, by its path from the root."""
     return file.parts[1] if file.parts[1] in EXTENSIONS else "core"
 
 
-def room_of(file: Path) -> str:
-    """Return the package: a folder, or a loose module."""
-    return "/".join(file.parts[:2]).removesuffix(".py")
-
-
 def render(root: Path) -> str:
     """Return the table: the lines of each extension, and of its packages."""
     counted: dict[str, Counter[str]] = defaultdict(Counter)
-    for file in rules.modules(root):
+    for file in modules(root):
         inner = file.relative_to(root)
-        counted[extension_of(inner)][room_of(inner)] += len(file.read_text("utf-8").splitlines())
+        room = "/".join(inner.parts[:2]).removesuffix(".py")
+        counted[extension_of(inner)][room] += len(file.read_text("utf-8").splitlines())
     lines = []
     for extension in ("core", *EXTENSIONS):
         rooms = counted[extension]

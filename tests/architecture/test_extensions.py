@@ -22,10 +22,16 @@ import robot
 from tests.kit.sizes import IS_FULL
 from web.bundle import bundle
 
-from . import rules
-from .extensions import CORE_DOCUMENTS, DOCUMENTS, EXTENSIONS, NEEDS, WEB, extension_of
-
-ROOT = Path(__file__).parents[2]
+from .extensions import (
+    CORE_DOCUMENTS,
+    EXTENSIONS,
+    NEEDS,
+    PACKAGES,
+    ROOT,
+    WEB,
+    extension_of,
+    modules,
+)
 
 
 def gone_with(extensions: set[str]) -> set[str]:
@@ -38,16 +44,12 @@ def gone_with(extensions: set[str]) -> set[str]:
 
 def packages_of(extensions: set[str]) -> set[str]:
     """Return the packages of extensions."""
-    return {f"{package}.{name}" for package in rules.PACKAGES for name in extensions}
+    return {f"{package}.{name}" for package in PACKAGES for name in extensions}
 
 
 REMOVALS = [{e} for e in EXTENSIONS] if IS_FULL else [{*EXTENSIONS[i::4]} for i in range(4)]
 """What is removed at one time: in CI each extension by itself, otherwise four groups, which take a
 quarter of the time."""
-
-
-def uses(names: set[str], packages: set[str]) -> bool:
-    return any(name == each or name.startswith(f"{each}.") for name in names for each in packages)
 
 
 def place(source: str, target: str) -> None:
@@ -58,20 +60,17 @@ def place(source: str, target: str) -> None:
         shutil.copy2(source, target)
 
 
-def copy_without(extensions: set[str], folder: Path, *names: str) -> set[str]:
-    """Copy the tree without extensions; return the removed packages."""
+def copy_without(extensions: set[str], folder: Path, *names: str) -> None:
+    """Copy the tree without extensions."""
     gone = packages_of(extensions)
     ignored = shutil.ignore_patterns("node_modules", "*.webp")  # compiled modules save a second
     for name in names:
         shutil.copytree(ROOT / name, folder / name, ignore=ignored, copy_function=place)
     for package in gone:
-        for path in (package.replace(".", "/"), f"tests/{package.replace('.', '/')}"):
-            shutil.rmtree(folder / path, ignore_errors=True)
+        shutil.rmtree(folder / package.replace(".", "/"), ignore_errors=True)
     for extension in extensions:
         for page in WEB.get(extension, ()):
             shutil.rmtree(folder / "web" / page, ignore_errors=True)
-        for document in DOCUMENTS.get(extension, ()):
-            (folder / "docs" / document).unlink(missing_ok=True)
     named = folder / "web/js/extensions.js"
     if named.exists():
         lines = named.read_text("utf-8").splitlines(keepends=True)
@@ -88,13 +87,10 @@ def copy_without(extensions: set[str], folder: Path, *names: str) -> set[str]:
     installed.mkdir()
     about = f"Metadata-Version: 2.1\nName: drivelesson\nVersion: {robot.__version__}\n"
     (installed / "METADATA").write_text(about)
-    (installed / "entry_points.txt").write_text(
-        "\n".join(
-            f"[{group}]\n" + "\n".join(f"{name} = {target}" for name, target in points.items())
-            for group, points in groups.items()
-        )
-    )
-    return gone
+    lines = []
+    for group, points in groups.items():
+        lines += [f"[{group}]", *(f"{name} = {target}" for name, target in points.items())]
+    (installed / "entry_points.txt").write_text("\n".join(lines))
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +101,7 @@ def booted(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]
     folders = []
     for removed in REMOVALS:
         folders.append(folder := tmp_path_factory.mktemp("without"))
-        copy_without(gone_with(removed), folder, *rules.PACKAGES)
+        copy_without(gone_with(removed), folder, *PACKAGES)
         (folder / "web").symlink_to(ROOT / "web")
     script = Path(__file__).with_name("boot.py")
     command = [sys.executable, script, *map(str, folders)]
@@ -126,7 +122,8 @@ def test_the_core_boots_without_each_extension(
     boot = booted[extension]
     gone = boot["gone"]
     assert "/api/stop" in boot["paths"] and "/api/settings" in boot["paths"]
-    assert not uses(set(boot["modules"]), packages_of(gone))
+    left = {f"{name}." for name in boot["modules"]}
+    assert not [name for name in left if name.startswith(tuple(f"{e}." for e in packages_of(gone)))]
     commands = {
         "board": "board",
         "study": "study",
@@ -197,7 +194,7 @@ def of_the_core(kind: str) -> list[Path]:
     if kind == "docs":
         return [ROOT / "docs" / name for name in CORE_DOCUMENTS]
     if kind == "code":
-        every = rules.modules(ROOT)
+        every = modules(ROOT)
         return [file for file in every if extension_of(file.relative_to(ROOT)) == "core"]
     owned = [ROOT / "web" / folder for folders in WEB.values() for folder in folders]
     texts = [path for path in (ROOT / "web").rglob("*") if path.suffix in (".js", ".css", ".html")]
@@ -224,14 +221,8 @@ def test_the_core_says_no_word_of_an_extension(kind: str, words: dict[str, str])
 
 @pytest.mark.parametrize("extension", WEB)
 def test_the_page_is_bundled_without_each_extension(extension: str, tmp_path: Path) -> None:
-    copy_without({extension}, tmp_path, "web", "docs")
+    copy_without({extension}, tmp_path, "web")
     bundle(tmp_path / "web", tmp_path / "page")  # refuses an import of a removed module
     drive = next((tmp_path / "page/js").glob("*-drive.js")).read_text("utf-8")
     assert not any(f"'{folder}/" in drive for folder in WEB[extension])
-    assert not any((tmp_path / "docs" / name).exists() for name in DOCUMENTS.get(extension, ()))
-
-
-def test_each_extension_s_folders_and_documents_exist() -> None:
-    folders = [ROOT / "web" / each for folders in WEB.values() for each in folders]
-    pages = [ROOT / "docs" / each for pages in DOCUMENTS.values() for each in pages]
-    assert [path for path in [*folders, *pages, *of_the_core("docs")] if not path.exists()] == []
+    assert all((ROOT / "web" / folder).is_dir() for folder in WEB[extension])
