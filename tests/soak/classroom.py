@@ -1,79 +1,76 @@
-"""Lets a class drive for some minutes, and reports growth: outside CI.
-
-`python -m tests.soak.classroom --robots 10 --minutes 60`: `drivelesson class` with simulated
-robots, a pupil at each and the teacher at the board. All pupils teach for 20 s and hand over for
-10, again and again; every five minutes the teacher stops all robots. The report has the growth of
-the robots and of the board, and the longest time until a STOP held all robots.
-"""
+"""A class in separate processes, measured from outside: `drivelesson class` with simulated
+robots."""
 
 from __future__ import annotations
 
-import argparse
 import contextlib
-import json
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from pathlib import Path
 from typing import Any, Self
-from urllib.request import Request, urlopen
+
+import httpx
 
 from server.board.class_key import read_class_key
+from tests.kit.ports import free_ports
 from tests.kit.wait import wait_until
 from tests.server.live_robot import Pilot
-from tests.soak.measured import Growth, disk_mb, measure_process
-from tests.soak.served import ROOT, teach_and_hand_over
+from tests.soak.measured import disk_mb, measure_process
+from tests.soak.served import ROOT
 
-EVERY_S, STOP_EVERY_S = 10.0, 300.0
 STARTED_S = 300.0
 
 
 class Class:
-    """A running class: its robots' processes, and its board."""
+    """A running class: its robots' processes, and its board.
 
-    def __init__(self, folder: Path, robots: int, port: int) -> None:
-        self.board, self._folder, self._count = f"http://127.0.0.1:{port}", folder, robots
+    Attributes:
+        board: The board's address.
+        port: The board's port; the robots have the next ones.
+        robots: What the board said of each robot when all were there.
+    """
+
+    def __init__(self, folder: Path, robots: int) -> None:
+        self.port = free_ports(robots + 1)
+        self.board, self._folder, self._count = f"http://127.0.0.1:{self.port}", folder, robots
         began_s = time.monotonic()
         self.ended_s = 0.0
-        words = ["class", "--robots", str(robots), "--host", "127.0.0.1", "--port", str(port)]
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "server", *words, "--data", str(folder)],
-            cwd=ROOT,
-            stdout=subprocess.DEVNULL,
-            stderr=(folder / "log").open("ab"),
-        )
+        words = ["class", "--robots", str(robots), "--host", "127.0.0.1", "--port", str(self.port)]
+        with (folder / "log").open("ab") as log:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "server", *words, "--data", str(folder)],
+                cwd=ROOT,
+                stdout=subprocess.DEVNULL,
+                stderr=log,
+            )
         wait_until(self._are_there, "all robots are there", STARTED_S)
         self.started_s = time.monotonic() - began_s
-        self.robots = self._now()
+        self.robots = self.now()
 
     def _are_there(self) -> bool:
         if self.process.poll() is not None:
             raise SystemExit((self._folder / "log").read_text())
-        with contextlib.suppress(OSError):
-            return [robot["status"] for robot in self._now()] == ["there"] * self._count
+        with contextlib.suppress(httpx.TransportError):
+            return [robot["status"] for robot in self.now()] == ["there"] * self._count
         return False
 
-    def _ask(self, path: str, body: object = None) -> Any:
-        headers = {"Content-Type": "application/json"}
-        data = json.dumps(body).encode() if body else None
-        with urlopen(Request(self.board + path, data, headers), timeout=30) as answer:
-            return json.load(answer)
+    def now(self) -> list[dict[str, Any]]:
+        """Return what the board says of each robot."""
+        return list(httpx.get(f"{self.board}/api/robots", timeout=30).json()["robots"])
 
     def pupils(self) -> list[Pilot]:
         """Pair a pilot with each robot by the code on paper."""
         code = read_class_key(self._folder / "class.key").code
         found = []
         for robot in self.robots:
-            address = robot["address"].rstrip("/")
-            body = json.dumps({"token": code}).encode()
-            headers = {"Content-Type": "application/json", "Origin": address}
-            with urlopen(Request(f"{address}/api/pair", body, headers), timeout=30) as answer:
-                cookie = answer.headers["Set-Cookie"].partition(";")[0]
-            url = address.replace("http", "ws", 1) + "/ws/drive"
-            headers = {"Cookie": cookie, "Origin": address}
-            found.append(Pilot(url, sees=True, additional_headers=headers))
+            origin = robot["address"].rstrip("/")
+            asked = {"json": {"token": code}, "headers": {"Origin": origin}, "timeout": 30}
+            answer = httpx.post(f"{origin}/api/pair", **asked).raise_for_status()
+            cookie = {"Cookie": answer.headers["Set-Cookie"].partition(";")[0]}
+            url = origin.replace("http", "ws", 1) + "/ws/drive"
+            found.append(Pilot(url, sees=True, additional_headers=cookie, origin=origin))
         return found
 
     def measure(self) -> dict[str, float]:
@@ -94,12 +91,9 @@ class Class:
     def stop_all(self) -> float:
         """Press STOP for all; return the time until all stand, in seconds."""
         began_s = time.monotonic()
-        self._ask("/api/stop", {"robot": None})
-        wait_until(lambda: all(one["emergency"] for one in self._now()), "all are stopped", 30)
+        httpx.post(f"{self.board}/api/stop", json={"robot": None}, timeout=30)
+        wait_until(lambda: all(one["emergency"] for one in self.now()), "all are stopped", 30)
         return time.monotonic() - began_s
-
-    def _now(self) -> list[dict[str, Any]]:
-        return list(self._ask("/api/robots")["robots"])
 
     def __enter__(self) -> Self:
         return self
@@ -120,40 +114,3 @@ def descendants(pid: int) -> list[int]:
             for child in map(int, (task / "children").read_text().split()):
                 found += [child, *descendants(child)]
     return found
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--robots", type=int, default=10)
-    parser.add_argument("--minutes", type=float, default=60.0)
-    parser.add_argument("--port", type=int, default=23400)
-    args = parser.parse_args()
-    stops_s: list[float] = []
-    with (
-        tempfile.TemporaryDirectory() as name,
-        Class(Path(name), args.robots, args.port) as held,
-    ):
-        pupils, growth = held.pupils(), Growth(EVERY_S, held.measure)
-        stop_s = time.monotonic() + min(STOP_EVERY_S, args.minutes * 20)
-        for _ in teach_and_hand_over(pupils, args.minutes):
-            if time.monotonic() >= stop_s:
-                stop_s += STOP_EVERY_S
-                stops_s.append(held.stop_all())
-                for pilot in pupils:
-                    stopped = pilot.wait_for_state(emergency=True)
-                    pilot.send(type="release", stop_number=stopped["stop_number"])
-            growth.measure_if_due()
-        lessons = sorted(pilot.state["lessons"] for pilot in pupils)
-        for pilot in pupils:
-            pilot.close()
-    told = f"lessons {lessons[0]} to {lessons[-1]}"
-    print(f"{args.robots} robots, {args.minutes:g} minutes, {told}")
-    print(growth.table())
-    print(f"started in {held.started_s:.1f} s, ended in {held.ended_s:.1f} s; ", end="")
-    print(f"{len(stops_s)} times STOP: ", end="")
-    print(f"all stood after at most {1000 * max(stops_s, default=0):.0f} ms, as the board shows it")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

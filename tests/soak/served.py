@@ -62,11 +62,6 @@ class Served:
         disk = {"objects": float(objects.read_text()), "disk MB": disk_mb(self.folder / "data")}
         return measure_process(self.process.pid) | disk
 
-    def peak_mb(self) -> float:
-        """Return the highest resident memory so far, in MB."""
-        status = Path(f"/proc/{self.process.pid}/status").read_text()
-        return int(status.split("VmHWM:")[1].split()[0]) / 1024
-
     def turns(self) -> list[tuple[float, bool]]:
         """Return the times at which the wheels began to turn (True) or stood."""
         notes = self.folder / "wheels"
