@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import re
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +35,28 @@ def faults(page: Any, measure: str = MEASURE, usual: tuple[str, ...] = ()) -> li
     return found
 
 
+def sized(page: Any, sizes: Iterable[tuple[tuple[int, int], int]]) -> Iterator[str]:
+    """Give the page one size and percentage of text after another; yield the name of each."""
+    devtools = page.context.new_cdp_session(page)
+    for (width, height), text in sizes:
+        page.evaluate(f"document.documentElement.style.fontSize = '{text}%'")
+        size = {"width": width, "height": height, "screenWidth": width, "screenHeight": height}
+        devtools.send(
+            "Emulation.setDeviceMetricsOverride", {**size, "deviceScaleFactor": 1, "mobile": False}
+        )
+        yield f"{width}x{height} {text} %"
+    devtools.detach()
+
+
+def in_language(browser: Any, language: str) -> Any:
+    """Return a fresh browser with a touch screen; see `speak_longer` for the language `longer`."""
+    locale = "en" if language == "longer" else language
+    context = browser.new_context(locale=locale, has_touch=True, service_workers="block")
+    if language == "longer":
+        speak_longer(context)
+    return context
+
+
 def speak_longer(context: Any) -> None:
     """Have the page use a language half as long again as English, with tall letters.
 
@@ -60,47 +82,3 @@ def _longer(match: re.Match[str]) -> str:
     extra = [re.sub(r"\{\w+\}|\\.?", "", word) for word in extra]
     joined = text + ("" if len(words) == 1 else " ") + " ".join(word for word in extra if word)
     return match.group(1) + joined.rstrip() + match.group(3)
-
-
-NOTICES: list[dict[str, Any]] = [
-    {},
-    {"hint": "correct"},
-    {"robot": {"emergency": True}},
-    {"robot": {"you_are_pilot": False, "pilot": "c9"}},
-    {"robot": {"you_are_pilot": False, "pilot": None}},
-    {"wheelAsked": True},
-    {"localStop": "hidden"},
-    {"robot": {"mode": "stopped", "stop_reason": "link_slow"}},
-    {
-        "robot": {
-            "mode": "autonomous",
-            "asks_pilot": True,
-            "driven_by": "robot",
-            "action": "left",
-        }
-    },
-    {"robot": {"mode": "train", "driven_by": "pilot", "action": "forward"}},
-    {"link": "lost"},
-]
-"""Elements that may lie over the picture."""
-
-
-_UNDER_EACH_NOTICE = """() => {
-  const list = LIST;
-  const { store } = document.querySelector('video-view').page;
-  const before = store.state;
-  const sensed = { mode: 'train', distance_m: 1.23, bumped: true, battery: 0.78,
-    agreement: 0.93, agreement_frames: 100 };
-  return NOTICES.flatMap((change) => {
-    store.set({ ...change, robot: { ...before.robot, ...sensed, ...change.robot } });
-    const found = list().map((fault) => `${JSON.stringify(change)}: ${fault}`);
-    store.set(before);
-    return found;
-  });
-}"""
-
-
-def drive_faults(page: Any) -> list[str]:
-    """List the faults of the drive screen under every message that it may show."""
-    measure = _UNDER_EACH_NOTICE.replace("LIST", MEASURE).replace("NOTICES", json.dumps(NOTICES))
-    return faults(page, measure)

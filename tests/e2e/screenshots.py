@@ -18,20 +18,20 @@ from robot.study.session import SessionStep
 from server.access.config import NetworkConfig
 from server.access.pairing import Pairing
 from server.study.conductor import Conductor
-from server.study.extension import StudyExtension
 from tests.server.live_robot import WEB, live_server
 
 from .broken_way import BrokenWay
 from .class_world import running_class
 from .film import take_film
 from .hand import Fingers, choose, drive_on, pad, teach
-from .test_study import PLAN
+from .test_study import PLAN, conductor_of
 from .world import (
     DESKTOP,
     LANDSCAPE,
     PHONE,
     World,
     finish_recording,
+    new_context,
     open_page,
     passing_world,
     running_chromium,
@@ -53,13 +53,12 @@ _QUALITY = 85
 
 
 def take_all(folder: Path, only: Sequence[str] = ()) -> None:
-    """Write one picture for each screen and size, NAME-SIZE.webp, and the page that shows them."""
+    """Write one picture for each screen and size, NAME-SIZE.webp, for docs/reference/screens.md."""
     folder.mkdir(parents=True, exist_ok=True)
     with running_chromium() as browser:
         for name, take in PARTS.items():
             if not only or name in only:
                 take(browser, folder)
-    write_page(folder)
 
 
 def _take_office(browser: Any, folder: Path) -> None:
@@ -100,9 +99,7 @@ def _contexts(browser: Any, looks: Looks = LIGHT) -> Iterator[tuple[str, Any]]:
     """Yield a fresh browser of each size and colour scheme, with the ending of its pictures'
     names."""
     for ending, (viewport, scheme) in looks.items():
-        context = browser.new_context(
-            viewport=viewport, color_scheme=scheme, has_touch=True, is_mobile=ending != "desktop"
-        )
+        context = new_context(browser, viewport, color_scheme=scheme, has_touch=True)
         yield ending, context
         context.close()
 
@@ -121,7 +118,7 @@ def _take_hints(page: Any, world: World, shoot: Shoot) -> None:
 
 
 def _teach_first(browser: Any, world: World) -> None:
-    context = browser.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
+    context = new_context(browser, PHONE)
     page = open_page(context, world.address)
     page.locator("[data-mode=train]").tap()
     teach(world, Fingers(page), 350, near_m=0.6)
@@ -226,10 +223,9 @@ def _take_class(browser: Any, folder: Path) -> None:
 
 def _hold_trial(browser: Any, world: World) -> None:
     """Trial 1, fifteen times as fast as in reality."""
-    conductor = world.services.extension(StudyExtension).conductor
-    assert conductor is not None
+    conductor = conductor_of(world)
     conductor.pace = 15.0
-    context = browser.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
+    context = new_context(browser, PHONE)
     page = open_page(context, world.address)
     httpx.post(f"{world.address}/api/session", json={"trial": 1, "teach_s": 180})
     httpx.post(f"{world.address}/api/session/drive")
@@ -258,8 +254,7 @@ def _take_result(page: Any, world: World, shoot: Shoot) -> None:
 def _take_participants(browser: Any, folder: Path) -> None:
     """A study with participants: the researcher's list, and a participant's screens."""
     with passing_world("box") as world:
-        conductor = world.services.extension(StudyExtension).conductor
-        assert conductor is not None
+        conductor = conductor_of(world)
         conductor.pace = 200.0
 
         def post(path: str, **body: Any) -> None:
@@ -294,7 +289,7 @@ def _take_study_screen(page: Any, shoot: Shoot, name: str) -> None:
 
 def _drive_phases(browser: Any, world: World, conductor: Conductor) -> None:
     """Choose the mode of each phase, until the questions come."""
-    context = browser.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
+    context = new_context(browser, PHONE)
     page = open_page(context, world.address)
     while (session := conductor.session) is not None and (phase := session.phase) is not None:
         choose(page, world, phase.mode)
@@ -311,36 +306,6 @@ PARTS: dict[str, Callable[[Any, Path], None]] = {
     "participants": _take_participants,
 }
 """The parts that can be taken separately: python -m tests.e2e.screenshots FOLDER office film."""
-
-PAGE = "screens.md"
-
-
-def write_page(folder: Path) -> None:
-    """Write the page that shows each screen at each size: docs/reference/screens.md."""
-    names = sorted({path.stem.rsplit("-", 1)[0] for path in folder.glob("*-phone.webp")})
-    sizes = "".join(f" {size} |" for size in LIGHT)
-    lines = [
-        "# Every screen at every size",
-        "",
-        "`make screenshots` takes these pictures from the running program in simulated rooms, at "
-        "four sizes:",
-        ", ".join(f"{size} {look['width']}x{look['height']}" for size, (look, _) in LIGHT.items())
-        + ".",
-        "[What is on them](../howto/page.md).",
-        "",
-        f"| screen |{sizes}",
-        "|---" * (1 + len(LIGHT)) + "|",
-    ]
-    for name in names:
-        cells = "".join(
-            f' <img src="../images/{name}-{size}.webp" width="{width}" alt="{name}, {size}"> |'
-            for size, width in zip(LIGHT, (150, 120, 220, 280), strict=True)
-        )
-        lines.append(f"| {name.replace('-', ' ')} |{cells}")
-    dark = sorted(path.name for path in folder.glob("*-phone-dark.webp"))
-    shown = [f'<img src="../images/{name}" width="150" alt="{name}">' for name in dark]
-    lines += ["", "In the dark:", "", *shown]
-    (folder.parent / "reference" / PAGE).write_text("\n".join(lines) + "\n", "utf-8")
 
 
 if __name__ == "__main__":

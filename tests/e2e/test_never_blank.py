@@ -31,13 +31,8 @@ def first(context: Any, world: World, text: str) -> Any:
     """Open the page; return it with its first sentence, before any of its own files came."""
     page = context.new_page()
     page.goto(world.address)
-    page.locator("#first p", has_text=text).first.wait_for()
+    page.locator("#first", has_text=text).wait_for()
     return page
-
-
-def stop_on_the_first_screen(page: Any, world: World) -> None:
-    page.locator("#first button").tap()
-    wait_until(lambda: world.rig.loop.state.emergency, "STOP works without the page")
 
 
 @pytest.mark.parametrize("part", few(["drive.js", "page.css", "en.js"], 1))
@@ -73,15 +68,19 @@ def test_without_its_worker_and_its_memory_the_page_drives(context: Any, world: 
     page.get_by_label("Sounds").uncheck()
 
 
-def test_a_screen_that_is_lost_opens_by_itself(context: Any, world: World) -> None:
+def test_a_lost_screen_opens_by_itself_and_is_shown_once(context: Any, world: World) -> None:
     context.route(SCREENS, lambda route: route.abort())
     page = open_page(context, world.address)
-    page.evaluate("location.hash = 'settings'")
-    page.get_by_role("alert").filter(has_text="did not answer").wait_for()
+    for screen in ("gallery", "drive", "gallery"):
+        page.evaluate("(screen) => location.hash = screen", screen)
+        page.wait_for_function("(screen) => document.body.dataset.screen === screen", arg=screen)
+    told = page.get_by_role("alert").filter(has_text="did not answer")
+    told.wait_for()
     page.locator("app-bar .stop").tap()
     wait_until(lambda: world.rig.loop.state.emergency, "STOP is there all the time")
     context.unroute(SCREENS)
-    page.get_by_label("Language").wait_for(timeout=60_000)
+    page.locator("gallery-screen .lead").first.wait_for(timeout=60_000)
+    assert (page.locator("gallery-screen").count(), told.count()) == (1, 0)
 
 
 def test_a_page_older_than_its_robot_opens_every_screen(context: Any, world: World) -> None:
@@ -100,22 +99,22 @@ def test_a_page_older_than_its_robot_opens_every_screen(context: Any, world: Wor
     assert len(opened) == 1
 
 
-@pytest.mark.parametrize(
-    ("language", "word"), few([("zh-TW", "太旧"), ("es", "demasiado viejo"), ("en", "too old")], 1)
-)
-def test_an_old_browser_is_told_so_and_can_stop(
-    chromium: Any, world: World, language: str, word: str
+OLD = "delete HTMLScriptElement.prototype.noModule"
+BROWSERS = {
+    "old": ({"locale": "en"}, OLD, "too old"),
+    "old, in Spanish": ({"locale": "es"}, OLD, "demasiado viejo"),
+    "old, in Chinese": ({"locale": "zh-TW"}, OLD, "太旧"),
+    "without scripts": ({"java_script_enabled": False}, "", "It needs JavaScript"),
+}
+
+
+@pytest.mark.parametrize("browser", few(BROWSERS, 2))
+def test_a_browser_that_cannot_run_the_page_is_told_so_and_can_stop(
+    chromium: Any, world: World, browser: str
 ) -> None:
-    context = new_context(chromium, PHONE, locale=language)
-    context.add_init_script("delete HTMLScriptElement.prototype.noModule")
-    stop_on_the_first_screen(first(context, world, word), world)
-    context.close()
-
-
-def test_stop_works_without_any_script(chromium: Any, world: World) -> None:
-    context = new_context(chromium, PHONE, java_script_enabled=False)
-    page = context.new_page()
-    page.goto(world.address)
-    page.locator("#first", has_text="It needs JavaScript").wait_for()
-    stop_on_the_first_screen(page, world)
+    options, script, text = BROWSERS[browser]
+    context = new_context(chromium, PHONE, **options)
+    context.add_init_script(script)
+    first(context, world, text).locator("#first button").tap()
+    wait_until(lambda: world.rig.loop.state.emergency, "STOP works without the page")
     context.close()

@@ -10,9 +10,10 @@ from typing import Any
 
 import pytest
 
-from robot.types import Action, DrivenBy, Mode
+from robot.types import DrivenBy, Mode
 from tests.kit.wait import wait_until
 
+from .hand import pad
 from .other_browsers import OtherBrowser, missing, running
 from .world import World, remember
 
@@ -23,43 +24,40 @@ pytestmark = [
         reason="THE PAGE WAS NOT TESTED IN FIREFOX AND WEBKIT: make test-browsers",
     ),
 ]
-STEP_S = 60.0
 
 
-class Hand:
-    """A finger on another browser's page; a mouse if the browser has no touch."""
-
-    def __init__(self, page: OtherBrowser) -> None:
-        self._page = page
-
-    def press(self, selector: str) -> None:
-        self._act({"type": "pointerMove", "duration": 0, **self._middle(selector)}, _DOWN)
-
-    def lift(self) -> None:
-        self._act({"type": "pointerUp", "button": 0})
-
-    def tap(self, selector: str) -> None:
-        self.press(selector)
-        self.lift()
-
-    def _act(self, *moves: dict[str, Any]) -> None:
-        source = {"type": "pointer", "id": "finger", "parameters": {"pointerType": "mouse"}}
-        self._page.perform([{**source, "actions": list(moves)}])
-
-    def _middle(self, selector: str) -> dict[str, int]:
-        box = json.loads(
-            self._page.evaluate(
-                f"JSON.stringify(document.querySelector({json.dumps(selector)})"
-                ".getBoundingClientRect())"
-            )
-        )
-        return {
-            "x": round(box["x"] + box["width"] / 2),
-            "y": round(box["y"] + box["height"] / 2),
-        }
+def hold(page: OtherBrowser, selector: str, seconds: float = 0.0) -> None:
+    """Hold the middle of an element with the mouse for some time."""
+    box = f"document.querySelector({json.dumps(selector)}).getBoundingClientRect()"
+    at = json.loads(page.evaluate(f"JSON.stringify({box})"))
+    middle = {"x": round(at["x"] + at["width"] / 2), "y": round(at["y"] + at["height"] / 2)}
+    act(
+        page, {"type": "pointerMove", "duration": 0, **middle}, {"type": "pointerDown", "button": 0}
+    )
+    time.sleep(seconds)
+    act(page, {"type": "pointerUp", "button": 0})
 
 
-_DOWN = {"type": "pointerDown", "button": 0}
+def act(page: OtherBrowser, *moves: dict[str, Any]) -> None:
+    source = {"type": "pointer", "id": "finger", "parameters": {"pointerType": "mouse"}}
+    page.perform([{**source, "actions": list(moves)}])
+
+
+def repeat_until(is_so: Callable[[], object], do: Callable[[], object]) -> None:
+    """Do something again and again, because a busy machine stops the robot."""
+
+    def is_so_now() -> bool:
+        if not is_so():
+            do()
+            time.sleep(0.4)
+        return bool(is_so())
+
+    wait_until(is_so_now)
+
+
+def shows(page: OtherBrowser, expression: str) -> None:
+    """Wait until a condition holds on the page."""
+    wait_until(lambda: bool(page.evaluate(f"Boolean({expression})")), expression)
 
 
 @pytest.mark.parametrize("world", ["box"], indirect=True)
@@ -68,68 +66,37 @@ def test_teach_drive_and_stop(name: str, world: World) -> None:
     lacking = missing(name)
     if lacking:
         pytest.skip(f"THE PAGE WAS NOT TESTED IN {name.upper()}: {lacking}")
+    loop, start = world.rig.loop, world.pose
     with running(name) as page:
         page.goto(world.address)
-        until(page, "Boolean(document.querySelector('video-view[data-frames]'))")
+        shows(page, "document.querySelector('video-view[data-frames]')")
         page.evaluate(f"({remember(hintsShown=['teach', 'bars', 'correct'])}, true)")
-        hand = Hand(page)
 
-        _choose(page, hand, world, Mode.TRAIN)
-        start = world.pose
-        for move in (Action.FORWARD, Action.LEFT, Action.FORWARD):
-            _teach(hand, world, move, world.lessons + 12)
+        def choose(mode: str) -> None:
+            hold(page, f"mode-bar [data-mode={mode}]")
+
+        def teach(move: str) -> None:
+            if world.mode is Mode.STOPPED:
+                choose("train")
+                time.sleep(0.3)
+            hold(page, pad(move), 0.6)
+
+        for move in ("forward", "left", "forward"):
+            wanted = world.lessons + 12
+            repeat_until(lambda n=wanted: world.lessons >= n, lambda m=move: teach(m))
         assert world.pose != start, "the pilot's finger drove the robot"
-        until(page, "document.querySelector('teach-panel strong').textContent.includes('%')")
-
-        _choose(page, hand, world, Mode.AUTONOMOUS)
-        _until(
+        shows(page, "document.querySelector('teach-panel strong').textContent.includes('%')")
+        repeat_until(lambda: world.mode is Mode.AUTONOMOUS, lambda: choose("autonomous"))
+        wait_until(
             lambda: (
-                world.rig.loop.state.decision.driven_by is DrivenBy.ROBOT
-                or world.rig.loop.state.decision.asks_pilot
+                loop.state.decision.driven_by is DrivenBy.ROBOT or loop.state.decision.asks_pilot
             ),
             "it drives, or asks",
         )
-        hand.tap("drive-pad .stop")
-        _until(lambda: world.rig.loop.state.emergency, "STOP is latched")
-        until(
-            page,
-            "Boolean(document.querySelector('mode-bar [data-mode=train][aria-disabled=true]'))",
-        )
-        here = world.pose
-        time.sleep(0.3)
-        assert world.pose == here
+        hold(page, "drive-pad .stop")
+        wait_until(lambda: loop.state.emergency, "STOP is latched")
+        shows(page, "document.querySelector('mode-bar [data-mode=train][aria-disabled=true]')")
         for screen in ("gallery", "home", "settings"):
             page.evaluate(f"(location.hash = '{screen}', true)")
-            until(page, f"document.querySelectorAll('{screen}-screen button').length > 0")
-        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), "not too wide"
-
-
-def _choose(page: OtherBrowser, hand: Hand, world: World, mode: Mode) -> None:
-    """Tap a mode, and again after each stop, because a busy machine is late."""
-    deadline_s = time.monotonic() + STEP_S
-    while world.mode is not mode:
-        assert time.monotonic() < deadline_s, f"the robot does not stay in mode {mode.value}"
-        hand.tap(f"mode-bar [data-mode={mode.value}]")
-        time.sleep(0.4)
-
-
-def _teach(hand: Hand, world: World, move: Action, lessons: int) -> None:
-    """Hold a move until enough was learned, and again after each stop."""
-    deadline_s = time.monotonic() + STEP_S
-    while world.lessons < lessons:
-        assert time.monotonic() < deadline_s, f"holding {move} taught {world.lessons} of {lessons}"
-        if world.mode is Mode.STOPPED:
-            hand.tap("mode-bar [data-mode=train]")
-            time.sleep(0.3)
-        hand.press(f"drive-pad .move[data-move={move.value}]")
-        time.sleep(0.6)
-        hand.lift()
-
-
-def _until(condition: Callable[[], bool], what: str) -> None:
-    wait_until(condition, what, STEP_S)
-
-
-def until(page: OtherBrowser, expression: str) -> None:
-    """Wait until a condition holds on the page."""
-    wait_until(lambda: bool(page.evaluate(expression)), expression, STEP_S)
+            shows(page, f"document.querySelector('{screen}-screen button')")
+        shows(page, "document.documentElement.scrollWidth <= innerWidth")

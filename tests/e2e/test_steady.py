@@ -5,16 +5,17 @@ Otherwise a finger on its way to "Save" would tap on something that arrived abov
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
 from server.recordings.part import Recordings
-from tests.kit.sizes import crossed
+from tests.kit.sizes import combined
+from tests.kit.wait import wait_until
 
-from .world import World
+from .world import DESKTOP, World, new_context, open_page
 
+ORDERS = ("as asked", "last first")
 SCREENS = ("gallery", "why", "teaching", "undo", "study", "home", "settings")
 
 HOLD = """() => {
@@ -67,56 +68,45 @@ HOLD = """() => {
 }"""
 
 
-def answer(phone: Any, order: str, wanted: str = "") -> Any:
+def answers(page: Any, order: str, wanted: str = "") -> set[str]:
     """Let the answers arrive one by one until the wanted content is shown and no request is
-    pending.
-
-    Returns:
-        What of the page moved meanwhile, and the names of what it shows.
+    pending; nothing may move meanwhile. Return the names of what the page shows.
     """
-    return phone.evaluate("([order, wanted]) => release(order, wanted)", [order, wanted])
+    came = page.evaluate("([order, wanted]) => release(order, wanted)", [order, wanted])
+    assert came["moved"] == []
+    return set(came["shown"])
 
 
-@pytest.fixture
-def slow(rovers_phone: Any) -> Iterator[Any]:
-    """The rover's page, whose answers arrive only when the test releases them."""
-    rovers_phone.evaluate(HOLD)
-    yield rovers_phone
-    rovers_phone.evaluate("letGo()")
+def test_a_screen_that_opens_moves_nothing_that_it_shows(rovers_phone: Any, shelf: World) -> None:
+    page = rovers_phone
+    for screen, order in combined(SCREENS, ORDERS):
+        page.evaluate("location.hash = 'drive'")
+        page.evaluate(HOLD)
+        page.evaluate(f"location.hash = '{screen}'")
+        page.wait_for_selector(f"{screen}-screen", state="attached")
+        assert answers(page, order), f"{screen}: nothing was shown at all"
+        page.evaluate("letGo()")
 
 
-@crossed(order=["as asked", "last first"], screen=SCREENS)
-@pytest.mark.usefixtures("shelf")
-def test_a_screen_that_opens_moves_nothing_that_it_shows(
-    slow: Any, screen: str, order: str
-) -> None:
-    slow.evaluate(f"location.hash = '{screen}'")
-    slow.wait_for_selector(f"{screen}-screen", state="attached")
-    answered = answer(slow, order)
-    assert answered["moved"] == []
-    assert answered["shown"], "nothing was shown at all"
-
-
-@pytest.mark.parametrize("order", ["as asked", "last first"])
+@pytest.mark.parametrize("order", ORDERS)
 def test_a_recording_opens_and_is_named_without_moving_a_button(
-    slow: Any, shelf: World, order: str
+    rovers_phone: Any, shelf: World, order: str
 ) -> None:
-    episodes = shelf.persistence.part(Recordings).episodes
+    page, episodes = rovers_phone, shelf.persistence.part(Recordings).episodes
     [episode_id] = episodes.ids()
     episodes.set_title(episode_id, "Kitchen")  # as high as the other name
-    slow.evaluate("location.hash = 'home'")
-    slow.wait_for_selector("home-screen", state="attached")
-    answer(slow, order, "More about Kitchen")
-    slow.get_by_label("More about Kitchen").tap()
-    opened = answer(slow, order, "Save")
-    assert opened["moved"] == []
-    assert {"Save", "Leave this out", "Title"} <= set(opened["shown"])
-    slow.get_by_label("Title", exact=True).fill("Round the table")
-    slow.locator("article").get_by_role("button", name="Save").tap()
-    saved = answer(slow, order, "More about Round the table")
-    assert saved["moved"] == []
-    assert "Leave this out" in saved["shown"], "the recording was closed"
+    page.evaluate(HOLD)
+    page.evaluate("location.hash = 'home'")
+    page.wait_for_selector("home-screen", state="attached")
+    answers(page, order, "More about Kitchen")
+    page.get_by_label("More about Kitchen").tap()
+    assert {"Save", "Leave this out", "Title"} <= answers(page, order, "Save")
+    page.get_by_label("Title", exact=True).fill("Round the table")
+    page.locator("article").get_by_role("button", name="Save").tap()
+    shown = answers(page, order, "More about Round the table")
+    assert "Leave this out" in shown, "the recording was closed"
     assert episodes.notes(episode_id).title == "Round the table"
+    page.evaluate("letGo()")
 
 
 def test_a_screen_is_shown_even_if_the_robot_does_not_answer(rovers_phone: Any) -> None:
@@ -126,3 +116,20 @@ def test_a_screen_is_shown_even_if_the_robot_does_not_answer(rovers_phone: Any) 
     rovers_phone.evaluate("location.hash = 'settings'")
     rovers_phone.get_by_label("Language").wait_for()
     rovers_phone.evaluate("() => { window.fetch = window.answering; }")
+
+
+def test_the_map_moves_no_button_when_it_comes(chromium: Any, world: World) -> None:
+    """It is fetched after the first picture, when a hand may be on its way to the pad."""
+    context = new_context(chromium, DESKTOP)
+    on_its_way: list[Any] = []
+    context.route("**/*-screens.js", lambda route: on_its_way.append(route))
+    page = open_page(context, world.address)
+    wait_until(lambda: page.evaluate("true") and on_its_way, "the map is asked for")
+    places = (
+        "[...document.querySelectorAll('drive-pad button')].map(b => b.getBoundingClientRect())"
+    )
+    before = page.evaluate(places)
+    on_its_way[0].continue_()
+    page.locator("drive-map .body").first.wait_for(state="attached")
+    assert page.evaluate(places) == before
+    context.close()

@@ -30,78 +30,61 @@ SIZES = {
 }
 TOAST = "It was relabelled, and this sentence is as long as any that a toast has to say here."
 
-HITS = """() => {
-  const stop = [...document.querySelectorAll('.stop')].filter((e) => e.checkVisibility());
-  if (stop.length !== 1) return `${stop.length} stop buttons`;
-  const box = stop[0].getBoundingClientRect();
-  if (box.width < 44 || box.height < 44) return `${box.width}x${box.height}`;
-  const corner = 5;  // a rounded corner is not the button's for the eye either
-  const points = [[box.left + box.width / 2, box.top + box.height / 2]];
-  for (const x of [box.left + corner, box.right - corner])
-    for (const y of [box.top + corner, box.bottom - corner]) points.push([x, y]);
-  const missed = points.filter(([x, y]) => {
-    const hit = document.elementFromPoint(x, y);
-    return !(hit && stop[0].contains(hit));
-  });
-  if (missed.length) return `missed at ${JSON.stringify(missed)}, box ${JSON.stringify(box)}`;
-  if (stop[0].showPopover && !stop[0].matches(':popover-open')) return 'not in the top layer';
-  return '';
-}"""
-
-COVERED = """() => {
-  const toasts = [...document.querySelectorAll('toast-bar, .notice')]
-    .filter((e) => e.checkVisibility());
-  if (toasts.length !== 1) return `${toasts.length} toasts`;
-  const a = toasts[0].getBoundingClientRect();
-  return [...document.querySelectorAll('button, a, input, select')]
-    .filter((e) => e.checkVisibility({ visibilityProperty: true }) && !toasts[0].contains(e))
-    .filter((e) => {
+COVERINGS = """async (text) => {
+  const drawn = () => new Promise((f) => requestAnimationFrame(() => requestAnimationFrame(f)));
+  const visible = (selector) => [...document.querySelectorAll(selector)]
+    .filter((e) => e.checkVisibility({ visibilityProperty: true }));
+  const stopFault = () => {
+    const stops = visible('.stop');
+    if (stops.length !== 1) return `${stops.length} STOP buttons`;
+    const { left, right, top, bottom, width, height } = stops[0].getBoundingClientRect();
+    if (width < 44 || height < 44) return `STOP is ${width}x${height}`;
+    // A rounded corner is not the button's for the eye either.
+    const corners = [left + 5, right - 5].flatMap((x) => [top + 5, bottom - 5].map((y) => [x, y]));
+    for (const [x, y] of [[(left + right) / 2, (top + bottom) / 2], ...corners])
+      if (!stops[0].contains(document.elementFromPoint(x, y))) return `STOP is covered at ${x}`;
+    if (stops[0].showPopover && !stops[0].matches(':popover-open')) return 'not in the top layer';
+    return '';
+  };
+  const underTheToast = () => {
+    const toasts = visible('toast-bar, .notice');
+    if (toasts.length !== 1) return `${toasts.length} toasts`;
+    const a = toasts[0].getBoundingClientRect();
+    return visible('button, a, input, select').filter((e) => !toasts[0].contains(e)).filter((e) => {
       const b = e.getBoundingClientRect();
-      if (b.bottom <= 0 || b.top >= innerHeight || !b.width) return false;
       const scroller = e.closest('#other, .drive')?.getBoundingClientRect();
       const top = Math.max(b.top, scroller?.top ?? 0);
       const bottom = Math.min(b.bottom, scroller?.bottom ?? innerHeight);
       const isBeside = a.left >= b.right - 1 || b.left >= a.right - 1;
-      return !isBeside && a.top < bottom - 1 && top < a.bottom - 1;
-    })
-    .map((e) => e.outerHTML.slice(0, 90));
-}"""
-
-
-COVERINGS = (
-    f"async ([text, label]) => {{ const HITS = {HITS}; const COVERED = {COVERED};"
-    """
-  const drawn = () => new Promise((f) => requestAnimationFrame(() => requestAnimationFrame(f)));
-  const { page } = document.querySelector('toast-bar');
-  const opener = document.querySelector('app-bar [aria-controls=menu]');
+      return bottom > top && !isBeside && a.top < bottom - 1 && top < a.bottom - 1;
+    }).map((e) => e.outerHTML.slice(0, 90)).join();
+  };
   const wrong = [];
-  const check = (what, fault) => { if (fault.length) wrong.push(`${what}: ${fault}`); };
+  const check = (what, fault) => { if (fault) wrong.push(`${what}: ${fault}`); };
+  const { page } = document.querySelector('toast-bar');
   await drawn();
-  check('alone', HITS());
-  page.toast(text, { label, act: () => {} });
+  check('alone', stopFault());
+  page.toast(text, { label: 'Undo', act: () => {} });
   await drawn();
-  check('with a toast', HITS());
-  check('with a toast', COVERED());
-  opener.click();
-  if (!document.querySelector('#menu').checkVisibility()) wrong.push('no menu');
-  check('with toast and menu', HITS());
+  check('with a toast', stopFault());
+  check('under the toast', underTheToast());
+  document.querySelector('app-bar [aria-controls=menu]').click();
+  if (!visible('#menu').length) wrong.push('no menu');
+  check('with toast and menu', stopFault());
   document.body.dispatchEvent(new KeyboardEvent('keydown', { key: 'Escape', bubbles: true }));
-  if (document.querySelector('#menu').checkVisibility()) wrong.push('the menu stays');
+  if (visible('#menu').length) wrong.push('the menu stays');
   page.store.set({ toast: null });
   const dialog = document.createElement('dialog');
-  dialog.textContent = 'x'.repeat(9000);
   dialog.style.cssText = 'width: 100vw; height: 100vh; overflow: hidden';
   document.body.append(dialog);
   dialog.popover = 'manual';
   dialog.showPopover();
-  for (let frames = 0; frames < 50 && HITS(); frames += 1) await drawn(); // STOP comes on top again
-  check('with a dialog over all of it', HITS());
+  for (let i = 0; i < 50 && stopFault(); i += 1) await drawn(); // STOP comes on top again
+  check('with a dialog over all of it', stopFault());
   dialog.remove();
   return wrong;
 }"""
-)
-"""Covers the screen with everything possible, one after the other, and reports the effects on
-STOP."""
+"""Covers the screen with everything possible, one after the other; returns what went wrong."""
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +107,7 @@ def test_nothing_covers_stop_and_no_toast_covers_a_control(
             page.wait_for_selector(f"{screen}-screen")
         for form, size in SIZES.items():
             page.set_viewport_size(size)
-            faults = page.evaluate(COVERINGS, [TOAST, "Undo"])
+            faults = page.evaluate(COVERINGS, TOAST)
             wrong += [f"{screen} on a {form}, {fault}" for fault in faults]
     context.close()
     assert wrong == []

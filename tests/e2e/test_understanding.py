@@ -76,6 +76,7 @@ def test_what_was_taught_is_shown_changed_and_taken_back(phone: Any, world: Worl
     the_images_are_those_of_the_model_in_use(phone, world)
     what_is_undone_is_what_was_shown(phone, world)
     what_it_knew_comes_back_and_so_does_what_was_deleted(phone, world)
+    another_place_is_chosen_and_drawn(phone, world)
 
 
 def the_speed_that_was_set_is_the_speed_that_is_driven(phone: Any, world: World) -> None:
@@ -161,3 +162,23 @@ def what_it_knew_comes_back_and_so_does_what_was_deleted(phone: Any, world: Worl
     phone.get_by_role("button", name="Delete").first.tap()
     phone.locator("toast-bar button").tap()
     phone.locator(".model h3", has_text="Kitchen").first.wait_for()
+
+
+def another_place_is_chosen_and_drawn(phone: Any, world: World) -> None:
+    simulation = world.rig.driver.simulation  # type: ignore[attr-defined]
+    show(phone, "settings")
+    phone.get_by_label("Place", exact=True).select_option("box")
+    wait_until(lambda: simulation.world.name == "box", "it is in the box")
+    for screen, drawn in (("settings", "settings-screen"), ("drive", "drive-map")):
+        show(phone, screen)
+        phone.wait_for_function(
+            "([map, n]) => document.querySelectorAll(`${map} .thing`).length === n",
+            arg=[drawn, len(simulation.world.obstacles)],
+        )
+    url = f"{world.address}/api/world"
+    unknown = httpx.put(url, json={"name": "../box"})
+    assert unknown.status_code == 409 and "choose one of: box" in unknown.json()["detail"]
+    choose(phone, world, Mode.TRAIN)
+    driven = httpx.put(url, json={"name": "office"})
+    assert world.mode is Mode.STOPPED or "stop the robot" in driven.json()["detail"]
+    phone.locator("drive-pad .stop").tap()

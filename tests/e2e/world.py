@@ -5,12 +5,11 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-
-import pytest
 
 from robot.control.config import CameraTimingConfig, GateConfig, LinkGovernorConfig, LoopConfig
 from robot.devices.rig import build_rig
@@ -24,10 +23,10 @@ from server.lab.served import served
 from server.persistence import Persistence
 from server.recordings.part import Recordings
 from server.services import Services
-from tests.joined_page import joined_page
+from tests.joined_page import WEB, joined_page
+from tests.kit.needed import missing
 from tests.kit.wait import wait_until
 
-IN_CI = os.environ.get("CI") == "true"
 PHONE = {"width": 390, "height": 844}
 LANDSCAPE = {"width": 844, "height": 390}
 DESKTOP = {"width": 1280, "height": 800}
@@ -54,14 +53,9 @@ class World:
         self.address, self.services, self.rig = address, services, services.robot
 
     def __str__(self) -> str:
-        state = self.rig.loop.state
-        said = (
-            state.decision.mode,
-            state.decision.action,
-            state.decision.stop_reason,
-            state.link.level,
-        )
-        return f"{' '.join(map(str, said))}, {state.fault or 'no fault'}"
+        state, now = self.rig.loop.state, self.rig.loop.state.decision
+        fault = state.fault or "no fault"
+        return f"{now.mode} {now.action} {now.stop_reason}, link {state.link.level}, {fault}"
 
     @property
     def persistence(self) -> Persistence:
@@ -110,23 +104,15 @@ virtual time checks how soon the robot stops (tests/faults), independent of the 
 
 
 @contextlib.contextmanager
-def running_world(
-    folder: Path,
-    robot: str = "sim",
-    learner: str = "default-32",
-    config: Config | None = None,
-    limits: LoopConfig = PATIENT,
-    **options: Any,
-) -> Iterator[World]:
-    """Serve a robot on a free port of this machine inside the block.
+def running_world(folder: Path, config: Config | None = None, **options: Any) -> Iterator[World]:
+    """Serve a simulated robot on a free port of this machine inside the block.
 
-    The simulator sends five pictures a second: each costs the server and the browser more than all
-    else that these tests do.
+    It sends five pictures a second unless the options say otherwise: each costs the server and the
+    browser more than all else that these tests do.
     """
     config = config or Config(port=0, data=folder, web=joined_page())
-    if robot == "sim":
-        options.setdefault("frame_rate_hz", 5.0)
-    rig = build_rig(robot, learner=learner, options=options, config=limits)
+    options = {"frame_rate_hz": 5.0, **options}
+    rig = build_rig("sim", learner="default-32", options=options, config=PATIENT)
     hub = Hub(config, rig, IdentityFile(None, "Rover"))
     persistence = Persistence(Storage(folder), rig, name="Rover", announce=hub.broadcast.announce)
     services = Services(config, rig, hub=hub, persistence=persistence)
@@ -147,31 +133,13 @@ def passing_world(name: str) -> Iterator[World]:
 
 def find_chromium() -> str:
     """Return Chromium's path; skips visibly if there is none, and fails in CI."""
-    for path in (os.environ.get("CHROMIUM", ""), *CHROMIUMS):
-        if path and Path(path).exists():
-            return path
-    if IN_CI:
-        pytest.fail("CI needs Chromium: apt-get install chromium")
-    pytest.skip("CHROMIUM IS MISSING: the page was not tested in a browser (install chromium)")
+    found = [path for path in (os.environ.get("CHROMIUM"), *CHROMIUMS) if path]
+    found = [path for path in found if Path(path).exists()]
+    return found[0] if found else missing("Chromium", "apt-get install chromium")
 
 
 _PLAYWRIGHTS: list[Any] = []
-"""The browser that runs in this process, if any, because there may be only one."""
-
-
-@contextlib.contextmanager
-def _running_playwright() -> Iterator[Any]:
-    from playwright.sync_api import sync_playwright
-
-    if _PLAYWRIGHTS:
-        yield _PLAYWRIGHTS[0]
-        return
-    with sync_playwright() as playwright:
-        _PLAYWRIGHTS.append(playwright)
-        try:
-            yield playwright
-        finally:
-            _PLAYWRIGHTS.clear()
+"""The library, if it runs in this process, because there may be only one."""
 
 
 @contextlib.contextmanager
@@ -181,9 +149,15 @@ def running_chromium(*flags: str) -> Iterator[Any]:
     Its pages stand still unless a test asks for `reduced_motion="no-preference"`: an animation
     costs as much as the pictures.
     """
+    from playwright.sync_api import sync_playwright
+
     path = find_chromium()
-    with _running_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=[*CHROMIUM_FLAGS, *flags])
+    with contextlib.ExitStack() as ending:
+        if not _PLAYWRIGHTS:
+            _PLAYWRIGHTS.append(ending.enter_context(sync_playwright()))
+            ending.callback(_PLAYWRIGHTS.clear)
+        launch = _PLAYWRIGHTS[0].chromium.launch
+        browser = launch(executable_path=path, args=[*CHROMIUM_FLAGS, *flags])
         make = browser.new_context
 
         def make_patient(**options: Any) -> Any:
@@ -192,11 +166,9 @@ def running_chromium(*flags: str) -> Iterator[Any]:
             return context
 
         browser.new_context = make_patient
-        try:
-            yield browser
-        finally:
-            with contextlib.suppress(Exception):
-                browser.close()
+        yield browser
+        with contextlib.suppress(Exception):
+            browser.close()
 
 
 def new_context(browser: Any, viewport: dict[str, int], **options: Any) -> Any:
@@ -216,10 +188,10 @@ def remember(**preferences: Any) -> str:
     return f"localStorage.setItem('drivelesson.preferences', {kept})"
 
 
-def open_page(context: Any, address: str, path: str = "/", *, hints: bool = False) -> Any:
+def open_page(context: Any, address: str, *, hints: bool = False) -> Any:
     """Open the page and wait for the first picture, without the first visit's hints."""
     page = context.new_page()
-    _load(page, address + path, hints=hints)
+    _load(page, address, hints=hints)
     return page
 
 
@@ -317,3 +289,11 @@ def finish_recording(world: World) -> None:
     recorder = world.persistence.part(Recordings).recorder
     world.rig.loop.submit(recorder.finish).result(60)
     wait_until(lambda: recorder.recording.episode_id is None, "the recording ends")
+
+
+def sentences(language: str) -> dict[str, str]:
+    """Return the page's sentences of one language, by their keys."""
+    files = (WEB / "js").rglob(f"messages/{language}.js")
+    text = "".join(path.read_text("utf-8") for path in files)
+    pairs = re.findall(r"^  '?([\w.]+)'?: '(.*)',$", text, re.MULTILINE)
+    return {key: sentence.replace("\\'", "'") for key, sentence in pairs}
