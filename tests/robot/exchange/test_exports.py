@@ -31,12 +31,6 @@ from robot.types import Action, Mode
 from tests.robot.recordings.drives import RecordedBench
 
 from .imported import import_pictures, pixels
-from .sim_drive import drive_in_simulator
-
-
-@pytest.fixture(scope="module")
-def episode(tmp_path_factory: pytest.TempPathFactory) -> Episode:
-    return open_episode(drive_in_simulator(tmp_path_factory.mktemp("sim"), "default-8").path)
 
 
 def shown_in(path: Path) -> list[np.ndarray]:

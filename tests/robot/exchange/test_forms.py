@@ -162,6 +162,7 @@ DATA = {
     "OpenBot's logs": Data(
         {
             **OPENBOT,
+            "images/9_crop.jpeg": 9,
             "sensor_data/rgbFrames.txt": "timestamp[ns],frame\r\n"
             + "".join(f"10000000{n}0000000000,{of}\r\n" for n, of in enumerate((4, 1, 2, 3, 5), 4)),
             "sensor_data/ctrlLog.txt": "timestamp[ns],leftCtrl,rightCtrl\r\n"
@@ -373,9 +374,9 @@ def test_pictures_of_classes_that_are_not_imported_are_reported(tmp_path: Path) 
 def test_a_refusal_says_what_was_recognised_and_why(
     tmp_path: Path, names: list[str], complaint: str
 ) -> None:
-    put(tmp_path / "set", *names)
+    folder = put(tmp_path / "set", *names)
     with pytest.raises(RecordingError, match=complaint):
-        drive_at(tmp_path / "set")
+        drive_at(folder / "drive.mp4" if names == ["drive.mp4"] else folder)
 
 
 def test_a_dataset_that_was_never_finalized_is_named_as_such(tmp_path: Path) -> None:

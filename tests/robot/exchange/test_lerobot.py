@@ -35,16 +35,10 @@ from robot.recordings.episode import Episode, open_episode, taught_frames
 from robot.types import Action
 
 from .imported import labels_by_number, picture, pixels, taught_labels
-from .sim_drive import drive_in_simulator
 
 FILM = f"videos/{CAMERA}/chunk-000/file-000.mp4"
 L, F, R = Action.LEFT, Action.FORWARD, Action.RIGHT
 Labels = dict[int, Action | None]
-
-
-@pytest.fixture(scope="module")
-def episode(tmp_path_factory: pytest.TempPathFactory) -> Episode:
-    return open_episode(drive_in_simulator(tmp_path_factory.mktemp("sim"), "default-8").path)
 
 
 @pytest.fixture(scope="module")
@@ -63,11 +57,6 @@ def test_an_export_has_the_published_layout(exported: Path) -> None:
     assert info["codebase_version"] == "v3.0" and info["fps"] == 20
     data = pq.read_table(exported / info["data_path"].format(chunk_index=0, file_index=0))
     assert data.num_rows == info["total_frames"]
-    for name, feature in info["features"].items():
-        if feature["dtype"] != "video":
-            kind = str(data.schema.field(name).type)
-            wide = f"fixed_size_list<element: float>[{feature['shape'][0]}]"
-            assert kind in (feature["dtype"], wide, "float")
     stamps = data["timestamp"].to_numpy()
     assert np.array_equal(stamps, (np.arange(len(stamps)) / 20).astype(np.float32))
     [row] = pq.read_table(exported / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
@@ -220,38 +209,34 @@ class Dataset:
 
     def __post_init__(self) -> None:
         for number, label in TRUTH.items():
-            angle = {L: -0.7, F: 0.0, R: 0.6, None: 0.0}[label]
-            index, of = (number - 1) % 4, (number - 1) // 4
-            row = {"number": number, "action": [angle, 0.5], "timestamp": index / 10}
-            self.rows.append({**row, "frame_index": index, "episode_index": of})
+            row = {"number": number, "action": [{L: -0.7, F: 0.0, R: 0.6}[label or F], 0.5]}
+            index, episode = (number - 1) % 4, (number - 1) // 4
+            row |= {"timestamp": index / 10, "frame_index": index, "episode_index": episode}
+            self.rows.append(row)
 
     def write(self, folder: Path) -> Path:
         """Write data, films and descriptions: a file for each episode (v2), or one for all (v3)."""
-        listed = []
-        for n in (0, 1):
-            row = {"episode_index": n, "length": 4, "tasks": ["drive"]}
-            if self.is_v3:
-                row |= {f"videos/{CAMERA}/{part}_index": 0 for part in ("chunk", "file")}
-                row |= {f"videos/{CAMERA}/from_timestamp": n * 4 / 10}
-            listed.append(row)
-        name, chunk = "episode_{episode_index:06d}", "chunk-{episode_chunk:03d}"
-        films = f"videos/{chunk}/{{video_key}}"
-        if self.is_v3:
-            name, chunk = "file-{file_index:03d}", "chunk-{chunk_index:03d}"
-            films = f"videos/{{video_key}}/{chunk}"
-        for index in (0,) if self.is_v3 else (0, 1):
-            rows = [r for r in self.rows if self.is_v3 or r["episode_index"] == index]
-            numbers = {"video_key": CAMERA, "chunk_index": 0, "episode_chunk": 0}
-            numbers |= {"file_index": index, "episode_index": index}
+        episodes = [[row for row in self.rows if row["episode_index"] == n] for n in (0, 1)]
+        films = f"videos/{CAMERA}/chunk-000" if self.is_v3 else f"videos/chunk-000/{CAMERA}"
+        for n, rows in enumerate([self.rows] if self.is_v3 else episodes):
+            name = "file-000" if self.is_v3 else f"episode_00000{n}"
             if self.has_films:
-                path = folder / films.format(**numbers) / f"{name.format(**numbers)}.mp4"
-                path.parent.mkdir(parents=True, exist_ok=True)
-                write_film([pixels(row["number"]) for row in rows], path, 10, key_every=2)
-                rows = [{k: v for k, v in row.items() if k != "number"} for row in rows]
+                (folder / films).mkdir(parents=True, exist_ok=True)
+                shown = [pixels(row["number"]) for row in rows]
+                write_film(shown, folder / films / f"{name}.mp4", 10, key_every=2)
             else:
                 rows = [{**r, CAMERA: {"bytes": picture(r["number"]), "path": None}} for r in rows]
-            write_rows(rows, folder / f"data/chunk-000/{name.format(**numbers)}.parquet")
+            write_rows(rows, folder / f"data/chunk-000/{name}.parquet")
         (folder / "meta").mkdir()
+        listed: list[dict[str, Any]] = [{"episode_index": n, "length": 4} for n in (0, 1)]
+        if self.is_v3:
+            place = dict.fromkeys((f"videos/{CAMERA}/{n}_index" for n in ("chunk", "file")), 0)
+            starts = [{f"videos/{CAMERA}/from_timestamp": n * 4 / 10} for n in (0, 1)]
+            listed = [{**row, **place, **start} for row, start in zip(listed, starts, strict=True)]
+            write_rows(listed, folder / "meta/episodes/chunk-000/file-000.parquet")
+        else:
+            lines = "".join(json.dumps(row) + "\n" for row in listed)
+            (folder / "meta/episodes.jsonl").write_text(lines)
         shape = {"shape": [120, 160, 3], "names": ["height", "width", "channels"]}
         action = {"dtype": "float32", "shape": [2], "names": self.names}
         kind = "video" if self.has_films else "image"
@@ -259,16 +244,11 @@ class Dataset:
             "codebase_version": "v3.0" if self.is_v3 else "v2.1",
             "fps": 10,
             "features": {**self.features, "action": action, CAMERA: {"dtype": kind, **shape}},
-            "data_path": f"data/{chunk}/{name}.parquet",
-            "video_path": f"{films}/{name}.mp4" if self.has_films else None,
-            **self.info,
+            "video_path": "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
+            if self.is_v3
+            else "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4",
         }
-        (folder / "meta/info.json").write_text(json.dumps(info))
-        if self.is_v3:
-            write_rows(listed, folder / "meta/episodes/chunk-000/file-000.parquet")
-        else:
-            lines = "".join(json.dumps(row) + "\n" for row in listed)
-            (folder / "meta/episodes.jsonl").write_text(lines)
+        (folder / "meta/info.json").write_text(json.dumps({**info, **self.info}))
         return folder
 
 
@@ -315,13 +295,12 @@ def describe_a_pilot_who_is_not_in_the_tables(made: Dataset) -> Labels:
 
 
 def lead_out(made: Dataset) -> Labels:
-    """Tables are found wherever they are; a film is at the place that the description names."""
-    made.info = {"data_path": "../../etc/passwd", "video_path": "../../etc/passwd"}
+    made.info = {"video_path": "../../etc/passwd"}
     return {} if made.has_films else TRUTH
 
 
 def lead_nowhere(made: Dataset) -> Labels:
-    made.info = {"data_path": "\0", "video_path": "{episode_index.__class__}\0"}
+    made.info = {"video_path": "{episode_index.__class__}\0"}
     return {} if made.has_films else TRUTH
 
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 
 from robot.errors import RecordingError
@@ -71,7 +70,8 @@ def examples(episode: Episode) -> list[tuple[Action, Point | None]]:
     return [(each.label, each.point) for _, each in sorted(taught_frames(episode).items())]
 
 
-@crossed(form=FORMS, own_move=[None, DRIFT, PUSH])
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("own_move", [None, DRIFT, PUSH], ids=["three moves", "drift", "push"])
 def test_labels_and_degrees_are_the_same_after_export_and_import(
     form: str, own_move: Move | None, tmp_path: Path
 ) -> None:
@@ -121,6 +121,8 @@ def test_a_bodys_own_moves_come_back_with_their_declarations(
 def test_tubs_and_datasets_have_numbers_if_every_move_has_some(
     tmp_path: Path, declared: tuple[Move, ...]
 ) -> None:
+    import pyarrow.parquet as pq
+
     episode, labels = by_moves(tmp_path, declared)
     write_tub(episode, Notes(), tmp_path / "tub", taught_only=False)
     as_lerobot(episode, Notes(), tmp_path / "set")

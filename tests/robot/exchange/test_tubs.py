@@ -39,13 +39,18 @@ def imported(path: Path, **reading: Any) -> dict[int, Action | None]:
     return labels_by_number(import_from(path, target, **reading))
 
 
-def test_a_tub_of_version_1_is_read_in_the_order_of_its_numbers(tmp_path: Path) -> None:
+def test_a_tub_of_version_1_is_read_in_the_order_of_its_numbers_as_far_as_it_is_whole(
+    tmp_path: Path,
+) -> None:
     tub = tub_1(tmp_path / "tub", angles(*[-0.9, 0.0, 0.9] * 4))
+    (tub / "record_9.json").write_text('{"user/an')
+    (tub / "10_cam_image_array_.jpg").unlink()
     episode = import_from(tub, tmp_path / "got.mcap")
-    assert list(labels_by_number(episode).items()) == list(enumerate([L, F, R] * 4, 1))
+    whole = [(n, label) for n, label in enumerate([L, F, R] * 4, 1) if n not in (10, 11)]
+    assert list(labels_by_number(episode).items()) == whole
     assert episode.frame(3).data == picture(3)
     assert episode.frame(3).encoding is Encoding.JPEG
-    assert episode.frames[12].captured_s - episode.frames[1].captured_s == pytest.approx(0.55)
+    assert episode.frames[10].captured_s - episode.frames[1].captured_s == pytest.approx(0.55)
 
 
 def test_a_tub_of_version_2_is_read_without_its_deleted_records(tmp_path: Path) -> None:
@@ -97,8 +102,8 @@ def test_what_the_autopilot_drove_teaches_nothing(tmp_path: Path) -> None:
 FIRST, SECOND, MANIFEST = "catalog_0.catalog", "catalog_1.catalog", "manifest.json"
 DAMAGES: dict[str, tuple[str, bytes, bytes, set[int]]] = {
     "no angle": (FIRST, b'"user/angle": 0.0, ', b"", {2, 5}),
-    "moved": (FIRST, b'y": "1_', b'y": "/home/pi/mycar/data/images/1_', set()),
-    "moved on Windows": (FIRST, b'y": "3_', rb'y": "C:\\cars\\data\\images\\3_', set()),
+    "moved": (FIRST, b'array": "1_', b'array": "/home/pi/mycar/data/images/1_', set()),
+    "moved on Windows": (FIRST, b'array": "3_', rb'array": "C:\\cars\\data\\images\\3_', set()),
     "no time": (SECOND, b'ms": 1600000000', b'ms": NaN, "": 1600000000', set()),
     "an impossible time": (FIRST, b'ms": 1600000000', b'ms": -1600000000', set()),
     "a cut record": (SECOND, b'throttle": 0.3, "cam/image_array": "6_', b"", {7}),

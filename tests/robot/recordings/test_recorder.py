@@ -171,6 +171,16 @@ def test_standing_for_a_while_ends_a_recording_and_the_next_drive_begins_another
     assert len(episodes[0].frames) <= 40 + 15
 
 
+def test_large_pictures_from_before_the_start_leave_room_for_those_after_it(tmp_path: Path) -> None:
+    robot = RecordedBench(tmp_path, queue_bytes=400_000)
+    for _ in range(20):
+        robot.camera.show(1)  # 57,600 bytes each
+        robot.tick()
+    robot.start(Mode.TRAIN, 2)
+    robot.step(3, Action.LEFT)
+    assert robot.recorder.queue.lost["frames"] == 0
+
+
 class SlowFile(io.BytesIO):
     """A disk that sleeps: writing waits until the test releases it."""
 
@@ -309,8 +319,7 @@ def test_a_full_disk_ends_the_recording_and_the_next_drive_is_recorded_again(
     assert same_nodes(again.get_state(), live)
 
 
-@pytest.mark.parametrize("what", ["open", "flush"])
-@pytest.mark.parametrize("refused", [0, 1, 2, 4, 8])
+@crossed(refused=[0, 1, 2, 4, 8], what=["open", "flush"])
 def test_every_file_is_closed_whatever_the_disk_refuses(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str, refused: int
 ) -> None:

@@ -75,6 +75,7 @@ def test_several_episodes_are_zipped_deleted_restored_and_imported_by_one_comman
 def test_the_word_last_means_the_newest_by_time_not_by_name(
     episode_id: str, data: Path, theirs_first: bool, say: Say
 ) -> None:
+    assert "no episodes in" in say(f"episodes list --data {data}/none")
     assert "nothing is recorded yet" in say(f"episodes show last --data {data}/none", status=2)
     own = EpisodeStore(Storage(data)).open(episode_id)
     began_s = own.started_at_s + (-86_400 if theirs_first else 86_400)

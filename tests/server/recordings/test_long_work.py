@@ -1,4 +1,5 @@
-"""Work on recordings in a separate process: its results, its errors, and its end."""
+"""Long work on recordings, in a separate process or in the background: its results, its errors and
+its end."""
 
 from __future__ import annotations
 
@@ -6,6 +7,7 @@ import asyncio
 import io
 import os
 import threading
+from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -13,10 +15,17 @@ from pathlib import Path
 import pytest
 
 from robot.errors import NotFoundError, RecordingError
+from robot.policy.registry import make_policy
 from robot.recordings.archive import join_recording
 from robot.recordings.editing import write_edited
 from robot.recordings.edits import Notes, trim
+from robot.recordings.store import EpisodeStore
+from robot.recordings.teaching import learn_again
+from robot.store.folder import Storage
+from robot.store.models.model import same_nodes, take_model
+from robot.testing import VirtualClock
 from server.recordings import part, routes
+from server.recordings.retraining import Retraining
 from server.recordings.separate_process import SeparateWork
 from tests.robot.recordings.drives import record_drive
 
@@ -92,3 +101,29 @@ def test_a_long_recording_is_copied_there_byte_for_byte(
     asyncio.run(download())
     join_recording(expected.extend, episode.path)
     assert joined == expected != b""
+
+
+def test_retraining_gives_the_same_model_as_the_command_and_reports_a_failure(
+    tmp_path: Path,
+) -> None:
+    store = EpisodeStore(Storage(tmp_path))
+    episode = record_drive(tmp_path / "episodes", frames=60)
+    clock = VirtualClock()
+    run = Retraining(clock)
+    run.begin(store, [episode.id], "published-8")
+    clock.sleep(60.0)
+    found, expected = run.describe(), make_policy("published-8", episode.moves)
+    report = learn_again(expected, [(episode, Notes())])
+    assert (found["state"], found["taught"]) == ("done", report.taught)
+    assert found["comparison"]["frames"] > 0
+    expected_model = take_model(expected, Counter(), saved_at_s=0.0)
+    assert same_nodes(run.take().state, expected_model.state)
+    run.drop()
+    run.begin(store, [episode.id], "published-8")
+    run.drop()
+    assert run.describe() == {"state": "idle"}
+    run.begin(store, [episode.id], "nobody-8")
+    clock.sleep(60.0)
+    found = run.describe()
+    assert found["state"] == "failed"
+    assert found["error"].startswith("unknown learner 'nobody-8'")
