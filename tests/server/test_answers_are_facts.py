@@ -3,8 +3,8 @@
 Each route that writes runs on a robot in virtual time. Its disk refuses one call, or all calls from
 one on. The folder is copied when the answer arrives, as a kill would leave it, and a new start
 reads the copy. Unless the answer is a refusal or has `kept` false, the copy must contain what it
-contains with a sound disk. A copy at any earlier call of the disk must contain each thing as it was
-or as it was asked for. Commands on a full disk: cli/test_main.py.
+contains with a sound disk. A copy at any earlier call of the disk must contain what was there
+before or what is there after. Commands on a full disk: cli/test_main.py.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import random
 import shutil
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -109,7 +110,7 @@ def holds(root: Path, secrets: Sequence[str]) -> dict[str, Any]:
         kept, history = server.persistence, server.rig.loop.history
         saved = ModelLibrary(kept.storage, kept.models).saved()
         return {
-            "models": {one.name: one.summary.place for one in saved if one.summary},
+            "models": sorted((one.name, one.summary.place) for one in saved if one.summary),
             "in use": (kept.autosave.name, history.policy.name, dict(history.taught)),
             "images": [(one.votes, one.frames, one.is_pinned) for one in images(history.policy)],
             "episodes": sorted(
@@ -222,7 +223,7 @@ def test_a_change_that_was_answered_as_saved_is_never_lost(
 
 
 @pytest.mark.parametrize("write", few(list(WRITES), 5))
-def test_a_kill_during_a_change_leaves_each_thing_as_it_was_or_as_it_was_asked_for(
+def test_a_kill_during_a_change_loses_nothing_that_was_there_before_or_is_there_after(
     folder: Path, tmp_path: Path, write: str
 ) -> None:
     asked = ask(folder, write, tmp_path / "asked", is_copied=True)
@@ -231,4 +232,8 @@ def test_a_kill_during_a_change_leaves_each_thing_as_it_was_or_as_it_was_asked_f
     before = holds(first, asked.secrets)
     for copy in random.Random(1).sample(copies, min(CASES, len(copies))):
         for thing, held in holds(copy, asked.secrets).items():
-            assert held in (before[thing], after[thing]), (thing, copy.name)
+            wanted = (before[thing], after[thing])
+            if thing in ("models", "episodes"):  # there may be a copy, whole, of what was changed
+                assert any(Counter(held) >= Counter(one) for one in wanted), (thing, copy.name)
+            else:
+                assert held in wanted, (thing, copy.name)

@@ -50,7 +50,6 @@ class Page(Pilot):
     def __init__(self, world: ServedWorld) -> None:
         self.stalls_up = self.stalls_down = self.reorders = False
         self.sent: list[Sent] = []
-        self.seen_s = 0.0
         self._late_up: list[tuple[Socket, str | bytes]] = []
         self._late_down: list[Callable[[], None]] = []
         super().__init__(world, sees=True)
@@ -85,11 +84,7 @@ class Page(Pilot):
         self._down(super()._hear, text)
 
     def _see(self, message: str | bytes) -> None:
-        self._down(self._note_picture, message)
-
-    def _note_picture(self, message: str | bytes) -> None:
-        self.seen_s = self._world.clock.now_s()
-        super()._see(message)
+        self._down(super()._see, message)
 
     def _down(self, act: Callable[[str | bytes], None], message: str | bytes) -> None:
         if self.stalls_down:
@@ -267,26 +262,3 @@ async def test_a_message_without_a_proof_moves_nothing(
     assert set(pilot.errors()) == {"no_picture" if lie == "no frame" else "stale"}
     if kind == "drive":
         assert world.loop.state.decision.stop_reason is StopReason.LINK_SLOW
-
-
-@crossed(mode=["train", "autonomous"], seed=range(size("STALLS", 2, 10)))
-@in_virtual_time()
-async def test_the_robot_stops_if_only_the_acknowledgements_stop(
-    world: ServedWorld, mode: str, seed: int
-) -> None:
-    """Messages continue with fresh nonces, but a picture that was not acknowledged was not seen."""
-
-    page = await driven(world)
-    page.mode(mode)
-    page.grip("forward" if mode == "train" else None)
-    await world.until(lambda: not world.stands())
-    await world.forward(world.dice.uniform(0.5, 1.0))
-    page.acknowledges = False
-    stalled_s = world.clock.now_s()
-    assert await world.until(world.stands, 2.0) < 0.5
-    assert page.seen_s - stalled_s < 0.25, "no more pictures than the window"
-    assert world.loop.state.decision.stop_reason is StopReason.LINK_SLOW
-    assert not page.errors(), "the messages themselves are fresh"
-    moved_s = world.driver.moved_s
-    await world.forward(1.0)
-    assert world.driver.moved_s == moved_s, "it goes on standing"

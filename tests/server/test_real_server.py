@@ -29,7 +29,7 @@ from .browsers import WAYS, check_nobody_s_page_is_dead
 from .hosting.starting_and_ending import (
     check_it_names_what_is_still_starting_and_then_lets_the_server_answer,
 )
-from .live_robot import WEB, LiveServer, Pilot, live_server
+from .live_robot import WEB, Pilot, live_server
 
 
 @pytest.mark.realtime
@@ -86,24 +86,6 @@ def tls_with_an_authority_of_our_own(tmp_path: Path) -> None:
         url = server.address.replace("https", "wss") + "/ws/drive"
         headers = {"cookie": cookie.split(";")[0], "origin": server.address}
         assert '"hello"' in asyncio.run(_first_message(url, headers, trust))
-        paired_clients_are_never_reset(server, cookie.split(";")[0], trust)
-
-
-def paired_clients_are_never_reset(server: LiveServer, cookie: str, trust: ssl.SSLContext) -> None:
-    async def ask() -> bytes:
-        reader, writer = await asyncio.open_connection("localhost", server.port, ssl=trust)
-        host = f"host: localhost:{server.port}\r\ncookie: {cookie}\r\nconnection: close"
-        writer.write(f"GET /api/settings HTTP/1.1\r\n{host}\r\n\r\n".encode())
-        answer = await reader.read()
-        writer.close()
-        return answer.split(b"\r\n\r\n")[0].lower()
-
-    async def ask_at_once() -> list[bytes]:
-        return await asyncio.gather(*(ask() for _ in range(100)))
-
-    for head in asyncio.run(ask_at_once()):
-        status = head.split()[1]
-        assert status == b"200" or (status == b"429" and b"\r\nretry-after: 1" in head), head
 
 
 async def _first_message(url: str, headers: dict[str, str], trust: ssl.SSLContext) -> str:
