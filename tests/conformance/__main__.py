@@ -19,7 +19,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from . import players, worlds
 from .driving import tries
 from .samples import Samples, imports_of, make_samples
 
@@ -136,19 +135,6 @@ def check_fastdds(home: Path, samples: Samples) -> Iterator[Result]:
         yield Result(home.name, said, *_attempted(attempt))
 
 
-def check_pythons(home: Path, samples: Samples) -> Iterator[Result]:
-    """Install the wheel for every Python of this machine, and start it."""
-    dist = _fresh(home / "dist")
-    build = _environment(home / "build", ["build", "hatchling"], "build")
-    _get([build, "-m", "build", "--quiet", "--wheel", "--outdir", dist, ROOT])
-    for python in pythons():
-        version = _said([python, "-c", "import platform; print(platform.python_version())"])
-        words = [python, ROOT / "tests/docs/try_wheel.py", dist]
-        done = _tried(words, cwd=home)
-        outcome = "passed" if not done.returncode else f"FAILED: {done.stderr.strip()[-200:]}"
-        yield Result(home.name, version.strip(), "wheel and README", outcome)
-
-
 CHECKS: dict[str, Callable[[Path, Samples], Iterator[Result]]] = {
     "mcap": check_mcap_in_python,
     "mcap.js": check_mcap_in_javascript,
@@ -158,7 +144,6 @@ CHECKS: dict[str, Callable[[Path, Samples], Iterator[Result]]] = {
     "lerobot": check_lerobot,
     "lerobot_robot": check_lerobot_robot,
     "fastdds": check_fastdds,
-    "python": check_pythons,
 }
 
 
@@ -167,21 +152,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.conformance", description=__doc__)
     parser.add_argument("--folder", type=Path, default=ROOT / "var" / "conformance")
     parser.add_argument("--only", nargs="+", choices=CHECKS, default=list(CHECKS))
-    parser.add_argument(
-        "--worlds",
-        nargs="*",
-        metavar="PACKAGE",
-        help="drive environments of other packages instead",
-    )
-    parser.add_argument("--players", action="store_true", help="time players of the video instead")
     args = parser.parse_args()
     folder = args.folder.resolve()
-    if args.players:
-        for line in players.measure(_fresh(folder / "players")):
-            print(line, flush=True)
-        return 0
-    if args.worlds is not None:
-        return _drive_worlds(folder / "worlds", args.worlds)
     samples = make_samples(_fresh(folder / "samples"))
     results = [r for name in args.only for r in _results(name, folder / name, samples)]
     widths = [max(map(len, column)) for column in zip(*results, strict=True)][:3]
@@ -189,20 +161,6 @@ def main() -> int:
     for *cells, outcome in results:
         print("  ".join(c.ljust(w) for c, w in zip(cells, widths, strict=True)), outcome)
     return any(result.outcome.startswith("FAILED") for result in results)
-
-
-def _drive_worlds(folder: Path, only: list[str]) -> int:
-    """Drive worlds, and write the how-to's table if all were tried; returns 1 if one was wrong."""
-    results = []
-    for result in worlds.drive_all(folder, only):
-        print(worlds.describe(result), flush=True)
-        results.append(result)
-    right = [result for result in results if worlds.is_right(result)]
-    packages = {result["package"] for result in right}
-    print(f"\n{len(right)} of {len(results)} environments of {len(packages)} packages are right")
-    if not only:
-        worlds.write_table(results)
-    return len(right) < len(results)
 
 
 def _results(name: str, home: Path, samples: Samples) -> Iterator[Result]:
