@@ -38,7 +38,8 @@ from robot.simulator.camera import SimCamera, SimCameraOptions
 from robot.simulator.driver import SimDriver, SimOptions
 from robot.testing import VirtualClock
 from robot.testing.cases import CameraCase
-from tests.contract.driver_cases import fake_brick, line_of_pixels
+from tests.contract.driver_cases import line_of_pixels
+from tests.faults.bodies import brick_in_memory
 from tests.kit.frames import grey_jpeg
 from tests.robot.bodies.ev3.fake_video import DEVICE
 from tests.robot.bodies.ev3.virtual_agent import MadeUpCamera, VirtualAgent
@@ -65,7 +66,7 @@ def ev3_remote_camera() -> Iterator[CameraCase]:
         return
     source = MadeUpCamera()
     with (
-        fake_brick(VirtualClock(100.0)) as brick,
+        brick_in_memory(VirtualClock(100.0)) as brick,
         VirtualAgent(brick, open_camera=source.open) as agent,
     ):
         driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=agent.address), agent.link())

@@ -16,20 +16,15 @@ from typing import Any
 
 import pytest
 
-from robot.bodies.ev3.driver import Ev3Driver, Ev3Options
-from robot.bodies.ev3.fake_brick import FakeBrick
 from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.bodies.gpio.driver import GpioOptions
 from robot.bodies.gymnasium.driver import GymnasiumDriver, GymnasiumOptions
-from robot.clock import Clock
-from robot.errors import DriveError, NotConnectedError
 from robot.exchange.replay_driver import ReplayDriver
 from robot.simulator.driver import SimDriver, SimOptions
 from robot.testing import VirtualClock
 from robot.testing.cases import DriverCase
 from robot.types import Action, Point
-from tests.faults.bodies import BODIES, brick_in_memory, unplug_motors
-from tests.robot.bodies.ev3.virtual_agent import VirtualAgent
+from tests.faults.bodies import BODIES
 
 
 def as_point(wheels: tuple[float, float]) -> Point:
@@ -91,52 +86,6 @@ def gymnasium_driver(moves: str = "") -> Iterator[DriverCase]:
     driver.close()
 
 
-@contextmanager
-def fake_brick(clock: Clock | None = None) -> Iterator[FakeBrick]:
-    with brick_in_memory(clock) as brick:
-        brick.add_sensor("in4", "lego-ev3-us", 1234, decimals=1)
-        for bumper in ("in1", "in2"):
-            brick.add_sensor(bumper, "lego-ev3-touch", 0)
-        yield brick
-
-
-def brick_case(
-    driver: Ev3Driver | Ev3RemoteDriver,
-    brick: FakeBrick,
-    cut_link: Callable[[], None] | None = None,
-    restore_link: Callable[[], None] | None = None,
-) -> DriverCase:
-    def is_moving() -> bool:
-        try:
-            driver.rolled_m()  # an answer means that everything sent before has arrived
-        except (DriveError, NotConnectedError):  # nothing answers
-            brick.clock.sleep(0.05)
-        brick.catch_up()
-        return brick.is_moving()
-
-    def drives() -> Point:
-        is_moving()
-        return as_point((brick.speeds()["outB"], brick.speeds()["outC"]))
-
-    return DriverCase(
-        driver,
-        brick.clock.sleep,
-        is_moving,
-        cut_link,
-        brick.clock.now_s,
-        restore_link=restore_link,
-        drives=drives,
-    )
-
-
-@contextmanager
-def ev3_driver() -> Iterator[DriverCase]:
-    clock = VirtualClock()
-    with fake_brick(clock) as brick:
-        driver = Ev3Driver(Ev3Options(brick_root=str(brick.root)), clock)
-        yield brick_case(driver, brick, lambda: unplug_motors(driver, brick, 0, 1))
-
-
 def real_brick_case(address: str) -> DriverCase:
     """A brick on the table, by `pytest --ev3 ADDRESS`; it counts as moving if its wheels' counters
     do."""
@@ -160,9 +109,8 @@ def ev3_remote_driver() -> Iterator[DriverCase]:
     if address := os.environ.get("DRIVELESSON_EV3"):
         yield real_brick_case(address)
         return
-    with fake_brick(VirtualClock(100.0)) as brick, VirtualAgent(brick) as agent:
-        driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=agent.address), agent.link())
-        yield brick_case(driver, brick, agent.cut, agent.mend)
+    with timed_driver("ev3-remote") as case:
+        yield case
 
 
 @contextmanager
@@ -172,7 +120,7 @@ def timed_driver(name: str) -> Iterator[DriverCase]:
         body.slow_down(0.02)
 
         def is_moving() -> bool:
-            if name == "ros":
+            if name in ("ros", "ev3", "ev3-remote"):
                 body.clock.sleep(0.03)  # the order has arrived
             return body.is_moving()
 
@@ -224,9 +172,11 @@ def replay_driver() -> Iterator[DriverCase]:
 DRIVERS: dict[str, Callable[[], AbstractContextManager[DriverCase]]] = {
     "sim": sim_driver,
     "replay": replay_driver,
-    "ev3": ev3_driver,
     "ev3-remote": ev3_remote_driver,
-    **{name: partial(timed_driver, name) for name in ("ev3-stock", "pybricks", "ros", "udp", "ws")},
+    **{
+        name: partial(timed_driver, name)
+        for name in ("ev3", "ev3-stock", "pybricks", "ros", "udp", "ws")
+    },
     "gpio": gpio_driver,
     "gpio, a car": partial(gpio_driver, "servo-esc"),
     "gpio, phase-enable": partial(gpio_driver, "phase-enable"),

@@ -22,7 +22,7 @@ class LateDriver(ConnectedDriver[VirtualClock]):
     """Its orders arrive late; one of its methods has a name that many authors would use."""
 
     name, default_camera, is_remote, takes_points = "late", "phone", True, True
-    ends_moves, is_cut, ramp_s = True, False, 0.0
+    is_cut, ramp_s = False, 0.0
 
     def __init__(self, clock: VirtualClock) -> None:
         super().__init__(clock=clock)
@@ -47,23 +47,11 @@ class LateDriver(ConnectedDriver[VirtualClock]):
 
     def drives(self) -> Point:
         came_s, point = [(0.0, STANDS), *filter(self._has_come, self.orders)][-1]
-        has_ended = self.ends_moves and self._clock.now_s() >= came_s + ACTION_TIMEOUT_S
+        has_ended = self._clock.now_s() >= came_s + ACTION_TIMEOUT_S
         return STANDS if has_ended else point
 
     def _has_come(self, order: tuple[float, Point]) -> bool:
         return order[0] <= self._clock.now_s()
-
-
-class OneWheelAfterTheOther(LateDriver):
-    """Each order consists of two messages, one for each wheel."""
-
-    def _send(self, point: Point) -> None:
-        had = self.orders[-1][1] if self.orders else STANDS
-        left, right = point.throttle + point.steering, had.throttle - had.steering
-        super()._send(Point((left - right) / 2, (left + right) / 2))
-        super()._send(point)
-        came_s = self.orders[-1][0]
-        self.orders[-1] = came_s + 0.008, point
 
 
 class SlowRamp(LateDriver):
@@ -82,41 +70,7 @@ class SlowRamp(LateDriver):
         return Point(wanted.steering * share, wanted.throttle * share)
 
 
-class NeverEnds(LateDriver):
-    ends_moves = False
-
-
-class NeverStops(LateDriver):
-    def stop(self) -> None:
-        pass
-
-
-def run(check: Any, kind: type[LateDriver]) -> None:
-    clock = VirtualClock()
-    driver = kind(clock)
-
-    def is_moving() -> bool:
-        return driver.drives() != STANDS
-
-    def restore() -> None:
-        driver.is_cut = False
-
-    check(
-        DriverContract(),
-        DriverCase(
-            driver,
-            clock.advance,
-            is_moving,
-            driver.cut,
-            now_s=clock.now_s,
-            restore_link=restore,
-            drives=driver.drives,
-            ramp_s=driver.ramp_s,
-        ),
-    )
-
-
-@pytest.mark.parametrize("kind", [LateDriver, OneWheelAfterTheOther, SlowRamp])
+@pytest.mark.parametrize("kind", [LateDriver, SlowRamp])
 @pytest.mark.parametrize(
     "check",
     [
@@ -126,11 +80,16 @@ def run(check: Any, kind: type[LateDriver]) -> None:
     ],
 )
 def test_a_body_that_is_late_keeps_the_contract(check: Any, kind: type[LateDriver]) -> None:
-    run(check, kind)
-
-
-def test_a_late_body_that_breaks_a_promise_is_found() -> None:
-    with pytest.raises(AssertionError, match=r"still moves .* after the line was cut"):
-        run(DriverContract.test_a_body_whose_line_is_cut_stands_and_the_driver_says_so, NeverEnds)
-    with pytest.raises(AssertionError, match="still moves 200 ms after stop"):
-        run(DriverContract.test_every_move_moves_and_stop_stops, NeverStops)
+    clock = VirtualClock()
+    driver = kind(clock)
+    case = DriverCase(
+        driver,
+        clock.advance,
+        lambda: driver.drives() != STANDS,
+        driver.cut,
+        now_s=clock.now_s,
+        restore_link=lambda: setattr(driver, "is_cut", False),
+        drives=driver.drives,
+        ramp_s=driver.ramp_s,
+    )
+    check(DriverContract(), case)

@@ -141,6 +141,11 @@ def brick_in_memory(clock: Clock | None) -> Iterator[FakeBrick]:
         yield brick
 
 
+def _wheels_of(brick: FakeBrick) -> tuple[float, float]:
+    speeds = brick.speeds()
+    return speeds.get("outB", 0), speeds.get("outC", 0)
+
+
 @contextmanager
 def _ev3_remote(seed: int) -> Iterator[TimedBody]:
     """The brick's agent."""
@@ -148,7 +153,16 @@ def _ev3_remote(seed: int) -> Iterator[TimedBody]:
     with brick_in_memory(clock) as brick, VirtualAgent(brick) as agent:
         driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=agent.address), agent.link())
         cut, mend, hang_up = agent.cut, agent.mend, agent.hang_up
-        yield TimedBody(driver, clock, brick.is_moving, cut, mend, hang_up=hang_up, freeze=cut)
+        yield TimedBody(
+            driver,
+            clock,
+            brick.is_moving,
+            cut,
+            mend,
+            hang_up=hang_up,
+            freeze=cut,
+            wheels=partial(_wheels_of, brick),
+        )
         driver.disconnect()
 
 
@@ -189,7 +203,8 @@ def _ev3(seed: int) -> Iterator[TimedBody]:
             if "outC" in brick.motors:
                 unplug_motors(driver, brick, 1)
 
-        yield TimedBody(driver, clock, brick.is_moving, unplug_one)
+        wheels = partial(_wheels_of, brick)
+        yield TimedBody(driver, clock, brick.is_moving, unplug_one, wheels=wheels)
         driver.disconnect()
 
 
