@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 from typing import Any, ClassVar
 
 import pytest
@@ -125,30 +126,18 @@ def test_a_body_that_cannot_be_reached_is_not_connected() -> None:
     assert driver.is_connected
 
 
-def taken_names(base: type[Any]) -> set[str]:
-    """The base's names with one underscore, which an author may use for anything."""
-    own = {
-        name
-        for kind in base.__mro__
-        for name in {*vars(kind), *vars(kind).get("__annotations__", ())}
-    }
-    return {n for n in own if n[0] == "_" and n[1] != "_" and "__" not in n} - HOOKS
-
-
 @pytest.mark.parametrize("base", [ConnectedDriver, HostWatchdog])
 def test_an_author_may_take_any_private_name_that_is_no_hook(base: Any) -> None:
-    names = {name for name in taken_names(base) if not name.startswith(("_abc", "_is_"))}
+    names = {name for name in dir(base) if re.match("_(?!abc|is_)[a-z]", name)} - HOOKS
     assert {"_connection", "_clock", "_connected"} <= names
-    clock = VirtualClock()
-    radio = Radio(clock, answers=True)
+    radio = Radio(VirtualClock(), answers=True)
 
     class Wheely(base):  # type: ignore[misc]
         name, default_camera = "wheely", "phone"
 
         def __init__(self) -> None:
-            super().__init__(clock=clock)
-            for name in names:
-                setattr(self, name, 7)
+            super().__init__(clock=radio.clock)
+            vars(self).update(dict.fromkeys(names, 7))
 
         def _open(self) -> Radio:
             return radio
@@ -157,8 +146,7 @@ def test_an_author_may_take_any_private_name_that_is_no_hook(base: Any) -> None:
             radio.take(action)
 
     with Wheely() as driver:
-        assert driver.send_action(Action.LEFT) is Action.LEFT
-        assert driver.sense() == Sensors()
+        driver.send_action(Action.LEFT)
         radio.is_cut = True
         with pytest.raises(DriveError, match="wheely"):
             driver.send_action(Action.LEFT)
@@ -168,20 +156,21 @@ def test_an_author_may_take_any_private_name_that_is_no_hook(base: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "theirs"),
+    ("base", "name", "theirs"),
     [
-        ("drive", lambda self, left, right: None),
-        ("_close", lambda self: None),
-        ("_begin", lambda self, move: None),
-        ("sense", 5),
-        ("_drive", lambda self, action: None),
+        (ConnectedDriver, "drive", lambda self, left, right: None),
+        (ConnectedDriver, "_close", lambda self: None),
+        (ConnectedDriver, "sense", 5),
+        (HostWatchdog, "stop", Driver.stop),
+        (HostWatchdog, "send_action", Driver.send_action),
+        (HostWatchdog, "disconnect", Driver.disconnect),
     ],
 )
-def test_a_name_that_the_base_calls_is_refused_in_a_sentence(name: str, theirs: Any) -> None:
-    with pytest.raises(
-        TypeError, match=rf"Wheely\.{name}.* replaces a method that Drivelesson calls"
-    ):
-        type("Wheely", (ConnectedDriver,), {name: theirs})
+def test_a_name_that_the_base_calls_is_refused_in_a_sentence(
+    base: Any, name: str, theirs: Any
+) -> None:
+    with pytest.raises(TypeError, match=rf"Wheely\.{name}.* replaces a method (that|with which)"):
+        type("Wheely", (base,), {name: theirs})
 
 
 def test_hooks_that_an_author_overrides_are_used() -> None:
@@ -189,9 +178,3 @@ def test_hooks_that_an_author_overrides_are_used() -> None:
         pass
 
     assert type("Wheely", (ConnectedDriver,), {"stop": stop, "device": "COM3"}).stop is stop
-    for name in ("stop", "send_action", "disconnect"):
-        own = {name: getattr(Driver, name)}
-        with pytest.raises(
-            TypeError, match=rf"Wheely\.{name} replaces a method with which HostWatchdog"
-        ):
-            type("Wheely", (HostWatchdog,), own)

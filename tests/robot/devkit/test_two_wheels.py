@@ -1,4 +1,4 @@
-"""The estimate of a robot's pose, compared with a simulated body that knows the true pose."""
+"""Two wheels: their speeds from a point, and the pose to which they lead."""
 
 from __future__ import annotations
 
@@ -6,17 +6,75 @@ import math
 import random
 from dataclasses import replace
 from typing import Any
+from unittest import mock
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from robot.bodies.ev3.driver import ChassisDriver, ChassisOptions, wheels_of
 from robot.devkit.dead_reckoning import DeadReckoning, along
-from robot.devkit.wheels import CLASSIC_POINTS
-from robot.driver import ACTION_TIMEOUT_S, Driver
+from robot.devkit.wheels import CLASSIC_POINTS, TwoWheels
+from robot.driver import ACTION_TIMEOUT_S
 from robot.errors import DriveError
 from robot.simulator.body import TRACK_M, WHEELS_MPS, move
-from robot.types import Action, Pose
+from robot.types import Action, Point, Pose
 from tests.kit.sizes import crossed, seeds
+
+SHARES = st.floats(-1.0, 1.0).map(lambda share: round(share, 3))
+POINTS = st.builds(Point, SHARES, SHARES)
+SPEEDS = st.integers(1, 100).map(float)
+BUILDS = st.builds(
+    lambda ahead, back, turn, inner, spin: TwoWheels(
+        ahead=ahead, back=back, turn=(turn - 2 * inner * turn, turn), spin=spin
+    ),
+    *[SPEEDS] * 3,
+    st.sampled_from([0.5, 1.0]),
+    SPEEDS,
+)
+
+
+@given(BUILDS)
+def test_the_point_of_a_move_gives_the_wheel_speeds_of_the_move(wheels: TwoWheels) -> None:
+    speeds = {move: wheels.at(point) for move, point in CLASSIC_POINTS.items()}
+    left, right = wheels.turn
+    assert speeds == {
+        Action.STOP: (0, 0),
+        Action.FORWARD: (wheels.ahead, wheels.ahead),
+        Action.BACKWARD: (-wheels.back, -wheels.back),
+        Action.LEFT: (left, right),
+        Action.RIGHT: (right, left),
+        Action.SPIN_LEFT: (-wheels.spin, wheels.spin),
+        Action.SPIN_RIGHT: (wheels.spin, -wheels.spin),
+    }
+
+
+@given(BUILDS, POINTS, SHARES)
+def test_more_steering_turns_more_to_the_wanted_side(
+    wheels: TwoWheels, point: Point, steering: float
+) -> None:
+    def turn(at: Point) -> float:
+        left, right = wheels.at(at)
+        return left - right
+
+    mirrored = wheels.at(Point(-point.steering, point.throttle))
+    assert mirrored == wheels.at(point)[::-1]
+    ahead = Point(point.steering, abs(point.throttle))
+    assert turn(ahead) * point.steering >= 0.0
+    other = Point(steering, ahead.throttle)
+    assert (turn(other) - turn(ahead)) * (steering - point.steering) >= -1e-9
+
+
+@given(BUILDS, POINTS, st.tuples(SPEEDS, SPEEDS))
+def test_no_wheel_is_asked_for_more_than_it_can_and_the_curve_stays(
+    wheels: TwoWheels, point: Point, most: tuple[float, float]
+) -> None:
+    asked, given_ = wheels.at(point), wheels.at(point, most)
+    assert all(abs(speed) <= top * (1 + 1e-9) for speed, top in zip(given_, most, strict=True))
+    assert given_[0] * asked[1] == pytest.approx(given_[1] * asked[0])
+    if all(abs(speed) <= top for speed, top in zip(asked, most, strict=True)):
+        assert given_ == asked
+
 
 TICK_S = 1 / 30
 START = Pose(x_m=0.0, y_m=0.0, heading_rad=0.0)
@@ -47,7 +105,7 @@ def test_without_slip_the_estimate_is_the_truth(seed: int, counts: bool) -> None
 
 def test_wheel_counts_show_that_wheels_were_blocked() -> None:
     reckoning = DeadReckoning(TRACK_M)
-    for tick in range(30):
+    for tick in range(3):
         reckoning.tell(WHEELS_MPS[Action.FORWARD], tick * TICK_S)
         pose = reckoning.locate((1.0, 1.0), (tick + 1) * TICK_S)
     assert pose == replace(START, is_estimate=True)
@@ -65,53 +123,36 @@ def test_orders_between_two_readings_count_each_for_its_time() -> None:
     assert reckoning.locate(None, 62.0).x_m == pytest.approx(wanted_m)
 
 
-class _CountingBody:
-    """A chassis whose motors count in degrees, mounted in either direction."""
-
-    def __init__(self) -> None:
-        self.turned_deg: list[float] | None = [0.0, 0.0]
-
-    def __getattr__(self, name: str) -> Any:
-        return lambda *_: None
-
-    def open(self) -> list[float]:
-        return [1050.0, 1050.0]
-
-    def sense(self) -> dict[str, Any]:
-        return {"distance_m": 1.0, "bumped": None, "bumpers": [], "wheels_deg": self.turned_deg}
-
-
 class _Chassis(ChassisDriver):
+    """A chassis whose motors count in degrees."""
+
     name = "chassis"
     options_type = ChassisOptions
-
-    def __init__(self, options: ChassisOptions) -> None:
-        super().__init__(options)
-        self.body = _CountingBody()
+    turned_deg: tuple[float, float] | None = (0.0, 0.0)
 
     def _open(self) -> Any:
-        return self.body
+        told = {"distance_m": 1.0, "bumped": None, "bumpers": []}
+        return mock.Mock(
+            open=lambda: [1050.0, 1050.0], sense=lambda: {**told, "wheels_deg": self.turned_deg}
+        )
 
 
-@crossed(reversed_motors=[False, True], action=[Action.FORWARD, Action.LEFT, Action.BACKWARD])
-def test_a_chassis_counts_the_way_of_its_wheels(action: Action, reversed_motors: bool) -> None:
-    driver = _Chassis(ChassisOptions(reversed_motors=reversed_motors))
-    assert isinstance(driver, Driver)
-    with driver:
+@pytest.mark.parametrize("reversed_motors", [False, True])
+def test_a_chassis_counts_the_way_of_its_wheels(reversed_motors: bool) -> None:
+    with _Chassis(ChassisOptions(reversed_motors=reversed_motors)) as driver:
         assert driver.sense().pose == replace(START, is_estimate=True)
-        dps = wheels_of(driver.options).at(CLASSIC_POINTS[action])
-        driver.body.turned_deg = [0.2 * dps[0], 0.2 * dps[1]]
+        dps = wheels_of(driver.options).at(CLASSIC_POINTS[Action.LEFT])
+        driver.turned_deg = 0.2 * dps[0], 0.2 * dps[1]
         after = driver.sense().pose
-        left_m, right_m = (0.2 * mps for mps in driver.wheels_mps(action))
+        left_m, right_m = (0.2 * mps for mps in driver.wheels_mps(Action.LEFT))
         turned_rad = (right_m - left_m) / driver.options.track_m
         truth = along(START, turned_rad, (left_m + right_m) / 2)
         assert after is not None
         assert (after.x_m, after.y_m) == pytest.approx((truth.x_m, truth.y_m))
-        driver.body.turned_deg = None  # an agent that sends none: the orders count
-        driver.drive(action, speed_scale=0.5)
+        driver.turned_deg = None  # an agent that sends none: the orders count
+        driver.drive(Action.LEFT, speed_scale=0.5)
         assert driver.sense().pose is not None
-    if action is Action.FORWARD:
-        assert driver.wheels_mps(action) == pytest.approx((0.16, 0.16))
+    assert driver.wheels_mps(Action.FORWARD) == pytest.approx((0.16, 0.16))
 
 
 def test_motors_that_do_not_answer_affect_only_the_estimate(monkeypatch: Any) -> None:
