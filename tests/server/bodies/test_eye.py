@@ -1,10 +1,11 @@
-"""The phone's socket in virtual time: pictures, STOP, a second phone, and refused roles."""
+"""The phone as the eye: its socket in virtual time, its messages, its clock and its role."""
 
 from __future__ import annotations
 
 import contextlib
 import itertools
 import json
+import struct
 from collections.abc import Iterator
 from typing import Any
 
@@ -12,6 +13,8 @@ import cv2
 import httpx
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from starlette.websockets import WebSocketDisconnect
 from websockets.exceptions import ConnectionClosed
 
@@ -20,18 +23,20 @@ from robot.devices.rig import Rig
 from robot.exchange.replay_driver import ReplayDriver
 from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
-from server.bodies.eye import encode_frame
-from server.bodies.eye_routes import EYE
+from server.bodies.eye import HEADER, EyeClock, encode_frame, parse_frame, parse_text
+from server.bodies.eye_routes import _STATE_FIELDS, EYE
 from server.config import Config
 from server.gateway.gateway import Gateway
 from server.gateway.roles import Refusal, Session
 from server.gateway.rules import admit
-from server.protocol import parse_acknowledgement
+from server.protocol import ErrorCode, ProtocolError, parse_acknowledgement
+from tests.server.live_robot import WEB
 from tests.server.virtual_connections import VirtualSocket
 from tests.server.virtual_server import VirtualServer, connect
 
 WAIT_S = 20.0
 EYE_MS = 5_000_000.0
+JPEG = cv2.imencode(".jpg", np.zeros((24, 32, 3), np.uint8))[1].tobytes()
 
 
 @pytest.fixture
@@ -183,30 +188,88 @@ def test_a_robot_with_another_camera_says_so() -> None:
         assert closed.value.rcvd is not None and closed.value.rcvd.code == 4004
 
 
-@pytest.mark.parametrize(
-    ("path", "may"),
-    [
-        ("/eye", True),
-        ("/ws/eye", True),
-        ("/eye/eye.js", True),
-        ("/eye/eye.css", True),
-        ("/api/unpair", True),
-        ("/healthz", True),
-        ("/", False),
-        ("/ws/drive", False),
-        ("/ws/video", False),
-        ("/api/models", False),
-        ("/eyes", False),
-        ("/eye/../api/models", False),
-        ("/video.mjpg", False),
-    ],
-)
-def test_a_phone_paired_as_the_eye_reaches_only_that_page(path: str, may: bool) -> None:
+@pytest.mark.parametrize("path", ["/eye", "/ws/eye", "/eye/eye.js", "/api/unpair", "/healthz"])
+def test_a_phone_paired_as_the_eye_reaches_its_page(path: str) -> None:
     gateway, session = Gateway(Config(), VirtualClock()), Session(EYE, "eye")
-    for accept in ("text/html", "*/*"):
-        headers = {"accept": accept}
-        verdict = admit(gateway, path, "GET", headers, session)
-        assert (verdict is EYE) == may
-        if not may:
-            assert isinstance(verdict, Refusal)
-            assert verdict.status == (303 if accept == "text/html" else 403)
+    assert admit(gateway, path, "GET", {"accept": "*/*"}, session) is EYE
+
+
+@pytest.mark.parametrize("path", ["/", "/ws/drive", "/eyes", "/eye/../api/models", "/video.mjpg"])
+@pytest.mark.parametrize(("accept", "status"), [("text/html", 303), ("*/*", 403)])
+def test_a_phone_paired_as_the_eye_reaches_no_other_page(
+    path: str, accept: str, status: int
+) -> None:
+    gateway, session = Gateway(Config(), VirtualClock()), Session(EYE, "eye")
+    verdict = admit(gateway, path, "GET", {"accept": accept}, session)
+    assert isinstance(verdict, Refusal) and verdict.status == status
+
+
+# Messages and clock ----------------------------------------------------------------------------
+
+MS = st.floats(0.0, 1e9)
+
+
+@given(st.integers(0, 2**32 - 1), MS, st.booleans())
+def test_a_picture_comes_through(seq: int, taken_ms: float, is_covered: bool) -> None:
+    frame = parse_frame(encode_frame(seq, taken_ms, JPEG, is_covered=is_covered))
+    assert (frame.seq, frame.taken_ms, frame.is_covered) == (seq, taken_ms, is_covered)
+    assert (frame.picture.width, frame.picture.height, frame.picture.data) == (32, 24, JPEG)
+
+
+@given(st.binary(max_size=200))
+def test_other_bytes_are_refused(message: bytes) -> None:
+    with pytest.raises(ProtocolError):
+        parse_frame(message)
+    with pytest.raises(ProtocolError):
+        parse_frame(HEADER.pack(3, 0, 0, 1, 1.0) + message)
+
+
+def test_a_time_that_is_not_a_number_and_a_huge_picture_are_refused() -> None:
+    with pytest.raises(ProtocolError):
+        parse_frame(encode_frame(1, float("nan"), JPEG))
+    at = JPEG.index(b"\xff\xc0") + 5
+    huge = JPEG[:at] + struct.pack(">HH", 60000, 60000) + JPEG[at + 4 :]
+    with pytest.raises(ProtocolError) as refused:
+        parse_frame(encode_frame(1, 1.0, huge))
+    assert refused.value.code is ErrorCode.TOO_LARGE
+
+
+@given(st.one_of(st.text(), st.recursive(st.none() | st.floats() | st.text(), st.lists)))
+def test_other_messages_are_refused(message: object) -> None:
+    for text in (str(message), json.dumps(message), json.dumps({"type": message})):
+        if message not in ("stop",):
+            with pytest.raises(ProtocolError):
+                parse_text(text)
+
+
+@pytest.mark.parametrize("value", [None, True, "1", [], 1e300, float("inf"), float("nan")])
+def test_a_pong_needs_two_numbers(value: object) -> None:
+    for name, other in (("server_ms", "eye_ms"), ("eye_ms", "server_ms")):
+        with pytest.raises(ProtocolError):
+            parse_text(json.dumps({"type": "pong", name: value, other: 1.0}))
+    assert parse_text('{"type": "pong", "server_ms": 1, "eye_ms": 2.5}')["eye_ms"] == 2.5
+
+
+@given(
+    st.floats(-1e9, 1e9),
+    st.lists(st.tuples(st.floats(0, 400), st.floats(0, 400)), min_size=1, max_size=30),
+)
+def test_the_error_is_half_the_quickest_round_trip_at_most(
+    offset_ms: float, ways_ms: list[tuple[float, float]]
+) -> None:
+    clock, now_ms = EyeClock(), 1000.0
+    clock.note(asked_ms=2 * now_ms, eye_ms=5.0, now_ms=now_ms)
+    assert clock.to_ours(1.0) is None, "an answer from the future does not count"
+    for down_ms, up_ms in ways_ms:
+        clock.note(now_ms, now_ms + down_ms - offset_ms, now_ms + down_ms + up_ms)
+        now_ms += 1000.0
+    quickest_ms = min(down + up for down, up in ways_ms[-8:])
+    mapped_ms = clock.to_ours(now_ms - offset_ms)
+    assert mapped_ms is not None
+    assert abs(mapped_ms - now_ms) <= quickest_ms / 2 + 1e-3
+
+
+def test_the_messages_to_the_eye_are_in_the_reference() -> None:
+    page = (WEB.parent / "docs/howto/phone-eye.md").read_text("utf-8")
+    text = page[page.index("## `/ws/eye`") :]
+    assert [name for name in _STATE_FIELDS if f"`{name}`" not in text] == []
