@@ -1,16 +1,10 @@
-"""A ROS 2 robot on DDS: a base that never stops by itself, a camera, and optionally our watchdog.
-
-As a program it prints each velocity of its base, with the time, until its input ends: `python -m
-tests.standins.dds_robot DOMAIN [watchdog]`.
-"""
+"""A ROS 2 robot on DDS: a base that never stops by itself, a camera, and our watchdog."""
 
 from __future__ import annotations
 
 import functools
 import itertools
-import json
 import os
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -50,26 +44,18 @@ class DdsRobot:
     Args:
         domain: The robot's domain; in the process of the program under test, the robot is one more
             participant.
-        watchdog: Whether our watchdog node is between the orders and the base.
-        hear: Called with each velocity that the base receives.
     """
 
-    def __init__(
-        self,
-        domain: int,
-        *,
-        watchdog: bool = True,
-        hear: Callable[[dict[str, Any]], None] = lambda twist: None,
-    ) -> None:
+    def __init__(self, domain: int) -> None:
         self.domain, self.frozen, self.cmd_vel = domain, threading.Event(), list[dict[str, Any]]()
-        self._hear, self._ending = hear, threading.Event()
+        self._ending = threading.Event()
         self._shared = Participant.join(domain, configuration(HERE, ""))
         self.participant = DomainParticipant(domain)
-        self._signs = self.writer(ALIVE, HEADER) if watchdog else None
+        self._signs = self.writer(ALIVE, HEADER)
         self._base, self._pictures = self.writer(BASE, TWIST), self.writer(IMAGES, COMPRESSED)
-        self._node = WatchdogNode(RealClock(), self._say) if watchdog else None
+        self._node = WatchdogNode(RealClock(), self._say)
         self._readers: dict[Callable[[dict[str, Any]], None], Any] = {
-            self._take_velocity: self.reader(BASE, TWIST)
+            self.cmd_vel.append: self.reader(BASE, TWIST)
         }
         self._threads = [threading.Thread(target=run) for run in (self._listen, self._show)]
 
@@ -83,12 +69,11 @@ class DdsRobot:
         return Topic(self.participant, dds_topic(name), TYPES[kind])
 
     def __enter__(self) -> Self:
-        if self._node is not None:
-            self._node.start()
-            while len(self._node.subscribed) < 2:
-                time.sleep(0.001)
-            for name, kind in ((ORDERS, STAMPED), (BASE, TWIST)):
-                self._readers[functools.partial(self._node_hears, name)] = self.reader(name, kind)
+        self._node.start()
+        while len(self._node.subscribed) < 2:
+            time.sleep(0.001)
+        for name, kind in ((ORDERS, STAMPED), (BASE, TWIST)):
+            self._readers[functools.partial(self._node_hears, name)] = self.reader(name, kind)
         for thread in self._threads:
             thread.start()
         return self
@@ -97,8 +82,7 @@ class DdsRobot:
         self._ending.set()
         for thread in self._threads:
             thread.join()
-        if self._node is not None:
-            self._node.end()
+        self._node.end()
         self._readers.clear()
         del self._base, self._pictures, self._signs, self.participant
         self._shared.leave()
@@ -113,15 +97,11 @@ class DdsRobot:
     def _say(self, topic: str, kind: str, message: dict[str, Any]) -> None:
         if topic == BASE:
             self._base.write(to_dds(TYPES[TWIST], message))
-        elif not self.frozen.is_set() and self._signs is not None:
+        elif not self.frozen.is_set():
             self._signs.write(to_dds(TYPES[HEADER], message))
 
-    def _take_velocity(self, twist: dict[str, Any]) -> None:
-        self.cmd_vel.append(twist)
-        self._hear(twist)
-
     def _node_hears(self, topic: str, message: dict[str, Any]) -> None:
-        if self._node is not None and not (topic == ORDERS and self.frozen.is_set()):
+        if not (topic == ORDERS and self.frozen.is_set()):
             self._node.hear(topic, message)
 
     def _listen(self) -> None:
@@ -137,21 +117,3 @@ class DdsRobot:
                 return
             if not self.frozen.is_set():
                 self._pictures.write(CompressedImage(format="jpeg", data=list(grey_jpeg(index))))
-
-
-def main() -> None:
-    is_ready = threading.Event()
-
-    def hear(twist: dict[str, Any]) -> None:
-        is_ready.wait()  # one line at a time, and this one first
-        print(json.dumps([time.monotonic(), twist["linear"]["x"], twist["angular"]["z"]]))
-        sys.stdout.flush()
-
-    with DdsRobot(int(sys.argv[1]), watchdog="watchdog" in sys.argv, hear=hear):
-        print("ready", flush=True)
-        is_ready.set()
-        sys.stdin.read()
-
-
-if __name__ == "__main__":
-    main()

@@ -44,7 +44,6 @@ class RosBridgeServer:
         self.told: dict[str, list[dict[str, Any]]] = defaultdict(list)
         self.nodes: dict[str, Callable[[dict[str, Any]], None]] = {}
         """The reactions of other nodes on the robot to a topic's messages; see `publish`."""
-        self.images: Callable[[int], dict[str, Any]] = grey_image
         self.answers: Callable[[dict[str, Any]], list[str]] = lambda asked: []
         """Further messages that answer each operation."""
         self._moved_s = -100.0
@@ -189,7 +188,7 @@ class RosBridgeServer:
         for index in itertools.count():
             await asyncio.sleep(0.03)
             if self._listeners[IMAGES]:
-                await self._pass_on(IMAGES, self.images(index))
+                await self._pass_on(IMAGES, grey_image(index))
                 self.told[IMAGES].clear()
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
@@ -15,7 +13,6 @@ from robot.errors import DriveError, MissingExtraError
 from robot.types import Action
 from tests.contract.real_parts import check_driver_on_its_real_line
 from tests.kit.wait import wait_until
-from tests.standins.firmware import ROOT
 from tests.standins.lego_education import FakeDoubleMotor
 
 
@@ -86,15 +83,9 @@ def a_motor_that_was_out_of_reach_is_driven_again(motor: FakeDoubleMotor) -> Non
         assert motor.end_state == motor.library.MOTOR_END_STATE_BRAKE
 
 
-def test_each_error_is_one_sentence(motor: FakeDoubleMotor) -> None:
+def test_of_two_motors_the_one_that_is_named_is_driven(motor: FakeDoubleMotor) -> None:
     with pytest.raises(DriveError, match="'Otto' in its name is in range"):
         driver_for(motor, "Otto").connect()
-    motor.rpc_version = (9, 9, 9)
-    with pytest.raises(DriveError, match="pip install --upgrade legoeducation"):
-        driver_for(motor).connect()
-
-
-def test_of_two_motors_the_one_that_is_named_is_driven(motor: FakeDoubleMotor) -> None:
     motor.others.append(FakeDoubleMotor("A4:34:F1:00:00:02"))
     with pytest.raises(DriveError, match=r"2 double motors .*--hub A4:34:F1:00:00:01"):
         driver_for(motor).connect()
@@ -102,36 +93,23 @@ def test_of_two_motors_the_one_that_is_named_is_driven(motor: FakeDoubleMotor) -
         assert driver.device == "'Double Motor' (A4:34:F1:00:00:01)"
 
 
-def test_an_error_inside_the_library_is_one_sentence(
+def test_each_error_inside_the_library_is_one_sentence(
     motor: FakeDoubleMotor, caplog: pytest.LogCaptureFixture
 ) -> None:
-    motor.search_fails = OSError("[org.freedesktop.DBus.Error.ServiceUnknown] org.bluez")
-    with pytest.raises(
-        DriveError,
-        match=r"cannot search for double motors: this computer's Bluetooth is off or missing",
-    ):
+    motor.rpc_version = (9, 9, 9)
+    with pytest.raises(DriveError, match="pip install --upgrade legoeducation"):
         driver_for(motor).connect()
+    for error, says in (
+        (OSError("[org.freedesktop.DBus.Error.ServiceUnknown] org.bluez"), "is off or missing"),
+        (RuntimeError("Bluetooth device is turned off"), "Bluetooth is off; switch it on"),
+    ):
+        motor.search_fails = error
+        with pytest.raises(DriveError, match=f"cannot search for double motors: .*{says}"):
+            driver_for(motor).connect()
     assert not [record for record in caplog.records if record.exc_info]
-
-
-def test_a_computer_without_bluetooth_is_told_so() -> None:
-    """The library has no error classes for this, so the errors of its dependencies are raised."""
-
-    def fail(**_: object) -> None:
-        raise RuntimeError("Bluetooth device is turned off")
-
-    library = SimpleNamespace(DoubleMotor=lambda: SimpleNamespace(search=fail))
-    with pytest.raises(DriveError, match=r"Bluetooth is off; switch it on"):
-        LegoEducationDriver(LegoEducationOptions(), library=library).connect()
 
 
 def test_without_the_library_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "legoeducation", None)
     with pytest.raises(MissingExtraError, match=r"drivelesson\[lego-education\]"):
         LegoEducationDriver(LegoEducationOptions()).connect()
-
-
-@pytest.mark.parametrize("file", ["pyproject.toml", "docs/howto/lego-education.md"])
-def test_the_licence_is_named_where_the_library_is(file: str) -> None:
-    text = Path(ROOT, file).read_text("utf-8")
-    assert "BUSL" in text and "non-commercial" in text

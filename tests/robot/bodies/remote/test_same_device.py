@@ -1,5 +1,5 @@
-"""A robot keeps its device through drops, renames, twins and swaps: generated histories of hubs
-and bricks, by the code that searches for them. test_usb_camera.py has cameras."""
+"""A robot keeps its device through drops, renames and twins, by the code that searches for hubs and
+bricks. tests/robot/devkit/test_cameras.py has cameras."""
 
 from __future__ import annotations
 
@@ -7,14 +7,13 @@ import asyncio
 import hmac
 import json
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any
 
 import pytest
 
 from robot.bodies.ev3 import stock_driver
-from robot.bodies.ev3.stock import lines
 from robot.bodies.ev3.stock.lines import Beacon, choose_brick
 from robot.bodies.ev3.stock_driver import Ev3StockDriver, Ev3StockOptions
 from robot.bodies.pybricks.hub_line import SERVICE, find_hub
@@ -26,36 +25,31 @@ from robot.testing import VirtualClock
 from robot.types import Action
 from tests.kit.sizes import size
 
-HISTORIES = size("TWINS", 240, 10_000)
-"""Number of histories, of all kinds of devices together."""
-REFUSED = ("match:", "unclear which brick", "are plugged in", "which robot")
-"""Words of the error if it is unknown which device is meant."""
+HISTORIES = size("TWINS", 80, 5000)
 
 
-class Place:
-    """Devices of one kind in range, each with its current name, and one robot's search."""
+class Hubs:
+    """Pybricks hubs in range, each with its current name, as `bleak` shows them."""
 
-    names: ClassVar[tuple[str, ...]] = ("Pybricks Hub", "Pybricks Hub", "Anna", "")
-    shown: Any
-    """The device's name on the page."""
+    names = ("Pybricks Hub", "Pybricks Hub", "Anna", "")
 
-    def __init__(self, chance: random.Random, patch: pytest.MonkeyPatch) -> None:
-        self.chance, self.patch, self.clock = chance, patch, VirtualClock()
+    def __init__(self, chance: random.Random) -> None:
+        self.chance, self.clock = chance, VirtualClock()
         self.all = [f"00:16:53:00:00:{n:02x}" for n in range(chance.randint(2, 5))]
-        there = [one for one in self.all if chance.random() < 0.7]
-        self.there = {one: chance.choice(self.names) for one in there}
-        self.wanted = chance.choice(("", "", "Anna", self.all[0]))
-        self.begin()
+        self.there = {one: chance.choice(self.names) for one in self.all if chance.random() < 0.7}
+        self.BleakScanner = SimpleNamespace(find_device_by_filter=self._find)
 
-    def begin(self) -> None:
-        raise NotImplementedError
-
-    async def take(self) -> str:
-        """Search like the driver; return the device that obeys. Raises an error if none does."""
-        raise NotImplementedError
+    async def _find(self, fits: Callable[[Any, Any], bool], timeout: float, **_: Any) -> Any:
+        for _ in range(round(timeout / 0.5)):
+            for address, name in self.chance.sample(sorted(self.there.items()), len(self.there)):
+                device = SimpleNamespace(address=address, name=name or None)
+                if fits(device, SimpleNamespace(local_name=name or None, service_uuids=[SERVICE])):
+                    return device
+            self.clock.advance(0.5)
+        return None
 
     def happen(self) -> None:
-        """Lose, add or rename a device, or swap the names of two."""
+        """Lose, add or rename a hub, or swap the names of two."""
         chance, there, event = self.chance, self.there, self.chance.random()
         if event < 0.4 and there:
             there.pop(chance.choice(sorted(there)))
@@ -65,75 +59,65 @@ class Place:
             one, other = chance.sample(sorted(there), 2)
             there[one], there[other] = there[other], there[one]
 
-    def shuffled(self) -> list[tuple[str, str]]:
-        return self.chance.sample(sorted(self.there.items()), len(self.there))
+
+def test_no_history_of_drops_and_renames_leads_to_another_hub() -> None:
+    n_found = n_refused = 0
+    for seed in range(HISTORIES):
+        hubs = Hubs(random.Random(seed))
+        same = SameDevice("hub", hubs.chance.choice(("", "", "Anna", hubs.all[0])))
+        for _ in range(12):
+            try:
+                hub, device = asyncio.run(find_hub(hubs, same, hubs.clock))
+            except ConnectionError as error:
+                n_refused += (is_refused := "match:" in str(error))
+                assert not (is_refused and same.chosen), f"it knows which one: {error}"
+            else:
+                n_found += 1
+                same.chosen = same.chosen or hub
+                assert hub.address == device.address == same.chosen.address, f"history {seed}"
+            hubs.happen()
+    assert min(n_found, n_refused) > HISTORIES / 5
 
 
-class Hubs(Place):
-    """Pybricks hubs, as `bleak` shows them: each advertises itself ten times a second."""
-
-    def begin(self) -> None:
-        self.same = SameDevice("hub", self.wanted)
-        self.BleakScanner = SimpleNamespace(find_device_by_filter=self._find)
-
-    async def _find(self, fits: Callable[[Any, Any], bool], timeout: float, **_: Any) -> Any:
-        for _ in range(round(timeout / 0.5)):
-            for address, name in self.shuffled():
-                device = SimpleNamespace(address=address, name=name or None)
-                if fits(device, SimpleNamespace(local_name=name or None, service_uuids=[SERVICE])):
-                    return device
-            self.clock.advance(0.5)
-        return None
-
-    async def take(self) -> str:
-        hub, device = await find_hub(self, self.same, self.clock)
-        assert device.address == hub.address
-        self.same.chosen = self.same.chosen or hub
-        return hub.address
-
-    @property
-    def shown(self) -> str:
-        return str(self.same.chosen)
+A, B = "001653000001", "001653000002"
 
 
-class WifiBricks(Place):
-    """EV3 bricks with LEGO's firmware: each announces itself every 5 s, and is heard twice."""
-
-    def begin(self) -> None:
-        brick = self.wanted if ":" in self.wanted else ""
-        self.driver = Ev3StockDriver(Ev3StockOptions(line="wifi", brick=brick), self.clock)
-        self.patch.setattr(stock_driver, "open_line", self._open)
-
-    def _heard(self) -> Iterator[tuple[float, Beacon | None]]:
-        since_s = self.clock.now_s()
-        phases = [(self.chance.uniform(0.0, 5.0), at.replace(":", "")) for at in self.there]
-        heard = [(phase + delay, at) for phase, at in phases for delay in (0.0, 0.01, 5.0)]
-        for at_s, brick in sorted(heard):
-            if at_s < 8.0:
-                yield since_s + at_s, Beacon("10.0.0.7", 3015, brick, 5555)
-
-    def _open(self, kind: str, brick: str, *_: Any) -> Any:
-        chosen = choose_brick(self._heard(), brick.replace(":", ""))
-        if chosen is None:
-            raise DriveError("it was not heard")
-        return SimpleNamespace(serial=chosen.serial)
-
-    async def take(self) -> str:
-        return str(lines.shown_id(self.driver._open_line().serial))
-
-    @property
-    def shown(self) -> str:
-        return self.driver.device
+@pytest.mark.parametrize(
+    ("heard", "wanted", "chosen"),
+    [
+        ([(0.0, A), (0.01, A), (5.0, A)], "", A),
+        ([(0.0, A), (2.0, B)], B, B),
+        ([(0.0, B), (8.0, "")], A, None),
+        ([(8.0, "")], "", None),
+    ],
+    ids=["the only one, heard twice", "the wanted one", "only another one", "none"],
+)
+def test_a_brick_is_chosen_by_its_announcements(
+    heard: list[tuple[float, str]], wanted: str, chosen: str | None
+) -> None:
+    beacons = [(at_s, Beacon("10.0.0.7", 3015, it, 5555) if it else None) for at_s, it in heard]
+    found = choose_brick(beacons, wanted)
+    assert (found and found.serial) == chosen
 
 
-class CableBricks(WifiBricks):
-    """The same on USB cables; their names are sockets, which identify nothing."""
+def test_of_two_bricks_that_announce_themselves_none_is_chosen() -> None:
+    beacons = [(at_s, Beacon("10.0.0.7", 3015, it, 5555)) for at_s, it in ((0, A), (4.9, B))]
+    with pytest.raises(DriveError, match=r"unclear which brick.*--brick 00:16:53:00:00:01"):
+        choose_brick(beacons)
 
-    def _open(self, kind: str, brick: str, *_: Any) -> Any:
-        there = {at.replace(":", ""): at for at, _ in self.shuffled()}
-        self.patch.setattr(lines, "_usb_bricks", lambda root=None: there)
-        path = lines.find_usb(brick.replace(":", ""))
-        return SimpleNamespace(serial=str(path).replace(":", ""))
+
+def test_a_driver_asks_for_the_brick_that_it_had_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+
+    def open_line(kind: str, brick: str, *_: Any) -> Any:
+        asked.append(brick)
+        return SimpleNamespace(serial=A)
+
+    monkeypatch.setattr(stock_driver, "open_line", open_line)
+    driver = Ev3StockDriver(Ev3StockOptions(line="wifi"), VirtualClock())
+    for _ in range(2):
+        driver._open_line()
+    assert (asked, driver.device) == (["", A], "00:16:53:00:00:01")
 
 
 class Board:
@@ -153,41 +137,6 @@ class Board:
         ms = round(1000 * self.clock.now_s())
         report = {"nonce": self.name, "seq": self.seq, "ms": ms, "id": self.name}
         return json.dumps(report).encode()
-
-
-KINDS: tuple[type[Place], ...] = (Hubs, WifiBricks, CableBricks)
-
-
-async def live(place: Place, seed: int) -> list[int]:
-    """Run one history; return how often the device was found, refused and missing."""
-    counts, mine = [0, 0, 0], ""
-    for _ in range(12):
-        try:
-            taken = await place.take()
-        except (ConnectionError, DriveError) as error:
-            is_refused = any(words in str(error) for words in REFUSED)
-            counts[1 if is_refused else 2] += 1
-            assert not (is_refused and mine), f"it knows which one: {error}"
-        else:
-            counts[0] += 1
-            mine = mine or taken
-            assert taken == mine, f"another one in history {seed}"
-            assert mine in place.shown, "the page says which one it is"
-        place.happen()
-    return counts
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_no_history_of_drops_and_renames_leads_to_another_device(
-    kind: type[Place], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    n_lives = HISTORIES // len(KINDS) + 1
-
-    async def live_all() -> list[list[int]]:
-        return [await live(kind(random.Random(seed), monkeypatch), seed) for seed in range(n_lives)]
-
-    found, refused, missing = map(sum, zip(*asyncio.run(live_all()), strict=True))
-    assert min(found, refused, missing) > n_lives / 5
 
 
 def test_twins_are_told_apart_and_a_lost_one_is_named() -> None:

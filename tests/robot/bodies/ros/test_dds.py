@@ -1,33 +1,24 @@
-"""A ROS robot over DDS: messages by a third-party codec, options, and a robot that dies."""
+"""A ROS robot over DDS: messages by a third-party codec, options, and a robot on the network."""
 
 from __future__ import annotations
 
-import json
 import logging
-import signal
 import struct
-import subprocess
 import sys
-import threading
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import pytest
 
-from robot.bodies.ros.camera import RosCamera, RosCameraOptions, read_pixels
 from robot.bodies.ros.driver import RosDriver, RosOptions
 from robot.bodies.ros.suggestion import Endpoint, suggest
 from robot.bodies.ros.topics import COMPRESSED, HEADER, ODOMETRY, RANGE, RAW, STAMPED, TEXT, TWIST
 from robot.bodies.ros.transport import open_topics
 from robot.clock import RealClock
 from robot.errors import ConfigurationError, DriveError, MissingExtraError
-from robot.testing import VirtualClock
-from robot.types import Action, Pose
+from robot.types import Action
 from tests.contract.real_parts import check_camera_on_its_real_line, check_driver_on_its_real_line
-from tests.kit.sizes import IS_FULL
 from tests.kit.wait import wait_until
-from tests.robot.bodies.sending import error_while_driving, send_until
-from tests.standins.firmware import ROOT
 
 pytest.importorskip("cyclonedds", reason="has no wheel for this Python or processor")
 pytest.importorskip("rosbags", reason="decodes what is sent")
@@ -37,7 +28,6 @@ from robot.bodies.ros import dds
 from robot.bodies.ros.messages import TYPES, dds_topic, from_dds, ros_topic, ros_type, to_dds
 from tests.standins.dds_robot import BASE, IMAGES, DdsRobot, own_domain
 
-STANDS_S = 0.5
 VALUES: dict[str, Any] = {"int32": -7, "uint32": 9, "uint8": 3, "float32": 0.5, "float64": -0.25}
 
 
@@ -98,22 +88,6 @@ def test_a_cut_off_picture_is_an_error(kind: str) -> None:
             TYPES[kind].deserialize(data[:length])
 
 
-@pytest.mark.parametrize(
-    ("encoding", "pixel"),
-    [("rgb8", [1, 2, 3]), ("bgr8", [3, 2, 1]), ("rgba8", [1, 2, 3, 9]), ("bgra8", [3, 2, 1, 9])],
-)
-def test_pixels_become_rgb_and_padding_is_left_out(encoding: str, pixel: list[int]) -> None:
-    row = bytes(pixel * 2) + b"pad"
-    message = {"width": 2, "height": 2, "step": len(row), "encoding": encoding}
-    picture = read_pixels(message, 2 * row)
-    assert (picture.width, picture.height, picture.data) == (2, 2, bytes([1, 2, 3] * 4))
-    grey = {"width": 2, "height": 1, "step": 2, "encoding": "mono8"}
-    assert read_pixels(grey, b"\5\6").data == b"\5\5\5\6\6\6"
-    for wrong in ({"width": 0}, {"step": 1}, {"encoding": "32FC1"}, {"height": 9}):
-        with pytest.raises((ValueError, KeyError)):
-            read_pixels(message | wrong, 2 * row)
-
-
 def test_peers_are_queried_by_unicast_without_a_time_limit() -> None:
     text = dds.configuration(["127.0.0.1", "localhost"], "")
     assert text.count('<Peer Address="127.0.0.1" PruneDelay="inf"/>') == 2
@@ -128,8 +102,6 @@ def test_options_of_one_transport_are_refused_by_the_other() -> None:
     assert RosOptions(transport="dds", address="a", peers="b, a,,c").hosts == ("a", "b", "c")
     for options in (
         {"transport": "dds", "address": "robot:9090"},
-        {"peers": "b"},
-        {"interface": "eth0"},
         {"transport": "dds", "domain": 233},
         {"transport": "dds", "odometry_topic": "a b"},
     ):
@@ -164,79 +136,7 @@ def test_the_found_topics_suggest_the_options() -> None:
     assert words(("/ir/front", RANGE, True)) == "--range-topic /ir/front"
 
 
-def test_odometry_and_range_are_sensed_while_they_are_fresh() -> None:
-    clock = VirtualClock(100.0)
-    options = RosOptions(address="robot", odometry_topic="/odom", range_topic="/ir")
-    driver = RosDriver(options, clock)
-    told: dict[str, Any] = {}
-
-    class Connected:
-        refusal, silent_s = "", 0.0
-
-        def publish(self, *_: Any) -> None: ...
-
-        def close(self) -> None: ...
-
-    def open_topics(*_: Any, **given: Any) -> Any:
-        told.update(given)
-        return Connected()
-
-    driver.open_topics = open_topics
-    with driver:
-        assert told["subscribed"] == {"/odom": ODOMETRY, "/ir": RANGE}
-        turned = {"x": 0.0, "y": 0.0, "z": 1.0, "w": 1.0}
-        at = {"x": 1.5, "y": -2.0, "z": 0.0}
-        pose = {"pose": {"pose": {"position": at, "orientation": turned}}}
-        told["on_message"]("/odom", pose)
-        told["on_message"]("/ir", {"range": 0.5, "min_range": 0.1, "max_range": 2.0})
-        sensed = driver.sense()
-        assert sensed.distance_m == 0.5
-        assert sensed.pose == Pose(
-            x_m=1.5, y_m=-2.0, heading_rad=pytest.approx(np.pi / 2), is_estimate=True
-        )
-        told["on_message"]("/ir", {"range": float("inf"), "min_range": 0.1, "max_range": 2.0})
-        for broken in ({}, {"pose": 3}, {"pose": {"pose": {"position": {}}}}):
-            told["on_message"]("/odom", broken)
-        assert driver.sense().distance_m is None and driver.sense().pose is not None
-        clock.sleep(1.0)
-        assert driver.sense().pose is None
-
-
 # On the network --------------------------------------------------------------------------------
-
-
-class RobotProcess:
-    """`tests.standins.dds_robot` as a program; `velocities` are the orders to its base."""
-
-    def __init__(self, *words: str) -> None:
-        self.velocities: list[tuple[float, float, float]] = []
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "tests.standins.dds_robot", str(own_domain()), *words],
-            cwd=ROOT,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        assert self.process.stdout is not None and self.process.stdout.readline() == "ready\n"
-        self._thread = threading.Thread(target=self._read)
-        self._thread.start()
-
-    def _read(self) -> None:
-        assert self.process.stdout is not None
-        for line in self.process.stdout:
-            self.velocities.append(tuple(json.loads(line)))
-
-    @property
-    def is_moving(self) -> bool:
-        return bool(self.velocities) and any(self.velocities[-1][1:])
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.process.kill()
-        self.process.communicate()
-        self._thread.join()
 
 
 def driver_for(**options: Any) -> RosDriver:
@@ -249,41 +149,8 @@ def driver_for(**options: Any) -> RosDriver:
 def test_a_robot_on_dds_is_driven_seen_and_lost(caplog: pytest.LogCaptureFixture) -> None:
     check_driver_on_its_real_line("ros over DDS")
     check_camera_on_its_real_line("ros over DDS")
-    a_robot_in_another_process_is_found_frozen_and_dead()
-    if IS_FULL:
-        a_robot_that_starts_again_is_driven_again()
     what_listens_for_another_type_is_a_sentence()
     others_on_the_topic_are_in_the_log(caplog)
-
-
-def a_robot_in_another_process_is_found_frozen_and_dead() -> None:
-    camera = RosCamera(
-        RosCameraOptions(transport="dds", address="127.0.0.1", domain=own_domain()), RealClock()
-    )
-    with RobotProcess() as robot, driver_for() as driver, camera:
-        wait_until(camera.latest)
-        for move in driver.moves:
-            driver.send_action(move)
-        wait_until(lambda: len(robot.velocities) > len(driver.moves))
-        driver.send_action(Action.FORWARD)
-        wait_until(lambda: robot.velocities[-1][1:] == (0.0, 0.0), "zero ends a move")
-        robot.process.send_signal(signal.SIGSTOP)
-        assert "has not answered" in error_while_driving(driver)
-        wait_until(lambda: camera.fault)
-        robot.process.send_signal(signal.SIGCONT)
-        wait_until(lambda: camera.fault is None)
-        robot.process.kill()
-        assert "has not answered" in error_while_driving(driver)
-
-
-def a_robot_that_starts_again_is_driven_again() -> None:
-    """This holds although DDS takes ten seconds to forget a dead participant."""
-    with RobotProcess("watchdog") as robot, driver_for(watchdog=True) as driver:
-        send_until(driver, Action.FORWARD, lambda: robot.is_moving)
-        robot.process.kill()
-        assert "watchdog" in error_while_driving(driver)
-        with RobotProcess("watchdog") as again:
-            send_until(driver, Action.FORWARD, lambda: again.is_moving)
 
 
 def what_listens_for_another_type_is_a_sentence() -> None:

@@ -1,50 +1,43 @@
-"""A ROS robot over a small rosbridge: velocities, pictures, advice, and their absence."""
+"""A ROS robot: velocities, pictures, sensors, advice; and a small rosbridge that refuses, or is
+gone."""
 
 from __future__ import annotations
 
 import json
+import logging
 import math
 import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable
 from typing import Any
 from unittest import mock
 
 import pytest
 
-from robot.bodies.ros.camera import RosCamera, RosCameraOptions
+from robot.bodies.ros.camera import RosCamera, RosCameraOptions, read_pixels
 from robot.bodies.ros.driver import RosDriver, RosOptions
+from robot.bodies.ros.refusals import REFUSED_S
+from robot.bodies.ros.topics import GONE_S, ODOMETRY, RANGE
 from robot.clock import RealClock
-from robot.control.config import LoopConfig
-from robot.devices.driver_thread import DriverThread
-from robot.devices.rig import Rig
 from robot.errors import CameraError, ConfigurationError, DriveError
-from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
-from robot.types import Action
-from tests.contract.real_parts import (
-    check_camera_on_its_real_line,
-    check_driver_on_its_real_line,
-)
+from robot.types import Action, Pose, Prediction
+from tests.contract.real_parts import check_camera_on_its_real_line, check_driver_on_its_real_line
+from tests.kit.frames import grey_jpeg
 from tests.kit.needed import installed
 from tests.kit.wait import wait_until
-from tests.robot.bodies.sending import send_until
+from tests.robot.bodies.ros.topics import HeldTopics
+from tests.robot.bodies.sending import error_while_driving, send_until
 from tests.standins.firmware import ROOT
-from tests.standins.rosbridge import RosBridgeServer, grey_image
-
-ADVICE = "/drivelesson/advice"
+from tests.standins.rosbridge import RosBridgeServer
 
 
-@pytest.fixture
-def ros() -> Iterator[RosBridgeServer]:
-    with RosBridgeServer() as running:
-        yield running
-
-
-def driver_for(ros: RosBridgeServer, **options: Any) -> RosDriver:
-    return RosDriver(RosOptions(address=ros.address, **options))
+def driver_on(topics: HeldTopics, **options: Any) -> RosDriver:
+    driver = RosDriver(RosOptions(address="base", **options), VirtualClock(100.0))
+    driver.open_topics = topics.open
+    return driver
 
 
 def speeds(message: dict[str, Any]) -> tuple[float, float]:
@@ -52,73 +45,175 @@ def speeds(message: dict[str, Any]) -> tuple[float, float]:
     return twist["linear"]["x"], twist["angular"]["z"]
 
 
-@pytest.mark.realtime
-def test_a_base_is_driven_watched_and_lost(ros: RosBridgeServer) -> None:
-    """One bridge is used for all of this."""
-    check_driver_on_its_real_line("ros")
-    check_camera_on_its_real_line("ros")
-    a_bridge_that_is_not_there_is_a_sentence()
-    moves_are_velocities_in_metres_and_radians(ros)
-    a_velocity_that_is_not_renewed_is_followed_by_zero(ros)
-    a_topic_that_sends_something_else_is_a_fault(ros)
-    what_the_learner_would_do_is_a_topic(ros)
-    without_a_bridge_the_driver_says_what_that_means(ros)
-    a_bridge_without_a_sign_of_life_is_connected_anew(ros)
-
-
-def moves_are_velocities_in_metres_and_radians(ros: RosBridgeServer) -> None:
-    moves = "forward,left,spin_right,fast:0:1,half_left:-0.5:0.25"
-    with driver_for(ros, linear_mps=0.4, turn_rate_deg_s=90.0, body_moves=moves) as driver:
-        ros.settle(driver._connection)
-        assert ros.topics["/cmd_vel"] == "geometry_msgs/msg/Twist"
-        ros.cmd_vel.clear()
+def test_moves_are_velocities_in_metres_and_radians_and_end_with_zero() -> None:
+    topics, moves = HeldTopics(), "forward,left,spin_right,fast:0:1,half_left:-0.5:0.25"
+    with driver_on(topics, linear_mps=0.4, turn_rate_deg_s=90.0, body_moves=moves) as driver:
+        assert topics.advertised == {"/cmd_vel": "geometry_msgs/msg/Twist"}
+        topics.published.clear()
         for move in driver.moves:
             driver.send_action(move, speed_scale=0.5)
-        driver.send_action(Action.STOP)
-        ros.settle(driver._connection)
     turn = math.pi / 2
-    wanted = [(0.1, 0), (0.1, turn / 2), (0, -turn / 2), (0.2, 0), (0.05, turn / 4)]
-    told = [pair for pair in map(speeds, ros.cmd_vel) if any(pair)]
-    assert told == [pytest.approx(pair) for pair in wanted]
-    assert not any(speeds(ros.cmd_vel[-1]))
+    wanted = [(0.1, 0), (0.1, turn / 2), (0, -turn / 2), (0.2, 0), (0.05, turn / 4), (0, 0)]
+    assert [speeds(told) for _, told, _ in topics.published] == [pytest.approx(w) for w in wanted]
+    for _, _, ends in topics.published[:-1]:
+        assert (speeds(ends[0]), ends[1]) == ((0.0, 0.0), 0.4)
 
 
 def test_stamped_velocities_carry_the_time() -> None:
-    clock, bridge = VirtualClock(), mock.Mock()
-    bridge.return_value.silent_s, bridge.return_value.refusal = 0.0, ""
-    options = RosOptions(address="base", stamped=True)
-    driver = RosDriver(options, clock)
-    driver.open_topics = bridge
-    with driver:
+    topics = HeldTopics()
+    with driver_on(topics, stamped=True) as driver:
         driver.send_action(Action.FORWARD)
-    assert bridge.call_args.kwargs["advertised"] == {"/cmd_vel": "geometry_msgs/msg/TwistStamped"}
-    *_, (topic, message, (end, for_s)) = (
-        call.args for call in bridge.return_value.publish.call_args_list if call.args[2] is not None
-    )
-    assert (topic, for_s, speeds(message), speeds(end)) == ("/cmd_vel", 0.4, (0.2, 0), (0, 0))
+        topic, message, _ = topics.published[-1]
+    assert topics.advertised == {"/cmd_vel": "geometry_msgs/msg/TwistStamped"}
+    assert (topic, speeds(message)) == ("/cmd_vel", (0.2, 0.0))
     stamp = message["header"]["stamp"]
-    assert stamp["sec"] + stamp["nanosec"] / 1e9 == pytest.approx(clock.wall_s(), abs=1e-3)
+    assert stamp["sec"] + stamp["nanosec"] / 1e9 == pytest.approx(driver._clock.wall_s(), abs=1e-3)
+
+
+def test_odometry_and_range_are_sensed_while_they_are_fresh() -> None:
+    topics = HeldTopics()
+    with driver_on(topics, odometry_topic="/odom", range_topic="/ir") as driver:
+        assert topics.subscribed == {"/odom": ODOMETRY, "/ir": RANGE}
+        turned = {"x": 0.0, "y": 0.0, "z": 1.0, "w": 1.0}
+        at = {"x": 1.5, "y": -2.0, "z": 0.0}
+        topics.on_message("/odom", {"pose": {"pose": {"position": at, "orientation": turned}}})
+        topics.on_message("/ir", {"range": 0.5, "min_range": 0.1, "max_range": 2.0})
+        sensed = driver.sense()
+        heading = pytest.approx(math.pi / 2)
+        assert sensed.pose == Pose(x_m=1.5, y_m=-2.0, heading_rad=heading, is_estimate=True)
+        assert sensed.distance_m == 0.5
+        topics.on_message("/ir", {"range": math.inf, "min_range": 0.1, "max_range": 2.0})
+        for broken in ({}, {"pose": 3}, {"pose": {"pose": {"position": {}}}}):
+            topics.on_message("/odom", broken)
+        assert driver.sense().distance_m is None and driver.sense().pose is not None
+        driver._clock.sleep(1.0)
+        assert driver.sense().pose is None
+
+
+def test_what_the_learner_would_do_is_a_topic() -> None:
+    topics = HeldTopics()
+    with driver_on(topics, advice_topic="/advice") as driver:
+        driver.advise(Prediction(frame_id=7, action=Action.LEFT, confidence=0.123456))
+    assert topics.advertised["/advice"] == "std_msgs/msg/String"
+    [data] = [message["data"] for topic, message, _ in topics.published if topic == "/advice"]
+    assert json.loads(data) == {"move": "left", "confidence": 0.1235, "novel": False, "frame": 7}
+
+
+@pytest.mark.parametrize(
+    ("watchdog", "who"), [(False, "only the robot's own base can"), (True, "the watchdog")]
+)
+def test_a_silent_or_refusing_robot_is_an_error_and_a_stop_is_sent_all_the_same(
+    watchdog: bool, who: str
+) -> None:
+    topics = HeldTopics()
+    driver = driver_on(topics, watchdog=watchdog)
+    sign = {"stamp": {"sec": 1, "nanosec": 0}}
+    driver._clock.start_thread(lambda: driver._take_sign(sign), "a sign of life")
+    with driver:
+        topics.silent_s = GONE_S + 0.01
+        with pytest.raises(DriveError, match=f"has not answered.*{who}"):
+            driver.sense()
+        topics.silent_s, topics.refusal = 0.0, "geometry_msgs/msg/TwistStamped is expected"
+        topics.published.clear()
+        driver.stop()
+        with pytest.raises(DriveError, match="TwistStamped is expected"):
+            driver.send_action(Action.FORWARD)
+        assert not any(speeds(topics.published[0][1]))
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        ("linear_mps", 0.0),
+        ("turn_rate_deg_s", 1e9),
+        ("cmd_vel_topic", "/a b"),
+        ("advice_topic", "a//b"),
+        ("body_moves", "forward,push"),
+        ("peers", "b"),
+        ("interface", "eth0"),
+    ],
+)
+def test_bad_options_are_refused_with_their_name(option: str, value: object) -> None:
+    with pytest.raises(ConfigurationError, match="--" + option.replace("_", "-")):
+        RosDriver(RosOptions(**{option: value}))
+    with pytest.raises(ConfigurationError, match="--image-topic"):
+        RosCameraOptions(image_topic="/a b")
+
+
+@pytest.mark.parametrize(
+    ("broken", "says"),
+    [
+        ({"format": "png", "data": "iVBORw0KGgo="}, "'png', which is not JPEG"),
+        ({"format": "jpeg", "data": "%%%"}, "'jpeg', which is not JPEG"),
+        ({"format": 7}, "'7', which is not JPEG"),
+    ],
+)
+def test_a_topic_that_sends_something_else_is_a_fault(broken: Any, says: str) -> None:
+    clock, topics = VirtualClock(), HeldTopics()
+    with (
+        mock.patch("robot.bodies.ros.camera.open_topics", topics.open),
+        RosCamera(RosCameraOptions(address="base"), clock) as camera,
+    ):
+        topics.on_message("", broken)
+        clock.sleep(1.0)
+        assert says in str(camera.fault)
+        topics.on_message("", {"data": grey_jpeg(1)})
+        assert camera.fault is None
+        topics.refusal = "topic /front already has type sensor_msgs/msg/Image"
+        clock.sleep(1.0)
+        assert topics.refusal in str(camera.fault) and "--image-topic" in str(camera.fault)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "pixel"),
+    [("rgb8", [1, 2, 3]), ("bgr8", [3, 2, 1]), ("rgba8", [1, 2, 3, 9]), ("bgra8", [3, 2, 1, 9])],
+)
+def test_pixels_become_rgb_and_padding_is_left_out(encoding: str, pixel: list[int]) -> None:
+    row = bytes(pixel * 2) + b"pad"
+    message = {"width": 2, "height": 2, "step": len(row), "encoding": encoding}
+    picture = read_pixels(message, 2 * row)
+    assert (picture.width, picture.height, picture.data) == (2, 2, bytes([1, 2, 3] * 4))
+    grey = {"width": 2, "height": 1, "step": 2, "encoding": "mono8"}
+    assert read_pixels(grey, b"\5\6").data == b"\5\5\5\6\6\6"
+    for wrong in ({"width": 0}, {"step": 1}, {"encoding": "32FC1"}, {"height": 9}):
+        with pytest.raises((ValueError, KeyError)):
+            read_pixels(message | wrong, 2 * row)
+
+
+# Over a real socket ----------------------------------------------------------------------------
+
+
+def driver_for(ros: RosBridgeServer) -> RosDriver:
+    return RosDriver(RosOptions(address=ros.address))
+
+
+@pytest.mark.realtime
+def test_a_base_is_driven_watched_and_lost(caplog: pytest.LogCaptureFixture) -> None:
+    check_driver_on_its_real_line("ros")
+    check_camera_on_its_real_line("ros")
+    a_bridge_that_is_not_there_is_a_sentence()
+    with RosBridgeServer(has_timeout=False) as ros:
+        a_velocity_that_is_not_renewed_is_followed_by_zero(ros)
+        a_bridge_without_a_sign_of_life_is_connected_anew(ros)
+        caplog.set_level(logging.WARNING, "robot.bodies.ros")
+        a_refusal_is_an_error_until_the_bridge_accepts_the_topic(ros, caplog)
+
+
+def a_bridge_that_is_not_there_is_a_sentence() -> None:
+    options = {"address": "127.0.0.1:9"}
+    with pytest.raises(DriveError, match="rosbridge_server"):
+        RosDriver(RosOptions(**options)).connect()
+    with pytest.raises(CameraError, match=r"127\.0\.0\.1:9"):
+        RosCamera(RosCameraOptions(**options), RealClock()).start()
 
 
 def a_velocity_that_is_not_renewed_is_followed_by_zero(ros: RosBridgeServer) -> None:
     """This base never stops by itself, so our zero ends the move."""
-    with mock.patch.object(ros, "has_timeout", False), driver_for(ros) as driver:
+    with driver_for(ros) as driver:
         ros.settle(driver._connection)
         before = len(ros.cmd_vel)
         driver.send_action(Action.FORWARD)
         ros.wait_until(lambda: [any(speeds(m)) for m in ros.cmd_vel[before:]][:2] == [True, False])
-
-
-def without_a_bridge_the_driver_says_what_that_means(ros: RosBridgeServer) -> None:
-    with driver_for(ros) as driver:
-        ros.frozen.set()
-        with pytest.raises(DriveError, match=r"only the robot's own base can stop it now"):
-            for _ in range(500):
-                driver.sense()
-                time.sleep(0.01)
-        ros.frozen.clear()
-
-        send_until(driver, Action.FORWARD, lambda: ros.is_moving)
 
 
 def a_bridge_without_a_sign_of_life_is_connected_anew(ros: RosBridgeServer) -> None:
@@ -131,89 +226,67 @@ def a_bridge_without_a_sign_of_life_is_connected_anew(ros: RosBridgeServer) -> N
         send_until(driver, Action.FORWARD, lambda: ros.is_moving)
 
 
-def a_bridge_that_is_not_there_is_a_sentence() -> None:
-    options = {"address": "127.0.0.1:9"}
-    with pytest.raises(DriveError, match="rosbridge_server"):
-        RosDriver(RosOptions(**options)).connect()
-    with pytest.raises(CameraError, match=r"127\.0\.0\.1:9"):
-        RosCamera(RosCameraOptions(**options), RealClock()).start()
+def answering(operation: str, level: str, says: str) -> Callable[[dict[str, Any]], list[str]]:
+    """Answer each operation of one kind with a status."""
+    status = {"op": "status", "level": level, "msg": says}
+
+    def answers(asked: dict[str, Any]) -> list[str]:
+        is_told = asked["op"] == operation
+        return [json.dumps({**status, "id": asked.get("id")})] if is_told else []
+
+    return answers
 
 
-@pytest.mark.parametrize(
-    ("option", "value"),
-    [
-        ("linear_mps", 0.0),
-        ("linear_mps", math.nan),
-        ("turn_rate_deg_s", 1e9),
-        ("cmd_vel_topic", ""),
-        ("cmd_vel_topic", "/a b"),
-        ("advice_topic", "a//b"),
-        ("body_moves", "forward,push"),
-    ],
-)
-def test_bad_options_are_refused_with_their_name(option: str, value: object) -> None:
-    with pytest.raises(ConfigurationError, match="--" + option.replace("_", "-")):
-        RosDriver(RosOptions(**{option: value}))
-    with pytest.raises(ConfigurationError, match="--image-topic"):
-        RosCameraOptions(image_topic="/a b")
+def a_refusal_is_an_error_until_the_bridge_accepts_the_topic(
+    ros: RosBridgeServer, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The conflicting node may end: then the topic is requested again, without a new connection."""
 
+    def hears(driver: RosDriver, seconds: float = 30.0) -> str:
+        """Return the first error of a drive, except a pause of this computer."""
+        return error_while_driving(driver, seconds, but="has not answered")
 
-def a_topic_that_sends_something_else_is_a_fault(ros: RosBridgeServer) -> None:
-    with RosCamera(RosCameraOptions(address=ros.address), RealClock()) as camera:
-        wait_until(camera.latest)
-        for broken, says in (
-            ({"format": "png", "data": "iVBORw0KGgo="}, "'png', which is not JPEG"),
-            ({"format": "jpeg", "data": "%%%"}, "which is not JPEG"),
-            ({"format": 7}, "which is not JPEG"),
-        ):
-            ros.images = lambda index, broken=broken: broken
-            wait_until(lambda says=says: camera.fault is not None and says in camera.fault)
-            ros.images = grey_image
-            wait_until(lambda: camera.fault is None)
-
-
-def what_the_learner_would_do_is_a_topic(ros: RosBridgeServer) -> None:
-    """Nobody starts the robot: it only gives advice."""
-    ros.cmd_vel.clear()
-    driver = driver_for(ros, advice_topic=ADVICE)
-    clock = RealClock()
-    camera = RosCamera(RosCameraOptions(address=ros.address), clock)
-    policy = make_policy("default-32", moves=(Action.FORWARD, Action.LEFT))
-    rig = Rig(DriverThread(driver, clock), camera, policy, clock, LoopConfig())
-    with rig:
-        ros.wait_until(lambda: len(ros.told[ADVICE]) >= 3)
-    told = [json.loads(message["data"]) for message in ros.told[ADVICE]]
-    assert ros.topics[ADVICE] == "std_msgs/msg/String"
-    assert all(set(each) == {"move", "confidence", "novel", "frame"} for each in told)
-    frames = [each["frame"] for each in told]
-    assert frames == sorted(set(frames)), "one of each picture at most"
-    assert not any(any(speeds(message)) for message in ros.cmd_vel), "and it never moved"
+    says = "Topic /cmd_vel already established with type geometry_msgs/msg/TwistStamped"
+    with driver_for(ros) as driver:
+        ros.answers = answering("publish", "warning", "slow")
+        driver.send_action(Action.FORWARD)
+        wait_until(lambda: "rosbridge warns: publish:/cmd_vel: slow" in caplog.text)
+        assert not hears(driver, 0.1)
+    ros.answers = answering("advertise", "error", says)
+    with driver_for(ros) as driver:
+        said = hears(driver)
+        assert says in said and said.endswith("start with --stamped true")
+        time.sleep(1.2 * REFUSED_S)
+        assert hears(driver) == said, "it is refused still"
+        ros.answers = lambda asked: []
+        wait_until(lambda: not hears(driver, 0.05))
 
 
 @pytest.mark.realtime
-def test_a_foreign_client_hears_what_we_say(ros: RosBridgeServer) -> None:
+def test_a_foreign_client_hears_what_we_say() -> None:
     """CI installs `roslibpy` only for this test."""
     path = installed("roslibpy", "roslibpy")
-    client = subprocess.Popen(
-        [sys.executable, "-m", "tests.robot.bodies.ros.foreign_client", ros.address],
-        env={**os.environ, "PYTHONPATH": str(path)},
-        cwd=ROOT,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        assert client.stdout is not None
-        assert client.stdout.readline().strip() == "ready"
-        ros.wait_until(lambda: bool(ros.told["/cmd_vel_foreign"]))
-        theirs = ros.told["/cmd_vel_foreign"][0]
-        wait_until(lambda: ros._listeners["/cmd_vel"])
-        with driver_for(ros) as driver:
-            send_until(driver)
-            heard = [json.loads(client.stdout.readline()) for _ in range(2)]
-    finally:
-        client.kill()
-        client.communicate()
+    with RosBridgeServer() as ros:
+        client = subprocess.Popen(
+            [sys.executable, "-m", "tests.robot.bodies.ros.foreign_client", ros.address],
+            env={**os.environ, "PYTHONPATH": str(path)},
+            cwd=ROOT,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        try:
+            assert client.stdout is not None
+            assert client.stdout.readline().strip() == "ready"
+            ros.wait_until(lambda: bool(ros.told["/cmd_vel_foreign"]))
+            theirs = ros.told["/cmd_vel_foreign"][0]
+            wait_until(lambda: ros._listeners["/cmd_vel"])
+            with driver_for(ros) as driver:
+                send_until(driver)
+                heard = [json.loads(client.stdout.readline()) for _ in range(2)]
+        finally:
+            client.kill()
+            client.communicate()
     assert [speeds(message) for message in heard] == [(0.0, 0.0), (0.2, 0.0)]
     assert {part: set(theirs[part]) for part in theirs} == {
         part: set(heard[1][part]) for part in heard[1]
