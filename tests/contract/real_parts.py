@@ -108,7 +108,7 @@ def lego_education_driver() -> Iterator[DriverCase]:
 @contextmanager
 def ros_driver() -> Iterator[DriverCase]:
     """A base that never stops by itself, behind our watchdog."""
-    with RosBridgeServer(has_timeout=False) as ros, ros.watchdog():
+    with RosBridgeServer() as ros, ros.watchdog():
         driver = RosDriver(RosOptions(address=ros.address, watchdog=True))
 
         def drives() -> Point:

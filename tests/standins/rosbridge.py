@@ -1,4 +1,4 @@
-"""A small rosbridge with a ROS robot, whose base stops if `cmd_vel` is not renewed."""
+"""A small rosbridge with a ROS robot, whose base never stops by itself."""
 
 from __future__ import annotations
 
@@ -19,25 +19,18 @@ from robot.clock import RealClock
 from robot.types import Point
 from tests.kit.frames import grey_jpeg
 from tests.kit.loops import LoopThread
+from tests.kit.wait import wait_until
 from tests.standins.rclpy_node import WatchdogNode
 
 IMAGES = "/camera/image_raw/compressed"
 SETTLED = "/settled"
-BASE_TIMEOUT_S = 0.4
-"""Time without a new velocity after which the base stops, in seconds; slightly below the 0.5 of
-ros2_control's diff_drive_controller (`cmd_vel_timeout`)."""
 
 
 class RosBridgeServer:
     """While `frozen`, it receives and sends nothing, not even pongs. `cmd_vel` has all velocities
-    so far.
+    so far, and `told` all messages by topic."""
 
-    Args:
-        has_timeout: Whether the base ends a velocity that is not renewed; many bases do not.
-    """
-
-    def __init__(self, *, has_timeout: bool = True) -> None:
-        self.has_timeout = has_timeout
+    def __init__(self) -> None:
         self.frozen = threading.Event()
         self.topics: dict[str, str] = {}
         self.cmd_vel: list[dict[str, Any]] = []
@@ -46,11 +39,9 @@ class RosBridgeServer:
         """The reactions of other nodes on the robot to a topic's messages; see `publish`."""
         self.answers: Callable[[dict[str, Any]], list[str]] = lambda asked: []
         """Further messages that answer each operation."""
-        self._moved_s = -100.0
         self.port = 0
         self._sockets: set[Any] = set()
         self._listeners: dict[str, set[Any]] = defaultdict(set)
-        self._news = threading.Condition()
         self._over = threading.Event()
 
     @property
@@ -64,31 +55,22 @@ class RosBridgeServer:
     @property
     def drives(self) -> Point:
         """The motion of its base: a turn to the right, and the speed ahead."""
-        is_old = self.has_timeout and time.monotonic() - self._moved_s > BASE_TIMEOUT_S
-        if not self.cmd_vel or is_old:
+        if not self.cmd_vel:
             return Point(0.0, 0.0)
         twist = self.cmd_vel[-1].get("twist", self.cmd_vel[-1])
         return Point(-twist["angular"]["z"], twist["linear"]["x"])
-
-    def listen(self, topic: str, socket: Any) -> None:
-        """Send a socket every message of a topic."""
-        self._listeners[topic].add(socket)
 
     def settle(self, bridge: Any) -> None:
         """Wait until all messages sent so far have arrived; None: until no client is connected."""
         if self.frozen.is_set():
             return
         if bridge is None:
-            self.wait_until(lambda: not self._sockets)
+            wait_until(lambda: not self._sockets, "no client")
             return
         marks = self.told[SETTLED]
         count = len(marks) + 1
         bridge.publish(SETTLED, {})
-        self.wait_until(lambda: len(marks) >= count)
-
-    def wait_until(self, happened: Callable[[], bool]) -> None:
-        with self._news:
-            assert self._news.wait_for(happened, 60.0)
+        wait_until(lambda: len(marks) >= count, "all messages have arrived")
 
     def __enter__(self) -> Self:
         self._loop = LoopThread()
@@ -125,9 +107,7 @@ class RosBridgeServer:
         except websockets.ConnectionClosed:
             pass
         finally:
-            with self._news:
-                self._sockets.discard(socket)
-                self._news.notify_all()
+            self._sockets.discard(socket)
             for listeners in self._listeners.values():
                 listeners.discard(socket)
 
@@ -136,7 +116,7 @@ class RosBridgeServer:
         if asked["op"] == "advertise":
             self.topics[topic] = asked["type"]
         elif asked["op"] == "subscribe":
-            self.listen(topic, socket)
+            self._listeners[topic].add(socket)
         elif asked["op"] == "unsubscribe":
             self._listeners[topic].discard(socket)
         elif asked["op"] == "publish":
@@ -157,12 +137,9 @@ class RosBridgeServer:
                 await listener.send(text)
 
     def _note(self, topic: str, message: dict[str, Any]) -> None:
-        with self._news:
-            self.told[topic].append(message)
-            if "twist" in self.topics.get(topic, "").lower():
-                self.cmd_vel.append(message)
-                self._moved_s = time.monotonic()
-            self._news.notify_all()
+        self.told[topic].append(message)
+        if "twist" in self.topics.get(topic, "").lower():
+            self.cmd_vel.append(message)
 
     @contextlib.contextmanager
     def watchdog(self, **parameters: Any) -> Iterator[WatchdogNode]:

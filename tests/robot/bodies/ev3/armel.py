@@ -1,7 +1,7 @@
 """A brick's Debian under emulation: `qemu-arm -cpu arm926` in a chroot, with counters.
 
 The root is kept in var/armel-RELEASE, so that only the first run builds it. Needs root, qemu-user,
-mmdebstrap and a C compiler; if one is missing, the tests that use it are skipped with a message.
+mmdebstrap and a C compiler.
 """
 
 from __future__ import annotations
@@ -35,10 +35,8 @@ class Armel:
         if not os.environ.get("DRIVELESSON_BRICK"):
             pytest.skip("the emulated brick is started by: make test-brick")
         for tool in ("mmdebstrap", "qemu-arm", "cc", "unshare"):
-            if shutil.which(tool) is None:
-                _skip(f"{tool} is not installed")
-        if os.geteuid() != 0:
-            _skip("only root may change its root")
+            assert shutil.which(tool) is not None, f"{tool} is not installed"
+        assert os.geteuid() == 0, "only root may change its root"
         self.release = os.environ.get("DRIVELESSON_RELEASE", DEFAULT_RELEASE)
         kept = ROOT / "var" / f"armel-{self.release}"
         self.root = kept / "root"
@@ -82,21 +80,21 @@ class Armel:
         shutil.copy(film_camera.__file__, folder)
 
     def _precompile(self, *folders: str) -> None:
-        if not precompile(self.root, folders, self.release):
-            _skip("this Python cannot compile for the brick's; install its version")
+        is_compiled = precompile(self.root, folders, self.release)
+        assert is_compiled, "this Python cannot compile for the brick's; install its version"
 
-    def command(self, *args: str, counting: bool = True) -> list[str]:
+    def command(self, *args: str) -> list[str]:
         """The command that runs the brick's Python with these arguments."""
-        plugin = ["-plugin", "/emulator/count_instructions.so,into=/emulator/counters"]
-        emulator = [f"/emulator/{self._loader}", "--library-path", "/emulator"]
-        emulator += f"/emulator/qemu-arm -cpu arm926 -r 4.14.117 -B {GUEST_BASE:#x}".split()
-        emulator += [*(plugin if counting else []), "/usr/bin/python3", "-OO", *args]
+        emulator = f"/emulator/{self._loader} --library-path /emulator /emulator/qemu-arm"
+        emulator += f" -cpu arm926 -r 4.14.117 -B {GUEST_BASE:#x}"
+        emulator += " -plugin /emulator/count_instructions.so,into=/emulator/counters"
+        emulator += " /usr/bin/python3 -OO"
         # In a separate mount namespace, so that nothing stays mounted in any case.
         script = (
             'mount -t proc proc "$0/proc" && mount --rbind /dev "$0/dev" && '
             'exec /usr/sbin/chroot "$0" "$@"'
         )
-        return ["unshare", "--mount", "sh", "-c", script, str(self.root), *emulator]
+        return ["unshare", "--mount", "sh", "-c", script, str(self.root), *emulator.split(), *args]
 
     def run(self, *args: str) -> subprocess.CompletedProcess[str]:
         return run(*self.command(*args), env=ENVIRONMENT, timeout=300)
@@ -115,9 +113,3 @@ def guest_memory_mb(pid: int) -> float:
         elif is_guest and line.startswith("Rss:"):
             resident_kb += int(line.split()[1])
     return resident_kb / 1024
-
-
-def _skip(why: str) -> None:
-    if os.environ.get("DRIVELESSON_BRICK"):
-        raise RuntimeError(f"the brick's tests are required here, but {why}")
-    pytest.skip(f"no emulated brick: {why}")

@@ -88,6 +88,10 @@ def test_a_wrong_or_missing_secret_or_address_is_one_clear_line(
     path.write_text(SECRET + "\n")
     with make_driver(agent, "") as driver:
         assert driver.is_connected
+    path.write_text("another")
+    monkeypatch.setenv("DRIVELESSON_BRICK_SECRET", SECRET)
+    with make_driver(agent, "") as driver:
+        assert driver.is_connected
 
 
 @pytest.mark.parametrize("address", ["ev3dev.local:x", "ev3dev.local:99999", ":8765"])
@@ -327,6 +331,7 @@ def test_motors_that_are_missing_or_do_not_answer_are_named(
         missing.connect()
     assert not missing.is_connected
     with make_driver(agent) as driver:
+        brick.wait_until(lambda: "t" in driver.link.report)
         brick.unplug_motor("outC")
         agent._agent._body.motors._ports[1].close()
         with pytest.raises(DriveError, match=r"outB and outC do not answer .*check their cabl"):
@@ -334,6 +339,8 @@ def test_motors_that_are_missing_or_do_not_answer_are_named(
         driver.link.send("states")
         with pytest.raises(DriveError, match=r"outB and outC do not answer .*check their cabl"):
             driver.link.answer("states")
+        send_bytes(driver, sealed_run(driver))
+        brick.wait_until(lambda: "do not answer" in str(driver.link.report.get("fault")))
         assert driver.link.fault is None, "the connection stays"
 
 

@@ -49,7 +49,8 @@ class Served:
 
     def pilot(self) -> Pilot:
         """Return a pilot who draws nothing, but acknowledges each frame, like a page."""
-        return Pilot(self.address + "/ws/drive", sees=True, open_timeout=120)
+        url = self.address + "/ws/drive"
+        return Pilot(url, sees=True, open_timeout=120, ping_interval=None)
 
 
 @contextmanager

@@ -192,7 +192,7 @@ def test_a_base_is_driven_watched_and_lost(caplog: pytest.LogCaptureFixture) -> 
     check_driver_on_its_real_line("ros")
     check_camera_on_its_real_line("ros")
     a_bridge_that_is_not_there_is_a_sentence()
-    with RosBridgeServer(has_timeout=False) as ros:
+    with RosBridgeServer() as ros:
         a_velocity_that_is_not_renewed_is_followed_by_zero(ros)
         a_bridge_without_a_sign_of_life_is_connected_anew(ros)
         caplog.set_level(logging.WARNING, "robot.bodies.ros")
@@ -213,7 +213,7 @@ def a_velocity_that_is_not_renewed_is_followed_by_zero(ros: RosBridgeServer) -> 
         ros.settle(driver._connection)
         before = len(ros.cmd_vel)
         driver.send_action(Action.FORWARD)
-        ros.wait_until(lambda: [any(speeds(m)) for m in ros.cmd_vel[before:]][:2] == [True, False])
+        wait_until(lambda: [any(speeds(m)) for m in ros.cmd_vel[before:]][:2] == [True, False])
 
 
 def a_bridge_without_a_sign_of_life_is_connected_anew(ros: RosBridgeServer) -> None:
@@ -278,7 +278,7 @@ def test_a_foreign_client_hears_what_we_say() -> None:
         try:
             assert client.stdout is not None
             assert client.stdout.readline().strip() == "ready"
-            ros.wait_until(lambda: bool(ros.told["/cmd_vel_foreign"]))
+            wait_until(lambda: bool(ros.told["/cmd_vel_foreign"]))
             theirs = ros.told["/cmd_vel_foreign"][0]
             wait_until(lambda: ros._listeners["/cmd_vel"])
             with driver_for(ros) as driver:
