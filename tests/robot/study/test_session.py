@@ -1,15 +1,24 @@
-"""A session goes through its steps, and can be resumed from its log at any moment."""
+"""A session can be resumed from its log, which is read as it was written, or refused."""
 
+import csv
+import io
+import json
 import random
+import re
+import zipfile
 
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from robot.errors import ConfigurationError, RecordingError
-from robot.study.events import read_events, write_events
+from robot.study.archive import pack, rebuild
+from robot.study.events import StudyEvent, read_events, recordings_in, write_events
+from robot.study.rows import condition_logs, outcome
 from robot.study.session import SessionStep, StudySession, follow_log
 from robot.types import Mode
 
-from .scripted import Participant, driving, small_plan
+from .scripted import SMALL_PLAN, Participant, driving, logs_of, small_plan
 
 
 def standing(session: StudySession) -> tuple[object, ...]:
@@ -86,3 +95,81 @@ def test_an_invalid_answer_is_refused_by_the_name_of_its_question():
     ):
         with pytest.raises(ConfigurationError, match=f"the answer to '{name}' must be"):
             questions[name].check(answer)
+
+
+_TEXTS = st.text(st.characters(codec="utf-8", exclude_characters="\r\n\0")) | st.text(
+    st.sampled_from("=+-@'; \t＝x\"|"), max_size=8
+)
+_FORMULA = re.compile(r"[ '\"]*[=+\-@＝＋－＠]")
+
+
+@given(_TEXTS, _TEXTS)
+@example("=1+1", "@SUM(1)")
+@example("'=x", "yes;=1")
+def test_a_text_comes_back_as_it_was(name, value):
+    event = StudyEvent(wall_s=1.0, event="answer", name=name, value=value)
+    assert read_events(write_events([event], with_head=True).encode()) == [event]
+
+
+@given(_TEXTS)
+@example("=cmd|' /C calc'!A0")
+@example("yes;=1+1")
+def test_no_cell_is_a_formula_whatever_separates_cells(text):
+    written = write_events([StudyEvent(wall_s=1.0, event="answer", value=text)])
+    for separator in ",;\t":
+        for line in csv.reader(io.StringIO(written), delimiter=separator):
+            assert not [cell for cell in line if _FORMULA.match(cell) and cell[0] != "'"]
+
+
+def test_an_answer_like_a_formula_is_not_one_in_any_file_of_the_zip():
+    person = driving(30.0)
+    for question in person.session.questions:
+        value = "=HYPERLINK(1)" if question.kind == "text" else question.check(question.least)
+        person.say("answer", name=question.name, value=value)
+    person.say("answer", name="remark", value="=HYPERLINK(1)")
+    older = person.log.replace(b"'=HYPERLINK", b"=HYPERLINK")  # of an older version
+    with zipfile.ZipFile(io.BytesIO(pack(SMALL_PLAN, {"P01": older}))) as packed:
+        assert packed.read("events/P01.csv") == person.log
+        for name in packed.namelist():
+            text = packed.read(name).decode()
+            assert not re.search(r"(^|,)\"?=HYPERLINK", text, re.M), name
+            assert "HYPERLINK" in text or name != "events/P01.csv"
+
+
+def test_a_log_that_is_damaged_anywhere_is_read_or_refused():
+    """Whatever a file contains, the page gets a sentence, or numbers that JSON can represent."""
+    plan, dice = small_plan(), random.Random(4)
+    whole = logs_of(1)["P01"].split(b"\n")
+    odd = [b"nan", b"inf", b"1e999", b"-1", b"9" * 5000, b"", b"x", b"\0", b"Left!", b"\xff", b"0"]
+    odd += [b" -5", b"-6e10", b"-2.5e11", b"2.5e11", b"5e-324", b"1e-310", b"1_0"]
+    refused = 0
+    part = whole[:200] + whole[-40:]
+    numbers = [n for n, line in enumerate(part) if b",measure," in line or b",answer," in line]
+    for turn in range(300):
+        lines = [*part]
+        for _ in range(dice.randint(1, 3)):
+            row = dice.choice(numbers) if turn % 3 == 0 else dice.randrange(len(lines) - 1)
+            fields = lines[row].split(b",")
+            fields[dice.randrange(len(fields))] = dice.choice(odd)
+            lines[row] = b",".join(fields)
+        log = b"\n".join(lines)
+        try:
+            rebuild(SMALL_PLAN, {"P01": log})
+            follow_log(plan, "P01", read_events(log))
+            for condition in condition_logs(plan, "P01", log):
+                json.dumps(outcome(condition), allow_nan=False)
+        except RecordingError:
+            refused += 1
+    assert 100 < refused < 300
+    head, *rest = whole[:-1]
+    early = b"\n".join([head, *(b"-6e10," + line.split(b",", 1)[1] for line in rest), b""])
+    with pytest.raises(RecordingError, match="before 1970"):
+        rebuild(SMALL_PLAN, {"P01": early})
+
+
+def test_recordings_are_found_in_a_damaged_log_and_in_no_answer():
+    person = Participant(small_plan())
+    person.say("recording", value="2026-01-02_030405_678")
+    person.say("answer", name="remark", value="recording,2026-09-09_090909_999")
+    log = person.log + b"\xff\xfe,frame\n" + person.log + b"1.0,recording,0,,0,,,,,,,2026\n"
+    assert recordings_in(log) == ["2026-01-02_030405_678"]

@@ -245,6 +245,15 @@ def test_a_session_whose_connections_are_all_busy_gets_429_and_keeps_them():
     assert comes(13, 2.0 + LIMITS.idle_s) and crowd.gone == [2, 0, 1], "a request that hangs, too"
 
 
+def test_a_connection_whose_session_changes_takes_no_slot_of_another_connection():
+    crowd = Crowd(NetworkLimits(connections_each=1), 500)
+    first, second = crowd.arrive(1), crowd.arrive(2)
+    crowd.ask(first, "one")
+    crowd.ask(second, "other")
+    assert crowd.ask(second, "one") and crowd.gone == [2]
+    assert not crowd.control.admitted.has("other")
+
+
 def test_a_person_with_many_connections_never_evicts_a_person_with_fewer():
     places = ConnectionLimiter(8, 6, PROTECTED.__contains__)
     gone = list[str]()

@@ -83,6 +83,14 @@ def test_a_clock_that_is_years_off_does_not_affect_later_starts(tmp_path, year):
     certified(make_certificates(tmp_path, NAMES, NOW), "drivelesson.local")
 
 
+def test_an_authority_that_has_expired_is_made_anew(tmp_path, monkeypatch):
+    with monkeypatch.context() as patch:
+        ended = NEW_YEAR + dt.timedelta(days=3650)
+        patch.setattr("server.access.certificates._EVER", (NEW_YEAR, ended))
+        make_certificates(tmp_path, NAMES, NEW_YEAR)
+    certified(make_certificates(tmp_path, NAMES, NOW), "drivelesson.local")
+
+
 def test_a_certificate_of_1970_is_renewed_when_the_clock_is_set(tmp_path):
     made = RenewedCertificates(tmp_path, ["drivelesson.local"], NEW_YEAR)
     server, anybody = serving(made.files), ssl.create_default_context()

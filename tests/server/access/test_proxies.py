@@ -100,6 +100,8 @@ def test_no_header_takes_long_to_read(letters):
 def test_headers_choose_among_the_addresses_that_people_open(headers, host, scheme):
     found = seen(**headers)
     assert (host_of(found), found["scheme"]) == (host, scheme)
+    elsewhere = PROXIES.see_through(scope(x_forwarded_host="elsewhere"))
+    assert isinstance(elsewhere, Refusal) and elsewhere.status == 421
     for path in ("/api/stop", "/robot/api/stop"):  # some proxies leave the prefix out
         found = seen(path=path, x_forwarded_host="home.example")
         assert (found["path"], found[PREFIX]) == ("/api/stop", "/robot")

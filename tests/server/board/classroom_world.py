@@ -4,7 +4,7 @@ import asyncio
 import contextlib
 import random
 from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
-from typing import Any, TypeVar
+from typing import Any
 
 import httpx
 
@@ -27,7 +27,6 @@ from tests.server.virtual import ServedWorld, Socket, with_first_argument
 from tests.server.virtual_connections import Exchange
 from tests.server.virtual_server import WEB, threads_of_the_pool_inline
 
-_T = TypeVar("_T")
 KEY = ClassKey("k" * 40)
 PATIENCE_S = 4.0
 FAULTS = ("none", "slow", "gone", "silent", "half", "nonsense", "wrong key", "no class", "refuses")
@@ -178,10 +177,6 @@ class ClassWorld:
         [found] = [r for r in self.board.robots.values() if r.address.port == pupil.port]
         return found
 
-    def add_all(self) -> None:
-        for pupil in self.pupils.values():
-            self.board.add(RobotAddress("127.0.0.1", pupil.port))
-
     async def ask(
         self, of: Any, method: str, path: str, headers: Mapping[str, str], body: bytes = b""
     ) -> HttpAnswer:
@@ -222,22 +217,25 @@ class ClassWorld:
             await pupil.until(lambda p=pupil: p.driver.now is Action.FORWARD, 5.0, "it drives")
 
 
-def in_class(
-    scenario: Callable[[ClassWorld], Coroutine[Any, Any, _T]],
+def in_class_time(
     robots: int = 3,
-    seed: int = 1,
     faults: Callable[[random.Random, int], str] = lambda dice, i: "none",
     is_told: bool = True,
-) -> _T:
-    """Run a scenario with a class of robots, each with a fault from the start."""
-    clock, dice = VirtualClock(100.0), random.Random(seed)
-    chosen = [faults(dice, i) for i in range(robots)]
+) -> Callable[[Callable[..., Coroutine[Any, Any, None]]], Callable[..., None]]:
+    """Run a test that is a coroutine in a class, its first argument.
 
-    async def main() -> _T:
+    Args:
+        robots: The number of robots.
+        faults: Returns the fault that a robot has from the start.
+        is_told: True if the board knows the robots' addresses.
+    """
+
+    async def run(scenario: Any, clock: VirtualClock, seed: int) -> None:
+        dice = random.Random(seed)
         async with contextlib.AsyncExitStack() as stack:
             stack.enter_context(threads_of_the_pool_inline())
             pupils = []
-            for i, fault in enumerate(chosen):
+            for i, fault in enumerate([faults(dice, i) for i in range(robots)]):
                 key = {"wrong key": ClassKey("w" * 40), "no class": None}.get(fault, KEY)
                 pupil = Pupil(clock, 9000 + i, key)
                 break_down(pupil, fault)
@@ -245,21 +243,15 @@ def in_class(
             world = ClassWorld(clock, pupils, seed)
             stack.push_async_callback(world.board.close)
             if is_told:
-                world.add_all()
-            return await scenario(world)
+                for pupil in pupils:
+                    world.board.add(RobotAddress("127.0.0.1", pupil.port))
+            await scenario(world)
 
-    return clock.run(main())
+    def start(scenario: Any, seed: int = 1) -> None:
+        clock = VirtualClock(100.0)
+        clock.run(run(scenario, clock, seed))
 
-
-def in_class_time(
-    **options: Any,
-) -> Callable[[Callable[..., Coroutine[Any, Any, None]]], Callable[..., None]]:
-    """Run a test that is a coroutine in a class, its first argument; arguments as in `in_class`."""
-
-    def run(scenario: Callable[[ClassWorld], Coroutine[Any, Any, None]], **named: Any) -> None:
-        in_class(scenario, **options, **named)
-
-    return lambda test: with_first_argument(run, test)
+    return lambda test: with_first_argument(start, test)
 
 
 def break_down(pupil: Pupil, fault: str) -> None:

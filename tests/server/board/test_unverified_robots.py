@@ -109,5 +109,7 @@ async def test_a_robot_whose_name_is_never_resolved_is_shown_with_a_reason(world
     monkeypatch.setattr(world.network, "locate", locate)
     world.board.announce(RobotAddress("lost.local", 8000))
     await world.clock.pause(10.0)
+    world.board.stop()
+    assert world.board.at_leisure.is_set(), "no robot of the class has to stop: the news continues"
     [lost] = world.board.strangers.describe()["some"]
     assert (lost["status"], lost["detail"]) == ("away", "the robot does not answer in time")

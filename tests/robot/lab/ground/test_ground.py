@@ -46,14 +46,6 @@ class Lamp:
         return picture
 
 
-class Dimmer(Lamp):
-    """The same world, which is driven proportionally."""
-
-    def wanted(self) -> str:
-        self.point = Point(0.7 if self._side else -0.4, 0.5)
-        return super().wanted()
-
-
 class Turncoat(Lamp):
     """Wants the other side in every drive except the first ones."""
 
@@ -78,12 +70,6 @@ def test_in_a_demonstration_only_the_teacher_drives():
     learner, course = taught(Lamp(), "demonstration", 90)
     assert (learner.n_examples, course.decisions, course.takeovers) == (90, 90, 0)
     assert drive_alone(Lamp(), learner, 5) == Lamp.longest
-    world = Dimmer()
-    learner, _ = taught(world, "demonstration", 60)
-    assert set(world.points) == {Point(0.7, 0.5), Point(-0.4, 0.5)}
-    drive_alone(world, learner, 5)
-    driven = [point for point in world.points if point is not None]
-    assert {round(point.steering, 2) for point in driven} == {0.7, -0.4}, "as the teacher meant"
 
 
 def test_only_mistakes_are_corrected_up_to_the_number_of_examples():

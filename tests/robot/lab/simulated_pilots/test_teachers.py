@@ -1,9 +1,7 @@
 """The moves that simulated teachers want, in constructed situations and in their worlds."""
 
-import itertools
 import math
 import statistics
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +10,6 @@ from robot.lab.simulated_pilots.behaviours import Follower, Pusher, WallFollower
 from robot.lab.simulated_pilots.situation import FAN_RAD, Situation, observe
 from robot.lab.simulated_pilots.teachers import (
     SonarController,
-    Steerer,
     Teacher,
     TeacherParams,
     Wanderer,
@@ -60,18 +57,6 @@ def drive(world: str, teacher: Teacher, seconds: float, seed: int) -> list[Situa
         simulation.action = teacher.choose(seen[-1])
         simulation.step(0.1)
     return seen
-
-
-def test_a_proportional_teacher_steers_more_near_an_obstacle():
-    teacher, steered = Steerer((L, R)), []
-    for tick in range(40):
-        wall_m = 0.8 - 0.02 * tick
-        move = teacher.choose(situation(at_s=tick / 10, wall_m=wall_m, slant_deg=-30))
-        steered.append(teacher.point.steering)
-        assert move is (L if steered[-1] < -0.2 else F)
-    assert steered[0] == 0.0 and steered[-1] < -0.9
-    assert all(0.0 <= before - now < 0.25 for before, now in itertools.pairwise(steered))
-    assert not teacher.tolerates(replace(situation(at_s=5.0, doing=L), is_pushing=True), L)
 
 
 NEAR_LEFT, NEAR_RIGHT = (situation(wall_m=0.2, slant_deg=side) for side in (30, -30))
