@@ -22,7 +22,6 @@ from tests.server.live_robot import WEB, live_server
 
 from .broken_way import BrokenWay
 from .class_world import running_class
-from .film import take_film
 from .hand import Fingers, choose, drive_on, pad, teach
 from .test_study import PLAN, conductor_of
 from .world import (
@@ -301,11 +300,10 @@ PARTS: dict[str, Callable[[Any, Path], None]] = {
     "office": _take_office,
     "pairing": _take_pairing,
     "class": _take_class,
-    "film": take_film,
     "study": _take_trial,
     "participants": _take_participants,
 }
-"""The parts that can be taken separately: python -m tests.e2e.screenshots FOLDER office film."""
+"""The parts that can be taken separately: python -m tests.e2e.screenshots FOLDER office class."""
 
 
 if __name__ == "__main__":

@@ -1,21 +1,19 @@
-"""The whole loop in Firefox and WebKit: open, hold, train, let it drive, stop."""
+"""The whole loop in Firefox and WebKit: open, hold, train, let it drive, stop.
+
+Playwright brings both browsers, because it drives no others: `playwright install firefox webkit`.
+"""
 
 from __future__ import annotations
 
-import json
 import os
-import time
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 
 from robot.types import DrivenBy, Mode
 from tests.kit.wait import wait_until
 
-from .hand import pad
-from .other_browsers import OtherBrowser, missing, running
-from .world import World, remember
+from .hand import choose, pad, press_until
+from .world import DESKTOP, PATIENCE_MS, World, new_context, open_page, show
 
 pytestmark = [
     pytest.mark.slow,
@@ -26,77 +24,41 @@ pytestmark = [
 ]
 
 
-def hold(page: OtherBrowser, selector: str, seconds: float = 0.0) -> None:
-    """Hold the middle of an element with the mouse for some time."""
-    box = f"document.querySelector({json.dumps(selector)}).getBoundingClientRect()"
-    at = json.loads(page.evaluate(f"JSON.stringify({box})"))
-    middle = {"x": round(at["x"] + at["width"] / 2), "y": round(at["y"] + at["height"] / 2)}
-    act(
-        page, {"type": "pointerMove", "duration": 0, **middle}, {"type": "pointerDown", "button": 0}
-    )
-    time.sleep(seconds)
-    act(page, {"type": "pointerUp", "button": 0})
-
-
-def act(page: OtherBrowser, *moves: dict[str, Any]) -> None:
-    source = {"type": "pointer", "id": "finger", "parameters": {"pointerType": "mouse"}}
-    page.perform([{**source, "actions": list(moves)}])
-
-
-def repeat_until(is_so: Callable[[], object], do: Callable[[], object]) -> None:
-    """Do something again and again, because a busy machine stops the robot."""
-
-    def is_so_now() -> bool:
-        if not is_so():
-            do()
-            time.sleep(0.4)
-        return bool(is_so())
-
-    wait_until(is_so_now)
-
-
-def shows(page: OtherBrowser, expression: str) -> None:
-    """Wait until a condition holds on the page."""
-    wait_until(lambda: bool(page.evaluate(f"Boolean({expression})")), expression)
-
-
 @pytest.mark.parametrize("world", ["box"], indirect=True)
 @pytest.mark.parametrize("name", ["firefox", "webkit"])
 def test_teach_drive_and_stop(name: str, world: World) -> None:
-    lacking = missing(name)
-    if lacking:
-        pytest.skip(f"THE PAGE WAS NOT TESTED IN {name.upper()}: {lacking}")
+    from playwright.sync_api import Error, sync_playwright
+
     loop, start = world.rig.loop, world.pose
-    with running(name) as page:
-        page.goto(world.address)
-        shows(page, "document.querySelector('video-view[data-frames]')")
-        page.evaluate(f"({remember(hintsShown=['teach', 'bars', 'correct'])}, true)")
-
-        def choose(mode: str) -> None:
-            hold(page, f"mode-bar [data-mode={mode}]")
-
-        def teach(move: str) -> None:
-            if world.mode is Mode.STOPPED:
-                choose("train")
-                time.sleep(0.3)
-            hold(page, pad(move), 0.6)
-
+    with sync_playwright() as playwright:
+        try:
+            browser = getattr(playwright, name).launch()
+        except Error as error:
+            pytest.skip(f"THE PAGE WAS NOT TESTED IN {name.upper()}: {error}")
+        context = new_context(browser, DESKTOP)
+        context.set_default_timeout(PATIENCE_MS)
+        page = open_page(context, world.address)
+        choose(page, world, Mode.TRAIN)
         for move in ("forward", "left", "forward"):
             wanted = world.lessons + 12
-            repeat_until(lambda n=wanted: world.lessons >= n, lambda m=move: teach(m))
-        assert world.pose != start, "the pilot's finger drove the robot"
-        shows(page, "document.querySelector('teach-panel strong').textContent.includes('%')")
-        repeat_until(lambda: world.mode is Mode.AUTONOMOUS, lambda: choose("autonomous"))
+            page.locator(pad(move)).hover()
+            down, up = page.mouse.down, page.mouse.up
+            press_until(page, world, down, up, lambda n=wanted: world.lessons >= n)
+            up()
+        assert world.pose != start, "the pilot's hand drove the robot"
+        page.locator("teach-panel strong", has_text="%").wait_for()
+        choose(page, world, Mode.AUTONOMOUS)
         wait_until(
             lambda: (
                 loop.state.decision.driven_by is DrivenBy.ROBOT or loop.state.decision.asks_pilot
             ),
             "it drives, or asks",
         )
-        hold(page, "drive-pad .stop")
+        page.locator("drive-pad .stop").click()
         wait_until(lambda: loop.state.emergency, "STOP is latched")
-        shows(page, "document.querySelector('mode-bar [data-mode=train][aria-disabled=true]')")
+        page.wait_for_selector("mode-bar [data-mode=train][aria-disabled=true]")
         for screen in ("gallery", "home", "settings"):
-            page.evaluate(f"(location.hash = '{screen}', true)")
-            shows(page, f"document.querySelector('{screen}-screen button')")
-        shows(page, "document.documentElement.scrollWidth <= innerWidth")
+            show(page, screen)
+            assert page.locator(f"{screen}-screen button").count() > 0
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), "not too wide"
+        browser.close()
