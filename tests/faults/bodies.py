@@ -2,7 +2,7 @@
 table.
 
 Only the body itself is tested, because nothing can send it orders any more. Other tests kill and
-freeze the real processes of the same bodies.
+freeze real processes: the server, the keeper of a Raspberry Pi's pins, and the sample firmware.
 """
 
 from __future__ import annotations

@@ -95,17 +95,14 @@ def test_the_agent_is_copied_and_started_twice_and_again_when_it_dies(
         assert driver.is_connected, "the kept secret opens the door"
     log = far_home / "drivelesson/agent.log"
     starts = log.read_text().count("listening")
-    os.kill(child_of(int(agent_pid.read_text())), signal.SIGKILL)
+    keeper = agent_pid.read_text().strip()
+    os.kill(
+        int(Path(f"/proc/{keeper}/task/{keeper}/children").read_text().split()[0]), signal.SIGKILL
+    )
     real_brick.wait_until(lambda: log.read_text().count("listening") == starts + 1, 60)
     assert "ended with status 137; it is started again" in log.read_text()
     with Ev3RemoteDriver(options) as driver:
         assert driver.is_connected
-
-
-def child_of(pid: int) -> int:
-    """Return the child of a process."""
-    text = Path(f"/proc/{pid}/task/{pid}/children").read_text()
-    return int(text.split()[0])
 
 
 def test_the_brick_starts_the_agent_by_itself(
