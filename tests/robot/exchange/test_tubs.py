@@ -207,9 +207,10 @@ def test_a_link_to_a_picture_of_the_tub_is_read(tub: Path) -> None:
 def test_a_catalog_outside_of_the_tub_or_without_a_valid_name_is_not_read(
     tub: Path, name: str
 ) -> None:
-    text = (tub / "manifest.json").read_text()
-    (tub / "manifest.json").write_text(text.replace('"catalog_0.catalog"', json.dumps(name)))
-    refused(tub, "leads out of|cannot be read")
+    (tub.parent / "x.catalog").write_bytes((tub / FIRST).read_bytes())
+    text = (tub / MANIFEST).read_text()
+    (tub / MANIFEST).write_text(text.replace(f'"{FIRST}"', json.dumps(name)))
+    refused(tub, "leads out of" if ".." in name else "cannot be read")
 
 
 @pytest.mark.parametrize(
@@ -237,6 +238,7 @@ def png_claiming(width: int, height: int) -> bytes:
         b"no picture at all",
         b"\xff\xd8\xff\xe0" + b"\0" * 50,
         picture(1)[:20],
+        picture(1)[:-1],
         b"\xff\xd8\xff\xc0\x00\x11\x08\x00\x78\x00\xa0" + b"\0" * 40,
         b"GIF89a" + b"\0" * 40,
         png_claiming(60_000, 60_000),
