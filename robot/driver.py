@@ -1,17 +1,72 @@
-"""The interface of a robot's body: it moves (`robot.moves`), senses and stops."""
+"""The interface of a robot's body: it moves (`robot.moves`), senses (`Sensors`) and stops."""
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from robot.moves import Move, describe, move_at
-from robot.types import DEFAULT_MOVES, Action, Mode, Point, Prediction, Sensors
+from robot.types import DEFAULT_MOVES, Action, Mode, Point, Prediction
 
 ACTION_TIMEOUT_S = 0.4
 """Duration of one `send_action`, in seconds. Motors stop even if Python dies, because the body ends
 each move by itself unless the call is repeated in time. The gate's timeout, 0.3 s, is shorter."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pose:
+    """The robot's position and heading, in metres and radians.
+
+    In a virtual world the pose is the true one, in the world's coordinates. For a real robot the
+    pose is an estimate from the wheels, relative to the pose at the time of connecting; the
+    estimate drifts.
+    """
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+    is_estimate: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Game:
+    """State of a game that is played by driving: its number, the score, the last reward."""
+
+    number: int
+    score: float
+    reward: float
+    is_over: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensors:
+    """Readings of all sensors except the camera. A reading is None if its sensor is missing. NaN
+    and infinity become None, because some drivers report infinity for "out of reach"."""
+
+    distance_m: float | None = None
+    bumped: bool | None = None
+    bumpers: tuple[bool, ...] = ()
+    """State of each bumper, from left to right; `bumped` is true if any bumper is pressed."""
+    battery_share: float | None = None
+    pose: Pose | None = None
+    game: Game | None = None
+
+    def __post_init__(self) -> None:
+        """Raise an error for a reading of a wrong type, because it could not be sent or saved."""
+        pose, game, change = self.pose, self.game, object.__setattr__
+        for name in ("distance_m", "battery_share"):
+            number = getattr(self, name)
+            if number is not None and not math.isfinite(number):
+                change(self, name, None)
+        if pose is not None and not all(map(math.isfinite, (pose.x_m, pose.y_m, pose.heading_rad))):
+            change(self, "pose", None)
+        if type(self.bumpers) is not tuple:
+            change(self, "bumpers", tuple(self.bumpers))
+        if game is not None and not isinstance(game, Game):
+            raise TypeError(f"the game of the sensors is {game!r}")
 
 
 class Correction:

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from robot.types import Pose
+from robot.driver import Pose
 
 STRETCH_M = 0.2
 """Length of a stretch, in metres: about the length of a robot."""

@@ -13,7 +13,8 @@ from enum import StrEnum
 
 from robot.control.state import Tick
 from robot.policy.events import Replaced
-from robot.types import Action, DrivenBy, Mode, Pose
+from robot.driver import Pose
+from robot.types import Action, DrivenBy, Mode
 
 STEP_M, STEP_RAD = 0.03, math.radians(10)
 """Distance in metres, or turn in radians, after which a new point is added. A change between pilot

@@ -28,16 +28,8 @@ from robot.control.watchdog import Watchdog
 from robot.driver import BodyButton, Driver
 from robot.errors import CameraError, DriveError, PluginErrors, RobotError
 from robot.policy.policy import Policy
-from robot.types import (
-    Action,
-    Decision,
-    DrivenBy,
-    Frame,
-    Mode,
-    PilotCommand,
-    Sensors,
-    StopReason,
-)
+from robot.driver import Sensors
+from robot.types import Action, Decision, DrivenBy, Frame, Mode, PilotCommand, StopReason
 
 log = logging.getLogger(__name__)
 _T = TypeVar("_T")

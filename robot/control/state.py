@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from robot.policy.events import HistoryEvent
-from robot.types import Action, Decision, Frame, PilotCommand, Prediction, Sensors, StopReason
+from robot.driver import Sensors
+from robot.types import Action, Decision, Frame, PilotCommand, Prediction, StopReason
 
 LATE_CYCLE_S = 0.1
 """Duration above which a tick counts as late, in seconds."""

@@ -18,7 +18,8 @@ from typing import Any
 from robot.clock import Clock, Worker
 from robot.driver import ACTION_TIMEOUT_S, BodyButton, Correction, Driver
 from robot.errors import DriveError, NotConnectedError
-from robot.types import Action, Mode, Point, Sensors
+from robot.driver import Sensors
+from robot.types import Action, Mode, Point
 
 SENSE_EVERY_S = 0.1
 """Period at which the sensors are read, in seconds, even if actions wait to be sent."""

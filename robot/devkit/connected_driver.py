@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 from robot.clock import Clock, RealClock
 from robot.driver import Driver
 from robot.errors import DriveError, NotConnectedError, RobotError
-from robot.types import Action, Point, Sensors
+from robot.driver import Sensors
+from robot.types import Action, Point
 
 _C = TypeVar("_C")
 _T = TypeVar("_T")

@@ -11,7 +11,7 @@ import math
 from dataclasses import replace
 
 from robot.driver import ACTION_TIMEOUT_S
-from robot.types import Pose
+from robot.driver import Pose
 
 Pair = tuple[float, float]
 """One value for the left wheel, and one for the right wheel."""

@@ -8,7 +8,8 @@ from typing import Any, ClassVar
 from robot.devices.options import Options
 from robot.devkit.connected_driver import ConnectedDriver
 from robot.driver import ACTION_TIMEOUT_S
-from robot.types import Action, Point, Sensors
+from robot.driver import Sensors
+from robot.types import Action, Point
 
 
 class ReplayDriver(ConnectedDriver[bool]):

@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike
 from robot.lab.simulated_pilots.situation import Situation
 from robot.moves import point_of
 from robot.study.profile import Profile, behavior_profile, compare
-from robot.types import Action, DrivenBy, Point, Pose
+from robot.driver import Pose
+from robot.types import Action, DrivenBy, Point
 
 STAY_M, STUCK_S = 0.15, 20.0
 """A robot that stays within `STAY_M` metres for `STUCK_S` seconds is stuck. `STUCK_S` is longer

@@ -20,7 +20,8 @@ from robot.policy.policy import Policy
 from robot.simulator.camera import SimCamera, SimCameraOptions
 from robot.simulator.driver import SimDriver, SimOptions
 from robot.testing import VirtualClock
-from robot.types import Action, DrivenBy, Mode, Pose, Prediction, Sensors, StartStop
+from robot.driver import Pose, Sensors
+from robot.types import Action, DrivenBy, Mode, Prediction, StartStop
 
 FRAME_RATE_HZ = 10.0
 """Default number of frames, ticks and heartbeats per second: about the paper's cycle rate with 32

@@ -15,7 +15,8 @@ from typing import Any
 from robot.control.state import Tick
 from robot.policy.events import HistoryEvent, Taught, describe_event, describe_point, to_json
 from robot.recordings.reader import MessageChannel, Schema
-from robot.types import Game, Mode, PilotCommand, Point, Prediction, Sensors
+from robot.driver import Game, Sensors
+from robot.types import Mode, PilotCommand, Point, Prediction
 
 
 class Topic(StrEnum):

@@ -12,7 +12,8 @@ from robot.errors import ConfigurationError, NotConnectedError, did_you_mean
 from robot.moves import CLASSIC
 from robot.simulator.simulation import Simulation
 from robot.simulator.world import World, load_world, tinted, world_names
-from robot.types import Action, Point, Sensors
+from robot.driver import Sensors
+from robot.types import Action, Point
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

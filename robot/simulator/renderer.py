@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from robot.errors import need
 from robot.simulator.world import Colour, Obstacle, World
-from robot.types import Pose
+from robot.driver import Pose
 
 WIDTH_PX, HEIGHT_PX = 160, 120
 LARGE_WIDTH_PX, LARGE_HEIGHT_PX = 320, 240

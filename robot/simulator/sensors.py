@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from robot.simulator.body import RADIUS_M, turned
 from robot.simulator.world import Obstacle, World
-from robot.types import Pose, Sensors
+from robot.driver import Pose, Sensors
 
 SONAR_RANGE_M = 2.55
 SONAR_HALF_CONE_RAD = math.radians(12.5)

@@ -17,7 +17,8 @@ from robot.simulator.renderer import Renderer
 from robot.simulator.sensors import SimSensors, bumpers
 from robot.simulator.things import move_things
 from robot.simulator.world import World
-from robot.types import Action, Point, Pose
+from robot.driver import Pose
+from robot.types import Action, Point
 
 _LONGEST_STEP_S = 0.02
 DRIFT_S = 1.0

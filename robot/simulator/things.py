@@ -8,7 +8,7 @@ from itertools import pairwise
 
 from robot.simulator.body import RADIUS_M, overlap_with
 from robot.simulator.world import Obstacle, World
-from robot.types import Pose
+from robot.driver import Pose
 
 _PERSONAL_SPACE_M = 0.03
 """Distance to the robot below which a thing on a path waits, in metres."""

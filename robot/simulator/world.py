@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from robot.errors import UNREADABLE, ConfigurationError, did_you_mean
-from robot.types import Pose
+from robot.driver import Pose
 
 Colour = tuple[int, int, int]
 _FOLDER = Path(__file__).parent / "worlds"

@@ -8,7 +8,8 @@ from robot.clock import Clock, RealClock
 from robot.devices.options import Options
 from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver
 from robot.errors import DriveError
-from robot.types import Action, Point, Sensors
+from robot.driver import Sensors
+from robot.types import Action, Point
 
 
 class FakeDriver(Driver):

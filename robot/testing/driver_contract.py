@@ -20,7 +20,8 @@ from robot.driver import ACTION_TIMEOUT_S
 from robot.errors import ConfigurationError, DriveError, NotConnectedError
 from robot.moves import CLASSIC, describe, side_of
 from robot.testing.cases import DriverCase
-from robot.types import Action, Mode, Point, Sensors
+from robot.driver import Sensors
+from robot.types import Action, Mode, Point
 
 LOCAL_BUDGET_S = 0.01
 """Of several equal calls of a driver, at least one must return within this time, in seconds.

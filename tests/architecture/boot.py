@@ -48,7 +48,8 @@ def start(folder: Path) -> dict[str, object]:
     from robot.driver import Driver
     from robot.policy.registry import make_policy
     from robot.store.folder import Storage
-    from robot.types import Action, Sensors
+    from robot.driver import Sensors
+    from robot.types import Action
     from server.app import create_app
     from server.cli.main import commands, main
     from server.config import Config

@@ -12,7 +12,8 @@ from robot.moves import point_of
 from robot.testing import VirtualClock
 from robot.testing.cases import DriverCase
 from robot.testing.driver_contract import DriverContract
-from robot.types import Action, Point, Sensors
+from robot.driver import Sensors
+from robot.types import Action, Point
 
 LATE_S = 0.06
 STANDS = Point(0.0, 0.0)

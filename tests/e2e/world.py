@@ -14,7 +14,8 @@ from typing import Any
 from robot.control.config import CameraTimingConfig, GateConfig, LinkGovernorConfig, LoopConfig
 from robot.devices.rig import build_rig
 from robot.store.folder import Storage
-from robot.types import Action, Mode, Pose
+from robot.driver import Pose
+from robot.types import Action, Mode
 from server.app import create_app
 from server.clients.hub import Hub
 from server.config import Config

@@ -20,7 +20,8 @@ from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
 from robot.testing.driver import FakeDriver
-from robot.types import Action, Encoding, Frame, Mode, PilotCommand, Point, Sensors
+from robot.driver import Sensors
+from robot.types import Action, Encoding, Frame, Mode, PilotCommand, Point
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

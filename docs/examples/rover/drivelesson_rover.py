@@ -19,7 +19,8 @@ from robot.devkit.host_watchdog import HostWatchdog
 from robot.driver import ACTION_TIMEOUT_S
 from robot.errors import DriveError
 from robot.moves import CLASSIC, Move, point_of
-from robot.types import Action, Point, Sensors
+from robot.driver import Sensors
+from robot.types import Action, Point
 
 MAV = mavutil.mavlink
 NO_AUTOPILOT = MAV.MAV_AUTOPILOT_INVALID

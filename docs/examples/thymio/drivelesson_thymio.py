@@ -20,7 +20,8 @@ from robot.devkit.host_watchdog import HostWatchdog
 from robot.devkit.wheels import TwoWheels
 from robot.errors import DriveError
 from robot.moves import CLASSIC, point_of
-from robot.types import Action, Point, Sensors
+from robot.driver import Sensors
+from robot.types import Action, Point
 
 FULL = 500
 """Greatest target of a motor that the Thymio follows; numbers beyond 16 bits would wrap."""

@@ -22,7 +22,8 @@ from robot.devkit.wheels import CLASSIC_POINTS, Pair, TwoWheels
 from robot.driver import ACTION_TIMEOUT_S, BodyButton
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.moves import CLASSIC
-from robot.types import Action, Mode, Point, Sensors
+from robot.driver import Sensors
+from robot.types import Action, Mode, Point
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

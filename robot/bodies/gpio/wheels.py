@@ -8,7 +8,8 @@ from typing import Protocol
 from robot.bodies.remote.orders import BodyReport
 from robot.bodies.remote.plain import LATE_MS, LONGEST_MS, parse_plain_order
 from robot.devkit.wheels import CLASSIC_POINTS, USUAL_THROTTLE, Pair, TwoWheels
-from robot.types import Action, Point, Sensors
+from robot.driver import Sensors
+from robot.types import Action, Point
 
 
 class PinMotor(Protocol):

@@ -13,7 +13,8 @@ from robot.bodies.gymnasium.environment import PICTURES, Environment, read_optio
 from robot.devices.options import Options, option
 from robot.devkit.connected_driver import ConnectedDriver
 from robot.driver import ACTION_TIMEOUT_S
-from robot.types import Action, Point, Sensors
+from robot.driver import Sensors
+from robot.types import Action, Point
 
 OVER_S = 1.5
 """Time for which the last picture of a game is shown before the next game begins, in seconds."""

@@ -21,7 +21,7 @@ import numpy as np
 
 from robot.bodies.gymnasium.pictures import Pixels, describe, picture_in
 from robot.errors import CameraError, ConfigurationError, need, told_as
-from robot.types import Game
+from robot.driver import Game
 
 PICTURES = ("auto", "observed", "rendered")
 _LEAST_OBSERVED = (120, 160)

@@ -18,7 +18,8 @@ from robot.devkit.connected_driver import ConnectedDriver
 from robot.driver import ACTION_TIMEOUT_S, BodyButton
 from robot.errors import DriveError, need, told_as
 from robot.moves import describe
-from robot.types import Action, Point, Sensors
+from robot.driver import Sensors
+from robot.types import Action, Point
 
 SEARCH_S = 8.0
 GONE_S = 0.4

@@ -9,7 +9,8 @@ from robot.devkit.connected_driver import ConnectedDriver
 from robot.driver import ACTION_TIMEOUT_S
 from robot.errors import told_as
 from robot.moves import Move
-from robot.types import Action, Point, Sensors
+from robot.driver import Sensors
+from robot.types import Action, Point
 
 
 @dataclass(frozen=True, kw_only=True)

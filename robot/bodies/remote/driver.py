@@ -23,7 +23,8 @@ from robot.devices.options import Options, option
 from robot.devkit.connected_driver import ConnectedDriver
 from robot.driver import ACTION_TIMEOUT_S
 from robot.errors import DriveError, told_as
-from robot.types import Action, Point, Sensors
+from robot.driver import Sensors
+from robot.types import Action, Point
 
 PORT = 4210
 REPLY_S = 0.15

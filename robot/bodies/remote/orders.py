@@ -16,7 +16,8 @@ from typing import Any
 from robot.devices.options import option
 from robot.errors import ConfigurationError
 from robot.moves import CLASSIC, Move
-from robot.types import Action, Point, Sensors
+from robot.driver import Sensors
+from robot.types import Action, Point
 
 MAX_BYTES = 512
 _LONGEST_ID = 64

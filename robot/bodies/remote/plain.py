@@ -15,7 +15,8 @@ import math
 from collections.abc import Container
 
 from robot.bodies.remote.orders import BodyReport, Order
-from robot.types import Action, Point, Sensors
+from robot.driver import Sensors
+from robot.types import Action, Point
 
 HELLO = b"?"
 LATE_MS = 500

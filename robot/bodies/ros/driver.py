@@ -32,7 +32,8 @@ from robot.devkit.connected_driver import ConnectedDriver
 from robot.driver import ACTION_TIMEOUT_S
 from robot.errors import ConfigurationError, DriveError
 from robot.moves import point_of
-from robot.types import Action, Point, Pose, Prediction, Sensors
+from robot.driver import Pose, Sensors
+from robot.types import Action, Point, Prediction
 
 ORDERS, ALIVE = "/drivelesson/cmd_vel", "/drivelesson/alive"
 """Topics of docs/examples/ros/watchdog.py: the velocities for it, and its signs of life."""

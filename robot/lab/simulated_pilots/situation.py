@@ -18,7 +18,8 @@ from robot.simulator.sensors import ranges_m
 from robot.simulator.simulation import Simulation
 from robot.simulator.things import wall_gap_m
 from robot.simulator.world import WALLS, World
-from robot.types import Action, Pose
+from robot.driver import Pose
+from robot.types import Action
 
 FAN_RAD: NDArray[np.float64] = np.radians(np.linspace(-108.0, 108.0, 55))
 """Directions in which the free distance is measured: every 4 degrees, from right to left."""

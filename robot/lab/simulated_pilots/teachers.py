@@ -13,7 +13,8 @@ from typing import Protocol
 from robot.devkit.wheels import USUAL_THROTTLE
 from robot.lab.simulated_pilots.situation import Situation
 from robot.moves import CLASSIC, move_at
-from robot.types import Action, Point, Pose
+from robot.driver import Pose
+from robot.types import Action, Point
 
 
 class Teacher(Protocol):

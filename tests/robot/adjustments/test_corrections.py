@@ -27,7 +27,8 @@ from robot.moves import CLASSIC
 from robot.policy.image import decode, to_rgb
 from robot.simulator.body import WHEELS, move
 from robot.testing import FakeCamera, FakeDriver, VirtualClock
-from robot.types import Action, Encoding, Frame, Point, Pose
+from robot.driver import Pose
+from robot.types import Action, Encoding, Frame, Point
 from tests.kit.frames import make_frame
 from tests.kit.sizes import crossed
 

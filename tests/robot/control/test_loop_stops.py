@@ -10,7 +10,8 @@ import pytest
 
 from robot.control.state import Tick
 from robot.errors import DriveError
-from robot.types import Action, Mode, Pose, Sensors, StopReason
+from robot.driver import Pose, Sensors
+from robot.types import Action, Mode, StopReason
 from tests.robot.bench_robot import BenchRobot, started
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT

@@ -20,7 +20,8 @@ from robot.exchange.replay_driver import ReplayDriver
 from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
 from robot.testing.driver import FakeDriver
-from robot.types import Action, Mode, PilotCommand, Point, Sensors, StopReason
+from robot.driver import Sensors
+from robot.types import Action, Mode, PilotCommand, Point, StopReason
 from tests.robot.bench_robot import BenchCamera
 
 TICK_S = 1 / 30

@@ -13,7 +13,8 @@ from robot.devkit.host_watchdog import HostWatchdog
 from robot.driver import Driver
 from robot.errors import DriveError, NotConnectedError
 from robot.testing import VirtualClock
-from robot.types import Action, Point, Sensors
+from robot.driver import Sensors
+from robot.types import Action, Point
 from tests.kit.sizes import seeds
 
 HOOKS = {"_open", "_begin", "_drive", "_sense", "_close"}

@@ -18,7 +18,8 @@ from robot.devkit.wheels import CLASSIC_POINTS, TwoWheels
 from robot.driver import ACTION_TIMEOUT_S
 from robot.errors import DriveError
 from robot.simulator.body import TRACK_M, WHEELS_MPS, move
-from robot.types import Action, Point, Pose
+from robot.driver import Pose
+from robot.types import Action, Point
 from tests.kit.sizes import crossed, seeds
 
 SHARES = st.floats(-1.0, 1.0).map(lambda share: round(share, 3))

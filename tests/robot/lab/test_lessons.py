@@ -24,7 +24,8 @@ from robot.lab.trial import FRAME_RATE_HZ, drive_by_hand
 from robot.policy.registry import make_policy
 from robot.simulator.world import world_names
 from robot.testing import FakeCamera, FakeDriver, VirtualClock
-from robot.types import DEFAULT_MOVES, Action, DrivenBy, Mode, Pose
+from robot.driver import Pose
+from robot.types import DEFAULT_MOVES, Action, DrivenBy, Mode
 from tests.kit.sizes import few
 from tests.robot.footage import write_footage
 

@@ -8,7 +8,8 @@ import pytest
 
 from robot.lab import metrics
 from robot.lab.metrics import RARE_SHARE, STUCK_S, DriveLog, DriveSample
-from robot.types import Action, DrivenBy, Pose
+from robot.driver import Pose
+from robot.types import Action, DrivenBy
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
 

@@ -31,7 +31,8 @@ from robot.recordings.teaching import learn_again
 from robot.store.disk import FLUSH_EVERY_S
 from robot.store.models.model import same_nodes
 from robot.testing import VirtualClock
-from robot.types import Action, Frame, Game, Mode, Pose, Sensors
+from robot.driver import Game, Pose, Sensors
+from robot.types import Action, Frame, Mode
 from tests.kit.protobuf import read_protobuf
 from tests.kit.sizes import crossed, seeds
 from tests.robot.store.models.lives import Disk

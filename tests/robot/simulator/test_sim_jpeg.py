@@ -25,7 +25,8 @@ from robot.simulator.simulation import Simulation
 from robot.simulator.world import load_world, world_names
 from robot.store.models.model import encode_model, take_model
 from robot.testing import VirtualClock
-from robot.types import Action, Encoding, Mode, PilotCommand, Pose
+from robot.driver import Pose
+from robot.types import Action, Encoding, Mode, PilotCommand
 
 core = pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
 pytest.importorskip("mcap")

@@ -19,7 +19,8 @@ from robot.simulator.sensors import bumpers, sonar_m
 from robot.simulator.simulation import Simulation
 from robot.simulator.things import wall_gap_m
 from robot.simulator.world import Obstacle, World, load_world
-from robot.types import Action, Point, Pose
+from robot.driver import Pose
+from robot.types import Action, Point
 
 MIDDLE = Pose(x_m=0.575, y_m=0.575, heading_rad=0.0)
 EDGE_M = 1.15 - RADIUS_M

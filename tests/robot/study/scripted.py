@@ -8,7 +8,8 @@ from robot.control.state import Tick
 from robot.study.events import StudyEvent, write_events
 from robot.study.plan import StudyPlan, parse_plan
 from robot.study.session import SessionStep, StudySession
-from robot.types import Action, Decision, DrivenBy, Mode, Sensors
+from robot.driver import Sensors
+from robot.types import Action, Decision, DrivenBy, Mode
 from tests.kit.frames import frame_of
 
 SMALL_PLAN = """

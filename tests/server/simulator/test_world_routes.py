@@ -7,7 +7,7 @@ from typing import Any
 import httpx
 import pytest
 
-from robot.types import Pose, Sensors
+from robot.driver import Pose, Sensors
 from tests.server.virtual_server import VirtualServer
 
 

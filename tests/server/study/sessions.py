@@ -5,7 +5,8 @@ import io
 import zipfile
 from typing import Any
 
-from robot.types import Mode, Sensors
+from robot.driver import Sensors
+from robot.types import Mode
 from tests.server.test_teaching_routes import ask, teach_a_default_model
 from tests.server.virtual_server import VirtualServer
 

@@ -29,7 +29,8 @@ from robot.bodies.remote.udp import UdpDriver
 from robot.errors import ConfigurationError, DriveError
 from robot.moves import CLASSIC
 from robot.testing import VirtualClock
-from robot.types import Action, Point, Sensors
+from robot.driver import Sensors
+from robot.types import Action, Point
 
 ANYTHING = st.recursive(
     st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=9),

@@ -23,7 +23,8 @@ from robot.bodies.ros.topics import GONE_S, ODOMETRY, RANGE
 from robot.clock import RealClock
 from robot.errors import CameraError, ConfigurationError, DriveError
 from robot.testing import VirtualClock
-from robot.types import Action, Pose, Prediction
+from robot.driver import Pose
+from robot.types import Action, Prediction
 from tests.contract.real_parts import check_camera_on_its_real_line, check_driver_on_its_real_line
 from tests.kit.frames import grey_jpeg
 from tests.kit.needed import installed

@@ -17,7 +17,8 @@ from robot.lab.simulated_pilots.teachers import (
 from robot.simulator.body import RADIUS_M
 from robot.simulator.simulation import Simulation
 from robot.simulator.world import load_world
-from robot.types import Action, Pose
+from robot.driver import Pose
+from robot.types import Action
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
 
