@@ -95,9 +95,9 @@ class NotFoundError(RobotError, LookupError):
     """Nothing in the store or its trash has this name."""
 
 
-def reason(error: Exception) -> str:
+def reason(error: BaseException) -> str:
     """Return why something failed, without the number and the path of an OSError."""
-    return str(getattr(error, "strerror", None) or str(error)[:300] or repr(error))
+    return str(getattr(error, "strerror", None) or str(error)[:300] or type(error).__name__)
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from robot.clock import Clock, RealClock
 from robot.driver import Driver
-from robot.errors import DriveError, NotConnectedError, RobotError
+from robot.errors import DriveError, NotConnectedError, RobotError, reason
 from robot.driver import Sensors
 from robot.types import Action, Point
 
@@ -189,7 +189,7 @@ class ConnectedDriver(Driver, Generic[_C]):
         except RobotError:  # raised unchanged, although DriveError is also an OSError
             raise
         except _BROKEN as error:
-            raise self.__lose(f"does not answer: {_words(error)}") from error
+            raise self.__lose(f"does not answer: {reason(error)}") from error
 
     def __reach(self) -> None:
         if self.__connection is not None:
@@ -211,7 +211,7 @@ class ConnectedDriver(Driver, Generic[_C]):
             self.__pause_s = min(2 * self.__pause_s, AGAIN_S[1])
             self.__hang_up()
             if isinstance(error, _BROKEN) and not isinstance(error, RobotError):
-                raise self.__lose(f"cannot be reached: {_words(error)}") from error
+                raise self.__lose(f"cannot be reached: {reason(error)}") from error
             self.__trouble = str(error)
             raise
 
@@ -245,10 +245,6 @@ def clock_of(driver: ConnectedDriver[Any]) -> Clock:
     that name for something else."""
     clock: Clock = driver._ConnectedDriver__clock  # type: ignore[attr-defined]
     return clock
-
-
-def _words(error: BaseException) -> str:
-    return getattr(error, "strerror", None) or str(error)[:300] or type(error).__name__
 
 
 def _takes_calls(theirs: Any, ours: Callable[..., object]) -> bool:

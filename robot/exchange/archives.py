@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from tempfile import TemporaryDirectory
 from typing import IO
 
-from robot.errors import RecordingError
+from robot.errors import RecordingError, reason
 from robot.exchange.drive import ImportReport
 from robot.store.folder import SCRATCH
 from robot.store.lock import FolderLock
@@ -102,5 +102,4 @@ def _unpack(entries: Iterator[Entry], folder: Path, report: ImportReport) -> Non
                 target.unlink()
             if not isinstance(error, _OF_ONE) and getattr(error, "errno", None) not in _NO_NAME:
                 raise
-            why = getattr(error, "strerror", None) or error
-            report.skip(name[:80], f"cannot be unpacked: {why}")
+            report.skip(name[:80], f"cannot be unpacked: {reason(error)}")

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from robot.clock import Clock
+from robot.errors import reason
 from robot.recordings.config import RecorderConfig
 from robot.recordings.messages import CONTINUES
 from robot.recordings.parts import part_path, parts_folder
@@ -121,7 +122,7 @@ class OpenRecording:
     def fail(self, error: Exception) -> None:
         """End the recording because of an error, and report the error."""
         if isinstance(error, OSError):
-            self._give_up(f"Recording stopped, writing failed: {error.strerror or error}")
+            self._give_up(f"Recording stopped, writing failed: {reason(error)}")
         else:
             log.exception("recording stopped")
             self._give_up(f"Recording stopped: {error}")

@@ -22,7 +22,7 @@ from typing import BinaryIO
 from uuid import uuid4
 
 from robot.entry_points import points
-from robot.errors import ConfigurationError, NotFoundError
+from robot.errors import ConfigurationError, NotFoundError, reason
 from robot.store.lock import FolderLock
 from robot.store.presence import require_present
 
@@ -292,10 +292,10 @@ class Storage:
                 return  # a full disk is no error here: the caller may be about to empty the trash
             if must_be_usable:
                 raise ConfigurationError(
-                    f"the data folder {self.root} cannot be used: {error.strerror or error}; "
+                    f"the data folder {self.root} cannot be used: {reason(error)}; "
                     "choose another with --data FOLDER"
                 ) from error
-            self.fault = f"{self.root}: {error.strerror or error}"
+            self.fault = f"{self.root}: {reason(error)}"
 
     def folder(self, name: str) -> Path:
         """Return an extension's folder."""

@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from robot.errors import ConfigurationError, InUseError
+from robot.errors import ConfigurationError, InUseError, reason
 from robot.types import StartStop
 
 
@@ -44,7 +44,7 @@ class FolderLock(StartStop):
             return  # some network file systems have no locks
         except OSError as error:
             raise ConfigurationError(
-                f"the data folder {self._folder} cannot be written: {error.strerror or error}; "
+                f"the data folder {self._folder} cannot be written: {reason(error)}; "
                 "choose another with --data FOLDER"
             ) from error
         with contextlib.suppress(OSError):  # a full disk must not prevent the start

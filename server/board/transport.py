@@ -23,7 +23,7 @@ from urllib.parse import urlsplit
 
 from websockets.exceptions import WebSocketException
 
-from robot.errors import ConfigurationError, RobotError
+from robot.errors import ConfigurationError, RobotError, reason
 from server.board.class_key import endpoint
 from server.protocol import ProtocolError, parse_object
 
@@ -209,7 +209,7 @@ async def within(patience_s: float | None = 5.0) -> AsyncIterator[None]:
         raise UnreachableError("the robot's answer is incomplete") from error
     except _ENDS as error:
         number = getattr(error, "errno", None) or 0
-        words = getattr(error, "strerror", None) or str(error) or type(error).__name__
+        words = reason(error)
         if number > 0 and not isinstance(error, ssl.SSLError):
             words = os.strerror(number)  # asyncio's own text lacks the cause
         raise UnreachableError(words.lower()) from error

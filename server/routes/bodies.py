@@ -12,7 +12,7 @@ from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
 from robot.devices.raw_value import RawValue, explain, kind_of, text
-from robot.errors import ConfigurationError, MissingExtraError, NotFoundError, RobotError
+from robot.errors import ConfigurationError, MissingExtraError, NotFoundError, RobotError, reason
 from server.services import services_of
 
 do = run_in_threadpool
@@ -61,7 +61,7 @@ async def refuse(request: Request, error: Exception) -> JSONResponse:
     if request.scope["type"] != "http":
         raise error
     if isinstance(error, OSError):
-        sentence = f"The data folder cannot be used: {error.strerror or error}"
+        sentence = f"The data folder cannot be used: {reason(error)}"
         return JSONResponse({"detail": sentence}, 507)
     status = next(status for kind, status in _STATUS.items() if isinstance(error, kind))
     return JSONResponse({"detail": str(error)}, status)

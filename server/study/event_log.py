@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from robot.clock import Clock
+from robot.errors import reason
 from robot.store.disk import DiskThread
 from robot.study.events import StudyEvent, whole_lines, write_events
 
@@ -65,4 +66,4 @@ class EventLog(DiskThread):
             self.flush()
         except OSError as error:
             log.warning("the session's events are not on the disk yet: %s", error)
-            self.fault = f"Nothing can be written: {error.strerror or error}"
+            self.fault = f"Nothing can be written: {reason(error)}"
