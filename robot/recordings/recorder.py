@@ -10,6 +10,7 @@ vector, so that no example is lost.
 from __future__ import annotations
 
 import contextlib
+import secrets
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -27,7 +28,7 @@ from robot.recordings.ending import end_cut_recordings
 from robot.recordings.messages import Fields, Messages, Topic, describe_tick
 from robot.recordings.open_recording import OpenRecording
 from robot.recordings.reader import require_mcap
-from robot.recordings.recorded_run import RecordedRun
+from robot.recordings.recorded_run import learner_of, run_of
 from robot.recordings.writer import EpisodeWriter
 from robot.store.disk import Announce, DiskThread, no_announcement
 from robot.store.models.model import Model
@@ -153,7 +154,10 @@ class Recorder:
         self._disk = disk or DiskThread(loop.clock)
         self._disk.add(self.queue.write_waiting)
         self._unsubscribe: Callable[[], None] = lambda: None
-        self._run = RecordedRun(loop, self.queue, about)
+        self._about, self._run_id = about, secrets.token_hex(8)
+        self._base: Model | None = None  # the learner when the next recording begins
+        self._is_open = self._is_kept = False
+        self._n_taught = 0  # examples in this recording, minus those that were undone
         self._mode = Mode.STOPPED
         self._moved_s = 0.0
         self._lead: deque[Frame] = deque(maxlen=self._config.lead_frames)
@@ -174,9 +178,9 @@ class Recorder:
 
     def stop(self) -> None:
         """Finish the recording, preferably while the loop still runs; idempotent."""
-        if self._run.is_open:
+        if self._is_open:
             with contextlib.suppress(TimeoutError):
-                self._loop.clock.result(self._loop.submit(self._end), 2.0)
+                self._loop.clock.result(self._loop.submit(self._finish_for_good), 2.0)
         self._unsubscribe()
         # if the loop hangs, no tick ends the recording, so this thread does
         self.queue.end(None, is_kept=True)
@@ -184,7 +188,7 @@ class Recorder:
 
     # On the loop's thread ----------------------------------------------------------------------
 
-    def _end(self) -> None:
+    def _finish_for_good(self) -> None:
         """Finish the recording. The loop calls this function after a tick, so that the recording
         contains the whole tick."""
         self._unsubscribe()
@@ -192,9 +196,8 @@ class Recorder:
 
     def note(self, tick: Tick) -> None:
         """Queue the data of one tick for recording."""
-        run = self._run
-        if run.base is None and not run.is_open:
-            run.take_base()
+        if self._base is None and not self._is_open:
+            self._base = learner_of(self._loop)
             return
         mode, now_s = tick.decision.mode, tick.now_s
         is_moving = mode is not Mode.STOPPED
@@ -203,34 +206,44 @@ class Recorder:
         events = self._own_events(tick.history_events)
         if began and self.recording.fault is not None:
             # the disk's thread ended the recording; the next one begins with these events
-            if run.is_open:
-                run.finish()
+            if self._is_open:
+                self.finish()
                 events = ()
             self.recording.fault = None
-        if not run.is_open and (is_moving or events):
-            run.begin(now_s)
+        if not self._is_open and (is_moving or events):
+            self.queue.begin(run_of(self._loop, self._run_id, now_s, self._about), self._base)
+            self._is_open, self._is_kept, self._n_taught = True, False, 0
         is_over = self._is_over(tick, events)
-        if run.is_open:
+        if self._is_open:
             self._record(tick, events)
         elif tick.frame is not None:
             self._remember(tick.frame)
         self._mode = mode
         if is_over:
-            run.finish()
+            self.finish()
 
     def write_result(self, of: str, fields: Fields) -> None:
         """Add an extension's result to the current recording; drop it if there is no recording."""
-        if self._run.is_open:
+        if self._is_open:
             now_s = self._loop.clock.now_s()
             result: Messages = [(Topic.RESULT, {"of": of, **fields})]
             self.queue.write_messages(now_s, lambda: result)
 
     def keep(self) -> None:
         """Keep the current recording even if the robot neither moved nor learned."""
-        self._run.is_kept = True
+        self._is_kept = True
 
     def finish(self) -> None:
-        self._run.finish()
+        """End the recording, if one is open, with the learner's present state."""
+        if self._is_open:
+            self._base = learner_of(self._loop)
+            self._end(self._base)
+
+    def _end(self, final: Model | None) -> None:
+        """End the recording, if one is open; `final` is the learner's state, None if unknown."""
+        if self._is_open:
+            self.queue.end(final, is_kept=self._is_kept)
+            self._is_open = False
 
     def begin_anew(self) -> None:
         """Finish the current recording, and drop the pictures kept for the beginning of the
@@ -242,8 +255,8 @@ class Recorder:
         """Return the events to record. If the policy was replaced, close the recording and return
         no events."""
         if any(isinstance(event, Replaced) for event in events):
-            self._run.end(final=None)
-            self._run.take_base()
+            self._end(None)
+            self._base = learner_of(self._loop)
             return ()
         return events
 
@@ -260,7 +273,7 @@ class Recorder:
         if frames or is_begun or events or tick.decision.mode is not Mode.STOPPED:
             self.queue.write_tick(tick, frames, events, is_shown=bool(frames), is_begun=is_begun)
         is_drive = tick.sent != Action.STOP and self._config.keeps_drives
-        self._run.is_kept |= is_drive or bool(events)
+        self._is_kept |= is_drive or bool(events)
 
     def _remember(self, frame: Frame) -> None:
         self._lead.append(frame)
@@ -272,10 +285,10 @@ class Recorder:
         """True if the recording must end: after a pause, and when an undo removed examples of an
         earlier recording."""
         for event in events:
-            self._run.n_taught += isinstance(event, Taught)
+            self._n_taught += isinstance(event, Taught)
             if isinstance(event, Undone):
-                self._run.n_taught -= len(event.frame_ids)
-        reached_back = self._run.n_taught < 0  # the undo removed examples of an earlier recording
+                self._n_taught -= len(event.frame_ids)
+        reached_back = self._n_taught < 0  # the undo removed examples of an earlier recording
         is_pause = tick.now_s - self._moved_s >= self._config.pause_s and not events
         return reached_back or is_pause
 
