@@ -1,10 +1,10 @@
 """Timeouts that adapt to the camera: its period and delivery age are measured. Pure.
 
-A webcam on a fast bus delivers thirty pictures a second, 5 ms old. The guide's webcam delivers ten
-pictures a second on a slow computer, 95 to 145 ms old. A fixed limit would stop the slow webcam or
-be too lax for the fast one, so the limits adapt. The limits are quantiles over the last pictures,
-so a lost picture changes nothing. The limits shrink quickly, but grow slowly while the robot moves.
-No limit may let the robot travel too far without a newer picture.
+A webcam on a fast bus delivers thirty pictures a second, 5 ms old; a webcam on a slow computer ten,
+95 to 145 ms old. A fixed limit would stop the slow webcam or be too lax for the fast one. The
+limits are quantiles over the last pictures, so a lost picture changes nothing. The limits shrink
+quickly, but grow slowly while the robot moves. No limit may let the robot travel too far without a
+newer picture.
 """
 
 from __future__ import annotations
@@ -72,6 +72,11 @@ class CameraTiming:
             min(period_s, before.period_s + growth_s),
             min(_quantile(self._ages_s, self._AGE_QUANTILE), before.delivery_age_s + growth_s),
         )
+
+    @property
+    def rate_hz(self) -> float:
+        """New pictures per second, over the last pictures without pauses; 0 before the second."""
+        return len(self._periods_s) / sum(self._periods_s) if self._periods_s else 0.0
 
     def pause(self) -> None:
         """Do not count the time until the next picture as a period of the camera."""

@@ -358,7 +358,7 @@ class Cycle:
             late_cycles=self.state.late_cycles + (tick.cycle_s > LATE_CYCLE_S),
             prediction=learning.prediction,
             history_events=learning.take_events(),
-            cycle_hz=learning.frame_rate_hz,
+            cycle_hz=self._timing.rate_hz,
             frame_id=frame.frame_id if frame else None,
             frame_captured_s=frame.captured_s if frame else None,
             agreement=learning.agreement.share,
@@ -383,7 +383,6 @@ class Cycle:
         if every_s != self._rest_every_s:
             self._rest_every_s = every_s
             self._timing.pause()  # the gap between two pictures is not the camera's period
-            self.learning.note_pause(is_over=not every_s)
             with self._eye.named("rest"):
                 self._camera.rest(every_s)
 

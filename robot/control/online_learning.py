@@ -142,8 +142,6 @@ class OnlineLearning:
         self.timings = {"propose": Timing(), "learn": Timing()}
         self._labeller = Labeller()
         self._seen: dict[int, _Seen] = {}
-        self._frame_times_s: deque[float] = deque(maxlen=30)
-        self._rate_before_hz, self._is_pause = 0.0, False
 
     def look(
         self,
@@ -165,8 +163,6 @@ class OnlineLearning:
         policy = self.history.policy
         x = policy.extract(frame)
         self.frame = frame
-        if not self._is_pause:
-            self._frame_times_s.append(frame.captured_s)
         started_s = self._clock.now_s()
         prediction = Prediction(frame_id=frame.frame_id)  # stays empty if the learner fails
         with self._guarded():
@@ -261,19 +257,6 @@ class OnlineLearning:
         events = tuple(self._events)
         self._events.clear()
         return events
-
-    def note_pause(self, *, is_over: bool) -> None:
-        """Keep `frame_rate_hz` as it is while the camera rests, and then until two frames came."""
-        self._rate_before_hz, self._is_pause = self.frame_rate_hz, not is_over
-        self._frame_times_s.clear()
-
-    @property
-    def frame_rate_hz(self) -> float:
-        """New frames per second, over the last thirty frames."""
-        times_s = self._frame_times_s
-        if len(times_s) < 2 or times_s[-1] <= times_s[0]:
-            return self._rate_before_hz
-        return (len(times_s) - 1) / (times_s[-1] - times_s[0])
 
     def _note_events(self, events: Sequence[HistoryEvent]) -> None:
         self._events += events

@@ -39,6 +39,18 @@ def test_a_webcam_on_a_brick_gets_time_enough_and_full_speed() -> None:
     assert timing.state.speed_scale == 1.0
 
 
+def test_the_rate_is_that_of_the_camera_and_a_pause_does_not_count() -> None:
+    timing = CameraTiming(SHORTEST_S)
+    assert timing.rate_hz == 0.0
+    for captured_s in (0.0, 0.1, 0.25, 0.3):
+        timing.note(captured_s, captured_s, is_moving=False)
+    assert timing.rate_hz == pytest.approx(10.0)
+    timing.pause()
+    for captured_s in (9.0, 9.1):
+        timing.note(captured_s, captured_s, is_moving=False)
+    assert timing.rate_hz == pytest.approx(10.0)
+
+
 @settings(deadline=None)
 @given(
     st.lists(

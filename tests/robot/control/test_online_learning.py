@@ -157,15 +157,6 @@ def test_the_times_of_a_frame_are_known_before_the_first_command(
     assert online_learning.times_of(frame.frame_id) == ((frame.captured_s, came_s), came_s)
 
 
-def test_the_frame_rate_is_that_of_the_camera(
-    online_learning: OnlineLearning, camera: BenchCamera, clock: VirtualClock
-) -> None:
-    for scene in range(5):
-        clock.advance(0.1)
-        online_learning.look(camera.show(scene))
-    assert online_learning.frame_rate_hz == pytest.approx(10.0)
-
-
 def test_undone_examples_no_longer_count_in_the_agreement(
     online_learning: OnlineLearning, camera: BenchCamera, clock: VirtualClock
 ) -> None:
