@@ -115,10 +115,9 @@ class BSOCClassifier(LabelledImages):
                 self._know(label)
         if cluster.last_merge_ is not None:
             kept, removed = cluster.last_merge_
-            for sums in (self._histograms, self._node_angles):
-                if sums is not None:
-                    sums[kept] += sums[removed]
-                    sums[removed] = 0
+            for sums in self._sums():
+                sums[kept] += sums[removed]
+                sums[removed] = 0
         if self._mind is not None:
             # The distances and `owners` were computed before any merge.
             distances, taught = cluster.last_distances_, cluster.last_touched_
@@ -169,8 +168,7 @@ class BSOCClassifier(LabelledImages):
             shares = shares * votes.rarity(per_label, self.balance)
         if mind is not None:
             shares = mind.applied(shares, distances, owners, touched)
-        total = float(shares.sum())
-        shares = shares / total if total > 0.0 else np.full(shares.size, 1.0 / shares.size)
+        shares = votes.shares(shares)
         node, sums = int(distances.argmin()), self._node_angles
         listed = shares.tolist()
         best = listed.index(max(listed))

@@ -99,9 +99,9 @@ class StallDetector:
     """Bars a move that has no effect: motion is commanded, but the image does not change.
 
     Pilots seldom get stuck, so the learner does not know such views, and its votes could make the
-    robot push or brake indefinitely. An unchanged image or a pressed bumper shows that the robot is
-    stuck. A car that sets off changes the image from one frame to the next as little as a standing
-    car does. So the image must also be almost the same as when it stopped changing.
+    robot push indefinitely. An unchanged image or a pressed bumper shows that the robot is stuck. A
+    car that sets off changes successive images as little as a standing car does. So the image must
+    also be almost the same as when it stopped changing.
 
     `Headway` watches turns instead, because near a plain wall a turn changes the picture little.
     Some moves have an unknown effect, for example waiting or gripping. The detector ignores such a
@@ -168,10 +168,9 @@ TURN_INERTIA, STRAIGHT_INERTIA = 0.3, 0.1
 """Inertia (hysteresis) of turns and of all other moves: the lead in votes that another move needs
 to replace the current move.
 
-People begin a turn late and end it late. So at the same view people still drive straight before a
-turn, and keep turning in a turn. Single frames do not show this difference, so without inertia the
-robot ends its turns too early. Straight moves have less inertia than turns, because it is worse to
-begin a turn too late than to end it too late (docs/explanation/learner.md).
+People begin a turn late and end it late, which single frames do not show. So without inertia the
+robot ends its turns too early. Straight moves have less inertia, because it is worse to begin a
+turn too late than to end it too late (docs/explanation/learner.md).
 """
 ALLOWANCE = 1.3
 """If the robot loses more time than this factor times the pilot's longest lost time (`Headway`),
@@ -183,7 +182,7 @@ ASKING_S = 5.0
 
 
 class ActionFilter(PolicyPart):
-    """Turns the votes on single frames into steady driving.
+    """The filter.
 
     Args:
         kinds: The kinds of the moves.

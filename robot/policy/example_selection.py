@@ -1,23 +1,16 @@
 """Decides which examples are learned, and in which contexts: driving straight, or turning.
 
 Frames less than a tenth of a second apart show almost the same picture. So the policy learns only
-one example per tenth of a second, and accepts it up to 0.03 s early. Then a camera with an unsteady
-frame rate teaches as much as a steady camera, and eleven frames a second teach as much as thirty.
+one example per tenth of a second (`ExampleRate`).
 
 An example counts in the context of its own move. The first half second of a move also counts in the
 context of the previous move, so that the robot learns when to end that move. After a pause the
-previous move is unknown, so the first examples count in both contexts.
+previous move is unknown, so the first examples count in both contexts. The contexts depend only on
+the labels and their teaching times, so they are the same after an undo.
 
-The contexts depend only on the labels and their teaching times. So the contexts are the same when a
-policy learns the examples again after an undo.
-
-A lap that is taught sixteen times does not count sixteen times. If such a lap counted sixteen
-times, the linear part's penalty would lose its effect, and the part would learn the noise of this
-lap by heart. Images averaged over sixteen times as many frames would adapt too slowly to new views.
-If a view comes again and has the same label as last time, the policy counts it, but does not learn
-it again. The policy learns each new view, and each view whose label differs from the last time. A
-view is recognised by a 64-bit hash of a binary descriptor: 128 comparisons of fixed pairs of
-feature values (as in BRIEF, Calonder et al. 2010).
+If a view comes again with the same label as last time, the policy counts it, but does not learn it
+again (`Repeats`). If a lap that is taught sixteen times counted sixteen times, the linear part
+would learn the noise of this lap by heart, and the images would adapt too slowly to new views.
 """
 
 from __future__ import annotations
@@ -45,11 +38,8 @@ second still every third frame is learned, because frames are 0.033 s apart."""
 
 
 class ExampleRate(PolicyPart):
-    """Limits the rate of learned examples with the same label.
-
-    The policy always learns the first example after a change of label, and each example without a
-    time.
-    """
+    """Limits the rate of learned examples with the same label. The first example after a change of
+    label is always learned, and so is each example without a time."""
 
     fields = (Value("last_learned", optional(row(number(), name))),)
 
@@ -127,10 +117,10 @@ The 16,384 sketches are enough for a lap of 27 minutes at ten examples a second.
 
 
 class Repeats(PolicyPart):
-    """Remembers the latest views and their labels, in constant time and memory.
+    """Remembers the latest views and their labels (`moves`), in constant time and memory.
 
-    Args:
-        moves: The labels.
+    A view is recognised by a 64-bit hash of a binary descriptor: 128 comparisons of fixed pairs of
+    feature values (as in BRIEF, Calonder et al. 2010).
     """
 
     fields = (

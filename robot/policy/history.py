@@ -161,9 +161,8 @@ class TrainingHistory:
     @contextlib.contextmanager
     def _as_before_if_refused(self) -> Iterator[None]:
         """If a plugin changes the state and then raises an error, restore the state. Built-in
-        learners raise errors before any change. So the history need not copy the state of the
-        policy, which would take as long as learning an example.
-        """
+        learners raise errors before any change, so their state is not copied, which would take as
+        long as learning an example."""
         before = None if self._is_ours else self.policy.get_state()
         try:
             yield

@@ -29,10 +29,8 @@ MEMORY, _FEWEST_CHANGES = 100, 5
 
 class ChangeMeter:
     """Measures the change of the picture within a tenth of a second, and its usual value while
-    driving straight.
-
-    The meter ignores turns. In a quick turn the picture changes so much that driving straight would
-    look like standing still in comparison.
+    driving straight. Turns are ignored: compared with a quick turn, driving straight would look
+    like standing still.
 
     Attributes:
         changes: The latest changes while driving straight; their median is the usual change.

@@ -23,11 +23,8 @@ class Policy(Stateful):
     """Proposes an action for each frame, and learns from examples.
 
     A policy is a list of parts (`part.py`). Each frame and each example passes through all parts in
-    a fixed order, and the declared state of each part is saved, loaded and checked.
-
-    `changes.py` makes the other changes of a policy.
-
-    Not thread-safe: only the control loop's thread may use a policy.
+    a fixed order, and the declared state of each part is saved, loaded and checked. Only the
+    control loop's thread may use a policy. `changes.py` makes the other changes of a policy.
 
     Args:
         name: The policy's name, such as `default-32`.

@@ -1,17 +1,13 @@
 """Adapts a view to the light, gets the learner's votes on it, and computes the steering of a move.
 
 Directions of gradients hardly change with the light, but grey values do. So each view is scaled to
-the brightness of the lesson. The light is measured as the mean brightness of some seconds of
-driving, because a dark corner hardly changes this mean.
+the brightness of the lesson (`LightAdaptation`).
 
 A learned angle is a mean over examples. If an obstacle can be passed on either side, the mean leads
 into the obstacle. So the move determines the side, and the angle determines only the amount of
-steering. The angle must also lie within `BAND` standard deviations of the mean that was taught with
-the chosen move. Some pilots steer fully to one side or not at all, and then the mean of all moves
-is an angle that they never used. The band has no width for such a pilot, and is wide for a pilot
-who steers proportionally.
-
-Before the pilot teaches a first point, the policy stores no steering and proposes no point.
+steering (`Degrees`). The angle must also lie within `BAND` standard deviations of the mean that was
+taught with the chosen move. Some pilots steer fully to one side or not at all; for such a pilot the
+band has no width.
 """
 
 from __future__ import annotations
@@ -49,7 +45,7 @@ def _node_id(plain: Any, names: Names) -> int:
 
 class Degrees(PolicyPart):
     """Records how each move was steered. If the learner learns no angles, each move is steered with
-    its mean taught steering.
+    its mean taught steering. Before the pilot teaches a first point, no point is proposed.
 
     Attributes:
         angle: Running mean of the predicted angles, whatever the move; some baselines steer by it.
@@ -137,7 +133,8 @@ EXAMPLES = 600.0
 
 
 class LightAdaptation(PolicyPart):
-    """Compares a drive's brightness with that of the examples, in constant time per frame.
+    """Compares a drive's brightness with that of the examples. The brightness is a mean over some
+    seconds, because a dark corner hardly changes this mean.
 
     Args:
         brighten: Returns a view with its grey values multiplied by a factor.
