@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from robot.camera import Camera, Mounting
 from robot.driver import Correction, Driver
-from robot.errors import ConfigurationError, DriveError, PluginErrors, need
+from robot.errors import ConfigurationError, need
 from robot.moves import move_at, point_of
 from robot.types import Action, Encoding, Frame, Point
 
@@ -281,8 +281,7 @@ class Corrections:
         check_mounting(rig.camera, self.camera)
         rig.camera.mounting = self.camera
         if self.body != Corrections.of(rig).body:
-            named = PluginErrors("robot", rig.driver.name, DriveError).named("correct")
-            with rig.loop.watchdog.body, named:
+            with rig.loop.watchdog.body, rig.loop.body_errors.named("correct"):
                 rig.driver.stop()
                 rig.driver.correct(self.body)
 

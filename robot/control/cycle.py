@@ -1,6 +1,6 @@
 """One tick: from the newest frame to features, policy, gate and drive; learning comes last.
 
-`ControlLoop` in `loop.py` adds the requests of other threads, which wait in the mailbox.
+A `ControlLoop` (`loop.py`) owns a cycle, and puts the requests of other threads into its mailbox.
 """
 
 from __future__ import annotations
@@ -94,20 +94,8 @@ class Mailbox:
 
 
 class Cycle:
-    """Runs the ticks of one robot, on one thread.
-
-    Attributes:
-        clock: The clock of the loop and of the other parts of the rig.
-        learning: Perception and learning; other threads use it only through `submit`.
-        history: The training history of `learning`; other threads use it only through `submit`.
-        submit: Queues a function to run between two ticks; see `Mailbox.put`.
-        state: The newest tick, for any thread; a frozen value.
-        watchdog: Stops the body at the pilot's deadline; a rig runs the watchdog's thread. Every
-            caller of the body holds `watchdog.body`.
-        wake: Set when there is a reason for a tick: a frame, a command, a request.
-        speed_share: Share of full speed that a person allows, in (0, 1].
-        error: The last error of the loop.
-    """
+    """Runs the ticks of one robot, on one thread. Other code uses the cycle through the
+    `ControlLoop` that owns it."""
 
     def __init__(
         self,
@@ -120,65 +108,59 @@ class Cycle:
         self.config = config or LoopConfig()
         self.clock = clock
         self.learning = OnlineLearning(policy, clock, driver.declared_moves)
-        self._body = PluginErrors("robot", driver.name, DriveError, self._stop_body)
-        self._eye = PluginErrors("camera", camera.name, CameraError)
-        self._source_age_s: float | None = None
+        self.body_errors = PluginErrors("robot", driver.name, DriveError, self._stop_body)
+        self.camera_errors = PluginErrors("camera", camera.name, CameraError)
         self.watchdog = Watchdog(self._stop_body, clock)
-        self.history = self.learning.history
         self.speed_share = 1.0
         self.error: Exception | None = None
+        self.mailbox = Mailbox()
+        self.gate = Gate(self.config.gate, on_stop=self._forget_drive)
+        self.link = LinkGovernor(self.config.governor)
+        self.timing = CameraTiming(self.config.gate.frame_timeout_s, self.config.camera)
+        self.enough_every_s = self.rest_every_s = 0.0
+        self.world_s = camera.world_s if camera.world_waits else float
+        """Converts a time to the clock of the simulated world, if any. The gate uses this clock."""
         self._driver, self._camera = driver, camera
         self._has_buttons = getattr(driver.take_button, "__func__", 0) is not Driver.take_button
-        self._gate = Gate(self.config.gate, on_stop=self._forget_drive)
-        self._link = LinkGovernor(self.config.governor)
-        self._timing = CameraTiming(self.config.gate.frame_timeout_s, self.config.camera)
-        self._mailbox = Mailbox()
-        self.submit, self.wake = self._mailbox.put, self._mailbox.wake
-        self._world_s = camera.world_s if camera.world_waits else float
-        """Converts a time to the clock of the simulated world, if any. The gate uses this clock."""
+        self._source_age_s: float | None = None
         self._commands: list[tuple[PilotCommand, PilotCommand]] = []
         """This tick's commands: each as received, and a copy with times of the world's clock."""
         self._fault: str | None = None
         self._steady = SteadyFault()
         self._last_mode = Mode.TRAIN
-        self._listeners: dict[object, tuple[Callable[[Tick], None], bool]] = {}
-        self._enough_every_s = self._rest_every_s = 0.0
+        self.listeners: dict[object, tuple[Callable[[Tick], None], bool]] = {}
         self._stirred_s = clock.now_s()
-        self.state = Tick(now_s=clock.now_s(), decision=self._gate.stand(), cycles=-1)
+        self.state = Tick(now_s=clock.now_s(), decision=self.gate.stand(), cycles=-1)
         self.state = self._summed_up(self.state)
         camera.listen(self._hear_camera)
-
-    @property
-    def is_resting(self) -> bool:
-        """True while the robot stands still and takes fewer pictures because no more are needed."""
-        return self._rest_every_s > 0.0
+        self._newest = camera.latest()
 
     # One tick --------------------------------------------------------------------------------
 
     def tick(self, now_s: float) -> Tick:
         """Run one tick. Never raises: an error stops the robot and is reported in `state`."""
-        started_s, world_s = self.clock.now_s(), self._world_s(now_s)
+        started_s, world_s = self.clock.now_s(), self.world_s(now_s)
         frame, sensors, link = None, Sensors(), self.state.link
         taken, refused = _Commands(), _Commands()
         try:
             self._is_held_up(now_s - self.state.now_s)
-            self._mailbox.serve()
+            self.mailbox.serve()
             if self._has_buttons:
                 self._heed_button()
-            link = self._link.state(world_s + STANDS_S, self._timing.state.sight_slack_s)
+            link = self.link.state(world_s + STANDS_S, self.timing.state.sight_slack_s)
             taken, refused = self._receive(link, world_s)
             frame = self._look(now_s)
             sensors = self._sense()
             decision, sent = self._drive(*self._decide(link, world_s), started_s)
-            if self._gate.mode is not Mode.STOPPED:  # a stopped robot does not learn
+            if self.gate.mode is not Mode.STOPPED:  # a stopped robot does not learn
                 self.learning.learn(
                     taken,
-                    is_intervention=self._gate.mode is Mode.AUTONOMOUS,
+                    is_intervention=self.gate.mode is Mode.AUTONOMOUS,
                     may_learn=link.may_learn,
                 )
         except Exception as error:  # outermost handler: on any error, stop first
             self._break_down(error)
-            decision, sent = self._gate.stand(), Action.STOP
+            decision, sent = self.gate.stand(), Action.STOP
         return self._publish(
             Tick(
                 now_s=now_s,
@@ -198,14 +180,14 @@ class Cycle:
     def _shown_fault(self, now_s: float, *, may_move: bool) -> str | None:
         """Return the sentence to show for the present fault, or for one that has just ended."""
         fault = str(self._camera.fault or "") or self._fault  # a plugin may set an error
-        if not fault and not self._camera.world_waits and not self.is_resting:
-            fault = self._timing.fault
+        if not fault and not self._camera.world_waits and not self.rest_every_s:
+            fault = self.timing.fault
         is_well = fault is None and self._steady.shown is None
         return None if is_well else self._steady.show(fault, now_s, may_move=may_move)
 
     def _is_held_up(self, seconds: float) -> bool:
         """Stop if the computer was held up for `seconds`, because the last decision is outdated."""
-        is_harmless = self._gate.mode is Mode.STOPPED or self._camera.world_waits
+        is_harmless = self.gate.mode is Mode.STOPPED or self._camera.world_waits
         if is_harmless or seconds <= self.config.stall_s:
             return False
         why = f"The computer was held up for {seconds:.1f} s. Close other programs, then go on."
@@ -220,27 +202,27 @@ class Cycle:
             self._stop(StopReason.DRIVE_FAULT, str(error))
             return
         stood = self.state.decision.mode is Mode.STOPPED
-        if button is BodyButton.START and stood and self._gate.mode is Mode.STOPPED:
+        if button is BodyButton.START and stood and self.gate.mode is Mode.STOPPED:
             # ignore a start button that was pressed before STOP was released
             if not self.state.emergency:
-                self._start(self._last_mode)
+                self.start(self._last_mode)
         elif button is not None:
-            self._gate.trip(StopReason.BUTTON)
+            self.gate.trip(StopReason.BUTTON)
 
     def _receive(self, link: LinkState, world_s: float) -> tuple[_Commands, _Commands]:
         """Obey the pilot's commands; return the accepted and the refused commands."""
         commands, self._commands = self._commands, []
         if link.must_stop:
-            self._gate.trip(StopReason.LINK_SLOW)
-        if self._gate.mode is Mode.STOPPED:
+            self.gate.trip(StopReason.LINK_SLOW)
+        if self.gate.mode is Mode.STOPPED:
             return [], []
-        taken = [one for one, there in commands if self._gate.receive(there, world_s)]
+        taken = [one for one, there in commands if self.gate.receive(there, world_s)]
         return taken, [one for one, _ in commands if one not in taken]
 
     def _look(self, now_s: float) -> Frame | None:
         """Process the camera's newest frame if it is new; return it, or None."""
-        last, frame = self.state, self._camera.latest()
-        if self._rest_every_s and not self._is_due(frame):
+        last, frame = self.state, self._newest
+        if not self._is_due(frame):
             return None
         delivered_s = max(now_s, self.clock.now_s())
         try:
@@ -257,14 +239,14 @@ class Cycle:
             return None
         if frame is None or not is_new:
             return None
-        may_move = self._gate.mode is not Mode.STOPPED
+        may_move = self.gate.mode is not Mode.STOPPED
         if may_move:
             # clear the error of an earlier picture, but keep the fault that stopped the robot
             self._fault = None
         is_moving = may_move and not self._camera.world_waits
-        if not self._rest_every_s:
-            times_s = self._world_s(frame.captured_s), self._world_s(delivered_s)
-            self._timing.note(*times_s, is_moving=is_moving)
+        if not self.rest_every_s:
+            times_s = self.world_s(frame.captured_s), self.world_s(delivered_s)
+            self.timing.note(*times_s, is_moving=is_moving)
         return frame
 
     def _note_source_age(self) -> None:
@@ -272,23 +254,24 @@ class Cycle:
             age_s = self._camera.source_age_s
             self._source_age_s = None if age_s is None else float(age_s)
         except Exception as error:
-            raise self._eye.converted("source_age_s", error) from error
+            raise self.camera_errors.converted("source_age_s", error) from error
 
     def _is_due(self, frame: Frame | None) -> bool:
         """Return False for a frame that is earlier than needed (`need_picture_every`)."""
-        last, least_s = self.learning.frame, _RESTING_SHARE * self._rest_every_s
+        last, least_s = self.learning.frame, _RESTING_SHARE * self.rest_every_s
         return not least_s or not frame or not last or frame.captured_s - last.captured_s >= least_s
 
     def _hear_camera(self) -> None:
-        """Wake the loop for a new frame or fault; runs on the camera's thread."""
-        if not self.is_resting or self._is_due(self._camera.latest()):
-            self.wake.set()
+        """Take a new frame, and wake the loop for a frame or fault; runs on the camera's thread."""
+        self._newest = self._camera.latest()
+        if self._is_due(self._newest):
+            self.mailbox.wake.set()
 
     def _sense(self) -> Sensors:
         try:
             sensors = self._ask("sense")
             if not isinstance(sensors, Sensors):
-                raise self._body.converted("sense", TypeError(f"returned {sensors!r}, no Sensors"))
+                raise self.body_errors.converted("sense", TypeError(f"returned {sensors!r}, no Sensors"))
             return sensors
         except DriveError as error:
             self._stop(StopReason.DRIVE_FAULT, str(error))
@@ -298,17 +281,17 @@ class Cycle:
         """Choose who drives, and limit the speed to the lowest of all speed limits. Also return the
         time at which the order expires."""
         frame, waits = self.learning.frame, self._camera.world_waits
-        decision = self._gate.select(
+        decision = self.gate.select(
             world_s,
             self.learning.prediction,
             math.inf if frame is None else 0.0 if waits else world_s - frame.captured_s,
-            self._timing.state.timeout_s,
+            self.timing.state.timeout_s,
             camera_fault=self._camera.fault is not None,
         )
-        camera_scale = 1.0 if waits else self._timing.state.speed_scale
+        camera_scale = 1.0 if waits else self.timing.state.speed_scale
         scale = min(decision.speed_scale, link.speed_scale, camera_scale)
         is_move = decision.action is not Action.STOP and not waits
-        until_s = self._gate.silent_at_s if is_move else math.inf
+        until_s = self.gate.silent_at_s if is_move else math.inf
         return replace(decision, speed_scale=scale * self.speed_share), until_s
 
     def _drive(
@@ -322,14 +305,14 @@ class Cycle:
         try:
             if not self._is_held_up(self.clock.now_s() - started_s):
                 with self.watchdog.body:
-                    decision = decision if self.watchdog.order(until_s) else self._gate.stand()
+                    decision = decision if self.watchdog.order(until_s) else self.gate.stand()
                     action, point, scale = decision.action, decision.point, decision.speed_scale
                     sent: Action = self._ask("drive", action, point, speed_scale=scale)
                 if not self._is_held_up(self.clock.now_s() - started_s):
                     return decision, sent
         except DriveError as error:
             self._stop(StopReason.DRIVE_FAULT, str(error))
-        return self._gate.stand(), Action.STOP
+        return self.gate.stand(), Action.STOP
 
     def _publish(self, tick: Tick) -> Tick:
         """Pass the tick to all listeners; then complete the requests."""
@@ -338,14 +321,14 @@ class Cycle:
             is_same = tick.decision.mode is before.decision.mode
             if not is_same:
                 self._ask("show", tick.decision.mode)
-            for listener, modes_only in tuple(self._listeners.values()):
+            for listener, modes_only in tuple(self.listeners.values()):
                 if not (modes_only and is_same):
                     listener(self.state)
             self._rest_or_not(tick.now_s)
         except Exception as error:  # an error of a listener or the camera also stops the robot
             self._break_down(error)
         finally:
-            self._mailbox.answer()
+            self.mailbox.answer()
         return self.state
 
     def _summed_up(self, tick: Tick) -> Tick:
@@ -358,15 +341,15 @@ class Cycle:
             late_cycles=self.state.late_cycles + (tick.cycle_s > LATE_CYCLE_S),
             prediction=learning.prediction,
             history_events=learning.take_events(),
-            cycle_hz=self._timing.rate_hz,
+            cycle_hz=self.timing.rate_hz,
             frame_id=frame.frame_id if frame else None,
             frame_captured_s=frame.captured_s if frame else None,
             agreement=learning.agreement.share,
             agreement_frames=learning.agreement.n_examples,
-            emergency=self._gate.emergency,
+            emergency=self.gate.emergency,
             fault=tick.fault or learning.fault,
-            stops=dict(self._gate.stops),
-            camera=self._timing.state,
+            stops=dict(self.gate.stops),
+            camera=self.timing.state,
             taught=dict(learning.history.taught),
             n_nodes=policy.learner.n_nodes_,
             max_nodes=policy.max_nodes,
@@ -377,42 +360,53 @@ class Cycle:
 
     def _rest_or_not(self, now_s: float) -> None:
         """Tell the camera whether it may rest."""
-        if self._gate.mode is not Mode.STOPPED or not self._enough_every_s:
+        if self.gate.mode is not Mode.STOPPED or not self.enough_every_s:
             self._stirred_s = now_s
-        every_s = self._enough_every_s if now_s - self._stirred_s >= _RESTS_AFTER_S else 0.0
-        if every_s != self._rest_every_s:
-            self._rest_every_s = every_s
-            self._timing.pause()  # the gap between two pictures is not the camera's period
-            with self._eye.named("rest"):
+        every_s = self.enough_every_s if now_s - self._stirred_s >= _RESTS_AFTER_S else 0.0
+        if every_s != self.rest_every_s:
+            self.rest_every_s = every_s
+            self.timing.pause()  # the gap between two pictures is not the camera's period
+            with self.camera_errors.named("rest"):
                 self._camera.rest(every_s)
 
     # Requests of other threads and ways to stop; all run on the loop's thread --------------------
 
-    def _note(self, command: PilotCommand) -> None:
-        """Record a command. A command that comes too late still shows how slow the link is."""
+    def note(self, command: PilotCommand) -> None:
+        """Keep a command for the next tick. A command that comes too late still shows how slow the link is."""
         times = self.learning.times_of(command.frame_id, command.seen_id)
         proven_s = command.received_s if command.proven_s is None else command.proven_s
-        received_s = self._world_s(command.received_s)
-        there = replace(command, received_s=received_s, proven_s=self._world_s(proven_s))
+        received_s = self.world_s(command.received_s)
+        there = replace(command, received_s=received_s, proven_s=self.world_s(proven_s))
         if times is not None:
             (captured_s, delivered_s), seen_s = times
-            named_s = self._world_s(captured_s), self._world_s(delivered_s)
-            seen_s, now_s = self._world_s(seen_s), self._world_s(self.clock.now_s())
-            self._link.judge(there, named_s, seen_s, self._timing.state, now_s)
+            named_s = self.world_s(captured_s), self.world_s(delivered_s)
+            seen_s, now_s = self.world_s(seen_s), self.world_s(self.clock.now_s())
+            self.link.judge(there, named_s, seen_s, self.timing.state, now_s)
         self._commands.append((command, there))
 
-    def _start(
+    def start(
         self, mode: Mode, proven_s: float | None = None, frame_id: int | None = None
     ) -> bool:
-        now_s = self._world_s(self.clock.now_s())
-        proven_s = None if proven_s is None else self._world_s(proven_s)
-        is_taken = self._gate.start(mode, now_s, proven_s)
+        """Enter a mode; see `ControlLoop.set_mode`."""
+        now_s = self.world_s(self.clock.now_s())
+        proven_s = None if proven_s is None else self.world_s(proven_s)
+        is_taken = self.gate.start(mode, now_s, proven_s)
         if is_taken and mode is not Mode.STOPPED:
             self._forget_drive()
             self._fault, self._last_mode = None, mode
             times = self.learning.times_of(frame_id)
-            self._link.note_seen(self._world_s(times[1]) if times else now_s)
+            self.link.note_seen(self.world_s(times[1]) if times else now_s)
         return is_taken
+
+    def change_pilot(self) -> None:
+        """Stop a moving robot, and forget the link of the pilot who leaves."""
+        self.gate.trip(StopReason.PILOT_GONE)
+        self.link.forget()
+
+    def latch_emergency(self) -> None:
+        """Stop until the emergency stop is released."""
+        self.gate.latch_emergency()
+        self._ask("stop")
 
     def _forget_drive(self) -> None:
         """Forget the state of the drive that ends; earlier commands no longer count."""
@@ -422,7 +416,7 @@ class Cycle:
     def _stop(self, reason: StopReason, fault: str) -> None:
         """Stop the motors immediately, and report the fault."""
         self._stop_body()
-        self._gate.trip(reason)
+        self.gate.trip(reason)
         self._fault = fault
 
     def _ask(self, name: str, *args: object, **options: object) -> Any:
@@ -433,7 +427,7 @@ class Cycle:
         except RobotError:
             raise
         except Exception as error:  # the driver may be a plugin and raise anything
-            raise self._body.converted(name, error) from error
+            raise self.body_errors.converted(name, error) from error
 
     def _stop_body(self) -> None:
         with self.watchdog.body, contextlib.suppress(Exception):

@@ -1,8 +1,8 @@
-"""The control loop of one robot, with the requests of other threads.
+"""The control loop of one robot: its cycle (`cycle.py`), and what other threads may ask of it.
 
-`ControlLoop.tick` runs one tick (`cycle.py`), with time as an argument, and never waits.
-Experiments call `tick` directly, as fast as they can; a rig calls it in real time, on a thread.
-Other threads queue their requests in a mailbox, so the loop never waits for a network.
+`ControlLoop.tick` runs one tick, with time as an argument, and never waits. Experiments call `tick`
+directly, as fast as they can; a rig calls it in real time, on a thread. Other threads queue their
+requests in a mailbox, so the loop never waits for a network.
 """
 
 from __future__ import annotations
@@ -11,8 +11,13 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
 
+from robot.camera import Camera
+from robot.clock import Clock
+from robot.control.config import LoopConfig
 from robot.control.cycle import STANDS_S, Cycle
 from robot.control.state import Tick
+from robot.driver import Driver
+from robot.policy.policy import Policy
 from robot.types import Action, Mode, PilotCommand, Point, StopReason
 
 _SHORTEST_WAIT_S = 0.001
@@ -21,11 +26,63 @@ _RESTING_WAIT_S = 0.25
 a body's watchdog does not expire."""
 
 
-class ControlLoop(Cycle):
-    """One robot's loop. Only one thread calls `tick`; any thread may call the other methods."""
+class ControlLoop:
+    """One robot's loop. Only one thread calls `tick`; any thread may call the other methods.
 
-    _asked: tuple[Action | None, Point | None] | None = None
-    _epoch = object()
+    Attributes:
+        clock: The clock of the loop and of the other parts of the rig.
+        learning: Perception and learning; other threads use it only through `submit`.
+        history: The training history of `learning`; other threads use it only through `submit`.
+        tick: Runs one tick; see `Cycle.tick`.
+        submit: Queues a function to run between two ticks; see `Mailbox.put`.
+        wake: Set when there is a reason for a tick: a frame, a command, a request.
+        watchdog: Stops the body at the pilot's deadline; a rig runs the watchdog's thread. Every
+            caller of the body holds `watchdog.body`.
+        body_errors: Converts the errors of the body's driver, for all its callers.
+        camera_errors: Converts the errors of the camera, for all its callers.
+    """
+
+    def __init__(
+        self,
+        driver: Driver,
+        camera: Camera,
+        policy: Policy,
+        clock: Clock,
+        config: LoopConfig | None = None,
+    ) -> None:
+        self._cycle = cycle = Cycle(driver, camera, policy, clock, config)
+        self.clock, self.config = clock, cycle.config
+        self.learning, self.history = cycle.learning, cycle.learning.history
+        self.tick, self.submit, self.wake = cycle.tick, cycle.mailbox.put, cycle.mailbox.wake
+        self.watchdog = cycle.watchdog
+        self.body_errors, self.camera_errors = cycle.body_errors, cycle.camera_errors
+        self._is_world_waiting = camera.world_waits
+        self._asked: tuple[Action | None, Point | None] | None = None
+        self._epoch = object()
+
+    @property
+    def state(self) -> Tick:
+        """The newest tick, for any thread; a frozen value."""
+        return self._cycle.state
+
+    @property
+    def error(self) -> Exception | None:
+        """The last error of the loop."""
+        return self._cycle.error
+
+    @property
+    def is_resting(self) -> bool:
+        """True while the robot stands still and takes fewer pictures because no more are needed."""
+        return self._cycle.rest_every_s > 0.0
+
+    @property
+    def speed_share(self) -> float:
+        """Share of full speed that a person allows, in (0, 1]."""
+        return self._cycle.speed_share
+
+    @speed_share.setter
+    def speed_share(self, share: float) -> None:
+        self._cycle.speed_share = share
 
     def subscribe(
         self, listener: Callable[[Tick], None], *, modes_only: bool = False
@@ -33,42 +90,42 @@ class ControlLoop(Cycle):
         """Call `listener`, which must be quick, after each tick; with `modes_only`, only after a
         change of mode. Return a function that ends the calls."""
         key = object()
-        self._listeners[key] = listener, modes_only
+        self._cycle.listeners[key] = listener, modes_only
 
         def unsubscribe() -> None:
-            self._listeners.pop(key, None)
+            self._cycle.listeners.pop(key, None)
 
         return unsubscribe
 
     @property
     def mode(self) -> Mode:
         """The mode at this moment, for requests. `state` has the mode after the last full tick."""
-        return self._gate.mode
+        return self._cycle.gate.mode
 
     def need_picture_every(self, seconds: float) -> Future[None]:
         """Set how often a picture is needed while the robot stands. If `seconds` is 0, all pictures
         are needed; if `seconds` is infinite, nobody looks. A robot that may move takes them all."""
 
         def need() -> None:
-            self._enough_every_s = seconds
+            self._cycle.enough_every_s = seconds
 
         return self.submit(need)
 
     @property
     def wait_s(self) -> float:
         """Maximum time until the next tick. The robot can stop before the pilot counts as blind."""
-        longest_s = self.config.longest_wait_s
-        if self._gate.mode is Mode.STOPPED:
-            return _RESTING_WAIT_S if self.is_resting else longest_s
-        stands_s = self._world_s(self.clock.now_s()) + STANDS_S
-        slack_s = self._timing.state.sight_slack_s
-        return min(longest_s, max(_SHORTEST_WAIT_S, self._link.blind_in_s(stands_s, slack_s)))
+        cycle, longest_s = self._cycle, self.config.longest_wait_s
+        if cycle.gate.mode is Mode.STOPPED:
+            return _RESTING_WAIT_S if cycle.rest_every_s else longest_s
+        stands_s = cycle.world_s(self.clock.now_s()) + STANDS_S
+        slack_s = cycle.timing.state.sight_slack_s
+        return min(longest_s, max(_SHORTEST_WAIT_S, cycle.link.blind_in_s(stands_s, slack_s)))
 
     def note_lateness(self, late_s: float) -> None:
         """Record how late this computer is; ignored if the camera's world waits (`world_waits`)."""
-        if not self._camera.world_waits:
+        if not self._is_world_waiting:
             is_to_blame = self.state.decision.stop_reason is StopReason.LINK_SLOW
-            self._link.note_lateness(late_s, is_to_blame=is_to_blame)
+            self._cycle.link.note_lateness(late_s, is_to_blame=is_to_blame)
 
     def command(self, command: PilotCommand) -> None:
         """Queue a pilot command, and wake the loop if the command changes the held move.
@@ -77,10 +134,10 @@ class ControlLoop(Cycle):
         tick can send the pilot a new state. A command that names a state is newer than this state.
         """
         held = command.held, command.point
-        is_slow = self._timing.state.period_s > self.config.longest_wait_s
-        is_news = held != self._asked or (is_slow and self._gate.mode is not Mode.STOPPED)
+        is_slow = self._cycle.timing.state.period_s > self.config.longest_wait_s
+        is_news = held != self._asked or (is_slow and self._cycle.gate.mode is not Mode.STOPPED)
         self._asked = held
-        self._mailbox.note(partial(self._note, command), is_news=is_news)
+        self._cycle.mailbox.note(partial(self._cycle.note, command), is_news=is_news)
 
     def set_mode(
         self, mode: Mode, *, proven_s: float | None = None, frame_id: int | None = None
@@ -93,31 +150,23 @@ class ControlLoop(Cycle):
         """
         asked_s = self.clock.now_s() if proven_s is None else proven_s
         epoch, self._asked = self._epoch, None
-        return self.submit(lambda: self._epoch is epoch and self._start(mode, asked_s, frame_id))
+        return self.submit(lambda: self._epoch is epoch and self._cycle.start(mode, asked_s, frame_id))
 
     def empty_command(self) -> Future[None]:
         """Forget the held move, because the pilot changed, and stop a moving robot."""
         self._asked = None
-        return self.submit(self._change_pilot)
+        return self.submit(self._cycle.change_pilot)
 
     def trip(self, reason: StopReason) -> Future[None]:
         """Stop and wait for an explicit start."""
-        return self.submit(lambda: self._gate.trip(reason))
+        return self.submit(lambda: self._cycle.gate.trip(reason))
 
     def latch_emergency(self) -> Future[None]:
         """Stop until `release_emergency`; this request runs before all queued requests."""
         self._epoch = object()  # cancels earlier requests to start or to release
-        return self._mailbox.put(self._latch_emergency, is_urgent=True)
+        return self._cycle.mailbox.put(self._cycle.latch_emergency, is_urgent=True)
 
     def release_emergency(self) -> Future[None]:
         """Allow modes to be chosen again; the robot stays stopped."""
         epoch = self._epoch
-        return self.submit(lambda: self._gate.release_emergency() if self._epoch is epoch else None)
-
-    def _change_pilot(self) -> None:
-        self._gate.trip(StopReason.PILOT_GONE)
-        self._link.forget()
-
-    def _latch_emergency(self) -> None:
-        self._gate.latch_emergency()
-        self._ask("stop")
+        return self.submit(lambda: self._cycle.gate.release_emergency() if self._epoch is epoch else None)

@@ -1,10 +1,9 @@
 """The dead man's switch on a separate thread: the body stops on time even if the loop is late.
 
-The loop sends its orders to the body in its ticks. A tick may be late because of a busy computer, a
-slow learner, or a picture that takes long to read. So each order to the body has a deadline: the
-time at which the pilot counts as silent. At the deadline this thread stops the body, unless the
-loop has moved the deadline. The thread never waits for a tick, a picture, the network or an event
-loop. If the thread fails, the body stops by its own time limit, `robot.driver.ACTION_TIMEOUT_S`.
+A tick may be late because of a busy computer, a slow learner, or a picture that takes long to read.
+So each order to the body has a deadline: the time at which the pilot counts as silent. Unless the
+loop moves the deadline, this thread stops the body then. It never waits for a tick, a picture or
+the network. If it fails, the body stops by its own time limit, `robot.driver.ACTION_TIMEOUT_S`.
 """
 
 from __future__ import annotations

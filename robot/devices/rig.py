@@ -16,7 +16,7 @@ from robot.devices.driver_thread import DriverThread
 from robot.devices.options import make_options
 from robot.devices.plugins import load_camera, load_driver
 from robot.driver import Driver
-from robot.errors import CameraError, DriveError, PluginError, PluginErrors, RobotError
+from robot.errors import PluginError, PluginErrors, RobotError
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.types import Frame, StartStop, StopReason
@@ -39,8 +39,6 @@ class Rig(StartStop):
     ) -> None:
         self.clock = clock or RealClock()
         self.driver, self.camera = driver, camera
-        self._body = PluginErrors("robot", driver.name, DriveError)
-        self._eye = PluginErrors("camera", camera.name, CameraError)
         self.loop = ControlLoop(driver, camera, policy, self.clock, config)
         self._ending = threading.Event()
         self._thread: Worker | None = None
@@ -51,9 +49,9 @@ class Rig(StartStop):
         """Connect the body, start the camera, and run the loop. If hardware is missing, stop the
         parts that were started, and raise RobotError."""
         try:
-            with self._body.named("connect"):
+            with self.loop.body_errors.named("connect"):
                 self.driver.connect()
-            with self._eye.named("start"):
+            with self.loop.camera_errors.named("start"):
                 self.camera.start()
         except BaseException:
             with contextlib.suppress(RobotError):  # raise the first error
@@ -74,10 +72,10 @@ class Rig(StartStop):
             self._thread = None
             self.loop.watchdog.stop()
         try:
-            with self._eye.named("stop"):
+            with self.loop.camera_errors.named("stop"):
                 self.camera.stop()
         finally:
-            with self._body.named("disconnect"):
+            with self.loop.body_errors.named("disconnect"):
                 self.driver.disconnect()
 
     def _run(self) -> None:
@@ -89,7 +87,7 @@ class Rig(StartStop):
 
     def _advise(self, tick: Tick) -> None:
         if tick.frame is not None and tick.prediction is not None:
-            with self.loop.watchdog.body, self._body.named("advise"):
+            with self.loop.watchdog.body, self.loop.body_errors.named("advise"):
                 self.driver.advise(tick.prediction)
 
     def for_the_eye(self, frame: Frame) -> Frame:
@@ -97,7 +95,7 @@ class Rig(StartStop):
         try:
             return self.camera.for_the_eye(frame)
         except Exception as error:
-            self._eye.converted("for_the_eye", error)  # logs the error once
+            self.loop.camera_errors.converted("for_the_eye", error)  # logs the error once
             return frame
 
 

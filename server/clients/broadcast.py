@@ -77,7 +77,7 @@ class Broadcast:
         self._frame = tick.frame or self._frame
         if tick.refused:
             self.soon(self._tell_refused, tick.refused)
-        is_wanted = (tick.frame and self._is_watched) or (self.clients and self._is_due())
+        is_wanted = (tick.frame and self._is_watched) or (self.clients and self._is_due(tick))
         if is_wanted and not self._is_tick_due:
             self._is_tick_due = True
             self.soon(self._note_tick)
@@ -86,21 +86,20 @@ class Broadcast:
         """Publish the newest tick at most once per wake-up: first the state, then the picture."""
         self._is_tick_due = False
         try:
-            if self._is_due():
+            if self._is_due(self._loop.state):
                 self.publish_state()
         finally:
             asyncio.get_running_loop().call_soon(self.show_newest)
 
-    def _is_due(self) -> bool:
+    def _is_due(self, state: Tick) -> bool:
         """True if the state is due: something urgent changed, or the interval has passed."""
-        state, since_s = self._loop.state, self._clock.now_s() - self.published_s
+        since_s = self._clock.now_s() - self.published_s
         is_slow = state.camera.period_s > SOON_S and state.decision.mode is not Mode.STOPPED
         every_s = SOON_S if is_slow else STATE_EVERY_S
-        return since_s >= every_s or self._urgent() != self._urgent_sent
+        return since_s >= every_s or self._urgent(state) != self._urgent_sent
 
-    def _urgent(self) -> object:
+    def _urgent(self, state: Tick) -> object:
         """Return the part of the state whose changes are published at once, such as the pilot."""
-        state = self._loop.state
         decision = state.decision
         is_pilots = decision.driven_by is DrivenBy.PILOT
         return (
@@ -117,13 +116,14 @@ class Broadcast:
         self.publish_state()
 
     def publish_state(self) -> None:
-        self._urgent_sent, self.published_s = self._urgent(), self._clock.now_s()
+        now_s, owner, loop = self._clock.now_s(), self._lease.owner, self._loop
+        newest = loop.state
+        self._urgent_sent, self.published_s = self._urgent(newest), now_s
         if not self.clients:
             return
-        now_s, owner, loop = self.published_s, self._lease.owner, self._loop
         held_by = self._emergency.held_by
         state = {
-            **describe_state(loop.state, now_s * 1000, is_resting=loop.is_resting),
+            **describe_state(newest, now_s * 1000, is_resting=loop.is_resting),
             "nonce": self.nonces.issue(now_s),
             "pilot": owner,
             "wheel_asked": self._lease.is_asked,
@@ -131,7 +131,7 @@ class Broadcast:
             "stop_number": self._emergency.number,
             "viewers": len(self.clients) - (owner in self.clients),
         }
-        if loop.state.decision is self._previous_pilots and state["driven_by"] is DrivenBy.PILOT:
+        if newest.decision is self._previous_pilots and state["driven_by"] is DrivenBy.PILOT:
             state["driven_by"] = DrivenBy.NOBODY
         texts: dict[bool, str] = {}  # each text is encoded once for all clients
         for client in self.clients.values():

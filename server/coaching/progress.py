@@ -96,10 +96,9 @@ class Progress:
             elif isinstance(event, Undone):
                 self._marks = self._marks.until(n_examples)
             elif isinstance(event, Taught):
-                self._mark(n_examples)
+                self._mark(n_examples, tick.agreement)
 
-    def _mark(self, n_examples: int) -> None:
-        agreement = self._loop.state.agreement
+    def _mark(self, n_examples: int, agreement: float | None) -> None:
         last = self._marks[-1].n_examples if self._marks else 0
         if agreement is None or n_examples - last < MARK_EVERY:
             return

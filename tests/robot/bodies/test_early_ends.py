@@ -79,7 +79,7 @@ def test_it_hears_each_tick_only_until_the_drive_has_lasted(tmp_path: Path) -> N
     robot.loop.trip(StopReason.PILOT_ASKED)
     robot.tick()
     ends.close()
-    assert not robot.loop._listeners and EarlyEnds(file).count == 0
+    assert not robot.loop._cycle.listeners and EarlyEnds(file).count == 0
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"early_ends": -5, "drive_began": 1}', "{", "null"])

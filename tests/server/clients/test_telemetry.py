@@ -21,7 +21,7 @@ async def test_a_reading_that_is_not_a_number_still_reaches_the_page(
     """Sensors report infinity if nothing is in range; JSON has no number for it."""
 
     pilot = await world.pilot(sees=True)
-    driver = world.loop._driver
+    driver = world.rig.driver
     sense = driver.sense
 
     def odd() -> Sensors:

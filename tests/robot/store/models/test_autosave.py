@@ -72,7 +72,7 @@ def test_examples_of_the_current_tick_are_saved(robot: KeptRobot) -> None:
             robot.clock.wait(go_on, 5)
 
     robot.loop.subscribe(hold_up)
-    listeners = robot.loop._listeners
+    listeners = robot.loop._cycle.listeners
     n_listeners = len(listeners)
     robot.teach(1)
     assert robot.clock.wait(taught, 5) and robot.autosave.has_unsaved
