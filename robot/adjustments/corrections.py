@@ -281,9 +281,9 @@ class Corrections:
         check_mounting(rig.camera, self.camera)
         rig.camera.mounting = self.camera
         if self.body != Corrections.of(rig).body:
-            with rig.loop.watchdog.body, rig.loop.body_errors.named("correct"):
-                rig.driver.stop()
-                rig.driver.correct(self.body)
+            with rig.loop.body.lock:
+                rig.loop.body.ask("stop")
+                rig.loop.body.ask("correct", self.body)
 
     def described(self) -> dict[str, Any]:
         """Return the corrections as plain values, by the names of their options."""

@@ -5,7 +5,6 @@ A `ControlLoop` (`loop.py`) owns a cycle, and puts the requests of other threads
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import math
 import threading
@@ -21,10 +20,10 @@ from robot.clock import Clock
 from robot.control.camera_timing import CameraTiming
 from robot.control.config import LoopConfig
 from robot.control.gate import Gate
+from robot.control.guarded_body import GuardedBody
 from robot.control.link_governor import LinkGovernor
 from robot.control.online_learning import OnlineLearning
 from robot.control.state import LATE_CYCLE_S, LinkState, SteadyFault, Tick
-from robot.control.watchdog import Watchdog
 from robot.driver import BodyButton, Driver
 from robot.errors import CameraError, DriveError, PluginErrors, RobotError
 from robot.policy.policy import Policy
@@ -108,9 +107,8 @@ class Cycle:
         self.config = config or LoopConfig()
         self.clock = clock
         self.learning = OnlineLearning(policy, clock, driver.declared_moves)
-        self.body_errors = PluginErrors("robot", driver.name, DriveError, self._stop_body)
+        self.body = GuardedBody(driver, clock)
         self.camera_errors = PluginErrors("camera", camera.name, CameraError)
-        self.watchdog = Watchdog(self._stop_body, clock)
         self.speed_share = 1.0
         self.error: Exception | None = None
         self.mailbox = Mailbox()
@@ -197,7 +195,7 @@ class Cycle:
     def _heed_button(self) -> None:
         """Obey a button on the robot: any button stops it, and START starts a stopped robot."""
         try:
-            button = self._ask("take_button")
+            button = self.body.ask("take_button")
         except DriveError as error:
             self._stop(StopReason.DRIVE_FAULT, str(error))
             return
@@ -269,9 +267,9 @@ class Cycle:
 
     def _sense(self) -> Sensors:
         try:
-            sensors = self._ask("sense")
+            sensors = self.body.ask("sense")
             if not isinstance(sensors, Sensors):
-                raise self.body_errors.converted("sense", TypeError(f"returned {sensors!r}, no Sensors"))
+                raise self.body.errors.converted("sense", TypeError(f"returned {sensors!r}, no Sensors"))
             return sensors
         except DriveError as error:
             self._stop(StopReason.DRIVE_FAULT, str(error))
@@ -304,10 +302,10 @@ class Cycle:
         """
         try:
             if not self._is_held_up(self.clock.now_s() - started_s):
-                with self.watchdog.body:
-                    decision = decision if self.watchdog.order(until_s) else self.gate.stand()
+                with self.body.lock:
+                    decision = decision if self.body.order(until_s) else self.gate.stand()
                     action, point, scale = decision.action, decision.point, decision.speed_scale
-                    sent: Action = self._ask("drive", action, point, speed_scale=scale)
+                    sent: Action = self.body.ask("drive", action, point, speed_scale=scale)
                 if not self._is_held_up(self.clock.now_s() - started_s):
                     return decision, sent
         except DriveError as error:
@@ -320,7 +318,7 @@ class Cycle:
             before, self.state = self.state, self._summed_up(tick)
             is_same = tick.decision.mode is before.decision.mode
             if not is_same:
-                self._ask("show", tick.decision.mode)
+                self.body.ask("show", tick.decision.mode)
             for listener, modes_only in tuple(self.listeners.values()):
                 if not (modes_only and is_same):
                     listener(self.state)
@@ -406,7 +404,7 @@ class Cycle:
     def latch_emergency(self) -> None:
         """Stop until the emergency stop is released."""
         self.gate.latch_emergency()
-        self._ask("stop")
+        self.body.ask("stop")
 
     def _forget_drive(self) -> None:
         """Forget the state of the drive that ends; earlier commands no longer count."""
@@ -415,23 +413,9 @@ class Cycle:
 
     def _stop(self, reason: StopReason, fault: str) -> None:
         """Stop the motors immediately, and report the fault."""
-        self._stop_body()
+        self.body.stop_motors()
         self.gate.trip(reason)
         self._fault = fault
-
-    def _ask(self, name: str, *args: object, **options: object) -> Any:
-        """Call a method of the driver, and convert its errors to DriveErrors."""
-        try:
-            with self.watchdog.body:
-                return getattr(self._driver, name)(*args, **options)
-        except RobotError:
-            raise
-        except Exception as error:  # the driver may be a plugin and raise anything
-            raise self.body_errors.converted(name, error) from error
-
-    def _stop_body(self) -> None:
-        with self.watchdog.body, contextlib.suppress(Exception):
-            self._driver.stop()  # a body that cannot be reached ends its move by itself
 
     def _break_down(self, error: Exception) -> None:
         said = error if isinstance(error, RobotError) else f"An internal error occurred: {error}"

@@ -36,9 +36,7 @@ class ControlLoop:
         tick: Runs one tick; see `Cycle.tick`.
         submit: Queues a function to run between two ticks; see `Mailbox.put`.
         wake: Set when there is a reason for a tick: a frame, a command, a request.
-        watchdog: Stops the body at the pilot's deadline; a rig runs the watchdog's thread. Every
-            caller of the body holds `watchdog.body`.
-        body_errors: Converts the errors of the body's driver, for all its callers.
+        body: The driver, for all its callers; a rig runs the watchdog's thread.
         camera_errors: Converts the errors of the camera, for all its callers.
     """
 
@@ -54,8 +52,7 @@ class ControlLoop:
         self.clock, self.config = clock, cycle.config
         self.learning, self.history = cycle.learning, cycle.learning.history
         self.tick, self.submit, self.wake = cycle.tick, cycle.mailbox.put, cycle.mailbox.wake
-        self.watchdog = cycle.watchdog
-        self.body_errors, self.camera_errors = cycle.body_errors, cycle.camera_errors
+        self.body, self.camera_errors = cycle.body, cycle.camera_errors
         self._is_world_waiting = camera.world_waits
         self._asked: tuple[Action | None, Point | None] | None = None
         self._epoch = object()

@@ -49,7 +49,7 @@ class Rig(StartStop):
         """Connect the body, start the camera, and run the loop. If hardware is missing, stop the
         parts that were started, and raise RobotError."""
         try:
-            with self.loop.body_errors.named("connect"):
+            with self.loop.body.errors.named("connect"):
                 self.driver.connect()
             with self.loop.camera_errors.named("start"):
                 self.camera.start()
@@ -59,7 +59,7 @@ class Rig(StartStop):
             raise
         if self._thread is None:
             self._ending.clear()
-            self.loop.watchdog.start()
+            self.loop.body.start()
             self._thread = self.clock.start_thread(self._run, "control-loop")
 
     def stop(self) -> None:
@@ -70,12 +70,12 @@ class Rig(StartStop):
             self.loop.wake.set()
             self._thread.join(timeout=5.0)
             self._thread = None
-            self.loop.watchdog.stop()
+            self.loop.body.stop()
         try:
             with self.loop.camera_errors.named("stop"):
                 self.camera.stop()
         finally:
-            with self.loop.body_errors.named("disconnect"):
+            with self.loop.body.errors.named("disconnect"):
                 self.driver.disconnect()
 
     def _run(self) -> None:
@@ -87,8 +87,7 @@ class Rig(StartStop):
 
     def _advise(self, tick: Tick) -> None:
         if tick.frame is not None and tick.prediction is not None:
-            with self.loop.watchdog.body, self.loop.body_errors.named("advise"):
-                self.driver.advise(tick.prediction)
+            self.loop.body.ask("advise", tick.prediction)
 
     def for_the_eye(self, frame: Frame) -> Frame:
         """Return the camera's larger picture of `frame`; if the camera fails, return `frame`."""
