@@ -5,7 +5,6 @@ import copy
 import numpy as np
 import pytest
 
-from robot.learner import bsoc
 from robot.learner.bsoc import BSOC
 from robot.learner.integer_images import IntegerImages
 from robot.learner.published import PublishedBSOC
@@ -68,19 +67,20 @@ def test_whole_numbers_give_the_same_nodes_within_rounding(max_nodes):
     assert np.abs(exact.nodes_ - whole.nodes_).max() < 0.01
 
 
-def test_a_row_cache_finds_the_same_pairs(monkeypatch):
+def test_the_cached_minima_find_the_smallest_weight():
     rng = np.random.default_rng(5)
-    xs = rng.integers(0, 4, (300, 4)).astype(np.float32)
-    plain = BSOC(20)
-    monkeypatch.setattr(bsoc, "CACHED_FROM", 1)
-    cached = BSOC(20)
-    for i, x in enumerate(xs):
-        assert plain.train(x) == cached.train(x)
+    learner = BSOC(20)
+    for i, x in enumerate(rng.integers(0, 4, (300, 4)).astype(np.float32)):
+        learner.train(x)
         if i in (50, 200):
-            assert plain.delete(3) == cached.delete(3)
+            learner.delete(3)
         if i == 100:
-            cached = copy.deepcopy(cached)
-    assert np.array_equal(plain.nodes_, cached.nodes_)
+            learner = copy.deepcopy(learner)
+        if i in (150, 250):
+            learner.pin(5, i == 150)
+        weights = learner._edges.weights
+        one, two = divmod(int(weights.argmin()), len(weights))
+        assert learner._edges.smallest() == (weights[one, two], one, two)
 
 
 @pytest.mark.parametrize("refused", [[300.0, 1.0], [0.5, 1.0], [-1.0, 1.0]])
