@@ -25,11 +25,8 @@ _LEAST_SCALE = 0.05
 
 
 class CameraTiming:
-    """Estimates a camera's period and the age at which its pictures arrive.
-
-    `state` holds the estimates and limits, as one frozen value. The timeout in `state` is never
-    less than `shortest_timeout_s`.
-    """
+    """Estimates a camera's period and the age at which its pictures arrive. `state` holds the
+    estimates and limits; its timeout is never less than `shortest_timeout_s`."""
 
     _WINDOW = 15
     _AGE_QUANTILE = 0.8

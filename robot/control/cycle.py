@@ -268,9 +268,9 @@ class Cycle:
     def _sense(self) -> Sensors:
         try:
             sensors = self.body.ask("sense")
-            if not isinstance(sensors, Sensors):
-                raise self.body.errors.converted("sense", TypeError(f"returned {sensors!r}, no Sensors"))
-            return sensors
+            if isinstance(sensors, Sensors):
+                return sensors
+            raise self.body.errors.converted("sense", TypeError(f"{sensors!r} is no Sensors"))
         except DriveError as error:
             self._stop(StopReason.DRIVE_FAULT, str(error))
             return Sensors()
@@ -370,7 +370,7 @@ class Cycle:
     # Requests of other threads and ways to stop; all run on the loop's thread --------------------
 
     def note(self, command: PilotCommand) -> None:
-        """Keep a command for the next tick. A command that comes too late still shows how slow the link is."""
+        """Keep a command for the next tick; one that comes too late still shows a slow link."""
         times = self.learning.times_of(command.frame_id, command.seen_id)
         proven_s = command.received_s if command.proven_s is None else command.proven_s
         received_s = self.world_s(command.received_s)
@@ -382,9 +382,7 @@ class Cycle:
             self.link.judge(there, named_s, seen_s, self.timing.state, now_s)
         self._commands.append((command, there))
 
-    def start(
-        self, mode: Mode, proven_s: float | None = None, frame_id: int | None = None
-    ) -> bool:
+    def start(self, mode: Mode, proven_s: float | None = None, frame_id: int | None = None) -> bool:
         """Enter a mode; see `ControlLoop.set_mode`."""
         now_s = self.world_s(self.clock.now_s())
         proven_s = None if proven_s is None else self.world_s(proven_s)

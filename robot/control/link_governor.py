@@ -22,11 +22,10 @@ def age_of_link_s(
 ) -> float:
     """Return the age to judge the link by: the picture's age or the command's, whichever is larger.
 
-    `picture_age_s` is the time from when the loop got the picture to when the command arrived. This
-    time includes both directions of the link and the time on the phone, all by one clock.
-    `reported_age_s` is the page's estimate of the picture's age when the command was sent. Without
-    an estimate the whole age is attributed to the link. The time on the phone (`phone_s`, if known)
-    is subtracted, so that a slow phone does not stop learning.
+    `picture_age_s` is the time from when the loop got the picture to when the command arrived, by
+    one clock: both directions of the link and the time on the phone. `reported_age_s` is the page's
+    estimate of the picture's age when the command was sent; without it the whole age is attributed
+    to the link. `phone_s`, if known, is subtracted, so that a slow phone does not stop learning.
     """
     if reported_age_s is None:
         return picture_age_s

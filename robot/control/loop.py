@@ -146,8 +146,8 @@ class ControlLoop:
         the frame that the pilot sees.
         """
         asked_s = self.clock.now_s() if proven_s is None else proven_s
-        epoch, self._asked = self._epoch, None
-        return self.submit(lambda: self._epoch is epoch and self._cycle.start(mode, asked_s, frame_id))
+        epoch, self._asked, start = self._epoch, None, self._cycle.start
+        return self.submit(lambda: self._epoch is epoch and start(mode, asked_s, frame_id))
 
     def empty_command(self) -> Future[None]:
         """Forget the held move, because the pilot changed, and stop a moving robot."""
@@ -165,5 +165,5 @@ class ControlLoop:
 
     def release_emergency(self) -> Future[None]:
         """Allow modes to be chosen again; the robot stays stopped."""
-        epoch = self._epoch
-        return self.submit(lambda: self._cycle.gate.release_emergency() if self._epoch is epoch else None)
+        epoch, gate = self._epoch, self._cycle.gate
+        return self.submit(lambda: gate.release_emergency() if self._epoch is epoch else None)

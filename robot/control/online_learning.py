@@ -240,10 +240,9 @@ class OnlineLearning:
     def times_of(
         self, frame_id: int | None, seen_id: int | None = None
     ) -> tuple[tuple[float, float], float] | None:
-        """Return when the frame `frame_id` was taken and reached the loop. The last number is when
-        the older of the frames `frame_id` and `seen_id` reached the loop. A frame that is no longer
-        remembered gets the times of the oldest remembered frame. Return None before the first
-        frame or without `frame_id`."""
+        """Return when the frame `frame_id` was taken and reached the loop, and when the older of
+        the frames `frame_id` and `seen_id` reached the loop. A forgotten frame gets the times of
+        the oldest remembered frame. None before the first frame or without `frame_id`."""
         if not self._seen or frame_id is None:
             return None
         newest_id, oldest = next(reversed(self._seen)), next(iter(self._seen.values()))

@@ -24,9 +24,7 @@ class LinkLevel(StrEnum):
     GOOD = "good"
     SLOW = "slow"  # the pilot is warned
     CAPPED = "capped"  # the robot also drives slower
-    NOT_LEARNING = (
-        "not_learning"  # the robot also learns nothing: labels would belong to the wrong pictures
-    )
+    NOT_LEARNING = "not_learning"  # and learns nothing: labels would name the wrong pictures
     TOO_SLOW = "too_slow"  # the robot stops
 
 

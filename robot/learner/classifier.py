@@ -68,9 +68,8 @@ class BSOCClassifier(LabelledImages):
     ) -> None:
         if n_voters < 1:
             raise ValueError(f"n_voters must be at least 1, not {n_voters}")
-        if cluster is None:  # compare with None, because an empty clustering is false
-            images = IntegerImages(max_nodes) if integer else None
-            cluster = BSOC(max_nodes, group_cost=group_cost, images=images)
+        images = IntegerImages(max_nodes) if integer else None
+        cluster = cluster or BSOC(max_nodes, group_cost=group_cost, images=images)
         novelty = votes.Novelty(margin=novelty_margin)
         mind = votes.ChangeOfMind() if forgets and cluster.measures_novelty else None
         super().__init__(max_nodes, cluster, linear, novelty, mind)

@@ -64,9 +64,6 @@ class Clusters(Stateful, ABC):
         self.names = np.zeros(n_rows, np.int64)
         self._counts = np.zeros(n_rows, np.int64)
 
-    def __len__(self) -> int:
-        return self.n_nodes_
-
     @property
     @abstractmethod
     def kind(self) -> str:

@@ -9,9 +9,8 @@ updates as vectors, and adds them to the inverse several at a time. All results 
 updates.
 
 A driver begins a turn late and ends it late. So the same view can mean FORWARD while driving
-straight and LEFT while turning, and a single linear map would predict the mean. So there is one
-ridge for all examples and one for each context. The ridge of a context learns the examples that
-count in this context: its own moves, and the beginning of the moves that follow.
+straight and LEFT while turning, and a single linear map would predict the mean. So each context
+also has a ridge (`ContextRidge`), which learns the examples that count in this context.
 """
 
 from __future__ import annotations

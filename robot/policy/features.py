@@ -130,9 +130,8 @@ class GradientFeatures(PictureFeatures):
         """Return the prior covariance of the linear part's weights, shape (384, 384).
 
         The correct move hardly depends on whether an edge lies in one cell or in the next. So the
-        weights of one direction are similar in nearby cells. Because of this prior, an example also
-        teaches how to act in slightly shifted views. Training on shifted copies of each view would
-        have the same effect in twice the time.
+        weights of one direction are similar in nearby cells. An example then also teaches slightly
+        shifted views, as training on shifted copies would in twice the time.
         """
         near = [
             np.exp(-0.5 * ((np.arange(n)[:, None] - np.arange(n)) / reach) ** 2)

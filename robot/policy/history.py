@@ -1,9 +1,6 @@
-"""Event-sourced training history with snapshots, so that recent training can be undone exactly.
+"""Event-sourced training history: the events of the last minute, with snapshots of the learner.
 
-Merging loses detail, so an example cannot be removed from a learner. Instead the history stores the
-events of the last minute, and snapshots of the learner. Undo restores a snapshot and learns all
-later examples again except the undone examples. Afterwards the learner is the same, bit for bit, as
-if the undone examples had never been taught.
+`undo.py` takes recent events back, exactly.
 """
 
 from __future__ import annotations
@@ -11,13 +8,13 @@ from __future__ import annotations
 import contextlib
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from robot.learner.base import State, Vector
 from robot.moves import Move
-from robot.policy.changes import make, replay
-from robot.policy.events import DriveBegun, Edited, HistoryEvent, LogEvent, Replaced, Taught, Undone
+from robot.policy.changes import make
+from robot.policy.events import DriveBegun, Edited, HistoryEvent, LogEvent, Replaced, Taught
 from robot.policy.policy import Policy
 from robot.types import Action, Example
 
@@ -30,7 +27,7 @@ _LONGEST_STEP_S = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Snapshot:
+class Snapshot:
     """The policy's state at the teaching time `at_s`, and the events up to the next snapshot."""
 
     at_s: float
@@ -39,7 +36,7 @@ class _Snapshot:
 
 
 class TrainingHistory:
-    """Teaches a policy, and can undo the last examples.
+    """Teaches a policy, and keeps what undo needs.
 
     Args:
         policy: The policy that learns. From now on only the history may change the policy.
@@ -56,8 +53,8 @@ class TrainingHistory:
         self.declared = declared
         self._on_events = on_events or (lambda events: None)
         self.changes = 0
-        """Number of changes of the learner; it never decreases. Any thread can read this number. A
-        change is counted before the request for it is answered."""
+        """Number of changes of the learner, for any thread; it never decreases. A change is counted
+        before the request for it is answered."""
         self.edits = 0
         """Number of changes that are not examples; it never decreases."""
         self.drives = 0
@@ -77,12 +74,12 @@ class TrainingHistory:
         self.teaching_s = 0.0
         """Teaching time up to the last example; a pause counts as at most half a second."""
         self._last_example_s: float | None = None
-        self._snapshots = [_Snapshot(at_s=0.0, state=policy.get_state())]
+        self.snapshots = [Snapshot(at_s=0.0, state=policy.get_state())]
 
     @property
-    def _events(self) -> list[LogEvent]:
+    def events(self) -> list[LogEvent]:
         """The events that can be undone, oldest first."""
-        return [event for snapshot in self._snapshots for event in snapshot.events]
+        return [event for snapshot in self.snapshots for event in snapshot.events]
 
     def teach(self, example: Example, x: Vector, captured_s: float) -> None:
         """Teach one labelled frame, taken at `captured_s`. After an error nothing has changed."""
@@ -95,12 +92,12 @@ class TrainingHistory:
             step_s = captured_s - last_s if last_s is not None else 0.0
             last_s, at_s = captured_s, at_s + min(max(step_s, 0.0), _LONGEST_STEP_S)
             events.append(Taught(example=example, x=x, at_s=at_s))
-        with self._as_before_if_refused():
+        with self.as_before_if_refused():
             self.policy.learn_all([(e.x, e.example.label, e.at_s, e.example.point) for e in events])
         self._last_example_s, self.teaching_s = last_s, at_s
         self.taught.update(event.example.label for event in events)
         self._record(events)
-        if self.teaching_s - self._snapshots[-1].at_s >= SNAPSHOT_EVERY_S:
+        if self.teaching_s - self.snapshots[-1].at_s >= SNAPSHOT_EVERY_S:
             self._take_snapshot()
         return events
 
@@ -108,7 +105,7 @@ class TrainingHistory:
         """Reset the policy, because one drive ends here and the next will begin."""
         self.policy.reset()
         if not self._is_drive_new:
-            self._snapshots[-1].events.append(DriveBegun(at_s=self.teaching_s))
+            self.snapshots[-1].events.append(DriveBegun(at_s=self.teaching_s))
             self._is_drive_new = True
             self.drives += 1
 
@@ -121,45 +118,17 @@ class TrainingHistory:
             ValueError: If the verb is unknown or the policy refuses.
         """
         event = Edited(verb=verb, node_id=node_id, value=value, at_s=self.teaching_s)
-        with self._as_before_if_refused():
+        with self.as_before_if_refused():
             make(self.policy, event)
         self._record([event])
-
-    def last_examples(self, seconds: float) -> list[Taught]:
-        """Return the examples of the last `seconds`, which `undo` would drop, oldest first."""
-        since_s = self.teaching_s - seconds
-        return [e for e in self._events if isinstance(e, Taught) and e.at_s > since_s]
-
-    def undo(self, seconds: float) -> list[Example]:
-        """Undo the last `seconds` of teaching (35 at most); return the undone examples.
-
-        Edits made in this time stay, unless their image no longer exists. If a plugin refuses to
-        learn the remaining examples again, nothing is undone and the plugin's error is raised.
-        """
-        gone = self.last_examples(seconds)
-        if gone:
-            self._rebuild_without(gone)
-            self.taught = self.taught - Counter(taught.example.label for taught in gone)
-            kept_s = [e.at_s for e in self._events if not isinstance(e, DriveBegun)]
-            self.teaching_s = max([self._snapshots[-1].at_s, *kept_s])
-            self._tell(Undone(frame_ids=tuple(t.example.frame_id for t in gone)))
-        return [taught.example for taught in gone]
-
-    def undo_edit(self) -> bool:
-        """Undo the last edit, but never an example; return False if there is no edit to undo."""
-        edits = [event for event in self._events if isinstance(event, Edited)]
-        if edits:
-            self._rebuild_without(edits[-1:])
-            self._tell(Undone(frame_ids=()))
-        return bool(edits)
 
     def replace_policy(self, policy: Policy, taught: Counter[Action] | None = None) -> None:
         """Continue with another policy; nobody can then undo earlier examples."""
         self._begin(policy, Counter(taught or {}))
-        self._tell(Replaced(policy_name=policy.name))
+        self.tell(Replaced(policy_name=policy.name))
 
     @contextlib.contextmanager
-    def _as_before_if_refused(self) -> Iterator[None]:
+    def as_before_if_refused(self) -> Iterator[None]:
         """If a plugin changes the state and then raises an error, restore the state. Built-in
         learners raise errors before any change, so their state is not copied, which would take as
         long as learning an example."""
@@ -172,28 +141,18 @@ class TrainingHistory:
             raise
 
     def _record(self, events: Sequence[Taught | Edited]) -> None:
-        self._snapshots[-1].events.extend(events)
+        self.snapshots[-1].events.extend(events)
         self._is_drive_new = False
-        self._tell(*events)
+        self.tell(*events)
 
-    def _tell(self, *events: HistoryEvent) -> None:
+    def tell(self, *events: HistoryEvent) -> None:
+        """Count the changes, and report them."""
         self.changes += len(events)
         self.edits += sum(not isinstance(event, Taught) for event in events)
         self._on_events(events)
 
-    def _rebuild_without(self, dropped: list[Taught] | list[Edited]) -> None:
-        """Restore the snapshot before the first of the `dropped` events, and replay all later
-        events except the dropped ones."""
-        first = next(i for i, s in enumerate(self._snapshots) if dropped[0] in s.events)
-        since, gone = self._snapshots[first:], {id(event) for event in dropped}
-        again = [event for s in since for event in s.events if id(event) not in gone]
-        with self._as_before_if_refused():
-            self.policy.restore(since[0].state)
-            replay(self.policy, again)
-        self._snapshots[first:] = [replace(since[0], events=again)]
-
     def _take_snapshot(self) -> None:
         """Take a snapshot of the learner, and drop the snapshots that no undo needs any more."""
-        self._snapshots.append(_Snapshot(at_s=self.teaching_s, state=self.policy.get_state()))
-        while self._snapshots[1].at_s <= self.teaching_s - UNDO_HORIZON_S:
-            self._snapshots.pop(0)
+        self.snapshots.append(Snapshot(at_s=self.teaching_s, state=self.policy.get_state()))
+        while self.snapshots[1].at_s <= self.teaching_s - UNDO_HORIZON_S:
+            self.snapshots.pop(0)

@@ -102,9 +102,9 @@ class Headway:
     """Measures how much time the pilot or the robot has lost by turning and pushing.
 
     A second of turning counts as lost, and so does a second of pushing without effect. Each second
-    of driving straight reduces the lost time by four seconds. With proportional steering, a curve
-    counts partly as turning and partly as driving straight: the milder the curve, the more counts
-    as driving straight. When the lost time is 0 again, a `Headway` forgets the earlier turns.
+    of driving straight reduces the lost time by four seconds. With proportional steering, the
+    milder a curve, the more of it counts as driving straight. When the lost time is 0 again, a
+    `Headway` forgets the earlier turns.
 
     Attributes:
         lost_s: The lost time, in seconds; at least 0.
@@ -184,8 +184,8 @@ _MEANT = 3
 _PATIENCE, _LONGEST_PATIENCE_S = 1.5, 5.0
 _RUNS, _FEWEST_RUNS = 64, 8
 TO_AND_FRO_S, OF_A_RUN = 2.0, 0.75
-"""Two changes of side within this time count as alternating. The limit `TO_AND_FRO_S` is in
-seconds. For quick pilots the limit is `OF_A_RUN` times the usual duration of a move."""
+"""Two changes of side within `TO_AND_FRO_S` seconds count as alternating; for quick pilots, within
+`OF_A_RUN` times the usual duration of a move."""
 AWAY_S, OF_A_TURN = 1.5, 0.6
 """Time for which a move without effect stays barred: `AWAY_S` seconds, or `OF_A_TURN` times the
 pilot's longest turn if that is shorter. In `AWAY_S`, a quick body turns back to the obstacle."""

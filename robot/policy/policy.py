@@ -35,8 +35,8 @@ class Policy(Stateful):
         action_filter: Makes the filter that turns votes on single frames into steady driving.
         thins: True if at most ten examples of the same label are learned per second
             (`example_selection.py`).
-        brighten: Returns a view with its grey values multiplied by a factor. The policy uses it to
-            scale views to the brightness of the lesson (`LightAdaptation`); None: no scaling.
+        brighten: Returns a view with its grey values multiplied by a factor, for
+            `LightAdaptation`; None: views are not scaled to the brightness of the lesson.
         knows_repeats: True to skip views that were already learned with the same label.
 
     Attributes:

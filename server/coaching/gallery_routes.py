@@ -11,6 +11,7 @@ from pydantic import StrictBool, StrictStr
 from robot.coaching.gallery import Explanation, LearnedImage, explain
 from robot.control.loop import ControlLoop
 from robot.devices.raw_value import RawValue, must_be
+from robot.policy import undo
 from robot.types import Prediction
 from server.coaching.extension import progress_of
 from server.coaching.progress import Progress
@@ -103,7 +104,7 @@ async def undo_edit(request: Request) -> dict[str, bool]:
     `kept` is false if the model could not be saved.
     """
     services = services_of(request)
-    undone, is_kept = await services.change_learner(lambda history: history.undo_edit())
+    undone, is_kept = await services.change_learner(undo.undo_edit)
     await progress_of(request).gallery.images(fresh=True)
     return {"undone": bool(undone), "kept": is_kept}
 

@@ -9,6 +9,7 @@ from fastapi import APIRouter, Query, Request
 
 from robot.devices.raw_value import RawValue, number
 from robot.policy.history import UNDO_HORIZON_S, TrainingHistory
+from robot.policy.undo import last_examples, undo_examples
 from server.routes.answers import Route, png_text
 from server.services import services_of
 
@@ -54,13 +55,14 @@ async def show_last(request: Request, seconds: float = _LAST) -> LastExamples:
 async def undo(request: Request, body: TrainingUndo) -> dict[str, int | bool]:
     """Undo the last seconds of training; `kept` is false if the model could not be saved."""
     services = services_of(request)
-    gone, is_kept = await services.change_learner(lambda history: history.undo(body.seconds))
+    seconds = body.seconds
+    gone, is_kept = await services.change_learner(lambda history: undo_examples(history, seconds))
     return {"undone": len(gone), "kept": is_kept}
 
 
 def _preview(history: TrainingHistory, seconds: float) -> LastExamples:
     """Describe the examples that undo would remove. Call it on the loop's thread."""
-    taught = history.last_examples(seconds)
+    taught = last_examples(history, seconds)
     step = max(1, -(-len(taught) // _STRIP))
     labels = Counter(event.example.label for event in taught)
     picture = history.policy.features.thumbnail

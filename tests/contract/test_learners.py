@@ -16,6 +16,7 @@ from robot.policy.history import TrainingHistory
 from robot.policy.policy import Policy
 from robot.policy.registry import learner_kinds, make_policy
 from robot.types import Action, Example, Frame
+from robot.policy.undo import undo_edit, undo_examples
 from tests.kit.frames import frame_of, noisy_blocks
 from tests.kit.sizes import few, seeds
 from tests.kit.states import same_state
@@ -163,7 +164,7 @@ def test_undo_leaves_no_trace_of_the_examples(kind: str, seed: int) -> None:
                 history.teach(example, x, captured_s=i * STEP_S)
 
     run(history, count)
-    gone = history.undo(seconds)
+    gone = undo_examples(history, seconds)
     run(untouched, count - len(gone))
     assert gone
     assert same_state(history.policy.get_state(), untouched.policy.get_state())
@@ -182,5 +183,5 @@ def test_undoing_an_edit_brings_the_image_back(kind: str) -> None:
         pytest.skip("it says that it stores no images")
     history.edit("delete", images(history.policy)[0].node_id)
     assert not same_state(history.policy.get_state(), before)
-    assert history.undo_edit()
+    assert undo_edit(history)
     assert same_state(history.policy.get_state(), before)

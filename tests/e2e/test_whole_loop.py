@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from robot.types import Action, DrivenBy, Mode
+from robot.policy.undo import last_examples
 from tests.kit.wait import wait_until
 
 from .hand import Fingers, choose, hold_until, pad, teach, turned_rad
@@ -41,7 +42,7 @@ def learned(world: World) -> float:
 
     def ask() -> float:
         right: dict[Action, list[bool]] = {move: [] for move in BOTH}
-        for taught in history.last_examples(1000.0):
+        for taught in last_examples(history, 1000.0):
             shares = history.policy.learner.explain_one(taught.x).probabilities
             label = taught.example.label
             right[label].append(max(shares, key=lambda m: shares[m]) is label)

@@ -36,6 +36,7 @@ SUBJECTS: dict[str, tuple[str, ...]] = {
     ),
     "robot.control.link_governor": ("tests/robot/control/test_link_governor.py",),
     "robot.policy.history": ("tests/robot/policy/test_history.py",),
+    "robot.policy.undo": ("tests/robot/policy/test_history.py",),
     "robot.policy.changes": (
         "tests/robot/policy/test_history.py",
         "tests/robot/policy/test_alike.py",

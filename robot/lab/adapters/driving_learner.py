@@ -13,6 +13,7 @@ from robot.moves import Move
 from robot.policy.history import TrainingHistory
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
+from robot.policy.undo import undo_examples
 from robot.types import DEFAULT_MOVES, Action, Encoding, Example, Frame, Point, Prediction
 
 
@@ -126,7 +127,7 @@ class DrivingLearner:
     def undo(self, seconds: float) -> int:
         """Unlearn the last `seconds` of teaching, at most 35; return the number of examples
         unlearned."""
-        return len(self.history.undo(seconds))
+        return len(undo_examples(self.history, seconds))
 
     def reset(self) -> None:
         """Begin another drive. Keep the learned examples, and drop the state of the last drive."""

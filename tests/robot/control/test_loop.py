@@ -11,6 +11,7 @@ from robot.learner.classifier import BSOCClassifier
 from robot.policy.features import GreyFeatures
 from robot.policy.policy import Policy
 from robot.types import Action, DrivenBy, Mode, Point, Prediction, StopReason
+from robot.policy.undo import undo_examples
 from tests.robot.bench_robot import BenchRobot
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
@@ -32,7 +33,7 @@ def test_a_request_is_answered_after_the_state_was_published_to_all_listeners() 
     found: list[tuple[int, int]] = []
     told: list[int] = []
     robot.loop.subscribe(lambda tick: told.append(len(tick.history_events)))
-    undone = robot.loop.submit(lambda: robot.loop.history.undo(5.0))
+    undone = robot.loop.submit(lambda: undo_examples(robot.loop.history, 5.0))
     undone.add_done_callback(
         lambda _: found.append((sum(robot.loop.state.taught.values()), sum(told)))
     )

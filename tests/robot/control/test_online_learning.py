@@ -17,6 +17,7 @@ from robot.errors import CameraError
 from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
 from robot.types import Action, PilotCommand, Point
+from robot.policy.undo import undo_examples
 from tests.robot.bench_robot import BenchCamera
 
 F, L = Action.FORWARD, Action.LEFT
@@ -168,7 +169,7 @@ def test_undone_examples_no_longer_count_in_the_agreement(
         command = hold(frame.frame_id, clock.now_s(), action)
         online_learning.learn([command], is_intervention=False, may_learn=True)
     assert (online_learning.agreement.share or 0.0) < 0.95
-    online_learning.history.undo(3.05)
+    undo_examples(online_learning.history, 3.05)
     online_learning.take_events()
     assert online_learning.agreement.n_examples == online_learning.history.taught.total()
     assert online_learning.agreement.share == pytest.approx(1.0, abs=0.03), "all but the first"

@@ -14,6 +14,7 @@ from robot.simulator.camera import SimCamera, SimCameraOptions
 from robot.simulator.driver import SimDriver, SimOptions
 from robot.testing import VirtualClock
 from robot.types import Action, Mode, PilotCommand
+from robot.policy.undo import undo_examples
 
 STEP_S = 0.05
 
@@ -60,7 +61,7 @@ def drive_in_simulator(folder: Path, learner: str, steps: int = 200, undo_s: flo
             )
             loop.tick(now_s)
         if undo_s:
-            loop.submit(lambda: loop.history.undo(undo_s))
+            loop.submit(lambda: undo_examples(loop.history, undo_s))
         loop.set_mode(Mode.STOPPED)
         loop.tick(clock.now_s())
         recorder.finish()

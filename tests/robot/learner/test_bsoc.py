@@ -136,4 +136,4 @@ def test_a_pinned_node_is_not_deleted_and_one_node_stays_free_of_pins():
         learner.delete(0)
     with pytest.raises(ValueError, match="at most 1 of 2"):
         learner.pin(1)
-    assert len(learner) == 2
+    assert learner.n_nodes_ == 2

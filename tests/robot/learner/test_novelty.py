@@ -54,7 +54,7 @@ def test_neighbouring_frames_do_not_count_as_familiar(repeats):
     for i in range(200):
         x = np.zeros(400, np.float32)
         x[2 * i // repeats : 2 * i // repeats + 40] = 1.0
-        if len(cluster) > 1:
+        if cluster.n_nodes_ > 1:
             plain.append(cluster.lookup(x)[1])
         cluster.train(x)
         if i > 2 * HELD_OUT and cluster.last_distance_ is not None:

@@ -11,6 +11,7 @@ from robot.policy.features import GradientFeatures
 from robot.policy.history import TrainingHistory
 from robot.policy.registry import make_policy
 from robot.types import Action, Example, Point
+from robot.policy.undo import undo_edit, undo_examples
 from server.library.models import begin_like
 from tests.kit.frames import frame_of
 from tests.kit.states import same_state
@@ -119,13 +120,13 @@ def test_undo_and_replay_are_exact():
     before = one.policy.get_state()
     one.edit("alike", value=True)
     assert one.policy.alike
-    assert one.undo_edit() and not one.policy.alike
+    assert undo_edit(one) and not one.policy.alike
     assert same_state(before, one.policy.get_state())
     for it in (one, two):
         it.edit("alike", value=True)
         teach(it, drive[10:20], 10)
     teach(one, drive[20:], 20)
-    gone = one.undo(0.95)
+    gone = undo_examples(one, 0.95)
     assert gone and len(gone) == 10
     assert one.policy.alike and same_state(one.policy.get_state(), two.policy.get_state())
     again = make_policy("default-8", (F, L, R))

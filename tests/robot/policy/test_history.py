@@ -21,6 +21,7 @@ from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.store.models.model import same_nodes
 from robot.types import Action, Example, Point
+from robot.policy.undo import last_examples, undo_edit, undo_examples
 from tests.kit.sizes import crossed, few
 from tests.robot.bench_robot import BenchRobot
 
@@ -59,7 +60,7 @@ def test_examples_taught_in_batches_leave_the_same_learner_bit_for_bit(learner: 
             one.teach(example, x, captured_s)
         assert [event.at_s for event in told][-1] == one.teaching_s == many.teaching_s
     for seconds in (0.0, 1.3):
-        assert [e.frame_id for e in one.undo(seconds)] == [e.frame_id for e in many.undo(seconds)]
+        assert [e.frame_id for e in undo_examples(one, seconds)] == [e.frame_id for e in undo_examples(many, seconds)]
         here, there = one.policy.get_state(), many.policy.get_state()
         assert here.params == there.params and here.arrays.keys() == there.arrays.keys()
         for name, array in here.arrays.items():
@@ -70,12 +71,12 @@ def test_undo_can_be_repeated_back_to_the_beginning() -> None:
     history = TrainingHistory(make_policy("published-8"))
     fresh = history.policy.get_state()
     teach(history, vectors(history.policy, 120))
-    assert len(history.undo(5.0)) == 50
-    assert len(history.undo(5.0)) == 50
-    assert len(history.undo(30.0)) == 20
+    assert len(undo_examples(history, 5.0)) == 50
+    assert len(undo_examples(history, 5.0)) == 50
+    assert len(undo_examples(history, 30.0)) == 20
     assert same_nodes(history.policy.get_state(), fresh)
     assert history.taught.total() == 0
-    assert history.undo(5.0) == []
+    assert undo_examples(history, 5.0) == []
 
 
 def test_undo_counts_teaching_time_not_pauses() -> None:
@@ -83,7 +84,7 @@ def test_undo_counts_teaching_time_not_pauses() -> None:
     xs = vectors(history.policy, 20)
     teach(history, xs[:10])
     teach(history, xs[10:], first=10_000)
-    assert len(history.undo(1.45)) == 10 + 1
+    assert len(undo_examples(history, 1.45)) == 10 + 1
 
 
 def test_the_log_stays_small_however_long_one_teaches() -> None:
@@ -91,7 +92,7 @@ def test_the_log_stays_small_however_long_one_teaches() -> None:
     xs = vectors(history.policy, 10)
     for round_ in range(200):
         teach(history, xs, first=round_ * 10)
-    assert len(history.last_examples(1e9)) <= 10 * (35 + 10 + 10) / STEP_S / 10
+    assert len(last_examples(history, 1e9)) <= 10 * (35 + 10 + 10) / STEP_S / 10
     assert history.taught.total() == 2000
 
 
@@ -103,9 +104,9 @@ def test_undoing_an_edit_keeps_the_examples() -> None:
     wrong = min(MOVES, key=lambda move: node.votes.get(move, 0))
     history.edit("relabel", node.node_id, wrong)
     assert not same_nodes(history.policy.get_state(), before)
-    assert history.undo_edit()
+    assert undo_edit(history)
     assert same_nodes(history.policy.get_state(), before)
-    assert not history.undo_edit()
+    assert not undo_edit(history)
 
 
 def test_declaring_earlier_examples_outdated_is_an_edit() -> None:
@@ -121,9 +122,9 @@ def test_declaring_earlier_examples_outdated_is_an_edit() -> None:
     history.edit("outdate")
     assert outdated_before() > 0
     teach(history, xs[20:], first=20)
-    history.undo(0.25)
+    undo_examples(history, 0.25)
     assert outdated_before() > 0, "it stays when lessons are undone"
-    assert history.undo_edit()
+    assert undo_edit(history)
     assert outdated_before() == 0
 
 
@@ -133,7 +134,7 @@ def test_only_the_last_edit_is_taken_back() -> None:
     first, second = images(history.policy)[:2]
     history.edit("pin", first.node_id, True)
     history.edit("pin", second.node_id, True)
-    assert history.undo_edit()
+    assert undo_edit(history)
     pinned = [image.node_id for image in images(history.policy) if image.is_pinned]
     assert pinned == [first.node_id]
 
@@ -146,7 +147,7 @@ def test_undoing_lessons_keeps_the_edits_made_meanwhile() -> None:
     history.edit("relabel", node.node_id, Action.RIGHT)
     with_edit = history.policy.get_state()
     teach(history, xs[8:12], first=8)
-    assert len(history.undo(0.35)) == 4
+    assert len(undo_examples(history, 0.35)) == 4
     assert same_nodes(history.policy.get_state(), with_edit)
 
 
@@ -195,8 +196,8 @@ def test_an_example_that_a_plugin_refuses_leaves_no_trace_and_undo_is_exact(done
             history.teach(example, x, number * STEP_S)
             untouched.teach(example, x, number * STEP_S)
     for seconds in (0.0, 0.45, 3.0, 30.0):
-        gone = [example.frame_id for example in history.undo(seconds)]
-        assert gone == [example.frame_id for example in untouched.undo(seconds)]
+        gone = [example.frame_id for example in undo_examples(history, seconds)]
+        assert gone == [example.frame_id for example in undo_examples(untouched, seconds)]
         here, there = history.policy.get_state(), untouched.policy.get_state()
         assert same_nodes(here, there)
         assert here.params == there.params
@@ -210,15 +211,15 @@ def test_if_a_plugin_refuses_to_learn_again_nothing_is_undone(error: Exception) 
     teach(history, vectors(policy, 26))
     history.edit("outdate")
     before, plugin.refuses, plugin.error = policy.get_state(), True, error
-    for undo in (lambda: history.undo(0.45), history.undo_edit):
+    for undo in (lambda: undo_examples(history, 0.45), lambda: undo_edit(history)):
         with pytest.raises(type(error)):
             undo()
         assert same_nodes(policy.get_state(), before)
         assert policy.get_state().params == before.params
         assert history.taught.total() == 26
     plugin.refuses = False
-    assert len(history.undo(0.45)) == 5
-    assert history.undo_edit()
+    assert len(undo_examples(history, 0.45)) == 5
+    assert undo_edit(history)
 
 
 def teach_at(history: TrainingHistory, *times_s: float) -> None:
@@ -244,9 +245,9 @@ def test_an_undo_learns_again_only_what_came_after_the_snapshot_before_it(
         learn(x, label, at_s)
 
     monkeypatch.setattr(history.policy, "learn", listen)
-    assert [example.frame_id for example in history.undo(0.5)] == [21]
+    assert [example.frame_id for example in undo_examples(history, 0.5)] == [21]
     assert learned_s == []
-    assert [example.frame_id for example in history.undo(0.5)] == [20]
+    assert [example.frame_id for example in undo_examples(history, 0.5)] == [20]
     assert learned_s == [step * 0.5 for step in range(20)]
 
 
@@ -265,10 +266,10 @@ def test_the_log_keeps_no_more_snapshots_than_an_undo_of_35_seconds_needs(
 ) -> None:
     history = TrainingHistory(make_policy("published-8"))
     teach_at(history, 0.0, 12.0, 24.0, 36.0, last_s)
-    assert len(history.last_examples(35.0)) == sum(
+    assert len(last_examples(history, 35.0)) == sum(
         at_s > last_s - 35.0 for at_s in (12, 24, 36, 47)
     )
-    assert len(history.undo(1e9)) == n_kept
+    assert len(undo_examples(history, 1e9)) == n_kept
     assert history.taught.total() == 5 - n_kept
 
 
@@ -276,8 +277,8 @@ def test_an_undo_is_as_exact_after_the_log_was_shortened() -> None:
     times_s = [step * 0.5 for step in range(121)]
     history, untouched = (TrainingHistory(make_policy("published-8")) for _ in range(2))
     teach_at(history, *times_s)
-    assert len(history.last_examples(1e9)) < len(times_s)
-    assert len(history.undo(2.0)) == 4
+    assert len(last_examples(history, 1e9)) < len(times_s)
+    assert len(undo_examples(history, 2.0)) == 4
     teach_at(untouched, *times_s[:-4])
     assert same_nodes(history.policy.get_state(), untouched.policy.get_state())
 
@@ -287,7 +288,7 @@ def test_teaching_time_begins_at_zero_and_undo_turns_it_back() -> None:
     history = TrainingHistory(make_policy("published-8"), told.extend)
     xs = vectors(history.policy, 3)
     teach(history, xs[:2], first=100)
-    history.undo(5.0)
+    undo_examples(history, 5.0)
     teach(history, xs[2:], first=102)
     times_s = [event.at_s for event in told if isinstance(event, Taught)]
     assert times_s == pytest.approx([0.0, STEP_S, STEP_S])
@@ -299,8 +300,8 @@ def test_each_change_is_counted_and_reported_once() -> None:
     assert history.changes == 0
     teach(history, vectors(history.policy, 3))
     history.edit("pin", images(history.policy)[0].node_id, True)
-    history.undo(0.05)
-    history.undo_edit()
+    undo_examples(history, 0.05)
+    undo_edit(history)
     history.replace_policy(make_policy("published-4"))
     assert [type(event) for event in told[:-3]] == [Taught, Taught, Taught, Edited]
     assert told[-3:-1] == [Undone(frame_ids=(2,)), Undone(frame_ids=())]
@@ -315,11 +316,11 @@ def test_an_exchanged_policy_keeps_its_training_which_cannot_be_undone() -> None
     loaded = make_policy("published-4")
     history.replace_policy(loaded, Counter({Action.FORWARD: 5}))
     assert (history.policy, history.taught.total()) == (loaded, 5)
-    assert history.undo(30.0) == []
+    assert undo_examples(history, 30.0) == []
     before = loaded.get_state()
     teach(history, vectors(loaded, 2), first=3)
     assert history.taught.total() == 7
-    assert len(history.undo(30.0)) == 2
+    assert len(undo_examples(history, 30.0)) == 2
     assert same_nodes(loaded.get_state(), before)
     assert history.taught == {Action.FORWARD: 5}
     history.replace_policy(make_policy("published-4"))
@@ -362,7 +363,7 @@ def test_a_learner_begins_each_drive_again_after_an_undo() -> None:
     xs = vectors(by_hand, 60)
     for first in (0, 30):
         teach(history, xs[first : first + 30], first=first)
-        for event in history.last_examples(29.5 * STEP_S):
+        for event in last_examples(history, 29.5 * STEP_S):
             example = event.example
             by_hand.learn(event.x, example.label, event.at_s)
         if first == 0:
@@ -370,7 +371,7 @@ def test_a_learner_begins_each_drive_again_after_an_undo() -> None:
             by_hand.reset()
     assert same_nodes(history.policy.get_state(), by_hand.get_state())
     teach(history, xs[:5], first=60)
-    assert len(history.undo(5 * STEP_S)) == 5
+    assert len(undo_examples(history, 5 * STEP_S)) == 5
     assert same_nodes(history.policy.get_state(), by_hand.get_state())
 
 
@@ -383,7 +384,7 @@ def test_a_drive_begins_with_a_reset_policy_also_when_it_is_learned_again() -> N
         assert reset.call_count == 1
         teach(history, xs[10:], first=10)
         before = reset.call_count
-        assert len(history.undo(5 * STEP_S)) == 5
+        assert len(undo_examples(history, 5 * STEP_S)) == 5
         assert reset.call_count > before
 
 
@@ -392,7 +393,7 @@ def test_declaring_left_and_right_alike_is_an_edit() -> None:
     teach(history, vectors(history.policy, 10))
     history.edit("alike", value=True)
     assert history.policy.alike
-    assert history.undo_edit() and not history.policy.alike
+    assert undo_edit(history) and not history.policy.alike
 
 
 def test_a_change_that_cannot_be_repeated_is_reported_or_raised() -> None:
@@ -423,7 +424,7 @@ def test_undo_leaves_no_trace_of_the_examples(learner: str, seconds: float) -> N
     history = TrainingHistory(make_policy(learner))
     xs = vectors(history.policy, 450)
     teach(history, xs)
-    gone = history.undo(seconds)
+    gone = undo_examples(history, seconds)
     assert len(gone) == round(seconds / STEP_S)
 
     untouched = TrainingHistory(make_policy(learner))
@@ -443,7 +444,7 @@ def test_an_undone_example_is_not_the_last_one_of_an_image(learner: str) -> None
     for history in histories:
         teach_forward(history, xs[:81], [0.125 * i for i in range(81)])  # then it is copied
     teach_forward(histories[0], xs[81:83], [10.125, 10.25])
-    assert len(histories[0].undo(0.2)) == 2
+    assert len(undo_examples(histories[0], 0.2)) == 2
     for history, at_s in zip(histories, (10.26, 10.01), strict=True):
         teach_forward(history, xs[83:], [at_s])  # too soon to be learned
     undone, untouched = (history.policy.get_state() for history in histories)

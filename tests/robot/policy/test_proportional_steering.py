@@ -24,6 +24,7 @@ from robot.policy.recognition import BAND
 from robot.policy.registry import make_policy
 from robot.store.models.model import same_nodes
 from robot.types import Action, Example, Frame, Mode, Point
+from robot.policy.undo import undo_examples
 from tests.kit.frames import frame_of
 from tests.kit.sizes import crossed
 from tests.learners import installed
@@ -145,7 +146,7 @@ def test_points_are_undone_as_if_they_had_never_been(learner: str, seed: int) ->
     alone = history.policy.get_state()
     teach(history, seed + 1, 60, first=n_alone)
     assert history.policy.usual_point(Action.LEFT) is not None
-    assert len(history.undo(5.95)) == 60
+    assert len(undo_examples(history, 5.95)) == 60
     assert same_nodes(history.policy.get_state(), alone)
     assert history.policy.get_state().params == alone.params
     assert history.policy.propose(1, history.policy.extract(view(0.0, 0))).point is None

@@ -18,6 +18,7 @@ from robot.recordings.episode import Episode, open_episode, taught_frames
 from robot.recordings.messages import Topic
 from robot.recordings.recorder import Recorder
 from robot.types import Action, Mode
+from robot.policy.undo import undo_examples
 from tests.robot.bench_robot import BenchRobot
 
 MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
@@ -64,7 +65,7 @@ class RecordedBench(BenchRobot):
         self.tick()
 
     def undo(self, seconds: float) -> None:
-        self.loop.submit(lambda: self.loop.history.undo(seconds))
+        self.loop.submit(lambda: undo_examples(self.loop.history, seconds))
         self.tick()
 
     def stand(self, seconds: float) -> None:

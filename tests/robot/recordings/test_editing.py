@@ -18,6 +18,7 @@ from robot.recordings.teaching import learn_again, plan
 from robot.store.folder import Storage
 from robot.store.models.model import same_nodes
 from robot.types import Action, Mode
+from robot.policy.undo import undo_edit
 from tests.kit.sizes import few, seeds
 
 from .drives import MOVES, RecordedBench, record_drive
@@ -67,7 +68,7 @@ def test_edits_of_images_and_their_undos_are_learned_again_also_from_rewritten_r
     for scenes in (range(40), range(40, 60)):
         drive_and_edit(robot, scenes, chance)
     for _ in range(n_undone):
-        robot.loop.submit(history.undo_edit)
+        robot.loop.submit(lambda: undo_edit(history))
     if seed % 2:
         drive_and_edit(robot, range(60, 80), chance)
     robot.drive(range(80, 100))

@@ -22,6 +22,7 @@ from robot.recordings.episode import Episode, open_episode, taught_frames
 from robot.recordings.teaching import count_steps, learn_again, plan
 from robot.store.models.model import Model, same_nodes
 from robot.types import Action, Example, Mode, Point
+from robot.policy.undo import undo_edit, undo_examples
 from tests.robot.exchange.imported import import_pictures
 
 from .drives import RecordedBench, record_drive
@@ -57,9 +58,9 @@ def test_a_drive_with_corrections_and_undo_is_learned_again_bit_for_bit(
     node = images(history.policy)[0].node_id
     robot.loop.submit(lambda: history.edit("relabel", node, Action.LEFT))
     robot.step(300, None)
-    robot.loop.submit(lambda: history.undo(0.2))
+    robot.loop.submit(lambda: undo_examples(history, 0.2))
     robot.loop.submit(lambda: history.edit("pin", images(history.policy)[0].node_id, True))
-    robot.loop.submit(lambda: history.undo_edit())
+    robot.loop.submit(lambda: undo_edit(history))
     robot.step(301, Action.FORWARD)
     robot.stop()
     live = history.policy.get_state()

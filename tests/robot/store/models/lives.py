@@ -30,6 +30,7 @@ from robot.store.models.recovery import newest_boot, recover
 from robot.store.models.store import ModelStore
 from robot.store.records import open_new
 from robot.types import Action, Example, Point
+from robot.policy.undo import undo_edit, undo_examples
 from tests.robot.bench_robot import BenchRobot
 
 MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
@@ -149,7 +150,7 @@ class Life(BenchRobot):
         self._changed()
 
     def undo(self) -> None:
-        self.loop.submit(lambda: self.loop.history.undo(self.rng.uniform(0.2, 3.0))).result(0)
+        self.loop.submit(lambda: undo_examples(self.loop.history, self.rng.uniform(0.2, 3.0))).result(0)
         self._changed()
 
     def edit(self) -> None:
@@ -162,7 +163,7 @@ class Life(BenchRobot):
                 self._changed()
 
     def undo_edit(self) -> None:
-        self.loop.submit(self.loop.history.undo_edit).result(0)
+        self.loop.submit(lambda: undo_edit(self.loop.history)).result(0)
         self._changed()
 
     def drive(self) -> None:

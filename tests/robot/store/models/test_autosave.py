@@ -16,6 +16,7 @@ from robot.store.folder import Storage
 from robot.store.models.autosave import Autosave
 from robot.store.models.journal import Journal
 from robot.types import Action, Example
+from robot.policy.undo import undo_examples
 from tests.robot.bench_robot import BenchRobot
 
 from .lives import Disk, DiskStore
@@ -92,7 +93,7 @@ def test_each_change_is_saved_once(robot: KeptRobot) -> None:
     told = list(robot.told)
     robot.autosave.save_if_changed()
     assert robot.told == told and robot.kept_lessons() == [5]
-    robot.clock.result(robot.loop.submit(lambda: robot.loop.history.undo(5.0)), 5)
+    robot.clock.result(robot.loop.submit(lambda: undo_examples(robot.loop.history, 5.0)), 5)
     robot.autosave.stop()
     assert robot.kept_lessons() == [0]
 

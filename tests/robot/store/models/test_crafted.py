@@ -20,6 +20,7 @@ from robot.policy.registry import make_policy
 from robot.store.models.model import Model, decode_model, encode_model, take_model
 from robot.store.models.trial import try_model
 from robot.types import Action, Example, Point
+from robot.policy.undo import undo_examples
 from tests.kit.sizes import crossed, size
 from tests.learners import installed
 from tests.robot.store.models.test_checking import FRAME
@@ -154,7 +155,7 @@ def drive(model: Model) -> Model:
         if i == 30 and len(nodes) > 1:
             history.edit("relabel", nodes[0], policy.moves[-1])
             history.edit("delete", nodes[1])
-    history.undo(2.0)
+    undo_examples(history, 2.0)
     history.begin_drive()
     return take_model(policy, Counter(model.summary.taught), saved_at_s=1.7e9)
 

@@ -24,6 +24,7 @@ from robot.store.models.recovery import recover
 from robot.store.models.store import ModelStore
 from robot.store.records import RecordWriter, frame_record, read_records
 from robot.types import Action
+from robot.policy.undo import undo_examples
 from tests.kit.sizes import crossed, seeds, size
 from tests.learners import installed
 
@@ -169,7 +170,7 @@ def test_an_undo_stays_undone_though_no_model_was_saved_after_it(tmp_path: Path)
         life.teach()
     life.save()
     before = life.loop.history.taught.total()
-    life.loop.submit(lambda: life.loop.history.undo(2.0)).result(0)
+    life.loop.submit(lambda: undo_examples(life.loop.history, 2.0)).result(0)
     assert life.loop.history.taught.total() < before
     life.write()
     life.die()
