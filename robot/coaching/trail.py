@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from robot.control.state import Tick
-from robot.policy.events import Replaced
 from robot.driver import Pose
+from robot.policy.events import Replaced
 from robot.types import Action, DrivenBy, Mode
 
 STEP_M, STEP_RAD = 0.03, math.radians(10)

@@ -24,10 +24,9 @@ from robot.control.guarded_body import GuardedBody
 from robot.control.link_governor import LinkGovernor
 from robot.control.online_learning import OnlineLearning
 from robot.control.state import LATE_CYCLE_S, LinkState, SteadyFault, Tick
-from robot.driver import BodyButton, Driver
+from robot.driver import BodyButton, Driver, Sensors
 from robot.errors import CameraError, DriveError, PluginErrors, RobotError
 from robot.policy.policy import Policy
-from robot.driver import Sensors
 from robot.types import Action, Decision, DrivenBy, Frame, Mode, PilotCommand, StopReason
 
 log = logging.getLogger(__name__)
@@ -270,7 +269,8 @@ class Cycle:
             sensors = self.body.ask("sense")
             if isinstance(sensors, Sensors):
                 return sensors
-            raise self.body.errors.converted("sense", TypeError(f"{sensors!r} is no Sensors"))
+            wrong = TypeError(f"returned {sensors!r}, no Sensors")
+            raise self.body.errors.converted("sense", wrong)
         except DriveError as error:
             self._stop(StopReason.DRIVE_FAULT, str(error))
             return Sensors()

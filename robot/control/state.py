@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from robot.policy.events import HistoryEvent
 from robot.driver import Sensors
+from robot.policy.events import HistoryEvent
 from robot.types import Action, Decision, Frame, PilotCommand, Prediction, StopReason
 
 LATE_CYCLE_S = 0.1

@@ -16,9 +16,8 @@ from operator import attrgetter
 from typing import Any
 
 from robot.clock import Clock, Worker
-from robot.driver import ACTION_TIMEOUT_S, BodyButton, Correction, Driver
+from robot.driver import ACTION_TIMEOUT_S, BodyButton, Correction, Driver, Sensors
 from robot.errors import DriveError, NotConnectedError
-from robot.driver import Sensors
 from robot.types import Action, Mode, Point
 
 SENSE_EVERY_S = 0.1

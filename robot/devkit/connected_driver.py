@@ -11,9 +11,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from robot.clock import Clock, RealClock
-from robot.driver import Driver
+from robot.driver import Driver, Sensors
 from robot.errors import DriveError, NotConnectedError, RobotError, reason
-from robot.driver import Sensors
 from robot.types import Action, Point
 
 _C = TypeVar("_C")

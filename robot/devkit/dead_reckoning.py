@@ -10,8 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from robot.driver import ACTION_TIMEOUT_S
-from robot.driver import Pose
+from robot.driver import ACTION_TIMEOUT_S, Pose
 
 Pair = tuple[float, float]
 """One value for the left wheel, and one for the right wheel."""

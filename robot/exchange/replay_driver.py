@@ -7,8 +7,7 @@ from typing import Any, ClassVar
 
 from robot.devices.options import Options
 from robot.devkit.connected_driver import ConnectedDriver
-from robot.driver import ACTION_TIMEOUT_S
-from robot.driver import Sensors
+from robot.driver import ACTION_TIMEOUT_S, Sensors
 from robot.types import Action, Point
 
 

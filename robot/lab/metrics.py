@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robot.driver import Pose
 from robot.lab.simulated_pilots.situation import Situation
 from robot.moves import point_of
 from robot.study.profile import Profile, behavior_profile, compare
-from robot.driver import Pose
 from robot.types import Action, DrivenBy, Point
 
 STAY_M, STUCK_S = 0.15, 20.0

@@ -12,6 +12,7 @@ from typing import Any
 
 from robot.control.config import LinkGovernorConfig, LoopConfig
 from robot.control.loop import ControlLoop
+from robot.driver import Pose, Sensors
 from robot.errors import RobotError
 from robot.lab.metrics import DriveLog, DriveSample
 from robot.lab.simulated_pilots.pilot import SimulatedPilot
@@ -20,7 +21,6 @@ from robot.policy.policy import Policy
 from robot.simulator.camera import SimCamera, SimCameraOptions
 from robot.simulator.driver import SimDriver, SimOptions
 from robot.testing import VirtualClock
-from robot.driver import Pose, Sensors
 from robot.types import Action, DrivenBy, Mode, Prediction, StartStop
 
 FRAME_RATE_HZ = 10.0

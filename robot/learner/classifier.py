@@ -114,9 +114,10 @@ class BSOCClassifier(LabelledImages):
                 self._know(label)
         if cluster.last_merge_ is not None:
             kept, removed = cluster.last_merge_
-            for sums in self._sums():
-                sums[kept] += sums[removed]
-                sums[removed] = 0
+            for sums in (self._histograms, self._node_angles):
+                if sums is not None:
+                    sums[kept] += sums[removed]
+                    sums[removed] = 0
         if self._mind is not None:
             # The distances and `owners` were computed before any merge.
             distances, taught = cluster.last_distances_, cluster.last_touched_

@@ -13,9 +13,9 @@ from functools import cache
 from typing import Any
 
 from robot.control.state import Tick
+from robot.driver import Game, Sensors
 from robot.policy.events import HistoryEvent, Taught, describe_event, describe_point, to_json
 from robot.recordings.reader import MessageChannel, Schema
-from robot.driver import Game, Sensors
 from robot.types import Mode, PilotCommand, Point, Prediction
 
 

@@ -11,8 +11,8 @@ from typing import Any
 
 from robot.devkit.dead_reckoning import along
 from robot.devkit.wheels import CLASSIC_POINTS, TwoWheels
-from robot.simulator.world import Obstacle, World
 from robot.driver import Pose
+from robot.simulator.world import Obstacle, World
 
 FORWARD_MPS = 0.16
 TURNING_WHEEL_MPS = 0.04

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.devices.options import Options, option
-from robot.driver import ACTION_TIMEOUT_S, Driver
+from robot.driver import ACTION_TIMEOUT_S, Driver, Sensors
 from robot.errors import ConfigurationError, NotConnectedError, did_you_mean
 from robot.moves import CLASSIC
 from robot.simulator.simulation import Simulation
 from robot.simulator.world import World, load_world, tinted, world_names
-from robot.driver import Sensors
 from robot.types import Action, Point
 
 

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.driver import Pose
 from robot.errors import need
 from robot.simulator.world import Colour, Obstacle, World
-from robot.driver import Pose
 
 WIDTH_PX, HEIGHT_PX = 160, 120
 LARGE_WIDTH_PX, LARGE_HEIGHT_PX = 320, 240

@@ -9,9 +9,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.driver import Pose, Sensors
 from robot.simulator.body import RADIUS_M, turned
 from robot.simulator.world import Obstacle, World
-from robot.driver import Pose, Sensors
 
 SONAR_RANGE_M = 2.55
 SONAR_HALF_CONE_RAD = math.radians(12.5)

@@ -12,12 +12,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.driver import Pose
 from robot.simulator.body import WHEELS, WHEELS_MPS, move, push_out
 from robot.simulator.renderer import Renderer
 from robot.simulator.sensors import SimSensors, bumpers
 from robot.simulator.things import move_things
 from robot.simulator.world import World
-from robot.driver import Pose
 from robot.types import Action, Point
 
 _LONGEST_STEP_S = 0.02

@@ -6,9 +6,9 @@ import math
 from dataclasses import replace
 from itertools import pairwise
 
+from robot.driver import Pose
 from robot.simulator.body import RADIUS_M, overlap_with
 from robot.simulator.world import Obstacle, World
-from robot.driver import Pose
 
 _PERSONAL_SPACE_M = 0.03
 """Distance to the robot below which a thing on a path waits, in metres."""

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from robot.errors import UNREADABLE, ConfigurationError, did_you_mean
 from robot.driver import Pose
+from robot.errors import UNREADABLE, ConfigurationError, did_you_mean
 
 Colour = tuple[int, int, int]
 _FOLDER = Path(__file__).parent / "worlds"

@@ -6,9 +6,8 @@ from typing import Any, ClassVar
 
 from robot.clock import Clock, RealClock
 from robot.devices.options import Options
-from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver
+from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver, Sensors
 from robot.errors import DriveError
-from robot.driver import Sensors
 from robot.types import Action, Point
 
 

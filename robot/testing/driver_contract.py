@@ -16,11 +16,10 @@ import pytest
 from robot.clock import RealClock
 from robot.devices.options import options_of
 from robot.devices.plugins import camera_names, load_driver
-from robot.driver import ACTION_TIMEOUT_S
+from robot.driver import ACTION_TIMEOUT_S, Sensors
 from robot.errors import ConfigurationError, DriveError, NotConnectedError
 from robot.moves import CLASSIC, describe, side_of
 from robot.testing.cases import DriverCase
-from robot.driver import Sensors
 from robot.types import Action, Mode, Point
 
 LOCAL_BUDGET_S = 0.01

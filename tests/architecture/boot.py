@@ -45,10 +45,9 @@ def start(folder: Path) -> dict[str, object]:
     from robot.clock import RealClock
     from robot.devices.plugins import default_driver, driver_names
     from robot.devices.rig import Rig
-    from robot.driver import Driver
+    from robot.driver import Driver, Sensors
     from robot.policy.registry import make_policy
     from robot.store.folder import Storage
-    from robot.driver import Sensors
     from robot.types import Action
     from server.app import create_app
     from server.cli.main import commands, main

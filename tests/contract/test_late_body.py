@@ -7,12 +7,11 @@ from typing import Any
 import pytest
 
 from robot.devkit.connected_driver import ConnectedDriver
-from robot.driver import ACTION_TIMEOUT_S
+from robot.driver import ACTION_TIMEOUT_S, Sensors
 from robot.moves import point_of
 from robot.testing import VirtualClock
 from robot.testing.cases import DriverCase
 from robot.testing.driver_contract import DriverContract
-from robot.driver import Sensors
 from robot.types import Action, Point
 
 LATE_S = 0.06

@@ -15,8 +15,8 @@ from robot.policy.example_selection import Repeats
 from robot.policy.history import TrainingHistory
 from robot.policy.policy import Policy
 from robot.policy.registry import learner_kinds, make_policy
-from robot.types import Action, Example, Frame
 from robot.policy.undo import undo_edit, undo_examples
+from robot.types import Action, Example, Frame
 from tests.kit.frames import frame_of, noisy_blocks
 from tests.kit.sizes import few, seeds
 from tests.kit.states import same_state

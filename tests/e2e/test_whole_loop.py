@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from robot.types import Action, DrivenBy, Mode
 from robot.policy.undo import last_examples
+from robot.types import Action, DrivenBy, Mode
 from tests.kit.wait import wait_until
 
 from .hand import Fingers, choose, hold_until, pad, teach, turned_rad

@@ -13,8 +13,8 @@ from typing import Any
 
 from robot.control.config import CameraTimingConfig, GateConfig, LinkGovernorConfig, LoopConfig
 from robot.devices.rig import build_rig
-from robot.store.folder import Storage
 from robot.driver import Pose
+from robot.store.folder import Storage
 from robot.types import Action, Mode
 from server.app import create_app
 from server.clients.hub import Hub

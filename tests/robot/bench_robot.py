@@ -15,12 +15,11 @@ from robot.clock import Clock
 from robot.control.config import LoopConfig
 from robot.control.state import Tick
 from robot.devices.rig import Rig
-from robot.driver import Driver
+from robot.driver import Driver, Sensors
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
 from robot.testing.driver import FakeDriver
-from robot.driver import Sensors
 from robot.types import Action, Encoding, Frame, Mode, PilotCommand, Point
 
 

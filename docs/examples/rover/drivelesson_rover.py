@@ -16,10 +16,9 @@ os.environ.setdefault("MAVLINK20", "1")  # read by pymavlink when it is imported
 from pymavlink import mavutil
 
 from robot.devkit.host_watchdog import HostWatchdog
-from robot.driver import ACTION_TIMEOUT_S
+from robot.driver import ACTION_TIMEOUT_S, Sensors
 from robot.errors import DriveError
 from robot.moves import CLASSIC, Move, point_of
-from robot.driver import Sensors
 from robot.types import Action, Point
 
 MAV = mavutil.mavlink

@@ -18,9 +18,9 @@ import tdmclient
 
 from robot.devkit.host_watchdog import HostWatchdog
 from robot.devkit.wheels import TwoWheels
+from robot.driver import Sensors
 from robot.errors import DriveError
 from robot.moves import CLASSIC, point_of
-from robot.driver import Sensors
 from robot.types import Action, Point
 
 FULL = 500

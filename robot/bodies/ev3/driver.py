@@ -19,10 +19,9 @@ from robot.devices.options import Options, option
 from robot.devkit.connected_driver import ConnectedDriver
 from robot.devkit.dead_reckoning import DeadReckoning
 from robot.devkit.wheels import CLASSIC_POINTS, Pair, TwoWheels
-from robot.driver import ACTION_TIMEOUT_S, BodyButton
+from robot.driver import ACTION_TIMEOUT_S, BodyButton, Sensors
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.moves import CLASSIC
-from robot.driver import Sensors
 from robot.types import Action, Mode, Point
 
 

@@ -12,8 +12,7 @@ from robot.bodies.gymnasium.actions import is_car_racing, moves_of, steering_of
 from robot.bodies.gymnasium.environment import PICTURES, Environment, read_options
 from robot.devices.options import Options, option
 from robot.devkit.connected_driver import ConnectedDriver
-from robot.driver import ACTION_TIMEOUT_S
-from robot.driver import Sensors
+from robot.driver import ACTION_TIMEOUT_S, Sensors
 from robot.types import Action, Point
 
 OVER_S = 1.5

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from robot.bodies.gymnasium.pictures import Pixels, describe, picture_in
-from robot.errors import CameraError, ConfigurationError, need, told_as
 from robot.driver import Game
+from robot.errors import CameraError, ConfigurationError, need, told_as
 
 PICTURES = ("auto", "observed", "rendered")
 _LEAST_OBSERVED = (120, 160)

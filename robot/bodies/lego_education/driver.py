@@ -15,10 +15,9 @@ from robot.bodies.remote.same_device import Found, SameDevice
 from robot.clock import Clock
 from robot.devices.options import Options, option
 from robot.devkit.connected_driver import ConnectedDriver
-from robot.driver import ACTION_TIMEOUT_S, BodyButton
+from robot.driver import ACTION_TIMEOUT_S, BodyButton, Sensors
 from robot.errors import DriveError, need, told_as
 from robot.moves import describe
-from robot.driver import Sensors
 from robot.types import Action, Point
 
 SEARCH_S = 8.0

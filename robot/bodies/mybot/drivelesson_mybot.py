@@ -6,10 +6,9 @@ from http.client import HTTPConnection, HTTPException
 from typing import Any
 
 from robot.devkit.connected_driver import ConnectedDriver
-from robot.driver import ACTION_TIMEOUT_S
+from robot.driver import ACTION_TIMEOUT_S, Sensors
 from robot.errors import told_as
 from robot.moves import Move
-from robot.driver import Sensors
 from robot.types import Action, Point
 
 

@@ -21,9 +21,8 @@ from robot.bodies.remote.same_device import Found, SameDevice
 from robot.clock import Clock
 from robot.devices.options import Options, option
 from robot.devkit.connected_driver import ConnectedDriver
-from robot.driver import ACTION_TIMEOUT_S
+from robot.driver import ACTION_TIMEOUT_S, Sensors
 from robot.errors import DriveError, told_as
-from robot.driver import Sensors
 from robot.types import Action, Point
 
 PORT = 4210

@@ -14,9 +14,9 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from robot.devices.options import option
+from robot.driver import Sensors
 from robot.errors import ConfigurationError
 from robot.moves import CLASSIC, Move
-from robot.driver import Sensors
 from robot.types import Action, Point
 
 MAX_BYTES = 512

@@ -29,10 +29,9 @@ from robot.bodies.ros.transport import DDS, TransportOptions, open_topics
 from robot.clock import Clock
 from robot.devices.options import option
 from robot.devkit.connected_driver import ConnectedDriver
-from robot.driver import ACTION_TIMEOUT_S
+from robot.driver import ACTION_TIMEOUT_S, Pose, Sensors
 from robot.errors import ConfigurationError, DriveError
 from robot.moves import point_of
-from robot.driver import Pose, Sensors
 from robot.types import Action, Point, Prediction
 
 ORDERS, ALIVE = "/drivelesson/cmd_vel", "/drivelesson/alive"

@@ -13,12 +13,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.driver import Pose
 from robot.simulator.body import RADIUS_M
 from robot.simulator.sensors import ranges_m
 from robot.simulator.simulation import Simulation
 from robot.simulator.things import wall_gap_m
 from robot.simulator.world import WALLS, World
-from robot.driver import Pose
 from robot.types import Action
 
 FAN_RAD: NDArray[np.float64] = np.radians(np.linspace(-108.0, 108.0, 55))

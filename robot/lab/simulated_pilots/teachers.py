@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from robot.devkit.wheels import USUAL_THROTTLE
+from robot.driver import Pose
 from robot.lab.simulated_pilots.situation import Situation
 from robot.moves import CLASSIC, move_at
-from robot.driver import Pose
 from robot.types import Action, Point
 
 

@@ -22,12 +22,12 @@ from robot.bodies.gpio.driver import GpioOptions
 from robot.bodies.gpio.wheels import TimedMotors, steered, tracked
 from robot.devices.encoders import jpeg_encoder
 from robot.devices.rig import build_rig
+from robot.driver import Pose
 from robot.errors import ConfigurationError
 from robot.moves import CLASSIC
 from robot.policy.image import decode, to_rgb
 from robot.simulator.body import WHEELS, move
 from robot.testing import FakeCamera, FakeDriver, VirtualClock
-from robot.driver import Pose
 from robot.types import Action, Encoding, Frame, Point
 from tests.kit.frames import make_frame
 from tests.kit.sizes import crossed

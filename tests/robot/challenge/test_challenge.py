@@ -14,8 +14,8 @@ import pytest
 from robot.challenge.score import Score
 from robot.challenge.tries import TRIES, TRY_S, Challenge, Ending, Try
 from robot.control.state import Tick
-from robot.policy.events import Replaced
 from robot.driver import Pose, Sensors
+from robot.policy.events import Replaced
 from robot.types import Action, Decision, DrivenBy, Mode
 
 SPEED_M_S, TURN_RAD_S, STEP_S = 0.2, 1.6, 0.05

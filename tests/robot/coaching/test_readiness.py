@@ -8,8 +8,8 @@ from robot.coaching.gaps import GapKind, Stage
 from robot.coaching.lesson import EARLY_STARTS, STARTS, TAUGHT_S, Lesson
 from robot.coaching.trial_drive import CLEAN_S, HARDLY_KNOWN
 from robot.control.state import Tick
-from robot.policy.events import Replaced, Taught
 from robot.driver import Sensors
+from robot.policy.events import Replaced, Taught
 from robot.types import Action, Decision, DrivenBy, Example, Mode, Prediction, StopReason
 from tests.kit.frames import jpeg_frame
 from tests.kit.sizes import crossed

@@ -11,8 +11,8 @@ import pytest
 
 from robot.coaching.trail import POINTS, STEP_M, STEP_RAD, Event, Trail, Waypoint
 from robot.control.state import Tick
-from robot.policy.events import Replaced
 from robot.driver import Pose, Sensors
+from robot.policy.events import Replaced
 from robot.types import Action, Decision, DrivenBy, Mode, Prediction
 from tests.kit.sizes import seeds
 

@@ -10,8 +10,8 @@ from robot.learner.base import Evidence, Vector
 from robot.learner.classifier import BSOCClassifier
 from robot.policy.features import GreyFeatures
 from robot.policy.policy import Policy
-from robot.types import Action, DrivenBy, Mode, Point, Prediction, StopReason
 from robot.policy.undo import undo_examples
+from robot.types import Action, DrivenBy, Mode, Point, Prediction, StopReason
 from tests.robot.bench_robot import BenchRobot
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT

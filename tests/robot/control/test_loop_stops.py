@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from robot.control.state import Tick
-from robot.errors import DriveError
 from robot.driver import Pose, Sensors
+from robot.errors import DriveError
 from robot.types import Action, Mode, StopReason
 from tests.robot.bench_robot import BenchRobot, started
 

@@ -15,9 +15,9 @@ from robot.control.online_learning import (
 )
 from robot.errors import CameraError
 from robot.policy.registry import make_policy
+from robot.policy.undo import undo_examples
 from robot.testing import VirtualClock
 from robot.types import Action, PilotCommand, Point
-from robot.policy.undo import undo_examples
 from tests.robot.bench_robot import BenchCamera
 
 F, L = Action.FORWARD, Action.LEFT

@@ -14,13 +14,12 @@ import pytest
 from robot.clock import Worker
 from robot.control.loop import ControlLoop
 from robot.devices.driver_thread import SILENT_S, STALE_S, DriverThread
-from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver
+from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver, Sensors
 from robot.errors import DriveError, NotConnectedError
 from robot.exchange.replay_driver import ReplayDriver
 from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
 from robot.testing.driver import FakeDriver
-from robot.driver import Sensors
 from robot.types import Action, Mode, PilotCommand, Point, StopReason
 from tests.robot.bench_robot import BenchCamera
 

@@ -10,10 +10,9 @@ import pytest
 
 from robot.devkit.connected_driver import ConnectedDriver
 from robot.devkit.host_watchdog import HostWatchdog
-from robot.driver import Driver
+from robot.driver import Driver, Sensors
 from robot.errors import DriveError, NotConnectedError
 from robot.testing import VirtualClock
-from robot.driver import Sensors
 from robot.types import Action, Point
 from tests.kit.sizes import seeds
 

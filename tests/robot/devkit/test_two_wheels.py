@@ -15,10 +15,9 @@ from hypothesis import strategies as st
 from robot.bodies.ev3.driver import ChassisDriver, ChassisOptions, wheels_of
 from robot.devkit.dead_reckoning import DeadReckoning, along
 from robot.devkit.wheels import CLASSIC_POINTS, TwoWheels
-from robot.driver import ACTION_TIMEOUT_S
+from robot.driver import ACTION_TIMEOUT_S, Pose
 from robot.errors import DriveError
 from robot.simulator.body import TRACK_M, WHEELS_MPS, move
-from robot.driver import Pose
 from robot.types import Action, Point
 from tests.kit.sizes import crossed, seeds
 

@@ -8,13 +8,13 @@ from pathlib import Path
 from robot.control.loop import ControlLoop
 from robot.learner.base import State
 from robot.policy.registry import make_policy
+from robot.policy.undo import undo_examples
 from robot.recordings.config import RecorderConfig
 from robot.recordings.recorder import Recorder
 from robot.simulator.camera import SimCamera, SimCameraOptions
 from robot.simulator.driver import SimDriver, SimOptions
 from robot.testing import VirtualClock
 from robot.types import Action, Mode, PilotCommand
-from robot.policy.undo import undo_examples
 
 STEP_S = 0.05
 

@@ -9,6 +9,7 @@ from unittest import mock
 import pytest
 
 from robot.devices.rig import Rig
+from robot.driver import Pose
 from robot.errors import ConfigurationError
 from robot.lab import figure5, proportional
 from robot.lab.experiment import ExperimentSettings
@@ -24,7 +25,6 @@ from robot.lab.trial import FRAME_RATE_HZ, drive_by_hand
 from robot.policy.registry import make_policy
 from robot.simulator.world import world_names
 from robot.testing import FakeCamera, FakeDriver, VirtualClock
-from robot.driver import Pose
 from robot.types import DEFAULT_MOVES, Action, DrivenBy, Mode
 from tests.kit.sizes import few
 from tests.robot.footage import write_footage

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from robot.driver import Pose
 from robot.lab import metrics
 from robot.lab.metrics import RARE_SHARE, STUCK_S, DriveLog, DriveSample
-from robot.driver import Pose
 from robot.types import Action, DrivenBy
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT

@@ -53,7 +53,9 @@ def test_nodes_counts_and_histograms_add_up(kind, max_nodes, lessons):
     learner = make(kind, max_nodes)
     for n, (x, y) in enumerate(lessons, 1):
         learner.learn_one(x, y)
-        assert learner.cluster.n_nodes_ == min(n, max_nodes) == len(set(learner.cluster.ids_.tolist()))
+        assert (
+            learner.cluster.n_nodes_ == min(n, max_nodes) == len(set(learner.cluster.ids_.tolist()))
+        )
         assert learner.cluster.counts_.sum() == learner.n_seen_ == n
         assert learner.histograms_.sum() == n
         assert learner.explain_one(x).confidence <= 1.0 + 1e-9

@@ -10,8 +10,8 @@ from robot.policy.changes import can_be_alike, set_alike
 from robot.policy.features import GradientFeatures
 from robot.policy.history import TrainingHistory
 from robot.policy.registry import make_policy
-from robot.types import Action, Example, Point
 from robot.policy.undo import undo_edit, undo_examples
+from robot.types import Action, Example, Point
 from server.library.models import begin_like
 from tests.kit.frames import frame_of
 from tests.kit.states import same_state

@@ -19,9 +19,9 @@ from robot.policy.history import TrainingHistory
 from robot.policy.part import PolicyPart, TaughtExample
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
+from robot.policy.undo import last_examples, undo_edit, undo_examples
 from robot.store.models.model import same_nodes
 from robot.types import Action, Example, Point
-from robot.policy.undo import last_examples, undo_edit, undo_examples
 from tests.kit.sizes import crossed, few
 from tests.robot.bench_robot import BenchRobot
 
@@ -60,7 +60,9 @@ def test_examples_taught_in_batches_leave_the_same_learner_bit_for_bit(learner: 
             one.teach(example, x, captured_s)
         assert [event.at_s for event in told][-1] == one.teaching_s == many.teaching_s
     for seconds in (0.0, 1.3):
-        assert [e.frame_id for e in undo_examples(one, seconds)] == [e.frame_id for e in undo_examples(many, seconds)]
+        assert [e.frame_id for e in undo_examples(one, seconds)] == [
+            e.frame_id for e in undo_examples(many, seconds)
+        ]
         here, there = one.policy.get_state(), many.policy.get_state()
         assert here.params == there.params and here.arrays.keys() == there.arrays.keys()
         for name, array in here.arrays.items():

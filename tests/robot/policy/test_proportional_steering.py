@@ -22,9 +22,9 @@ from robot.policy.history import TrainingHistory
 from robot.policy.policy import Policy
 from robot.policy.recognition import BAND
 from robot.policy.registry import make_policy
+from robot.policy.undo import undo_examples
 from robot.store.models.model import same_nodes
 from robot.types import Action, Example, Frame, Mode, Point
-from robot.policy.undo import undo_examples
 from tests.kit.frames import frame_of
 from tests.kit.sizes import crossed
 from tests.learners import installed

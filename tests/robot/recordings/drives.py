@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from robot.policy.undo import undo_examples
 from robot.recordings.config import RecorderConfig
 from robot.recordings.editing import moments
 from robot.recordings.edits import Notes
@@ -18,7 +19,6 @@ from robot.recordings.episode import Episode, open_episode, taught_frames
 from robot.recordings.messages import Topic
 from robot.recordings.recorder import Recorder
 from robot.types import Action, Mode
-from robot.policy.undo import undo_examples
 from tests.robot.bench_robot import BenchRobot
 
 MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)

@@ -11,6 +11,7 @@ import pytest
 from robot.coaching.gallery import images
 from robot.policy.events import Edited
 from robot.policy.registry import make_policy
+from robot.policy.undo import undo_edit
 from robot.recordings.editing import EpisodeFrame, moments
 from robot.recordings.edits import Edit, Notes
 from robot.recordings.store import EpisodeStore
@@ -18,7 +19,6 @@ from robot.recordings.teaching import learn_again, plan
 from robot.store.folder import Storage
 from robot.store.models.model import same_nodes
 from robot.types import Action, Mode
-from robot.policy.undo import undo_edit
 from tests.kit.sizes import few, seeds
 
 from .drives import MOVES, RecordedBench, record_drive

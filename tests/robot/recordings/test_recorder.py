@@ -20,6 +20,7 @@ from mcap.reader import make_reader
 
 from robot.clock import Clock
 from robot.coaching.gallery import images
+from robot.driver import Game, Pose, Sensors
 from robot.exchange.tub import write_tub
 from robot.policy.events import Taught, to_json
 from robot.recordings.edits import Notes
@@ -31,7 +32,6 @@ from robot.recordings.teaching import learn_again
 from robot.store.disk import FLUSH_EVERY_S
 from robot.store.models.model import same_nodes
 from robot.testing import VirtualClock
-from robot.driver import Game, Pose, Sensors
 from robot.types import Action, Frame, Mode
 from tests.kit.protobuf import read_protobuf
 from tests.kit.sizes import crossed, seeds

@@ -16,13 +16,13 @@ from robot.policy.events import Taught
 from robot.policy.history import TrainingHistory
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
+from robot.policy.undo import undo_edit, undo_examples
 from robot.recordings.comparison import FEWEST_FRAMES, compare
 from robot.recordings.edits import Edit, Notes, trim
 from robot.recordings.episode import Episode, open_episode, taught_frames
 from robot.recordings.teaching import count_steps, learn_again, plan
 from robot.store.models.model import Model, same_nodes
 from robot.types import Action, Example, Mode, Point
-from robot.policy.undo import undo_edit, undo_examples
 from tests.robot.exchange.imported import import_pictures
 
 from .drives import RecordedBench, record_drive

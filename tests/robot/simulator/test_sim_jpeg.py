@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from robot.control.loop import ControlLoop
+from robot.driver import Pose
 from robot.policy.image import to_rgb
 from robot.policy.registry import make_policy
 from robot.recordings.config import RecorderConfig
@@ -25,7 +26,6 @@ from robot.simulator.simulation import Simulation
 from robot.simulator.world import load_world, world_names
 from robot.store.models.model import encode_model, take_model
 from robot.testing import VirtualClock
-from robot.driver import Pose
 from robot.types import Action, Encoding, Mode, PilotCommand
 
 core = pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")

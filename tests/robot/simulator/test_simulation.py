@@ -12,6 +12,7 @@ from types import FrameType
 import numpy as np
 import pytest
 
+from robot.driver import Pose
 from robot.errors import ConfigurationError
 from robot.simulator.body import RADIUS_M, WHEELS_MPS, move, push_out
 from robot.simulator.driver import SimDriver, SimOptions
@@ -19,7 +20,6 @@ from robot.simulator.sensors import bumpers, sonar_m
 from robot.simulator.simulation import Simulation
 from robot.simulator.things import wall_gap_m
 from robot.simulator.world import Obstacle, World, load_world
-from robot.driver import Pose
 from robot.types import Action, Point
 
 MIDDLE = Pose(x_m=0.575, y_m=0.575, heading_rad=0.0)

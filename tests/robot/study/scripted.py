@@ -5,10 +5,10 @@ import random
 import numpy as np
 
 from robot.control.state import Tick
+from robot.driver import Sensors
 from robot.study.events import StudyEvent, write_events
 from robot.study.plan import StudyPlan, parse_plan
 from robot.study.session import SessionStep, StudySession
-from robot.driver import Sensors
 from robot.types import Action, Decision, DrivenBy, Mode
 from tests.kit.frames import frame_of
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from robot.testing import FakeCamera, FakeDriver, VirtualClock
 from robot.driver import Sensors
+from robot.testing import FakeCamera, FakeDriver, VirtualClock
 from server.clients.telemetry import describe_devices
 from tests.server.virtual import ServedWorld, in_virtual_time
 

@@ -14,9 +14,8 @@ from unittest import mock
 import pytest
 
 from robot.bodies.pybricks.driver import PybricksDriver, PybricksOptions
-from robot.driver import ACTION_TIMEOUT_S
+from robot.driver import ACTION_TIMEOUT_S, Sensors
 from robot.errors import DriveError, MissingExtraError
-from robot.driver import Sensors
 from robot.types import Action
 from tests.contract.real_parts import check_driver_on_its_real_line
 from tests.kit.needed import ROOT, installed

@@ -26,10 +26,10 @@ from robot.bodies.remote.plain import (
     parse_plain_report,
 )
 from robot.bodies.remote.udp import UdpDriver
+from robot.driver import Sensors
 from robot.errors import ConfigurationError, DriveError
 from robot.moves import CLASSIC
 from robot.testing import VirtualClock
-from robot.driver import Sensors
 from robot.types import Action, Point
 
 ANYTHING = st.recursive(

@@ -21,9 +21,9 @@ from robot.bodies.ros.driver import RosDriver, RosOptions
 from robot.bodies.ros.refusals import REFUSED_S
 from robot.bodies.ros.topics import GONE_S, ODOMETRY, RANGE
 from robot.clock import RealClock
+from robot.driver import Pose
 from robot.errors import CameraError, ConfigurationError, DriveError
 from robot.testing import VirtualClock
-from robot.driver import Pose
 from robot.types import Action, Prediction
 from tests.contract.real_parts import check_camera_on_its_real_line, check_driver_on_its_real_line
 from tests.kit.frames import grey_jpeg

@@ -6,6 +6,7 @@ import statistics
 import numpy as np
 import pytest
 
+from robot.driver import Pose
 from robot.lab.simulated_pilots.behaviours import Follower, Pusher, WallFollower
 from robot.lab.simulated_pilots.situation import FAN_RAD, Situation, observe
 from robot.lab.simulated_pilots.teachers import (
@@ -17,7 +18,6 @@ from robot.lab.simulated_pilots.teachers import (
 from robot.simulator.body import RADIUS_M
 from robot.simulator.simulation import Simulation
 from robot.simulator.world import load_world
-from robot.driver import Pose
 from robot.types import Action
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT

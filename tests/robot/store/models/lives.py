@@ -21,6 +21,7 @@ from robot.learner.base import State
 from robot.moves import Move, names
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
+from robot.policy.undo import undo_edit, undo_examples
 from robot.store.folder import Storage
 from robot.store.models.autosave import Autosave
 from robot.store.models.journal import _TRY_AGAIN_S, Journal
@@ -30,7 +31,6 @@ from robot.store.models.recovery import newest_boot, recover
 from robot.store.models.store import ModelStore
 from robot.store.records import open_new
 from robot.types import Action, Example, Point
-from robot.policy.undo import undo_edit, undo_examples
 from tests.robot.bench_robot import BenchRobot
 
 MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
@@ -150,7 +150,9 @@ class Life(BenchRobot):
         self._changed()
 
     def undo(self) -> None:
-        self.loop.submit(lambda: undo_examples(self.loop.history, self.rng.uniform(0.2, 3.0))).result(0)
+        self.loop.submit(
+            lambda: undo_examples(self.loop.history, self.rng.uniform(0.2, 3.0))
+        ).result(0)
         self._changed()
 
     def edit(self) -> None:

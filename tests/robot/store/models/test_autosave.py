@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 
 from robot.control.state import Tick
+from robot.policy.undo import undo_examples
 from robot.store.folder import Storage
 from robot.store.models.autosave import Autosave
 from robot.store.models.journal import Journal
 from robot.types import Action, Example
-from robot.policy.undo import undo_examples
 from tests.robot.bench_robot import BenchRobot
 
 from .lives import Disk, DiskStore

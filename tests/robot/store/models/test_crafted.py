@@ -17,10 +17,10 @@ from robot.coaching.gallery import images
 from robot.errors import RecordingError
 from robot.policy.history import TrainingHistory
 from robot.policy.registry import make_policy
+from robot.policy.undo import undo_examples
 from robot.store.models.model import Model, decode_model, encode_model, take_model
 from robot.store.models.trial import try_model
 from robot.types import Action, Example, Point
-from robot.policy.undo import undo_examples
 from tests.kit.sizes import crossed, size
 from tests.learners import installed
 from tests.robot.store.models.test_checking import FRAME

@@ -17,6 +17,7 @@ import pytest
 from robot.clock import RealClock
 from robot.coaching.gallery import images
 from robot.moves import Move
+from robot.policy.undo import undo_examples
 from robot.store.disk import DiskThread
 from robot.store.folder import Storage
 from robot.store.models.journal_writer import PART_BYTES, list_parts
@@ -24,7 +25,6 @@ from robot.store.models.recovery import recover
 from robot.store.models.store import ModelStore
 from robot.store.records import RecordWriter, frame_record, read_records
 from robot.types import Action
-from robot.policy.undo import undo_examples
 from tests.kit.sizes import crossed, seeds, size
 from tests.learners import installed
 
