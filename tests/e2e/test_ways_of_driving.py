@@ -361,3 +361,21 @@ def test_arrows_move_between_modes_and_drive_nothing_and_space_keeps_the_focus(
     wait_until(lambda: world.rig.loop.state.emergency, "space stops wherever the focus is")
     desktop.wait_for_selector("mode-bar [data-mode=train][aria-disabled=true]")
     assert desktop.evaluate(focused) == "autonomous", "the focus stays"
+
+
+@pytest.mark.parametrize("control", ["<select><option>a", "<input type=range>", "<button>b"])
+def test_space_stops_a_robot_that_may_move_whatever_has_the_focus(
+    desktop: Any, world: World, control: str
+) -> None:
+    """Which key stops in which control is tested in Node (tests/web/keys.test.mjs)."""
+    choose(desktop, world, Mode.TRAIN)
+    desktop.evaluate(
+        """(html) => {
+          document.body.insertAdjacentHTML('beforeend', html);
+          document.body.lastElementChild.focus();
+        }""",
+        control,
+    )
+    desktop.keyboard.press("Space")
+    wait_until(lambda: world.rig.loop.state.emergency, "it stops")
+    desktop.evaluate("document.body.lastElementChild.remove()")

@@ -4,7 +4,10 @@ import { test } from 'node:test';
 import { Helm } from '../../web/js/helm.js';
 import { UNRESTED_MS, listenToGamepads, padName } from '../../web/js/inputs/gamepad.js';
 import { LET_GO_MS } from '../../web/js/inputs/pad-rest.js';
+import { padDesk } from '../../web/js/inputs/pad-desk.js';
+import { learn } from '../../web/js/i18n.js';
 import { declare } from '../../web/js/moves.js';
+import { wordsOf } from './words.mjs';
 
 const MOVES = ['forward', 'left', 'right', 'backward'];
 const FRAME_MS = 16;
@@ -209,4 +212,28 @@ test('a pad is named as people know it', () => {
   assert.equal(padName('Xbox Wireless Controller (STANDARD GAMEPAD Vendor: 045e Product: 02e0)'), 'Xbox Wireless Controller');
   assert.equal(padName('054c-09cc-Wireless Controller'), 'Wireless Controller');
   assert.equal(padName('(Vendor: 1234 Product: 5678)'), 'Gamepad');
+});
+
+test('the page offers to be shown an unknown pad, asks for one direction after the other, and remembers them', async () => {
+  learn(await wordsOf('en'));
+  const [kept, said] = [new Map(), []];
+  const preferences = { padOf: (id) => kept.get(id) ?? null, choosePad: (id, choice) => kept.set(id, choice) };
+  const store = { state: { toast: null } };
+  const desk = padDesk(/** @type {any} */ ({ preferences, store, toast: (text, step, ms) => said.push({ text, step, ms }) }));
+  const [begin, skip] = [() => {}, () => {}];
+  desk.offer('Old Wheel', begin);
+  assert.match(said[0].text, /Old Wheel/);
+  assert.deepEqual(said[0].step, { label: 'Show its directions', act: begin });
+  store.state.toast = said[0];
+  desk.offer('Old Wheel', begin);
+  assert.equal(said.length, 1, 'it is offered once, and covers nothing else that is said');
+  for (const direction of ['rest', 'left', null]) desk.ask('Old Wheel', direction, skip);
+  const [rest, push, ready] = said.slice(1);
+  assert.match(rest.text, /Let go of Old Wheel/);
+  assert.match(push.text, /Old Wheel: push “Left”/);
+  assert.deepEqual(push.step, { label: 'No such direction', act: skip });
+  assert.deepEqual([rest.ms, push.ms], [Infinity, Infinity], 'they stay until they are answered');
+  assert.match(ready.text, /Old Wheel is ready/);
+  desk.keep('wheel', { left: 1 });
+  assert.deepEqual(desk.choiceOf('wheel'), { left: 1 });
 });
