@@ -1,8 +1,7 @@
 """The server that the soaks use, in a separate process.
 
 Run as a program, this is `drivelesson`. It writes its number of Python objects into a file of
-$SOAK_FOLDER when it gets SIGUSR1. It writes a line into another when the simulated wheels begin to
-turn or stand: the system's monotonic time in seconds, and the move.
+$SOAK_FOLDER when it gets SIGUSR1.
 """
 
 from __future__ import annotations
@@ -17,9 +16,7 @@ import time
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-from robot.simulator.driver import SimDriver
 from server.__main__ import main
 from tests.kit.ports import free_port
 from tests.kit.wait import wait_until
@@ -62,12 +59,6 @@ class Served:
         disk = {"objects": float(objects.read_text()), "disk MB": disk_mb(self.folder / "data")}
         return measure_process(self.process.pid) | disk
 
-    def turns(self) -> list[tuple[float, bool]]:
-        """Return the times at which the wheels began to turn (True) or stood."""
-        notes = self.folder / "wheels"
-        lines = notes.read_text().splitlines() if notes.exists() else []
-        return [(float(at), move != "stop") for at, move in map(str.split, lines)]
-
     def stop(self) -> float:
         """End it as a system does; return the time that takes, in seconds."""
         began_s = time.monotonic()
@@ -98,26 +89,6 @@ def _count_objects(signum: int, frame: object) -> None:
     Path(os.environ["SOAK_FOLDER"], "objects").write_text(str(len(gc.get_objects())))
 
 
-def _note_wheels() -> None:
-    notes = (Path(os.environ["SOAK_FOLDER"]) / "wheels").open("a", buffering=1)
-    told = "stop"
-
-    def noting(real: Any) -> Any:
-        def call(driver: SimDriver, *args: Any) -> None:
-            nonlocal told
-            with driver._lock:
-                real(driver, *args)
-                if (now := str(driver.simulation.action)) != told:
-                    told = now
-                    notes.write(f"{time.monotonic():.4f} {now}\n")
-
-        return call
-
-    for name in ("_drive", "stop"):
-        setattr(SimDriver, name, noting(getattr(SimDriver, name)))
-
-
 if __name__ == "__main__":
     signal.signal(signal.SIGUSR1, _count_objects)
-    _note_wheels()
     sys.exit(main())
