@@ -28,7 +28,6 @@ SKIPPED = {
         [
             "robot/exchange/test_exports.py",
             "robot/exchange/test_lerobot.py",
-            "robot/exchange/test_timeline.py",
         ],
         NO_EXTRA.format("export"),
     ),

@@ -26,7 +26,7 @@ from robot.store.models.model import same_nodes
 from robot.types import DEFAULT_MOVES, Action, Point
 from tests.kit.sizes import crossed
 
-from .imported import drive_at, import_from, import_pictures, pixels, taught_labels, tub_1
+from .imported import drive_at, import_from, import_pictures, pixels, taught_labels
 from .sim_drive import drive_in_simulator
 
 DRIFT = Move(Action("drift"), "Drift", steering=-0.7, throttle=0.9)
@@ -159,19 +159,6 @@ def test_an_edited_tub_says_of_a_move_what_most_of_its_records_say(
     assert point_of(Action.LEFT, back.declared_moves) == left
     assert point_of(CURVED[1].name, back.declared_moves) == CURVED[1].point
     assert all(shot.label for shot in back.shots) and len(back.shots) == len(records)
-
-
-def test_a_car_that_writes_float32_is_read_exactly(tmp_path: Path) -> None:
-    chance = random.Random(1)
-    points = [some_point(chance) for _ in range(12)]
-    tub_1(tmp_path / "tub", [{"user/angle": p[0], "user/throttle": p[1]} for p in points])
-    back = import_from(tmp_path / "tub", tmp_path / "back.mcap")
-    assert [point for _, point in examples(back)] == points
-    write_tub(back, Notes(), tmp_path / "again")
-    catalog = (tmp_path / "again/catalog_0.catalog").read_text()
-    records = [json.loads(line) for line in catalog.splitlines()]
-    told = [[r["user/angle"], r["user/throttle"]] for r in records]
-    assert np.array_equal(np.array(told, np.float32), np.array(points, np.float32))
 
 
 def test_a_damaged_declaration_is_a_broken_recording(tmp_path: Path) -> None:

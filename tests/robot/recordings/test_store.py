@@ -16,7 +16,6 @@ from typing import Any
 import pytest
 
 from robot.errors import ConfigurationError, NotFoundError, RecordingError
-from robot.policy.registry import make_policy
 from robot.recordings import store as store_module
 from robot.recordings.archive import zip_recordings
 from robot.recordings.editing import write_edited
@@ -25,10 +24,8 @@ from robot.recordings.episode import open_episode, taught_frames
 from robot.recordings.reading import being_read, reading
 from robot.recordings.store import EpisodeStore
 from robot.recordings.summary import read_summary
-from robot.recordings.teaching import learn_again
 from robot.store.folder import TRASH_DAYS, Storage
 from robot.store.lock import FolderLock
-from robot.store.models.model import same_nodes
 from robot.types import Action
 
 from .drives import RecordedBench, record_drive
@@ -188,24 +185,6 @@ def test_edits_are_kept_beside_the_file_and_can_all_be_undone(
     for title in ("Fl\udcfcr", "\ud83d", "Küche"):
         store.set_title(name, title)
         assert store.notes(name).title == title.encode(errors="replace").decode()
-
-
-def test_compacting_applies_the_edits_and_teaches_the_same(store: EpisodeStore, name: str) -> None:
-    ids, size = list(store.open(name).frames), store.summary(name).bytes
-    store.edit(name, trim(ids, ids[5], ids[-5]))
-    store.edit(name, Edit(verb="relabel", ranges=((ids[10], ids[20]),), label=Action.RIGHT))
-    before, after = make_policy("default-8"), make_policy("default-8")
-    learn_again(before, [(store.open(name), store.notes(name))])
-    undo = store.compact(name)
-    assert store.summary(name).bytes < size
-    assert store.notes(name).edits == ()
-    learn_again(after, [(store.open(name), Notes())])
-    assert same_nodes(after.get_state(), before.get_state())
-    assert len(store.open(name).frames) == len(ids) - 9
-
-    assert store.restore(undo) == [f"{name} (2)"]
-    assert len(store.notes(f"{name} (2)").edits) == 2
-    assert len(store.open(f"{name} (2)").frames) == len(ids)
 
 
 def test_edits_made_during_compacting_are_not_lost(
