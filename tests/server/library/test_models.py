@@ -231,21 +231,14 @@ def test_a_mode_change_saves(bench: Bench) -> None:
     assert bench.names() == ["bench"]
 
 
-@pytest.mark.parametrize("what", ["undo of an edit", "outdate"])
-def test_a_change_that_is_acknowledged_survives_a_kill_at_that_very_moment(
-    bench: Bench, tmp_path: Path, what: str
+def test_after_a_kill_examples_that_were_declared_outdated_still_are(
+    bench: Bench, tmp_path: Path
 ) -> None:
     """The folder is copied when the answer arrives, without the models, so that no save can
     help. Other changes: tests/server/test_answers_are_facts.py."""
     bench.server.use_policy("default-8")
     bench.server.teach(6)
-    [node, *_] = [image["node"] for image in bench.client.get("/api/gallery").json()["images"]]
-    if what == "outdate":
-        asked = bench.client.post("/api/teaching/outdate")
-    else:
-        bench.client.post(f"/api/gallery/{node}", json={"verb": "pin", "value": True})
-        asked = bench.client.post("/api/gallery/undo")
-    assert asked.status_code == 200
+    assert bench.client.post("/api/teaching/outdate").json()["kept"]
     left = Storage(tmp_path / "left")
     shutil.copytree(tmp_path / "journal", left.journal)
     now = bench.server.ask_loop(lambda: bench.rig.loop.history.policy.get_state())
