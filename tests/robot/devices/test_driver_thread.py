@@ -250,14 +250,17 @@ def test_bad_actions_are_refused_at_once() -> None:
     assert names(body) == ["halt"]
 
 
-def test_a_button_is_heard_once_and_a_start_that_came_during_a_fault_moves_nobody_later() -> None:
+@pytest.mark.parametrize(("pressed", "heard"), [("START", None), ("STOP", BodyButton.STOP)])
+def test_a_button_is_heard_once_and_a_start_that_came_during_a_fault_moves_nobody_later(
+    pressed: str, heard: BodyButton | None
+) -> None:
     clock, body, driver = wrapped()
-    body.failure, body.pressed = DriveError("the sensor is off"), BodyButton.START
+    body.failure, body.pressed = DriveError("the sensor is off"), BodyButton[pressed]
     drain(driver)
     body.failure = None
     clock.advance(5.0)
     drain(driver)
-    assert driver.take_button() is None
+    assert [driver.take_button(), driver.take_button()] == [heard, None]
     body.pressed = BodyButton.START
     clock.advance(0.2)
     drain(driver)

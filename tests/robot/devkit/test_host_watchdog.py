@@ -53,6 +53,19 @@ class Body:
         return bool(done) and done[-1][1]
 
 
+class DropsTheSecond(Body):
+    """Of two orders within 1 ms the second is lost."""
+
+    fails = "every_move_moves_and_stop_stops"
+    is_acknowledged = False
+    last_s = -1.0
+
+    def order(self, is_move: bool) -> None:
+        last_s, self.last_s = self.last_s, self.clock.now_s()
+        if self.last_s - last_s > 0.001:
+            self.take(is_move)
+
+
 class WaitsInsideAMove(Body):
     """A move's call returns after a second; another thread may call meanwhile."""
 
@@ -138,8 +151,17 @@ class Reorders(Body):
         self.take(is_move, 0.06 if is_move else 0.0)
 
 
+class IsSlow(Body):
+    """Each call takes 120 to 180 ms."""
+
+    def order(self, is_move: bool) -> None:
+        self.clock.sleep(self.chance.uniform(0.12, 0.18))
+        self.take(is_move)
+
+
 HABITS: list[type[Body]] = [
     Body,
+    DropsTheSecond,
     WaitsInsideAMove,
     DrivesOnAfterClose,
     ClosesWithoutStop,
@@ -147,6 +169,7 @@ HABITS: list[type[Body]] = [
     AcknowledgesNothing,
     RaisesSometimes,
     Reorders,
+    IsSlow,
 ]
 
 

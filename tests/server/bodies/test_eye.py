@@ -194,7 +194,9 @@ def test_a_phone_paired_as_the_eye_reaches_its_page(path: str) -> None:
     assert admit(gateway, path, "GET", {"accept": "*/*"}, session) is EYE
 
 
-@pytest.mark.parametrize("path", ["/", "/ws/drive", "/eyes", "/eye/../api/models", "/video.mjpg"])
+@pytest.mark.parametrize(
+    "path", ["/", "/ws/drive", "/ws/video", "/eyes", "/eye/../api/models", "/video.mjpg"]
+)
 @pytest.mark.parametrize(("accept", "status"), [("text/html", 303), ("*/*", 403)])
 def test_a_phone_paired_as_the_eye_reaches_no_other_page(
     path: str, accept: str, status: int

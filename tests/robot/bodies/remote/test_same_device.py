@@ -101,7 +101,9 @@ def test_a_brick_is_chosen_by_its_announcements(
 
 
 def test_of_two_bricks_that_announce_themselves_none_is_chosen() -> None:
-    beacons = [(at_s, Beacon("10.0.0.7", 3015, it, 5555)) for at_s, it in ((0, A), (4.9, B))]
+    beacons = [
+        (at_s, Beacon("10.0.0.7", 3015, it, 5555)) for at_s, it in ((0, A), (0.01, A), (4.9, B))
+    ]
     with pytest.raises(DriveError, match=r"unclear which brick.*--brick 00:16:53:00:00:01"):
         choose_brick(beacons)
 
