@@ -11,7 +11,7 @@ import pytest
 
 from robot.devkit.connected_driver import ConnectedDriver
 from robot.devkit.host_watchdog import HostWatchdog
-from robot.errors import DriveError
+from robot.errors import DriveError, NotConnectedError
 from robot.testing import VirtualClock
 from robot.testing.cases import DriverCase
 from robot.testing.driver_contract import STANDS_WITHIN_S, DriverContract
@@ -176,7 +176,7 @@ HABITS: list[type[Body]] = [
 class _Orders(ConnectedDriver[Body]):
     """The code of an author."""
 
-    name, default_camera, is_remote = "habit", "phone", True
+    name, default_camera, is_remote, takes_points = "habit", "phone", True, True
 
     def __init__(self, body: Body) -> None:
         super().__init__(clock=body.clock)
@@ -223,6 +223,8 @@ def history(kind: type[Body], seed: int) -> None:
                 driver.stop()
             elif chance.random() < 0.1:
                 driver.send_action(Action.STOP)
+            elif chance.random() < 0.2:
+                driver.send_point(Point(0.5, chance.choice((-0.5, 0.5))))
             else:
                 driver.send_action(chance.choice(driver.moves))
 
@@ -279,3 +281,5 @@ def test_a_stop_that_fails_is_sent_again_and_reported(caplog: Any) -> None:
     driver.disconnect()
     assert len(tried) >= 5 and tried[-1] - tried[0] > 0.3
     assert "'habit' did not accept a stop" in caplog.text
+    with pytest.raises(NotConnectedError):
+        driver.send_action(driver.moves[0])

@@ -24,7 +24,7 @@ async def accept_and_wait(scope: Any, receive: Any, send: Any) -> None:
 class Line(asyncio.Transport):
     """One end of a connection in memory."""
 
-    is_read, is_closed = True, False
+    is_read, is_closed, written = True, False, b""
 
     def get_extra_info(self, name: str, default: Any = None) -> Any:
         return default
@@ -33,7 +33,7 @@ class Line(asyncio.Transport):
         return self.is_closed
 
     def write(self, data: Any) -> None:
-        pass
+        self.written += data
 
     def close(self) -> None:
         self.is_closed = True
@@ -90,13 +90,18 @@ def masked(first: int, data: bytes, rng: random.Random) -> bytes:
     return bytes([first]) + length + mask + bytes(b ^ mask[i % 4] for i, b in enumerate(data))
 
 
-def test_a_server_ends_cleanly_while_a_client_leaves() -> None:
+@pytest.mark.parametrize("leaves", [True, False])
+def test_a_server_ends_cleanly_while_a_client_leaves(leaves: bool) -> None:
     async def end() -> None:
         line = Line()
         protocol, _ = await connected(line)
-        protocol.data_received(masked(0x88, b"\x03\xe8", random.Random(1)))
-        assert line.is_closing()
+        if leaves:
+            protocol.data_received(masked(0x88, b"\x03\xe8", random.Random(1)))
+            assert line.is_closing()
         protocol.shutdown()
+        assert line.is_closing()
+        code = 1000 if leaves else 1012
+        assert line.written.endswith(bytes([0x88, 2]) + code.to_bytes(2, "big"))
 
     asyncio.run(end())
 
