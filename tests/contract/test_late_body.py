@@ -54,18 +54,6 @@ class LateDriver(ConnectedDriver[VirtualClock]):
         return order[0] <= self._clock.now_s()
 
 
-class OneWheelAfterTheOther(LateDriver):
-    """Each order consists of two messages, one for each wheel."""
-
-    def _send(self, point: Point) -> None:
-        had = self.orders[-1][1] if self.orders else STANDS
-        left, right = point.throttle + point.steering, had.throttle - had.steering
-        super()._send(Point((left - right) / 2, (left + right) / 2))
-        super()._send(point)
-        came_s = self.orders[-1][0]
-        self.orders[-1] = came_s + 0.008, point
-
-
 class SlowRamp(LateDriver):
     """It accelerates for longer than one order lasts, and brakes at once."""
 
@@ -82,7 +70,7 @@ class SlowRamp(LateDriver):
         return Point(wanted.steering * share, wanted.throttle * share)
 
 
-@pytest.mark.parametrize("kind", [LateDriver, OneWheelAfterTheOther, SlowRamp])
+@pytest.mark.parametrize("kind", [LateDriver, SlowRamp])
 @pytest.mark.parametrize(
     "check",
     [
