@@ -1,22 +1,85 @@
+"""The images of a learner and their votes: equal to the paper's, fast, and safe with any values."""
+
 from __future__ import annotations
 
 import copy
+from collections import Counter
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
 
+from robot.learner.base import NotFittedError
 from robot.learner.bsoc import BSOC
+from robot.learner.classifier import BSOCClassifier
 from robot.learner.integer_images import IntegerImages
 from robot.learner.published import PublishedBSOC
-from tests.robot.learner import paper
+from robot.learner.ridge import RecursiveRidge
+from robot.learner.votes import ENOUGH, LATER
+from tests.kit.sizes import crossed
+
+# The paper's pseudocode as plain code, whose results the fast versions must equal ----------------
 
 
-@pytest.mark.parametrize("cluster", [BSOC, PublishedBSOC])
-@pytest.mark.parametrize("d", [2, 30])
-@pytest.mark.parametrize("max_nodes", [1, 2, 5, 9])
+@dataclass
+class Node:
+    image: list
+    count: int
+    name: int
+    histogram: Counter = field(default_factory=Counter)
+
+
+def squared_distance(a, b):
+    return sum((p - q) ** 2 for p, q in zip(a, b, strict=True))
+
+
+class PaperBSOC:
+    """Nodes are in slots without gaps; edges are sorted by weight, then by the slots of their
+    ends."""
+
+    def __init__(self, max_nodes, *, rounded=False):
+        self.max_nodes, self.rounded = max_nodes, rounded
+        self.nodes, self.n_seen = [], 0
+
+    def lookup(self, x):
+        distances = [squared_distance(node.image, x) for node in self.nodes]
+        nearest = distances.index(min(distances))
+        return nearest, distances[nearest]
+
+    def train(self, x, y=None):
+        self.nodes.append(Node(list(x), 1, self.n_seen))
+        self.n_seen += 1
+        if len(self.nodes) > self.max_nodes:
+            edges = [
+                (squared_distance(a.image, b.image) * max(a.count, b.count), i, j)
+                for i, a in enumerate(self.nodes)
+                for j, b in enumerate(self.nodes)
+                if i < j
+            ]
+            _, i, j = min(edges)
+            self.nodes[i] = self.merged(self.nodes[i], self.nodes[j])
+            self.nodes[j] = self.nodes[-1]
+            self.nodes.pop()
+        slot = self.lookup(x)[0]
+        self.nodes[slot].histogram[y] += 1
+        return slot
+
+    def merged(self, one, two):
+        total = one.count + two.count
+        image = [
+            (one.count * p + two.count * q) / total
+            for p, q in zip(one.image, two.image, strict=True)
+        ]
+        if self.rounded:
+            image = [int(p + 0.5) for p in image]
+        name = one.name if one.count >= two.count else two.name
+        return Node(image, total, name, one.histogram + two.histogram)
+
+
+@crossed(cluster=[BSOC, PublishedBSOC], d=[2, 30], max_nodes=[1, 2, 5, 9])
 def test_the_nodes_equal_those_of_the_pseudocode_without_rounding(cluster, max_nodes, d):
     rng = np.random.default_rng(max_nodes)
-    ours, theirs = cluster(max_nodes), paper.PaperBSOC(max_nodes, rounded=False)
+    ours, theirs = cluster(max_nodes), PaperBSOC(max_nodes)
     for x in rng.normal(size=(240, d)).astype(np.float32):
         assert ours.train(x) == theirs.train(x.tolist())
         np.testing.assert_allclose(ours.nodes_, [node.image for node in theirs.nodes], atol=1e-4)
@@ -24,17 +87,45 @@ def test_the_nodes_equal_those_of_the_pseudocode_without_rounding(cluster, max_n
         assert ours.ids_.tolist() == [node.name for node in theirs.nodes]
 
 
-@pytest.mark.parametrize("cluster", [BSOC, PublishedBSOC])
-def test_exact_ties_are_broken_like_in_the_pseudocode(cluster):
-    points = [[0], [8], [16], [24], [4], [12], [0], [8], [32], [40], [32], [40], [16], [16]]
-    for max_nodes in (1, 2, 3, 4, 5):
-        ours, theirs = cluster(max_nodes), paper.PaperBSOC(max_nodes, rounded=False)
-        for x in points:
-            slots = ours.train(np.array(x, np.float32)), theirs.train([float(v) for v in x])
-            if not all(n.count & (n.count - 1) == 0 for n in theirs.nodes):
-                break  # a share of 1/3 is not exact in binary, so there are no ties from here on
-            assert slots[0] == slots[1]
-            assert ours.nodes_.tolist() == [node.image for node in theirs.nodes]
+@crossed(cluster=[BSOC, PublishedBSOC], max_nodes=[1, 2, 3, 4, 5])
+def test_exact_ties_are_broken_like_in_the_pseudocode(cluster, max_nodes):
+    ours, theirs = cluster(max_nodes), PaperBSOC(max_nodes)
+    for x in [0, 8, 16, 24, 4, 12, 0, 8, 32, 40, 32, 40, 16, 16]:
+        slots = ours.train(np.array([x], np.float32)), theirs.train([float(x)])
+        if not all(n.count & (n.count - 1) == 0 for n in theirs.nodes):
+            break  # a share of 1/3 is not exact in binary, so there are no ties from here on
+        assert slots[0] == slots[1]
+        assert ours.nodes_.tolist() == [node.image for node in theirs.nodes]
+
+
+@crossed(seed=range(3), size=[(1, 4), (3, 3), (12, 255)], max_nodes=[1, 2, 3, 5, 8])
+def test_published_bytes_equal_the_pseudocode_ties_included(max_nodes, size, seed):
+    """Few values and short vectors have many equal distances, so there are many ties to break."""
+    d, top = size
+    rng = np.random.default_rng(seed)
+    ours, theirs = PublishedBSOC(max_nodes, integer=True), PaperBSOC(max_nodes, rounded=True)
+    for x in rng.integers(0, top + 1, (60, d)).astype(np.uint8):
+        assert ours.train(x) == theirs.train(x.tolist())
+        assert ours.nodes_.tolist() == [node.image for node in theirs.nodes]
+        assert ours.counts_.tolist() == [node.count for node in theirs.nodes]
+        assert ours.ids_.tolist() == [node.name for node in theirs.nodes]
+        assert ours.lookup(x) == theirs.lookup(x.tolist())
+
+
+@crossed(seed=range(4), max_nodes=[1, 2, 6])
+def test_published_histograms_equal_the_pseudocode(max_nodes, seed):
+    rng = np.random.default_rng(seed)
+    ours, theirs = BSOCClassifier.published(max_nodes), PaperBSOC(max_nodes)
+    for x in rng.integers(0, 9, (80, 3)).astype(np.uint8):
+        y = str(rng.choice(["forward", "left", "right"]))
+        ours.learn_one(x, y)
+        theirs.train([int(v) for v in x], y)
+        for slot, row in enumerate(ours.histograms_):
+            counted = {label: n for label, n in zip(ours.labels_, row.tolist(), strict=True) if n}
+            assert counted == theirs.nodes[slot].histogram
+
+
+# Images -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("is_published", [False, True])
@@ -47,14 +138,6 @@ def test_whole_numbers_of_large_pictures_are_compared_exactly(is_published):
     assert learner.lookup(white) == (1, pytest.approx(160 * 120 * 3 * 155**2))
 
 
-def test_nodes_of_different_labels_are_merged_only_as_a_last_resort():
-    learner = BSOC(2, group_cost=1000.0)
-    for value, group in [(0.0, 0), (1.0, 1), (9.0, 1)]:
-        learner.train(np.array([value]), group)
-    assert sorted(learner.groups_.tolist()) == [0, 1]
-    assert sorted(learner.nodes_.ravel().tolist()) == [0.0, 5.0]
-
-
 @pytest.mark.parametrize("max_nodes", [1, 3, 8, 30])
 def test_whole_numbers_give_the_same_nodes_within_rounding(max_nodes):
     rng = np.random.default_rng(4)
@@ -63,14 +146,22 @@ def test_whole_numbers_give_the_same_nodes_within_rounding(max_nodes):
     for i in range(200):
         x = np.clip(scenes[i % 6] + rng.integers(-9, 10, 50), 0, 255).astype(np.uint8)
         assert exact.train(x) == whole.train(x)
+        np.testing.assert_allclose(whole.distances(x), exact.distances(x), atol=0.5, rtol=1e-3)
     assert np.array_equal(exact.counts_, whole.counts_)
     assert np.abs(exact.nodes_ - whole.nodes_).max() < 0.01
 
 
+def test_nodes_of_different_labels_are_merged_only_as_a_last_resort():
+    learner = BSOC(2, group_cost=1000.0)
+    for value, group in [(0.0, 0), (1.0, 1), (9.0, 1)]:
+        learner.train(np.array([value]), group)
+    assert sorted(learner.groups_.tolist()) == [0, 1]
+    assert sorted(learner.nodes_.ravel().tolist()) == [0.0, 5.0]
+
+
 def test_the_cached_minima_find_the_smallest_weight():
-    rng = np.random.default_rng(5)
     learner = BSOC(20)
-    for i, x in enumerate(rng.integers(0, 4, (300, 4)).astype(np.float32)):
+    for i, x in enumerate(np.random.default_rng(5).integers(0, 4, (300, 4)).astype(np.float32)):
         learner.train(x)
         if i in (50, 200):
             learner.delete(3)
@@ -111,22 +202,6 @@ def test_values_of_any_size_are_clustered_or_refused(size):
     assert learner.counts_[0] == 1 and np.array_equal(learner.nodes_[0], pinned)
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize(("d", "top"), [(1, 4), (3, 3), (12, 255)])
-@pytest.mark.parametrize("max_nodes", [1, 2, 3, 5, 8])
-def test_published_bytes_equal_the_pseudocode_ties_included(max_nodes, d, top, seed):
-    """Few values and short vectors have many equal distances, so there are many ties to break."""
-    rng = np.random.default_rng(seed)
-    ours = PublishedBSOC(max_nodes, integer=True)
-    theirs = paper.PaperBSOC(max_nodes, rounded=True)
-    for x in rng.integers(0, top + 1, (60, d)).astype(np.uint8):
-        assert ours.train(x) == theirs.train(x.tolist())
-        assert ours.nodes_.tolist() == [node.image for node in theirs.nodes]
-        assert ours.counts_.tolist() == [node.count for node in theirs.nodes]
-        assert ours.ids_.tolist() == [node.name for node in theirs.nodes]
-        assert ours.lookup(x) == theirs.lookup(x.tolist())
-
-
 def test_a_pinned_node_is_not_deleted_and_one_node_stays_free_of_pins():
     learner = BSOC(2)
     for value in (0.0, 10.0):
@@ -137,3 +212,63 @@ def test_a_pinned_node_is_not_deleted_and_one_node_stays_free_of_pins():
     with pytest.raises(ValueError, match="at most 1 of 2"):
         learner.pin(1)
     assert learner.n_nodes_ == 2
+
+
+# Votes ------------------------------------------------------------------------------------------
+
+
+def test_predicting_before_the_first_example_is_an_error():
+    with pytest.raises(NotFittedError):
+        BSOCClassifier(2).predict_one(np.zeros(3))
+
+
+@pytest.mark.parametrize("power", [0.0, 0.25, 1.0])
+def test_a_rare_label_weighs_more(power):
+    """Nine examples of one label, one of another, and a view exactly between their images."""
+    learner = BSOCClassifier(2, balance=power)
+    for _ in range(9):
+        learner.learn_one(np.array([0.0]), "forward")
+    learner.learn_one(np.array([1.0]), "left")
+    shares = learner.predict_proba_one(np.array([0.5]))
+    assert shares["left"] / shares["forward"] == pytest.approx(9.0**power)
+
+
+@pytest.mark.parametrize("integer", [False, True])
+def test_a_repeatedly_taught_view_keeps_its_new_label(integer):
+    """Of identical images, only one has votes."""
+    rng = np.random.default_rng(0)
+    for _ in range(150):
+        learner = BSOCClassifier(16, integer=integer)
+        views = rng.integers(0, 256, (int(rng.integers(2, 6)), 20)).astype(np.uint8)
+        learner.begin_angles({})
+        for i in rng.integers(0, len(views), int(rng.integers(8, 32))).tolist():
+            learner.learn_in(views[i], str(i), (), i / 8)
+        for label in learner.labels_:
+            evidence = learner.explain_one(views[int(label)])
+            assert evidence.label == label
+            assert evidence.angle == pytest.approx(int(label) / 8, abs=0.05)
+
+
+def test_images_without_votes_do_not_affect_the_prediction():
+    """Of identical images one has all votes, and the others vote for no label."""
+    rng = np.random.default_rng(0)
+    learner, view = BSOCClassifier(1024), rng.random(20)
+    for label in ("left", "forward", "left", "forward", "left", "forward"):
+        learner.learn_one(rng.random(20), label)
+    learner.learn_one(view, "right")
+    for _ in range(LATER + 1):
+        learner.learn_one(rng.random(20), "forward")
+    for _ in range(2 * int(ENOUGH)):
+        learner.learn_one(rng.random(20), "forward")
+        learner.learn_one(view, "right")
+        assert learner.predict_one(view) == "right"
+    assert learner.get_state().arrays["contradicted"].max() <= 1.0, "the first time it was new"
+
+
+@pytest.mark.parametrize(("label", "angle"), [("", 0.0), ("left", np.nan), ("left", -2.0)])
+def test_an_image_gets_no_label_or_angle_that_could_not_be_learned(label, angle):
+    learner = BSOCClassifier(4, linear=RecursiveRidge(8))
+    learner.learn_one(np.arange(8), "forward")
+    with pytest.raises(ValueError, match=r"label|angle"):
+        learner.relabel_node(0, label, angle)
+    assert learner.labels_ == ["forward"] and learner.predict_one(np.arange(8)) == "forward"

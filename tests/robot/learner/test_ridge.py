@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot.learner.classifier import BSOCClassifier
 from robot.learner.linear import N_CONTEXTS
 from robot.learner.ridge import ContextRidge, RecursiveRidge
 
@@ -91,20 +90,6 @@ def test_incremental_ridge_stays_exact_over_many_frames():
     np.testing.assert_allclose(ridge.scores(xs[5]), expected, atol=CLOSE)
 
 
-def test_a_ridge_saved_between_any_two_frames_continues_bit_for_bit(lessons):
-    xs, targets = lessons
-    for cut in range(20):
-        whole = taught(xs[:cut], targets[:cut])
-        other = RecursiveRidge(SIZE, penalty=2.0, scale=1.0)
-        other.load({}, whole.save()[1])
-        for x, target in zip(xs[cut:], targets[cut:], strict=True):
-            whole.learn(x, target)
-            other.learn(x, target)
-        one, two = whole.save()[1], other.save()[1]
-        assert all(np.array_equal(one[name], two[name]) for name in one)
-    np.testing.assert_array_equal(whole._inverse, whole._inverse.T)
-
-
 # Contexts ---------------------------------------------------------------------------------------
 
 
@@ -185,33 +170,3 @@ def test_a_context_without_frames_of_a_label_keeps_its_targets(examples):
     ridge.forget(x, np.array([1.0, 0.0, 0.0]), 1.0)
     assert not ridge.scores(x, 0).any()
     assert ridge.scores(x, 1).any()
-
-
-def test_a_model_of_other_features_is_refused(examples):
-    arrays = in_contexts(examples).save()[1]
-    with pytest.raises(ValueError, match=r"the array triangle|does not belong"):
-        ContextRidge(SIZE + 1).load({}, arrays)
-
-
-def test_one_view_can_mean_different_moves_in_different_contexts():
-    """Far means FORWARD, near means LEFT; in between the current move goes on."""
-    learner = BSOCClassifier(8, linear=ContextRidge(SIZE, penalty=0.01))
-
-    def view(near: float) -> np.ndarray:
-        return (255 * np.linspace(near, 1.0 - near, SIZE)).astype(np.uint8)
-
-    for _ in range(20):
-        for near in (0.1, 0.3, 0.5, 0.7):
-            learner.learn_in(view(near), "forward", (0,))
-        learner.learn_in(view(0.8), "left", (0, 1))
-        for near in (0.8, 0.6, 0.4):
-            learner.learn_in(view(near), "left", (1,))
-        learner.learn_in(view(0.2), "forward", (0, 1))
-    assert learner.abilities.contexts
-    between = view(0.5)
-    assert learner.explain_in(between, 0).label == "forward"
-    assert learner.explain_in(between, 1).label == "left"
-    for context in ALL:
-        evidence = learner.explain_in(between, context)
-        assert sum(evidence.probabilities.values()) == pytest.approx(1.0)
-        assert evidence.node == learner.explain_one(between).node
