@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable
 from functools import cache
 
 import numpy as np
 import pytest
 
-from robot.coaching.gallery import images
 from robot.control.online_learning import CORRECTS_BEYOND
 from robot.learner.base import State
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.ridge import ContextRidge
 from robot.moves import CLASSIC, move_at, point_of
-from robot.policy.changes import relabel
-from robot.policy.events import Taught, describe_event, read_event
+from robot.policy.events import Taught
 from robot.policy.history import TrainingHistory
-from robot.policy.policy import Policy
 from robot.policy.recognition import BAND
 from robot.policy.registry import make_policy
 from robot.policy.undo import undo_examples
@@ -27,6 +23,7 @@ from robot.store.models.model import same_nodes
 from robot.types import Action, Example, Frame, Mode, Point
 from tests.kit.frames import frame_of
 from tests.kit.sizes import crossed
+from tests.kit.states import same_state
 from tests.learners import installed
 from tests.robot.bench_robot import BenchRobot
 
@@ -51,137 +48,86 @@ def way(seed: int, frames: int) -> list[float]:
     return [sum(math.sin(f * i + phase) for f, phase in waves) / 3 for i in range(frames)]
 
 
-def proportional(bend: float) -> Point:
+def proportional(bend):
     return Point(bend, 0.6 - 0.2 * abs(bend))
 
 
-def all_or_nothing(bend: float) -> Point:
+def all_or_nothing(bend):
     return Point((bend > 0.2) - (bend < -0.2), 0.5)
 
 
-def move_of(point: Point) -> Action:
+def move_of(point):
     return move_at(point, CLASSIC.values()) or Action.FORWARD
 
 
-def teach(
-    history: TrainingHistory,
-    seed: int,
-    frames: int,
-    *,
-    pilot: Callable[[float], Point] = proportional,
-    has_point: Callable[[int], bool] = lambda i: True,
-    first: int = 0,
-) -> None:
+def teach(history, seed, frames, *, pilot=proportional, has_point=lambda i: True, first=0):
+    """Teach this number of frames; those without a point are taught by their moves."""
     for i, bend in enumerate(way(seed, frames), start=first):
-        point = pilot(bend)
-        example = Example(
-            frame_id=i,
-            label=move_of(point),
-            is_intervention=False,
-            point=point if has_point(i) else None,
-        )
+        label, point = move_of(pilot(bend)), pilot(bend) if has_point(i) else None
+        example = Example(frame_id=i, label=label, is_intervention=False, point=point)
         history.teach(example, history.policy.extract(view(bend, i)), 0.1 * i)
 
 
-def answers(policy: Policy, seed: int, frames: int = 60) -> list[tuple[float, Action, Point]]:
+def taught(learner, seed, frames, **how):
+    history = TrainingHistory(make_policy(learner))
+    teach(history, seed, frames, **how)
+    return history
+
+
+def answers(policy, seed, frames=60):
+    """Return each bend of another path, with the proposed move and point."""
     policy.reset()
     found = []
     for i, bend in enumerate(way(seed, frames)):
         said = policy.propose(i + 1, policy.extract(view(bend, 1000 + i)))
-        assert said.point is not None and said.action is not None
         assert all(-1.0 <= number <= 1.0 for number in said.point)
         found.append((bend, said.action, said.point))
     return found
 
 
-def without_points(state: State) -> State:
-    arrays = {key: array for key, array in state.arrays.items() if key not in OF_POINTS}
-    return State(kind=state.kind, params=state.params, arrays=arrays, labels=state.labels)
-
-
 @crossed(learner=LEARNERS, seed=range(3))
-def test_the_moves_are_learned_bit_for_bit_as_without_degrees(learner: str, seed: int) -> None:
-    histories = [TrainingHistory(make_policy(learner)) for _ in range(2)]
-    alone, beside = histories
-    teach(alone, seed, 90, has_point=lambda i: False)
-    teach(beside, seed, 90, has_point=lambda i: i % 7 > 1)
-    assert not OF_POINTS & alone.policy.get_state().arrays.keys()
-    assert OF_POINTS & beside.policy.get_state().arrays.keys()
-    assert same_nodes(alone.policy.get_state(), without_points(beside.policy.get_state()))
+def test_the_moves_are_learned_bit_for_bit_as_without_degrees(learner, seed):
+    alone = taught(learner, seed, 90, has_point=lambda i: False).policy
+    beside = taught(learner, seed, 90, has_point=lambda i: i % 7 > 1).policy
+    moves, points = alone.get_state(), beside.get_state()
+    assert not OF_POINTS & moves.arrays.keys() and OF_POINTS & points.arrays.keys()
+    arrays = {name: array for name, array in points.arrays.items() if name not in OF_POINTS}
+    assert same_nodes(moves, State(points.kind, points.params, arrays, points.labels))
     for i, bend in enumerate(way(seed + 10, 40)):
-        one, two = (h.policy.propose(i, h.policy.extract(view(bend, i))) for h in histories)
+        one, two = (policy.propose(i, policy.extract(view(bend, i))) for policy in (alone, beside))
         assert one.point is None and one.spread is None and two.point is not None
         assert (one.action, one.probabilities) == (two.action, two.probabilities)
         assert (one.confidence, one.novelty) == (two.confidence, two.novelty)
 
 
-def test_on_a_body_of_moves_a_curve_counts_as_the_turn_that_it_is_there() -> None:
-    history = TrainingHistory(make_policy("default-8"))
-    teach(history, 0, 90)
-    policy, helpless_after_s = history.policy, {}
+def test_on_a_body_of_moves_a_curve_counts_as_the_turn_that_it_is_there():
+    policy, helpless = taught("default-8", 0, 90).policy, {}
     for takes_points in (True, False):
         policy.reset()
-        under_way = None
+        known = {"under_way": None, "takes_points": takes_points}
         for i in range(600):
-            said = policy.propose(
-                i,
-                policy.extract(view(-0.4, i % 8)),
-                under_way=under_way,
-                at_s=20.0 + 0.1 * i,
-                takes_points=takes_points,
-            )
+            x = policy.extract(view(-0.4, i % 8))
+            said = policy.propose(i, x, at_s=20.0 + 0.1 * i, **known)
             assert (said.point is not None) is takes_points
-            under_way = Action.LEFT
-            if said.needs_help:
-                helpless_after_s[takes_points] = 0.1 * i
-                break
-    assert helpless_after_s.keys() == {False}, "half of full lock gets on, a turn in place does not"
+            known["under_way"] = Action.LEFT
+            helpless[takes_points] = helpless.get(takes_points) or said.needs_help
+    assert helpless == {True: False, False: True}, "half of full lock gets on, a turn does not"
 
 
 @crossed(learner=LEARNERS, seed=range(3))
-def test_points_are_undone_as_if_they_had_never_been(learner: str, seed: int) -> None:
-    history = TrainingHistory(make_policy(learner))
+def test_points_are_undone_as_if_they_had_never_been(learner, seed):
     n_alone = random.Random(seed).randrange(20, 120)
-    teach(history, seed, n_alone, has_point=lambda i: False)
+    history = taught(learner, seed, n_alone, has_point=lambda i: False)
     alone = history.policy.get_state()
     teach(history, seed + 1, 60, first=n_alone)
     assert history.policy.usual_point(Action.LEFT) is not None
     assert len(undo_examples(history, 5.95)) == 60
-    assert same_nodes(history.policy.get_state(), alone)
-    assert history.policy.get_state().params == alone.params
+    assert same_state(history.policy.get_state(), alone)
     assert history.policy.propose(1, history.policy.extract(view(0.0, 0))).point is None
 
 
-@crossed(learner=LEARNERS, seed=range(3))
-def test_a_policy_that_is_restored_goes_on_as_the_first(learner: str, seed: int) -> None:
-    dice, first, second = random.Random(seed), make_policy(learner), make_policy(learner)
-    policies = [first]
-    for i, bend in enumerate(way(seed, 160)):
-        point = proportional(bend) if dice.random() < 0.6 else None
-        for policy in policies:
-            x = policy.extract(view(bend, i))
-            policy.learn(x, move_of(proportional(bend)), 0.1 * i, point)
-        if i == 80:
-            node = dice.choice(images(first))
-            relabel(first, node.node_id, dice.choice(list(node.votes)))
-            second.restore(first.get_state())
-            policies.append(second)
-        if i == 120:
-            gone = dice.choice(images(first)).node_id
-            for policy in policies:
-                policy.learner.delete_node(gone)
-                policy.check()
-    assert same_nodes(first.get_state(), second.get_state())
-    assert first.get_state().params == second.get_state().params
-    assert answers(first, seed + 50) == answers(second, seed + 50)
-
-
-def test_a_model_in_which_a_move_was_steered_beyond_all_degrees_is_refused() -> None:
-    policy = make_policy("default-8")
-    for step in range(3):
-        x = policy.extract(view(0.5, step))
-        policy.learn(x, Action.RIGHT, step / 10, point=Point(0.5, 0.5))
-    state = policy.get_state()
+def test_a_model_in_which_a_move_was_steered_beyond_all_degrees_is_refused():
+    state = taught("default-8", 0, 30).policy.get_state()
     state.arrays["degrees_sums"][:, 1] *= -10.0
     crafted = make_policy("default-8")
     crafted.restore(state)
@@ -189,7 +135,7 @@ def test_a_model_in_which_a_move_was_steered_beyond_all_degrees_is_refused() -> 
         crafted.check()
 
 
-def test_the_linear_angle_is_that_of_all_examples_whenever_degrees_began() -> None:
+def test_the_linear_angle_is_that_of_all_examples_whenever_degrees_began():
     """An example taught as a move counts with the angle that the body declares for the move."""
     dice = np.random.default_rng(4)
     xs = dice.integers(0, 256, (70, 12)).astype(np.uint8)
@@ -210,11 +156,10 @@ def test_the_linear_angle_is_that_of_all_examples_whenever_degrees_began() -> No
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_images_keep_the_angles_of_their_frames_through_merges_and_edits(seed: int) -> None:
-    dice = random.Random(seed)
-    learner, total, frames = BSOCClassifier(5), 0.0, 60
+def test_images_keep_the_angles_of_their_frames_through_merges_and_edits(seed):
+    dice, learner, total = random.Random(seed), BSOCClassifier(5), 0.0
     learner.begin_angles({})
-    for _ in range(frames):
+    for _ in range(60):
         angle = dice.uniform(-1.0, 1.0)
         x = np.array([angle, dice.random()], np.float32)
         learner.learn_in(x, str(move_of(Point(angle, 0.5))), (0, 1), angle)
@@ -231,22 +176,17 @@ def test_images_keep_the_angles_of_their_frames_through_merges_and_edits(seed: i
 
 
 @crossed(learner=LEARNERS, seed=range(2))
-def test_a_robot_of_a_pilot_who_steers_all_or_nothing_steers_likewise(
-    learner: str, seed: int
-) -> None:
-    history = TrainingHistory(make_policy(learner))
-    teach(history, seed, 200, pilot=all_or_nothing)
-    for _, action, point in answers(history.policy, seed + 30):
+def test_a_robot_of_a_pilot_who_steers_all_or_nothing_steers_likewise(learner, seed):
+    policy = taught(learner, seed, 200, pilot=all_or_nothing).policy
+    for _, action, point in answers(policy, seed + 30):
         assert point == point_of(action)
 
 
-@pytest.mark.parametrize("learner", ["default-32", "published-32"])
-@pytest.mark.parametrize("seed", range(2))
-def test_degrees_are_imitated_more_closely_than_moves_allow(learner: str, seed: int) -> None:
-    history = TrainingHistory(make_policy(learner))
-    teach(history, seed, 250)
-    said = answers(history.policy, seed + 30, 150)
-    means = {move: history.policy.usual_point(move) or Point(0.0, 0.0) for _, move, _ in said}
+@crossed(learner=["default-32", "published-32"], seed=range(2))
+def test_degrees_are_imitated_more_closely_than_moves_allow(learner, seed):
+    policy = taught(learner, seed, 250).policy
+    said = answers(policy, seed + 30, 150)
+    means = {move: policy.usual_point(move) or Point(0.0, 0.0) for _, move, _ in said}
     off = np.mean([abs(point.steering - bend) for bend, _, point in said])
     by_moves = np.mean([abs(means[move].steering - bend) for bend, move, _ in said])
     assert off < 0.8 * by_moves
@@ -255,12 +195,9 @@ def test_degrees_are_imitated_more_closely_than_moves_allow(learner: str, seed: 
 
 
 @crossed(learner=LEARNERS, seed=range(2))
-def test_an_obstacle_that_is_passed_on_either_side_is_not_driven_into(
-    learner: str, seed: int
-) -> None:
+def test_an_obstacle_that_is_passed_on_either_side_is_not_driven_into(learner, seed):
     """The mean of hard left and hard right is straight on."""
-    dice = random.Random(seed)
-    policy = make_policy(learner)
+    dice, policy = random.Random(seed), make_policy(learner)
     for i in range(160):
         near = dice.uniform(0.4, 1.0)
         point = Point(dice.choice((-1, 1)) * near, 0.5)
@@ -269,66 +206,38 @@ def test_an_obstacle_that_is_passed_on_either_side_is_not_driven_into(
     for i in range(60):
         near = 0.5 if i % 30 < 15 else 0.9
         said = policy.propose(i, policy.extract(view(near, 1000 + i)))
-        assert said.action is not None and said.point is not None
         assert said.action is move_of(said.point)
         off.append(abs(abs(said.point.steering) - near))
     assert np.mean(off) < 0.15
 
 
-def test_the_steering_changes_sides_smoothly() -> None:
-    history = TrainingHistory(make_policy("default-32"))
-    teach(history, 0, 250)
-    policy = history.policy
+def test_the_steering_changes_sides_smoothly():
+    policy = taught("default-32", 0, 250).policy
     policy.reset()
-    bends = (-0.5, -0.5, -0.5, 0.5, 0.5, 0.5)
+    bends = [-0.5] * 3 + [0.5] * 3
     said = [policy.propose(i, policy.extract(view(b, i))).point for i, b in enumerate(bends)]
-    steering = [point.steering for point in said if point is not None]
+    steering = [point.steering for point in said]
     assert steering[2] < 0.0 < steering[4] <= steering[5]
     assert steering[2] < steering[3] < steering[5] - 0.1
 
 
-def test_a_stick_that_agrees_with_the_robot_corrects_nothing() -> None:
+def test_a_stick_that_agrees_with_the_robot_corrects_nothing():
     robot = BenchRobot("default-8")
     robot.driver.takes_points = True
-    taught: list[Taught] = []
-    robot.loop.subscribe(
-        lambda tick: taught.extend(e for e in tick.history_events if isinstance(e, Taught))
-    )
     robot.start(Mode.TRAIN)
-    point = Point(-0.5, 0.4)
     for scene in range(1, 12):
-        robot.camera.show(scene % 3)
-        robot.clock.sleep(0.1)
-        robot.hold(Action.LEFT, point=point)
-        robot.tick()
+        robot.step(scene % 3, Action.LEFT, seconds=0.1, point=Point(-0.5, 0.4))
     robot.start(Mode.AUTONOMOUS, scene=1)
-    said = robot.loop.state.prediction
-    assert said is not None and said.point is not None
-    assert said.point.steering == pytest.approx(-0.5)
+    assert robot.loop.state.prediction.point.steering == pytest.approx(-0.5)
     for off, is_correction in ((0.5, False), (1.5, True), (-1.5, True)):
-        robot.clock.sleep(0.1)
-        robot.camera.show(1)
-        robot.tick()
-        steering = -0.5 + off * CORRECTS_BEYOND
-        robot.hold(Action.LEFT, point=Point(steering, 0.4))
-        robot.tick()
-        assert taught[-1].example.is_intervention is is_correction
+        point = Point(-0.5 + off * CORRECTS_BEYOND, 0.4)
+        events = robot.step(1, Action.LEFT, seconds=0.1, point=point).history_events
+        [example] = [event.example for event in events if isinstance(event, Taught)]
+        assert example.is_intervention is is_correction
     robot.hold(None)
     tick = robot.tick()
-    assert tick.prediction is not None
-    assert tick.decision.point == tick.prediction.point is not None
-    assert robot.driver.point == tick.decision.point
+    assert tick.decision.point == tick.prediction.point == robot.driver.point is not None
     robot.driver.takes_points = False
     robot.camera.show(1)
     said = robot.tick().prediction
-    assert said is not None and said.action is Action.LEFT and said.point is None
-
-
-def test_a_proportional_example_is_kept_to_the_last_bit() -> None:
-    dice = random.Random(2)
-    for _ in range(50):
-        point = Point(dice.uniform(-1.0, 1.0), dice.uniform(-1.0, 1.0))
-        example = Example(frame_id=3, label=Action.LEFT, is_intervention=True, point=point)
-        plain = describe_event(Taught(example=example, x=np.zeros(0), at_s=1.0))
-        event = read_event(plain)
-        assert isinstance(event, Taught) and event.example == example
+    assert said.action is Action.LEFT and said.point is None
