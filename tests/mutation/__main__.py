@@ -50,9 +50,8 @@ SUBJECTS: dict[str, tuple[str, ...]] = {
     ),
     "robot.control.loop": ("tests/robot/control/test_loop_requests.py", "tests/robot/control"),
     "robot.control.cycle": (
-        "tests/robot/control/test_loop_turns.py",
-        "tests/robot/control/test_loop_requests.py",
         "tests/robot/control/test_loop.py",
+        "tests/robot/control/test_loop_requests.py",
         "tests/robot/control/test_loop_stops.py",
         "tests/robot/control",
     ),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -60,7 +59,7 @@ class Driven:
 
 
 @pytest.fixture(params=["train", "autonomous", "hand in autonomous"])
-def driven(request: pytest.FixtureRequest) -> Iterator[Driven]:
+def driven(request):
     mode = Mode.TRAIN if request.param == "train" else Mode.AUTONOMOUS
     one = Driven(mode, None if request.param == "autonomous" else Action.FORWARD)
     with one.rig:
@@ -73,23 +72,21 @@ def driven(request: pytest.FixtureRequest) -> Iterator[Driven]:
     held_up_s=[0.1, 0.15, 0.29, 2.0],
     silent_s=[0.0, 0.05, 0.18],
 )
-def test_the_body_stops_on_time_although_the_loop_is_late(
-    driven: Driven, where: str, held_up_s: float, silent_s: float
-) -> None:
+def test_the_body_stops_on_time_although_the_loop_is_late(driven, where, held_up_s, silent_s):
     driven.clock.sleep(silent_s)
     policy: Any = driven.loop.history.policy
     is_held_up = False
 
-    def hold_up(*_: Any) -> None:
+    def hold_up(*_):
         nonlocal is_held_up
         if not is_held_up:
             is_held_up = True
             driven.clock.sleep(held_up_s)
 
-    def before(owner: Any, name: str) -> None:
+    def before(owner, name):
         original = getattr(owner, name)
 
-        def late(*args: Any, **named: Any) -> Any:
+        def late(*args, **named):
             hold_up()
             return original(*args, **named)
 
@@ -104,7 +101,7 @@ def test_the_body_stops_on_time_although_the_loop_is_late(
     assert driven.loop.state.decision.mode is Mode.STOPPED
 
 
-def test_a_pilot_who_is_heard_drives_on_although_ticks_are_late(driven: Driven) -> None:
+def test_a_pilot_who_is_heard_drives_on_although_ticks_are_late(driven):
     driven.loop.subscribe(lambda tick: driven.clock.sleep(0.08))
     before = len([one for one in driven.body.changes if one[1] is Action.STOP])
     driven.say(driven.held, beats=30)

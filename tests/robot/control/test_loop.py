@@ -1,64 +1,53 @@
-"""The control loop on the test bench: driving, learning, and its answers."""
+"""The control loop on the test bench: driving, learning, its answers, and its ticks."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
+from robot.control.config import LoopConfig
 from robot.learner.base import Evidence, Vector
 from robot.learner.classifier import BSOCClassifier
 from robot.policy.features import GreyFeatures
 from robot.policy.policy import Policy
 from robot.policy.undo import undo_examples
-from robot.types import Action, DrivenBy, Mode, Point, Prediction, StopReason
-from tests.robot.bench_robot import BenchRobot
+from robot.types import Action, DrivenBy, Mode, Point, StopReason
+from tests.kit.sizes import crossed
+from tests.robot.bench_robot import BenchRobot, started
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
 
 
-def test_it_drives_what_is_held_and_learns_the_frame_the_pilot_saw() -> None:
-    robot = BenchRobot()
-    robot.start(Mode.TRAIN)
-    tick = robot.step(scene=1, held=L)
-    assert robot.driver.sent[-1] == (L, 1.0)
-    assert tick.decision.driven_by is DrivenBy.PILOT
-    assert robot.loop.state.taught == {L: 1}
-
-
-def test_a_request_is_answered_after_the_state_was_published_to_all_listeners() -> None:
+def test_a_request_is_answered_after_the_state_was_published_to_all_listeners():
     robot = BenchRobot()
     robot.start(Mode.TRAIN)
     robot.step(scene=1, held=L)
     found: list[tuple[int, int]] = []
     told: list[int] = []
-    robot.loop.subscribe(lambda tick: told.append(len(tick.history_events)))
+    leave = robot.loop.subscribe(lambda tick: told.append(len(tick.history_events)))
     undone = robot.loop.submit(lambda: undo_examples(robot.loop.history, 5.0))
     undone.add_done_callback(
         lambda _: found.append((sum(robot.loop.state.taught.values()), sum(told)))
     )
     robot.tick()
     assert found == [(0, 1)]
+    leave()
+    robot.tick()
+    assert told == [1]
 
 
-def test_a_request_in_the_tick_of_a_start_knows_that_the_robot_drives() -> None:
+def test_a_request_in_the_tick_of_a_start_knows_the_mode_even_if_the_tick_fails():
     robot = BenchRobot()
-    robot.camera.show(0)
+    robot.camera.show_rubbish()
     robot.loop.set_mode(Mode.TRAIN)
     mode = robot.loop.submit(lambda: robot.loop.mode)
     robot.tick()
     assert mode.result(0) is Mode.TRAIN
 
 
-def test_a_tick_that_fails_still_answers_its_requests() -> None:
-    robot = BenchRobot()
-    robot.camera.show_rubbish()
-    answer = robot.loop.submit(lambda: "answer")
-    robot.tick()
-    assert answer.result(0) == "answer"
-
-
-def test_the_robot_drives_as_it_was_taught_and_learns_from_a_correction() -> None:
+def test_the_robot_drives_as_it_was_taught_and_learns_from_a_correction():
     robot = BenchRobot()
     robot.start(Mode.TRAIN)
     for _ in range(3):
@@ -75,47 +64,18 @@ def test_the_robot_drives_as_it_was_taught_and_learns_from_a_correction() -> Non
     assert robot.step(1, None).decision.driven_by is DrivenBy.ROBOT
 
 
-def robot_that_drives(pushes_s: float = 0.0) -> BenchRobot:
-    """A robot that was taught four views, LEFT at the first, and now drives by itself.
-
-    Three times its pilot went on for `pushes_s` although the picture did not change.
-    """
+def test_a_stuck_robot_tries_another_move_asks_and_drives_on_after_a_correction():
+    """Four views were taught, LEFT at the first; then the picture stays the same."""
     robot = BenchRobot("default-8")
     robot.start(Mode.TRAIN)
     for step in range(40):
         robot.step(step % 4, L if step % 4 == 0 else F)
-    for _ in range(3 if pushes_s else 0):
-        for _ in range(round(pushes_s / 0.05)):
-            robot.step(1, F)
-        for step in range(8):
-            robot.step(step % 4, L if step % 4 == 0 else F)
     robot.start(Mode.AUTONOMOUS, scene=1)
     for step in range(40):
         robot.step(step % 4, None)
-    return robot
-
-
-def test_a_stuck_robot_tries_another_move_within_a_second() -> None:
-    robot = robot_that_drives()
-    unlike_all_lessons = 98
-    sent = [robot.step(unlike_all_lessons, None).sent for _ in range(40)]  # for two seconds
-    assert sent[5] is F
-    assert L in sent[5:20]
-
-
-def test_a_robot_whose_pilot_pushes_goes_on_pushing() -> None:
-    robot = robot_that_drives(pushes_s=2.2)
-    assert {robot.step(1, None).sent for _ in range(60)} == {F}
-
-
-def test_a_robot_gives_up_pushing_on_the_most_familiar_view_if_its_pilot_never_pushed() -> None:
-    robot = robot_that_drives()
-    assert L in {robot.step(1, None).sent for _ in range(20)}
-
-
-def test_a_robot_that_stays_stuck_asks_and_drives_on_after_a_correction() -> None:
-    robot = robot_that_drives()
     ticks = [robot.step(1, None) for _ in range(round(40 / 0.05))]
+    sent = [tick.sent for tick in ticks]
+    assert set(sent[:5]) == {F} and L in sent[:20], "within a second"
     asking = [tick for tick in ticks if tick.decision.stop_reason is StopReason.NEEDS_HELP]
     assert asking and all(tick.sent is Action.STOP for tick in asking)
     assert all(tick.decision.mode is Mode.AUTONOMOUS for tick in ticks)
@@ -126,7 +86,7 @@ def test_a_robot_that_stays_stuck_asks_and_drives_on_after_a_correction() -> Non
     assert robot.driver.sent[-1][0] in (F, L)
 
 
-def test_the_pilots_move_does_not_affect_the_robots_prediction() -> None:
+def test_the_pilots_move_does_not_affect_the_robots_prediction():
     robot = BenchRobot("default-8")
     robot.start(Mode.TRAIN)
     for _ in range(20):
@@ -135,24 +95,21 @@ def test_the_pilots_move_does_not_affect_the_robots_prediction() -> None:
     under_way: list[Action | None] = []
     propose = robot.loop.history.policy.propose
 
-    def listen(frame_id: int, x: Any, **drive: Any) -> Prediction:
+    def listen(frame_id, x, **drive):
         under_way.append(drive["under_way"])
         return propose(frame_id, x, **drive)
 
-    robot.loop.history.policy.propose = listen  # type: ignore[method-assign]
+    robot.loop.history.policy.propose = listen
     robot.step(1, F)
     robot.step(1, F)
-    assert under_way == [None, None]
     robot.start(Mode.AUTONOMOUS, scene=1)
-    robot.step(1, None)
-    robot.step(1, None)
-    assert under_way[-1] is F
-    robot.step(1, L)
-    robot.step(1, L)
-    assert under_way[-1] is None
+    for held in (None, None, L, L):
+        robot.step(1, held)
+    assert under_way[:2] == [None, None]
+    assert under_way[-3:] == [F, F, None]
 
 
-def test_agreement_counts_predictions_made_before_the_example_was_learned() -> None:
+def test_agreement_counts_predictions_made_before_the_example_was_learned():
     robot = BenchRobot()
     robot.start(Mode.TRAIN)
     robot.step(1, F)
@@ -160,16 +117,6 @@ def test_agreement_counts_predictions_made_before_the_example_was_learned() -> N
     for _ in range(9):
         robot.step(1, F)
     assert robot.loop.state.agreement == pytest.approx(0.9)
-
-
-def test_listeners_get_every_tick_until_they_unsubscribe() -> None:
-    robot = BenchRobot()
-    heard: list[int] = []
-    leave = robot.loop.subscribe(lambda tick: heard.append(1))
-    robot.tick()
-    leave()
-    robot.tick()
-    assert len(heard) == 1
 
 
 class FailingLearner(BSOCClassifier):
@@ -192,7 +139,7 @@ class FailingLearner(BSOCClassifier):
             raise OSError("lost")
 
 
-def test_a_learner_that_fails_proposes_nothing_and_does_not_stop_the_robot() -> None:
+def test_a_learner_that_fails_proposes_nothing_and_does_not_stop_the_robot():
     learner = FailingLearner.published(4)
     robot = BenchRobot(Policy("published-4", 4, learner, GreyFeatures()))
     robot.start(Mode.TRAIN)
@@ -213,19 +160,133 @@ def test_a_learner_that_fails_proposes_nothing_and_does_not_stop_the_robot() -> 
 
 
 @pytest.mark.parametrize("takes_points", [True, False])
-def test_degrees_reach_a_body_that_takes_them_and_are_a_move_to_any_other(
-    takes_points: bool,
-) -> None:
+def test_it_drives_and_learns_what_is_held_with_degrees_if_the_body_takes_them(takes_points):
     robot = BenchRobot()
     robot.driver.takes_points = takes_points
     robot.start(Mode.TRAIN)
     point = Point(-0.4, 0.3)
-    robot.camera.show(1)
-    robot.hold(L, point=point)
-    tick = robot.tick()
-    assert (tick.sent, tick.decision.point) == (L, point)
+    tick = robot.step(scene=1, held=L, point=point)
+    assert robot.driver.sent[-1] == (L, 1.0) and tick.sent is L
+    assert (tick.decision.driven_by, tick.decision.point) == (DrivenBy.PILOT, point)
     assert robot.driver.point == (point if takes_points else None)
     assert robot.loop.state.taught == {L: 1}
     robot.loop.latch_emergency()
     robot.tick()
     assert robot.driver.now is Action.STOP and robot.driver.point is None
+
+
+def hold_up(monkeypatch: pytest.MonkeyPatch, robot: BenchRobot, seconds: float) -> None:
+    """Let each prediction of the policy take this time."""
+    policy = robot.loop.history.policy
+    propose = policy.propose
+
+    def slow(*args: Any, **kwargs: Any) -> Any:
+        robot.clock.advance(seconds)
+        return propose(*args, **kwargs)
+
+    monkeypatch.setattr(policy, "propose", slow)
+
+
+# Causes of ticks, and their state ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "happens",
+    [
+        lambda robot: robot.camera.show(1),
+        lambda robot: robot.hold(F),
+        lambda robot: robot.loop.submit(lambda: None),
+        lambda robot: robot.loop.set_mode(Mode.TRAIN),
+        lambda robot: robot.loop.latch_emergency(),
+    ],
+    ids=["frame", "command", "request", "mode", "emergency"],
+)
+def test_every_event_wakes_the_loop(happens):
+    robot = BenchRobot()
+    assert not robot.loop.wake.is_set()
+    happens(robot)
+    assert robot.loop.wake.is_set()
+
+
+def test_a_new_frame_is_shown_once_with_what_the_policy_made_of_it():
+    robot = BenchRobot()
+    assert robot.loop.learning.newest is None
+    assert robot.loop.clock is robot.clock
+    frame = robot.camera.show(1)
+    tick = robot.tick()
+    assert tick.frame is frame
+    assert tick.sensors.distance_m == 0.5
+    assert robot.loop.learning.newest is not None
+    x, prediction = robot.loop.learning.newest
+    assert np.array_equal(x, robot.loop.history.policy.extract(frame))
+    assert prediction is tick.prediction
+    assert robot.tick().frame is None
+
+
+def test_the_body_shows_each_change_of_the_mode_once():
+    robot = started()
+    robot.step(1, F)
+    robot.loop.set_mode(Mode.STOPPED)
+    robot.tick()
+    robot.tick()
+    assert robot.driver.shown == [Mode.TRAIN, Mode.STOPPED]
+
+
+@pytest.mark.parametrize(("seconds", "late_cycles"), [(0.09, 0), (0.11, 1)])
+def test_a_tick_that_takes_longer_than_a_tenth_of_a_second_is_late(
+    monkeypatch, seconds, late_cycles
+):
+    robot = BenchRobot()
+    hold_up(monkeypatch, robot, seconds)
+    robot.camera.show(1)
+    assert robot.tick().cycle_s == pytest.approx(seconds)
+    assert robot.loop.state.late_cycles == late_cycles
+
+
+# The limits of a tick ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("gap_s", "stops"), [(0.25, False), (0.2501, True)])
+def test_a_longer_gap_between_two_ticks_than_allowed_stops_the_robot(gap_s, stops):
+    robot = BenchRobot(config=LoopConfig(stall_s=0.25))
+    robot.clock.advance(60.0)
+    assert robot.tick().fault is None, "it does not matter while the robot stands"
+    robot.start(Mode.TRAIN)
+    robot.clock.advance(gap_s)
+    robot.camera.show(1)
+    robot.hold(F)
+    decision = robot.tick().decision
+    assert (decision.stop_reason is StopReason.LOOP_FAULT) is stops
+    assert (decision.action is F) is not stops
+
+
+@crossed(share=[1.0, 0.5], link=[(0.1, 1.0, True), (0.27, 0.5, True), (0.35, 0.5, False)])
+def test_a_person_and_the_link_each_limit_the_speed_and_a_slow_link_ends_learning(share, link):
+    age_s, scale, learns = link
+    robot = BenchRobot()
+    robot.loop.speed_share = share
+    robot.start(Mode.AUTONOMOUS)
+    seen = robot.camera.show(1)
+    robot.tick()
+    for _ in range(2):
+        robot.clock.advance(age_s / 2)
+        robot.camera.show(1)
+        robot.tick()
+    robot.hold(F, frame_id=seen.frame_id)
+    tick = robot.tick()
+    assert robot.driver.sent[-1] == (F, share * scale)
+    assert bool(tick.taught) is learns
+
+
+def test_a_pilot_whose_phone_shows_a_picture_half_a_second_old_drives_no_more():
+    robot = started()
+    seen = robot.camera.latest()
+    assert seen is not None
+    for tick in range(1, 12):
+        robot.clock.advance(0.05)
+        robot.camera.show(1)
+        robot.hold(F, seen.frame_id, frame_age_s=0.05 * tick, phone_s=0.05 * tick)
+        decision = robot.tick().decision  # holds until the next tick
+        assert decision.mode is (Mode.TRAIN if tick < 10 else Mode.STOPPED), tick
+    assert decision.stop_reason is StopReason.LINK_SLOW
+    assert robot.loop.state.fault is None

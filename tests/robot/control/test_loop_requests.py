@@ -12,6 +12,7 @@ from robot.control.cycle import Mailbox
 from robot.control.state import LinkLevel, Tick
 from robot.driver import BodyButton
 from robot.types import Action, DrivenBy, Mode, StopReason
+from tests.kit.sizes import crossed
 from tests.robot.bench_robot import BenchRobot, started
 
 F = Action.FORWARD
@@ -55,9 +56,7 @@ STOPS: dict[str, tuple[Callable[[BenchRobot], object], StopReason]] = {
 
 @pytest.mark.parametrize("mode", MOVING)
 @pytest.mark.parametrize(("stop", "reason"), STOPS.values(), ids=STOPS)
-def test_a_stop_ends_the_drive_is_counted_once_and_drops_what_was_held(
-    stop: Callable[[BenchRobot], None], reason: StopReason, mode: Mode
-) -> None:
+def test_a_stop_ends_the_drive_is_counted_once_and_drops_what_was_held(stop, reason, mode):
     robot = started(mode)
     robot.step(1, F)
     drives_before = robot.loop.history.drives
@@ -80,9 +79,7 @@ def test_a_stop_ends_the_drive_is_counted_once_and_drops_what_was_held(
 
 
 @pytest.mark.parametrize("waits_s", [0.3, 0.31])
-def test_a_start_that_waited_too_long_is_refused_and_a_robot_that_stood_is_not_stopped(
-    waits_s: float,
-) -> None:
+def test_a_start_that_waited_too_long_is_refused_and_a_robot_that_stood_is_not_stopped(waits_s):
     robot = BenchRobot()
     taken = robot.loop.set_mode(Mode.TRAIN)
     robot.clock.advance(waits_s - 1e-6)
@@ -95,24 +92,17 @@ def test_a_start_that_waited_too_long_is_refused_and_a_robot_that_stood_is_not_s
     )
 
 
-def test_a_stop_is_accepted_during_an_emergency_stop() -> None:
-    robot = started()
-    robot.loop.latch_emergency()
-    taken = robot.loop.set_mode(Mode.STOPPED)
-    robot.tick()
-    assert taken.result(0) is True
-    assert robot.loop.state.emergency
-
-
-def test_an_emergency_stop_overtakes_all_earlier_requests() -> None:
+def test_an_emergency_stop_overtakes_all_earlier_requests():
     robot = started()
     modes: list[Mode] = []
     robot.loop.submit(lambda: modes.append(robot.loop.mode))
     robot.loop.release_emergency()
     refused = robot.loop.set_mode(Mode.TRAIN)
     robot.loop.latch_emergency()
+    stopped = robot.loop.set_mode(Mode.STOPPED)
     robot.tick()
     assert robot.driver.stops == 1
+    assert stopped.result(0) is True, "a stop is always accepted"
     assert modes == [Mode.STOPPED]
     assert refused.result(0) is False
     assert robot.loop.state.emergency
@@ -127,28 +117,25 @@ def pressed(robot: BenchRobot, button: BodyButton) -> Tick:
     return robot.tick()
 
 
-def test_the_start_button_starts_in_the_last_mode() -> None:
+def test_the_start_button_starts_in_the_last_mode():
     robot = BenchRobot()
+    assert pressed(robot, BodyButton.STOP).decision.stop_reason is None, "it stood anyway"
+    assert robot.loop.state.stops == {}
     assert pressed(robot, BodyButton.START).decision.mode is Mode.TRAIN, "to learn, at first"
     robot = started(Mode.AUTONOMOUS)
     assert pressed(robot, BodyButton.STOP).decision.mode is Mode.STOPPED
     assert robot.tick().decision.mode is Mode.STOPPED
     assert pressed(robot, BodyButton.START).decision.mode is Mode.AUTONOMOUS
     assert robot.tick().decision.mode is Mode.AUTONOMOUS
-
-
-def test_a_start_button_that_was_pressed_before_the_release_starts_nothing() -> None:
-    robot = started(Mode.AUTONOMOUS)
     robot.loop.latch_emergency()
     robot.tick()
     robot.loop.release_emergency()
-    assert pressed(robot, BodyButton.START).decision.mode is Mode.STOPPED
+    assert pressed(robot, BodyButton.START).decision.mode is Mode.STOPPED, "before the release"
     assert pressed(robot, BodyButton.START).decision.mode is Mode.AUTONOMOUS
 
 
-@pytest.mark.parametrize("mode", MOVING)
-@pytest.mark.parametrize("stop", ["page", "gone", "held up", "emergency"])
-def test_a_button_that_meets_a_moving_robot_never_starts_it(stop: str, mode: Mode) -> None:
+@crossed(mode=MOVING, stop=["page", "gone", "held up", "emergency"])
+def test_a_button_that_meets_a_moving_robot_never_starts_it(stop, mode):
     robot = started(mode)
     robot.step(1, F)
     if stop == "held up":
@@ -161,33 +148,22 @@ def test_a_button_that_meets_a_moving_robot_never_starts_it(stop: str, mode: Mod
     assert pressed(robot, BodyButton.START).decision.mode is mode
 
 
-def test_the_stop_button_of_a_robot_that_stands_does_nothing() -> None:
+def test_the_links_history_starts_anew_with_another_pilot():
     robot = BenchRobot()
-    assert pressed(robot, BodyButton.STOP).decision.stop_reason is None
-    assert robot.loop.state.stops == {}
-
-
-def test_the_links_history_starts_anew_with_another_pilot() -> None:
-    robot = started()
-    seen = robot.camera.latest()
-    assert seen is not None
-    robot.clock.advance(0.27)
-    robot.camera.show(1)
-    robot.hold(F, frame_id=seen.frame_id)
+    seen = robot.camera.show(1)
     robot.tick()
-    links = [robot.loop.state.link.level]
+    robot.clock.advance(0.27)
+    robot.hold(F, frame_id=seen.frame_id)
+    robot.start(Mode.TRAIN)  # overtakes the command, which still measures the link
+    assert robot.loop.state.link.level is LinkLevel.CAPPED
     robot.hold(F, frame_id=seen.frame_id)
     robot.loop.empty_command()
     robot.tick()
-    links.append(robot.loop.state.link.level)
-    assert links == [LinkLevel.CAPPED, LinkLevel.GOOD]
-    assert robot.loop.state.link.age_s is None
+    assert (robot.loop.state.link.level, robot.loop.state.link.age_s) == (LinkLevel.GOOD, None)
 
 
 @pytest.mark.parametrize(("age_s", "mode"), [(None, Mode.TRAIN), (0.4, Mode.TRAIN), (0.6, None)])
-def test_a_start_proves_that_the_pilot_sees_the_picture_that_it_names(
-    age_s: float | None, mode: Mode | None
-) -> None:
+def test_a_start_proves_that_the_pilot_sees_the_picture_that_it_names(age_s, mode):
     robot = started()
     robot.loop.set_mode(Mode.STOPPED)
     seen = robot.camera.show(1)
@@ -201,20 +177,10 @@ def test_a_start_proves_that_the_pilot_sees_the_picture_that_it_names(
     assert decision.stop_reason is (None if mode else StopReason.LINK_SLOW)
 
 
-def test_a_command_that_a_start_overtakes_still_measures_the_link() -> None:
-    robot = BenchRobot()
-    seen = robot.camera.show(1)
-    robot.tick()
-    robot.clock.advance(0.27)
-    robot.hold(F, frame_id=seen.frame_id)
-    robot.start(Mode.TRAIN)
-    assert robot.loop.state.link.level is LinkLevel.CAPPED
-
-
-def test_no_request_between_threads_is_lost_or_doubled() -> None:
+def test_no_request_between_threads_is_lost_or_doubled():
     box, ran = Mailbox(), []
 
-    def fill(first: int) -> None:
+    def fill(first):
         for number in range(first, first + 500):
             box.put(partial(ran.append, number))
 
@@ -227,35 +193,21 @@ def test_no_request_between_threads_is_lost_or_doubled() -> None:
     assert len(set(ran)) == len(ran) == 1500
 
 
-def test_requests_run_once_in_order_an_urgent_one_first_and_answer_their_asker() -> None:
+def test_requests_run_once_in_order_an_urgent_one_first_and_answer_their_asker():
     box, ran = Mailbox(), []
     first = box.put(lambda: ran.append("first"))
     second = box.put(lambda: "answer")
+    outer = box.put(lambda: box.put(lambda: 1 // 0))  # makes another, which fails
+    given_up = box.put(lambda: ran.append("given up"))
+    assert given_up.cancel()
     box.put(lambda: ran.append("urgent"), is_urgent=True)
     assert box.wake.is_set() and not first.done()
     for _ in range(2):
         box.serve()
         assert ran == ["urgent", "first"]
         assert not second.done(), "the turn is not over yet"
+        assert not second.cancel(), "it ran already"
     box.answer()
     assert first.done() and second.result(0) == "answer"
-
-
-def test_a_request_may_make_another_request_and_may_fail() -> None:
-    box = Mailbox()
-    outer = box.put(lambda: box.put(lambda: 1 // 0))
-    box.serve()
-    box.answer()
     with pytest.raises(ZeroDivisionError):
         outer.result(0).result(0)
-
-
-def test_a_request_that_nobody_waits_for_any_more_is_not_run() -> None:
-    box, ran = Mailbox(), []
-    given_up = box.put(lambda: ran.append("given up"))
-    assert given_up.cancel()
-    other = box.put(lambda: ran.append("other"))
-    box.serve()
-    assert not other.cancel(), "it ran already"
-    box.answer()
-    assert ran == ["other"] and other.done()

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import logging
 import math
+import random
 from typing import Any
 
 import pytest
 
-from robot.control.state import Tick
+from robot.control.state import STEADY_S, SteadyFault, Tick
 from robot.driver import Pose, Sensors
 from robot.errors import DriveError
 from robot.types import Action, Mode, StopReason
@@ -23,12 +24,12 @@ def explode(*_: object, **__: object) -> None:
 
 
 @pytest.mark.parametrize("where", ["propose", "send_action"])
-def test_a_decision_from_before_a_pause_of_the_process_is_not_driven_after_it(where: str) -> None:
+def test_a_decision_from_before_a_pause_of_the_process_is_not_driven_after_it(where):
     robot = started()
     owner: Any = robot.loop.history.policy if where == "propose" else robot.driver
     original = getattr(owner, where)
 
-    def held_up(*args: Any, **kwargs: Any) -> Any:
+    def held_up(*args, **kwargs):
         answer = original(*args, **kwargs)
         robot.clock.advance(1.0)
         return answer
@@ -44,7 +45,7 @@ def test_a_decision_from_before_a_pause_of_the_process_is_not_driven_after_it(wh
     assert "held up for 1.0 s. Close other programs" in (robot.loop.state.fault or "")
 
 
-def test_a_stopped_robot_does_not_learn() -> None:
+def test_a_stopped_robot_does_not_learn():
     robot = BenchRobot()
     robot.camera.show(1)
     robot.tick()
@@ -55,7 +56,7 @@ def test_a_stopped_robot_does_not_learn() -> None:
 
 
 @pytest.mark.parametrize("ahead_s", [0.05, 1e9, math.inf, math.nan])
-def test_a_silent_camera_whose_clock_is_ahead_stops_the_robot_as_soon(ahead_s: float) -> None:
+def test_a_silent_camera_whose_clock_is_ahead_stops_the_robot_as_soon(ahead_s):
     robot = BenchRobot()
     robot.start(Mode.TRAIN)
     for _ in range(30):
@@ -70,24 +71,22 @@ def test_a_silent_camera_whose_clock_is_ahead_stops_the_robot_as_soon(ahead_s: f
     assert (tick.sent, tick.decision.stop_reason) == (Action.STOP, StopReason.FRAME_STALE)
 
 
-def test_a_camera_that_reports_a_fault_stops_the_robot_and_is_reported() -> None:
+@pytest.mark.parametrize("fault", ["The lens is lost.", OSError("The lens is lost.")])
+def test_a_camera_that_reports_a_fault_stops_the_robot_and_is_reported_as_text(fault):
     robot = started()
-    robot.camera.break_down("The camera was unplugged.")
+    robot.camera.fault = fault
     robot.hold(F)
-    robot.tick()
-    assert robot.loop.state.decision.stop_reason is StopReason.CAMERA_FAULT
-    assert robot.loop.state.fault == "The camera was unplugged."
+    tick = robot.tick()
+    assert (tick.decision.stop_reason, tick.fault) == (StopReason.CAMERA_FAULT, "The lens is lost.")
 
 
 @pytest.mark.parametrize("mode", [None, Mode.TRAIN, Mode.AUTONOMOUS])
-def test_a_camera_that_slows_to_a_picture_a_second_is_reported_until_it_is_fast(
-    mode: Mode | None,
-) -> None:
+def test_a_camera_that_slows_to_a_picture_a_second_is_reported_until_it_is_fast(mode):
     robot = BenchRobot()
     if mode is not None:
         robot.start(mode)
 
-    def film(period_s: float, pictures: int) -> list[str | None]:
+    def film(period_s, pictures):
         said = []
         for scene in range(pictures):
             robot.camera.show(scene % 2)
@@ -103,7 +102,7 @@ def test_a_camera_that_slows_to_a_picture_a_second_is_reported_until_it_is_fast(
 
 
 @pytest.mark.parametrize("mode", [Mode.TRAIN, Mode.AUTONOMOUS])
-def test_an_invalid_picture_does_not_affect_later_pictures(mode: Mode) -> None:
+def test_an_invalid_picture_does_not_affect_later_pictures(mode):
     robot = BenchRobot()
     robot.start(mode)
     robot.step(1, F)
@@ -130,12 +129,12 @@ def test_an_invalid_picture_does_not_affect_later_pictures(mode: Mode) -> None:
 )
 @pytest.mark.parametrize("call", ["sense", "send_action", "take_button"])
 def test_a_body_that_fails_is_stopped_and_reported_and_nothing_is_learned(
-    call: str, error: Exception, said: str, can_stop: bool
-) -> None:
+    call, error, said, can_stop
+):
     robot = started()
     stops_before = robot.driver.stops
 
-    def fail(*_: object, **__: object) -> None:
+    def fail(*_, **__):
         raise error
 
     for name in (call,) if can_stop else (call, "stop"):
@@ -148,49 +147,39 @@ def test_a_body_that_fails_is_stopped_and_reported_and_nothing_is_learned(
     assert robot.loop.state.taught == {F: 1}, "what it did not drive it does not learn"
 
 
-@pytest.mark.parametrize("returned", [None, {"distance_m": 0.5}])
-def test_a_driver_that_senses_no_sensors_is_named_and_stopped(returned: Any) -> None:
-    robot = started()
-    robot.driver.sensors = returned
-    tick = robot.step(1, F)
-    assert (tick.sent, tick.decision.stop_reason) == (Action.STOP, StopReason.DRIVE_FAULT)
-    assert f"{BROKEN}sense: TypeError: returned {returned}" in str(tick.fault)
-    assert tick.sensors == Sensors(), "the page shows what the tick contains"
-
-
 @pytest.mark.parametrize(
-    "wrong",
+    "sense",
     [
-        *({name: "near"} for name in ("distance_m", "battery_share", "pose", "game")),
-        {"pose": (1.0, 2.0, 0.5)},
-        {"game": {"score": 1}},
-        {"bumpers": None},
+        lambda: None,
+        lambda: {"distance_m": 0.5},
+        lambda: Sensors(distance_m="near"),
+        lambda: Sensors(battery_share="near"),
+        lambda: Sensors(pose="near"),
+        lambda: Sensors(pose=(1.0, 2.0, 0.5)),
+        lambda: Sensors(game={"score": 1}),
+        lambda: Sensors(bumpers=None),
     ],
-    ids=str,
 )
-def test_a_driver_with_a_reading_of_another_type_is_named_and_stopped(
-    wrong: dict[str, Any],
-) -> None:
+def test_a_driver_with_a_reading_of_another_type_is_named_and_stopped(sense):
     robot = started()
-    robot.driver.sense = lambda: Sensors(**wrong)  # type: ignore[method-assign]
+    robot.driver.sense = sense
     tick = robot.step(1, F)
     assert (tick.sent, tick.decision.stop_reason) == (Action.STOP, StopReason.DRIVE_FAULT)
     assert f"{BROKEN}sense: " in str(tick.fault)
+    assert tick.sensors == Sensors(), "the page shows what the tick contains"
 
 
-def test_readings_that_are_no_finite_numbers_are_missing() -> None:
+def test_readings_that_are_no_finite_numbers_are_missing():
     """Drivers state infinity for an obstacle out of reach; JSON has no such number."""
     for none in (math.inf, -math.inf, math.nan):
         lost = Pose(x_m=0.0, y_m=none, heading_rad=0.0)
         assert Sensors(distance_m=none, battery_share=none, pose=lost) == Sensors()
     pose = Pose(x_m=1.0, y_m=2.0, heading_rad=0.5)
-    there = Sensors(distance_m=0.5, bumpers=[True, False], pose=pose)  # type: ignore[arg-type]
+    there = Sensors(distance_m=0.5, bumpers=[True, False], pose=pose)
     assert (there.distance_m, there.bumpers, there.pose) == (0.5, (True, False), pose)
 
 
-def test_a_body_that_fails_is_stopped_before_it_is_logged_and_is_logged_once(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_body_that_fails_is_stopped_before_it_is_logged_and_is_logged_once(monkeypatch):
     """A log may go to a terminal that is paused."""
     robot = started()
     before, logged = robot.driver.stops, []
@@ -199,17 +188,17 @@ def test_a_body_that_fails_is_stopped_before_it_is_logged_and_is_logged_once(
         "error",
         lambda said, exc_info: logged.append((robot.driver.stops, type(exc_info))),
     )
-    robot.driver.sense = explode  # type: ignore[method-assign,assignment]
+    robot.driver.sense = explode
     for scene in range(5):
         robot.step(scene, F)
     assert logged == [(before + 1, ArithmeticError)]
 
 
-def test_a_stop_that_the_body_cannot_show_is_reported_to_all_listeners() -> None:
+def test_a_stop_that_the_body_cannot_show_is_reported_to_all_listeners():
     robot, told = BenchRobot(), list[Tick]()
     robot.loop.subscribe(told.append)
     robot.start(Mode.TRAIN)
-    robot.driver.show = explode  # type: ignore[method-assign]
+    robot.driver.show = explode
     robot.loop.trip(StopReason.PILOT_GONE)
     for _ in range(2):
         tick = robot.tick()
@@ -217,9 +206,7 @@ def test_a_stop_that_the_body_cannot_show_is_reported_to_all_listeners() -> None
     assert "failed in show" in str(told[-1].fault) and "boom" in str(told[-1].fault)
 
 
-def test_an_error_of_a_listener_stops_the_robot_and_is_logged_once(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_an_error_of_a_listener_stops_the_robot_and_is_logged_once(caplog):
     robot = started()
     robot.loop.subscribe(explode)
     for scene in range(3):
@@ -229,9 +216,9 @@ def test_an_error_of_a_listener_stops_the_robot_and_is_logged_once(
     assert caplog.messages.count("the loop stopped the robot") == 1
 
 
-def test_a_camera_that_cannot_rest_is_reported_and_ends_no_loop() -> None:
+def test_a_camera_that_cannot_rest_is_reported_and_ends_no_loop():
     robot = BenchRobot()
-    robot.camera.rest = explode  # type: ignore[method-assign]
+    robot.camera.rest = explode
     robot.rig.start()
     robot.loop.need_picture_every(1.0)
     robot.clock.sleep(2.0)
@@ -243,7 +230,7 @@ def test_a_camera_that_cannot_rest_is_reported_and_ends_no_loop() -> None:
 
 
 @pytest.mark.parametrize("age", ["soon", property(explode)])
-def test_a_camera_with_an_age_that_cannot_be_read_is_named_and_stops_the_robot(age: Any) -> None:
+def test_a_camera_with_an_age_that_cannot_be_read_is_named_and_stops_the_robot(age):
     robot = started()
     robot.camera.__class__ = type("Broken", (type(robot.camera),), {"source_age_s": age})
     vars(robot.camera).pop("source_age_s")  # the attribute would hide a class's text
@@ -253,13 +240,7 @@ def test_a_camera_with_an_age_that_cannot_be_read_is_named_and_stops_the_robot(a
     assert str(robot.loop.state.fault).startswith("camera 'bench' failed in source_age_s: ")
 
 
-def test_a_camera_whose_fault_is_an_error_is_reported_as_text() -> None:
-    robot = started()
-    robot.camera.fault = OSError("The lens is lost.")  # type: ignore[assignment]
-    assert robot.tick().fault == "The lens is lost."
-
-
-def test_a_body_that_fails_in_advise_is_named_and_stopped() -> None:
+def test_a_body_that_fails_in_advise_is_named_and_stopped():
     robot = started()
     body: Any = type("Advised", (type(robot.driver),), {"takes_advice": True, "advise": explode})
     robot.driver.__class__ = body
@@ -268,10 +249,34 @@ def test_a_body_that_fails_in_advise_is_named_and_stopped() -> None:
     assert str(robot.step(1, F).fault).startswith(BROKEN + "advise: ArithmeticError")
 
 
-def test_the_loops_thread_runs_ticks_and_stops_the_robot_at_its_end() -> None:
+def test_the_loops_thread_runs_ticks_and_stops_the_robot_at_its_end():
     robot = BenchRobot()
     robot.rig.start()
     assert robot.clock.result(robot.loop.submit(lambda: "served"), 5.0) == "served"
+    cycles = robot.loop.state.cycles
+    robot.clock.sleep(1.0)
+    assert 19 <= robot.loop.state.cycles - cycles <= 22, "every 50 ms without events"
     robot.rig.stop()
     robot.rig.stop()
     assert robot.driver.sent[-1][0] is Action.STOP
+
+
+def test_a_fault_is_shown_at_once_and_goes_when_it_is_over():
+    steady = SteadyFault()
+    assert steady.show("the hub is lost", 0.0, may_move=False) == "the hub is lost"
+    assert steady.show(None, 1.0, may_move=False) == "the hub is lost"
+    assert steady.show(None, STEADY_S, may_move=False) is None
+    assert steady.show("again", STEADY_S, may_move=False) == "again"
+    assert steady.show(None, STEADY_S + 0.1, may_move=True) is None, "it was started since"
+
+
+def test_each_shown_fault_stays_for_at_least_three_seconds():
+    """A fault that counts seconds, causes that alternate, a camera that repeats once a second."""
+    chance, steady, shown, changed_s = random.Random(5), SteadyFault(), None, -STEADY_S
+    for tick in range(4000):
+        now_s = tick * 0.05
+        fault = chance.choice((None, "repeats", "nothing", f"silent for {now_s:.1f} s"))
+        now = steady.show(fault, now_s, may_move=False)
+        if now != shown:
+            assert now_s - changed_s >= STEADY_S - 1e-9
+            shown, changed_s = now, now_s

@@ -8,10 +8,8 @@ the disk and the pages.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -35,7 +33,7 @@ TESTING = ROOTS[0] / "testing"
 
 
 @pytest.fixture
-def served(tmp_path: Path) -> Iterator[VirtualServer]:
+def served(tmp_path):
     clock = VirtualClock(100.0)
     body = SimDriver(SimOptions())
     camera = SimCamera(body, SimCameraOptions(), clock)
@@ -45,11 +43,11 @@ def served(tmp_path: Path) -> Iterator[VirtualServer]:
         yield it
 
 
-def test_one_taught_tick_runs_through_few_modules(served: VirtualServer) -> None:
+def test_one_taught_tick_runs_through_few_modules(served):
     loop = served.rig.loop
     called: list[Path] = []
 
-    def note(frame: Any, event: str, _: object) -> None:
+    def note(frame, event, _):
         file = Path(frame.f_code.co_filename)
         is_ours = any(file.is_relative_to(root) for root in ROOTS) and TESTING not in file.parents
         if event == "call" and is_ours:
@@ -62,7 +60,7 @@ def test_one_taught_tick_runs_through_few_modules(served: VirtualServer) -> None
             served.forward(1.5)
         tick = loop.tick
 
-        def traced(now_s: float) -> object:
+        def traced(now_s):
             taught = loop.state.taught
             sys.setprofile(note)
             try:
@@ -74,7 +72,7 @@ def test_one_taught_tick_runs_through_few_modules(served: VirtualServer) -> None
                 else:
                     loop.tick = tick
 
-        loop.tick = traced  # type: ignore[assignment]
+        loop.tick = traced
         served.forward(1.5)
     assert called, "a tick was taught"
     modules = set(called)

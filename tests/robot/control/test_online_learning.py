@@ -17,7 +17,7 @@ from robot.errors import CameraError
 from robot.policy.registry import make_policy
 from robot.policy.undo import undo_examples
 from robot.testing import VirtualClock
-from robot.types import Action, PilotCommand, Point
+from robot.types import Action, Frame, PilotCommand, Point
 from tests.robot.bench_robot import BenchCamera
 
 F, L = Action.FORWARD, Action.LEFT
@@ -40,9 +40,7 @@ LABELLED = {
 
 
 @pytest.mark.parametrize(("told", "labels"), LABELLED.values(), ids=LABELLED)
-def test_frames_are_labelled_with_the_held_move(
-    told: list[tuple[Action | None, int | None] | str], labels: list[tuple[int, Action]]
-) -> None:
+def test_frames_are_labelled_with_the_held_move(told, labels):
     labeller, found = Labeller(), list[tuple[int, Action]]()
     for word in told:
         if isinstance(word, str):
@@ -53,7 +51,7 @@ def test_frames_are_labelled_with_the_held_move(
     assert found == labels
 
 
-def test_each_frame_carries_the_point_that_was_held_with_its_label() -> None:
+def test_each_frame_carries_the_point_that_was_held_with_its_label():
     labeller, mild, hard = Labeller(), Point(-0.3, 0.5), Point(-0.9, 0.4)
     for frame_id, point in ((10, mild), (13, hard)):
         command = PilotCommand(held=L, frame_id=frame_id, seq=0, received_s=0.0, point=point)
@@ -69,9 +67,7 @@ def test_each_frame_carries_the_point_that_was_held_with_its_label() -> None:
         st.tuples(st.floats(0.0, 3.0), st.booleans(), st.none() | st.floats(0.0, 20.0)), max_size=60
     )
 )
-def test_the_agreement_is_that_of_the_last_ten_seconds_without_what_was_undone(
-    steps: list[tuple[float, bool, float | None]],
-) -> None:
+def test_the_agreement_is_that_of_the_last_ten_seconds_without_what_was_undone(steps):
     agreement, kept, now_s = Agreement(), list[tuple[float, bool]](), 0.0
     for gap_s, is_right, undone_s in steps:
         now_s += gap_s
@@ -91,26 +87,26 @@ def test_the_agreement_is_that_of_the_last_ten_seconds_without_what_was_undone(
 
 
 @pytest.fixture
-def clock() -> VirtualClock:
-    return VirtualClock(50.0)
+def camera():
+    return BenchCamera(VirtualClock(50.0))
 
 
 @pytest.fixture
-def camera(clock: VirtualClock) -> BenchCamera:
-    return BenchCamera(clock)
+def online_learning(camera):
+    return OnlineLearning(make_policy("published-8"), camera.clock)
 
 
-@pytest.fixture
-def online_learning(clock: VirtualClock) -> OnlineLearning:
-    return OnlineLearning(make_policy("published-8"), clock)
+def learn(to: OnlineLearning, frame: Frame, action: Action = F, *, may_learn: bool = True) -> None:
+    """Send a command of a pilot who holds this move and sees this frame."""
+    command = PilotCommand(held=action, frame_id=frame.frame_id, seq=1, received_s=frame.captured_s)
+    to.learn([command], is_intervention=False, may_learn=may_learn)
 
 
-def hold(frame_id: int | None, now_s: float, action: Action = F) -> PilotCommand:
-    return PilotCommand(held=action, frame_id=frame_id, seq=1, received_s=now_s)
-
-
-def test_each_frame_is_processed_once(online_learning: OnlineLearning, camera: BenchCamera) -> None:
+def test_each_frame_is_processed_once_unless_it_is_invalid(online_learning, camera):
     assert not online_learning.look(None)
+    with pytest.raises(CameraError):
+        online_learning.look(camera.show_rubbish())
+    assert online_learning.frame is None
     frame = camera.show(1)
     assert online_learning.look(frame)
     assert not online_learning.look(frame)
@@ -118,56 +114,37 @@ def test_each_frame_is_processed_once(online_learning: OnlineLearning, camera: B
     assert online_learning.prediction.frame_id == frame.frame_id
 
 
-def test_an_invalid_picture_does_not_count_as_seen(
-    online_learning: OnlineLearning, camera: BenchCamera
-) -> None:
-    with pytest.raises(CameraError):
-        online_learning.look(camera.show_rubbish())
-    assert online_learning.frame is None
-
-
-def test_an_example_that_is_passed_over_is_not_learned_later(
-    online_learning: OnlineLearning, camera: BenchCamera
-) -> None:
+def test_an_example_that_is_passed_over_is_not_learned_later(online_learning, camera):
     frame = camera.show(1)
     online_learning.look(frame)
-    online_learning.learn([hold(frame.frame_id, 50.0)], is_intervention=False, may_learn=False)
-    online_learning.learn([hold(frame.frame_id, 50.1)], is_intervention=False, may_learn=True)
+    for may_learn in (False, True):
+        learn(online_learning, frame, may_learn=may_learn)
     assert online_learning.history.taught.total() == 0
     assert online_learning.agreement.share is None
 
 
-def test_it_remembers_only_the_newest_frames(
-    online_learning: OnlineLearning, camera: BenchCamera
-) -> None:
+def test_it_remembers_only_the_newest_frames(online_learning, camera):
     first = camera.show(0)
     online_learning.look(first)
     for scene in range(MEMORY_FRAMES):
         online_learning.look(camera.show(scene))
-    online_learning.learn([hold(first.frame_id, 50.0)], is_intervention=False, may_learn=True)
+    learn(online_learning, first)
     assert online_learning.history.taught.total() == 0
 
 
-def test_the_times_of_a_frame_are_known_before_the_first_command(
-    online_learning: OnlineLearning, camera: BenchCamera, clock: VirtualClock
-) -> None:
+def test_the_times_of_a_frame_are_known_before_the_first_command(online_learning, camera):
     assert online_learning.times_of(1) is None
-    frame = camera.show(1)
-    online_learning.look(frame, delivered_s=clock.now_s() + 0.25)
-    came_s = clock.now_s() + 0.25
+    frame, came_s = camera.show(1), camera.clock.now_s() + 0.25
+    online_learning.look(frame, delivered_s=came_s)
     assert online_learning.times_of(frame.frame_id) == ((frame.captured_s, came_s), came_s)
 
 
-def test_undone_examples_no_longer_count_in_the_agreement(
-    online_learning: OnlineLearning, camera: BenchCamera, clock: VirtualClock
-) -> None:
+def test_undone_examples_no_longer_count_in_the_agreement(online_learning, camera):
     for scene in range(80):
-        clock.advance(0.1)
+        camera.clock.sleep(0.1)
         frame = camera.show(scene % 4)
         online_learning.look(frame)
-        action = F if scene < 50 else Action.LEFT
-        command = hold(frame.frame_id, clock.now_s(), action)
-        online_learning.learn([command], is_intervention=False, may_learn=True)
+        learn(online_learning, frame, F if scene < 50 else L)
     assert (online_learning.agreement.share or 0.0) < 0.95
     undo_examples(online_learning.history, 3.05)
     online_learning.take_events()
