@@ -1,47 +1,50 @@
-"""One data folder, with any other installed programs."""
+"""One data folder, on any system's disk and with any other installed programs."""
 
 from __future__ import annotations
 
 import os
+import signal
 import stat
+import subprocess
 import sys
-import tomllib
+import tracemalloc
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
+from contextlib import nullcontext
+from pathlib import Path, PureWindowsPath
 from threading import get_native_id
 
 import platformdirs
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from robot.errors import ConfigurationError
-from robot.store.folder import Storage, default_root, whole_file, write_whole
+from robot.store import folder as folder_module
+from robot.store.folder import (
+    Storage,
+    check_name,
+    default_root,
+    free_name,
+    move,
+    whole_file,
+    write_whole,
+)
+from robot.store.lock import FolderLock
+from robot.store.records import read_regular
 
-ROOT = Path(__file__).resolve().parents[3]
+# The folder -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("missing", ["mcap", "zstandard", "cv2", "sklearn"])
-def test_the_data_folder_is_the_chosen_or_the_systems_with_and_without_extras(
-    missing: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, missing, None)
+def test_the_data_folder_is_the_chosen_or_the_systems(monkeypatch):
     monkeypatch.setenv("DRIVELESSON_DATA", "elsewhere")
     assert default_root() == Path("elsewhere")
     monkeypatch.delenv("DRIVELESSON_DATA")
     assert default_root() == Path(platformdirs.user_data_dir("drivelesson", appauthor=False))
 
 
-def test_the_library_that_locates_the_folder_is_a_base_dependency() -> None:
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    assert any(one.startswith("platformdirs") for one in project["dependencies"])
-    extras = [one for extra in project["optional-dependencies"].values() for one in extra]
-    assert not any(one.startswith("platformdirs") for one in extras)
-
-
 @pytest.mark.skipif(not hasattr(os, "pathconf"), reason="the limit is asked of a POSIX system")
 @pytest.mark.parametrize("spare", [60, 120, 170])
-def test_a_folder_that_leads_to_too_long_paths_is_refused_at_once(
-    tmp_path: Path, spare: int
-) -> None:
+def test_a_folder_that_leads_to_too_long_paths_is_refused_at_once(tmp_path, spare):
     most = os.pathconf(tmp_path, "PC_PATH_MAX") - 1  # a zero ends each
     deep = tmp_path
     while (left := most - 300 - len(str(deep))) > 1:
@@ -51,18 +54,17 @@ def test_a_folder_that_leads_to_too_long_paths_is_refused_at_once(
     with pytest.raises(ConfigurationError, match=r"too long for this system.*--data FOLDER"):
         Storage(root)
     Storage(root, must_be_usable=False)
-    storage = Storage(deep)
-    assert list(storage.trash.iterdir()) == []
+    assert list(Storage(deep).trash.iterdir()) == []
 
 
-def test_programs_that_start_at_once_do_not_hinder_each_other(tmp_path: Path) -> None:
+def test_programs_that_start_at_once_do_not_hinder_each_other(tmp_path):
     storage = Storage(tmp_path)
     with ThreadPoolExecutor(4) as programs:
         assert len(list(programs.map(lambda _: Storage(tmp_path), range(400)))) == 400
     assert list(storage.trash.iterdir()) == []
 
 
-def test_two_threads_that_write_one_file_at_once_do_not_mix(tmp_path: Path) -> None:
+def test_two_threads_that_write_one_file_at_once_do_not_mix(tmp_path):
     path = tmp_path / "drive.mcap"
     with ThreadPoolExecutor(1) as other, whole_file(path) as file:  # an ending, and a compacting
         file.write(b"a" * 100_000)
@@ -74,14 +76,14 @@ def test_two_threads_that_write_one_file_at_once_do_not_mix(tmp_path: Path) -> N
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux has a folder that takes nothing")
-def test_an_unwritable_trash_does_not_prevent_saving(tmp_path: Path) -> None:
+def test_an_unwritable_trash_does_not_prevent_saving(tmp_path):
     (tmp_path / "trash").symlink_to("/proc/self")
     assert Storage(tmp_path, must_be_usable=False).fault is None
     with pytest.raises(ConfigurationError, match="cannot be used"):
         Storage(tmp_path)
 
 
-def test_a_folder_in_which_only_the_parts_are_writable_is_a_fault(tmp_path: Path) -> None:
+def test_a_folder_in_which_only_the_parts_are_writable_is_a_fault(tmp_path):
     storage = Storage(tmp_path, must_be_usable=False)
     assert storage.fault is None and not (tmp_path / ".probe").exists()
     (tmp_path / f"..probe.{get_native_id()}.part").mkdir()  # nothing can be written there
@@ -91,10 +93,135 @@ def test_a_folder_in_which_only_the_parts_are_writable_is_a_fault(tmp_path: Path
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such rights")
 @pytest.mark.parametrize("before", [None, 0o755, 0o777, 0o750])
-def test_nobody_else_can_enter_the_data_folder(tmp_path: Path, before: int | None) -> None:
+def test_nobody_else_can_enter_the_data_folder(tmp_path, before):
     root = tmp_path / "data"
     if before is not None:
         root.mkdir()
         root.chmod(before)
     Storage(root)
     assert stat.S_IMODE(root.stat().st_mode) == 0o700
+
+
+def test_only_a_regular_file_of_the_allowed_size_is_read_into_no_larger_buffer(tmp_path):
+    """A buffer for the largest file took a second on Windows for each model in a list."""
+    path, data = tmp_path / "model", bytes(range(256))
+    path.write_bytes(data)
+    tracemalloc.start()
+    try:
+        assert read_regular(path, 1 << 28) == data
+        assert tracemalloc.get_traced_memory()[1] < 1 << 20
+    finally:
+        tracemalloc.stop()
+    assert read_regular(path, 256) == data
+    with pytest.raises(OSError, match="more than"):
+        read_regular(path, 255)
+    with pytest.raises(OSError):
+        read_regular(tmp_path, 1 << 20)
+
+
+# The lock of the program that records into it ---------------------------------------------------
+
+
+def test_the_lock_names_its_process_and_is_released_when_it_ends_or_is_killed(tmp_path):
+    pytest.importorskip("fcntl")
+    lock = FolderLock(tmp_path)
+    lock.stop()
+    with lock:
+        lock.start()
+        with pytest.raises(ConfigurationError, match=rf"process {os.getpid()}.*--data"):
+            FolderLock(tmp_path).start()
+    hold = (
+        "import sys, pathlib; from robot.store.lock import FolderLock;"
+        "lock = FolderLock(pathlib.Path(sys.argv[1])); lock.start(); print('held', flush=True);"
+        "sys.stdin.read()"
+    )
+    command, pipe = [sys.executable, "-c", hold, str(tmp_path)], subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as holder:
+        assert holder.stdout is not None and holder.stdout.readline() == "held\n"
+        with pytest.raises(ConfigurationError, match=f"process {holder.pid}"):
+            lock.start()
+        holder.send_signal(signal.SIGKILL)
+    lock.start()
+    with pytest.raises(ConfigurationError, match="gone"):
+        FolderLock(tmp_path / "gone").start()
+
+
+# Names and files on other systems' disks --------------------------------------------------------
+
+DEVICES = ["con", "prn", "aux", "nul", "conin$", "conout$"]
+DEVICES += [f"{port}{number}" for port in ("com", "lpt") for number in "0123456789¹²³"]
+awkward = st.builds(
+    "".join,
+    st.lists(st.sampled_from([*DEVICES, *DEVICES, "x", ".", " ", ":", "\\", "/", "?", "é", "ı"])),
+)
+cased = st.builds(lambda name, upper: name.upper() if upper else name, awkward, st.booleans())
+
+
+@given(cased | st.text(max_size=70))
+@example("aux .txt")
+@example("COM¹")
+@example("a. .")
+def test_a_name_that_is_taken_can_stand_on_every_disk(name):
+    try:
+        tidy = check_name(name)
+    except ConfigurationError:
+        return
+    for file in (tidy, f"{tidy}.mcap", f"{tidy}.edits.json"):
+        stem = file.split(".")[0].rstrip(" ").lower()
+        assert stem not in DEVICES, "Windows would open a device"
+        assert file == file.rstrip(". ") and not set(file) & set('<>:"/\\|?*\0')
+        assert PureWindowsPath("C:/data", file).name == file
+    assert check_name(tidy) == tidy
+
+
+@given(st.lists(st.sampled_from(["Kitchen", "kitchen", "KITCHEN", "Straße", "STRASSE", "x" * 64])))
+def test_names_that_a_case_blind_disk_mixes_up_are_told_apart(wanted):
+    taken: set[str] = set()
+    for name in wanted:
+        taken.add(free_name(name, taken))
+    assert len({name.casefold() for name in taken}) == len(wanted)
+    assert all(check_name(name) == name for name in taken)
+
+
+class SharingError(PermissionError):
+    """The error of Windows while another program has a file open."""
+
+    def __init__(self, winerror: int) -> None:
+        super().__init__(13, "in use")
+        self.winerror = winerror
+
+
+@pytest.mark.parametrize(
+    ("error", "times"),
+    [
+        *((SharingError(5), 1), (SharingError(32), 5), (SharingError(32), 99)),
+        *((PermissionError(13, "no"), 99), (OSError(28, "full"), 99)),
+    ],
+)
+def test_a_file_that_another_program_reads_is_replaced_later_or_stays_as_it_was(
+    tmp_path, monkeypatch, error, times
+):
+    path = tmp_path / "paired.json"
+    write_whole(path, b"old")
+    left, replace, pauses, is_refused = [times], Path.replace, list[float](), times == 99
+
+    def refusing(source, target):
+        left[0] -= 1
+        if left[0] >= 0:
+            raise error
+        return replace(source, target)
+
+    monkeypatch.setattr(Path, "replace", refusing)
+    monkeypatch.setattr(folder_module.time, "sleep", pauses.append)
+    with pytest.raises(type(error)) if is_refused else nullcontext():
+        write_whole(path, b"new")
+    assert path.read_bytes() == (b"old" if is_refused else b"new")
+    assert list(tmp_path.iterdir()) == [path]
+    assert bool(pauses) is isinstance(error, SharingError), "only what passes is waited for"
+    assert is_refused or (len(pauses) == times and sum(pauses) < 2)
+
+
+def test_a_folder_is_moved_with_its_files(tmp_path):
+    write_whole(tmp_path / "a" / "1.npz", b"x")
+    move(tmp_path / "a", tmp_path / "b")
+    assert (tmp_path / "b" / "1.npz").read_bytes() == b"x"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
 from pathlib import Path
@@ -39,8 +40,7 @@ MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
 class Disk:
     """A disk that can be full."""
 
-    def __init__(self) -> None:
-        self.is_full = False
+    is_full = False
 
     def check(self) -> None:
         if self.is_full:
@@ -48,7 +48,7 @@ class Disk:
 
     def open(self, path: Path) -> BinaryIO:
         self.check()
-        return _Refusing(open_new(path), self)  # type: ignore[return-value]
+        return _Refusing(open_new(path), self)
 
 
 class _Refusing:
@@ -108,7 +108,7 @@ class Life(BenchRobot):
             self.tick()
             return future
 
-        self.loop.submit = submit  # type: ignore[method-assign]
+        self.loop.submit = submit
         recovered = recover(storage.journal, self.store, declared)
         self.recovered = recovered is not None
         self.writer.open_boot(newest_boot(self.store))
@@ -117,11 +117,9 @@ class Life(BenchRobot):
             self.autosave.adopt(recovered)
         self.autosave.load_last()
         self.frame = 0
-        self.durable = [self.state()]
-        """The states that may be found after a kill: the newest written one, and later ones."""
-        self.journalled = list(self.durable)
-        """The same without the models' files, one of which may be damaged at the very moment in
-        which the journal's thread has not had its turn."""
+        # The states that may be found after a kill: the newest written one, and later ones. Without
+        # the models' files, of which one may be damaged, they are those of the journal.
+        self.durable, self.journalled = [self.state()], [self.state()]
         if writes:
             self.write()
 
@@ -139,8 +137,8 @@ class Life(BenchRobot):
         history = self.loop.history
         for _ in range(examples or self.rng.randrange(1, 6)):
             self.frame += 1
-            x = np.random.default_rng(self.rng.getrandbits(32)).integers(0, 256, self._dim)
-            x = x.astype(np.uint8)
+            dice = np.random.default_rng(self.rng.getrandbits(32))
+            x = dice.integers(0, 256, self._dim).astype(np.uint8)
             label = self.rng.choice(self.policy.moves)
             point = Point(math.sin(self.frame), 0.5) if self.frame % 3 == 0 else None
             example = Example(frame_id=self.frame, label=label, is_intervention=False, point=point)
@@ -149,11 +147,12 @@ class Life(BenchRobot):
             self.loop.submit(lambda e=example, v=x, s=now_s: history.teach(e, v, s)).result(0)
         self._changed()
 
-    def undo(self) -> None:
-        self.loop.submit(
-            lambda: undo_examples(self.loop.history, self.rng.uniform(0.2, 3.0))
-        ).result(0)
+    def _do(self, change: Callable[[], object]) -> None:
+        self.loop.submit(change).result(0)
         self._changed()
+
+    def undo(self) -> None:
+        self._do(lambda: undo_examples(self.loop.history, self.rng.uniform(0.2, 3.0)))
 
     def edit(self) -> None:
         verb = self.rng.choice(("relabel", "pin", "delete"))
@@ -161,17 +160,14 @@ class Life(BenchRobot):
             value = self.rng.choice(MOVES) if verb == "relabel" else self.rng.random() < 0.5
             node = self.rng.choice(nodes)
             with suppress(ValueError):
-                self.loop.submit(lambda: self.loop.history.edit(verb, node, value)).result(0)
-                self._changed()
+                self._do(lambda: self.loop.history.edit(verb, node, value))
 
     def undo_edit(self) -> None:
-        self.loop.submit(lambda: undo_edit(self.loop.history)).result(0)
-        self._changed()
+        self._do(lambda: undo_edit(self.loop.history))
 
     def drive(self) -> None:
         """End a drive: some learners look for their place when the next one begins."""
-        self.loop.submit(self.loop.history.begin_drive).result(0)
-        self._changed()
+        self._do(self.loop.history.begin_drive)
 
     def save(self) -> None:
         had_unsaved = self.autosave.has_unsaved
@@ -180,7 +176,7 @@ class Life(BenchRobot):
             self.durable = [self.state()]
 
     def begin(self) -> None:
-        self._switch(lambda: self.autosave.begin())
+        self._switch(self.autosave.begin)
 
     def load(self) -> None:
         if names := self.store.names():

@@ -7,17 +7,14 @@ import os
 import random
 import shutil
 import threading
-from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from robot.clock import RealClock
 from robot.coaching.gallery import images
 from robot.moves import Move
-from robot.policy.undo import undo_examples
 from robot.store.disk import DiskThread
 from robot.store.folder import Storage
 from robot.store.models.journal_writer import PART_BYTES, list_parts
@@ -36,7 +33,7 @@ DAMAGE = ("flip", "cut", "empty", "remove", "folder", "dangling", "loop", "fifo"
 
 
 @pytest.fixture(autouse=True)
-def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def _no_waiting(monkeypatch):
     monkeypatch.setattr(os, "fsync", lambda handle: None)
     yield
     while Life.all:
@@ -71,21 +68,20 @@ def damage(folder: Path, rng: random.Random) -> str:
 
 
 @pytest.mark.parametrize("seed", range(SEEDS))
-def test_written_changes_survive_ten_kills_and_damage(tmp_path: Path, seed: int) -> None:
+def test_written_changes_survive_ten_kills_and_damage_and_undone_ones_do_not(tmp_path, seed):
     """Every life is killed; between two lives one file is damaged and the clock is set anywhere."""
     rng = random.Random(seed)
     wall_s = [1.7e9]
     expected = None
-    done: Counter[str] = Counter()
+    done: list[str] = []
     for _ in range(10):
         life = Life(tmp_path, wall_s, rng)
         if expected is not None:
             found = life.state()
             assert any(same(found, state) for state in expected), done
         for _ in range(rng.randrange(1, 14)):
-            op = rng.choice(OPS)
-            getattr(life, op)()
-            done[op] += 1
+            done.append(rng.choice(OPS))
+            getattr(life, done[-1])()
             wall_s[0] += rng.choice((1.0, 1.0, -30 * 86_400.0, 86_400.0))
             if rng.random() < 0.05:
                 life.disk.is_full = True
@@ -93,14 +89,13 @@ def test_written_changes_survive_ten_kills_and_damage(tmp_path: Path, seed: int)
             elif life.disk.is_full and rng.random() < 0.5:
                 life.free_disk()
         life.die()
-        how = damage(tmp_path, rng)
-        expected = life.durable if how == "none" else life.journalled
-        done[how] += 1
-    assert done["teach"] > 0
+        done.append(damage(tmp_path, rng))
+        expected = life.durable if done[-1] == "none" else life.journalled
+    assert "teach" in done
 
 
 @crossed(learner=installed("default-6", "fair-knn-3"), seed=seeds(2, 4))
-def test_every_learner_comes_back_as_it_was(tmp_path: Path, learner: str, seed: int) -> None:
+def test_every_learner_comes_back_as_it_was(tmp_path, learner, seed):
     rng = random.Random(seed)
     expected = None
     for _ in range(5):
@@ -117,9 +112,7 @@ def test_every_learner_comes_back_as_it_was(tmp_path: Path, learner: str, seed: 
 
 
 @crossed(saves=[False, True], seed=seeds(2, 4))
-def test_a_body_with_moves_of_its_own_comes_back_as_it_was(
-    tmp_path: Path, seed: int, saves: bool
-) -> None:
+def test_a_body_with_moves_of_its_own_comes_back_as_it_was(tmp_path, seed, saves):
     rng = random.Random(seed)
     steered = {f"steer_{i}": rng.choice((-0.8, -0.2, 0.0, 0.2, 0.8)) for i in range(4)}
     own = tuple(Move(Action(n), steering=s, throttle=0.5) for n, s in steered.items())
@@ -130,15 +123,11 @@ def test_a_body_with_moves_of_its_own_comes_back_as_it_was(
     life.die()
     after = Life(tmp_path, [0.0], rng, "default-6", declared=own)
     assert after.recovered and same(after.state(), life.state())
-    states = (after.state(), life.state())
-    assert all(np.array_equal(states[0].arrays[k], states[1].arrays[k]) for k in states[0].arrays)
     assert after.policy.kinds.points == life.policy.kinds.points
 
 
 @pytest.mark.parametrize("learner", ["published-4", "default-6"])
-def test_after_the_last_image_was_deleted_the_next_start_has_none(
-    tmp_path: Path, learner: str
-) -> None:
+def test_after_the_last_image_was_deleted_the_next_start_has_none(tmp_path, learner):
     first = Life(tmp_path, [0.0], random.Random(1), learner)
     first.teach()
     for image in images(first.policy):
@@ -149,38 +138,8 @@ def test_after_the_last_image_was_deleted_the_next_start_has_none(
     assert same(Life(tmp_path, [0.0], random.Random(1), learner).state(), first.state())
 
 
-def test_the_position_in_the_journal_does_not_depend_on_the_clock(tmp_path: Path) -> None:
-    """Thirty days back, as on an EV3 without a clock of its own."""
-    wall_s, rng = [1.7e9], random.Random(1)
-    for keep in (Life.save, Life.write):
-        life = Life(tmp_path, wall_s, rng)
-        for _ in range(20):
-            life.teach()
-        keep(life)
-        wall_s[0] -= 30 * 86_400
-        life.die()
-    third = Life(tmp_path, wall_s, rng)
-    assert same(third.state(), life.state())
-    assert third.loop.history.taught.total() == life.loop.history.taught.total()
-
-
-def test_an_undo_stays_undone_though_no_model_was_saved_after_it(tmp_path: Path) -> None:
-    life = Life(tmp_path, [0.0], random.Random(2))
-    for _ in range(10):
-        life.teach()
-    life.save()
-    before = life.loop.history.taught.total()
-    life.loop.submit(lambda: undo_examples(life.loop.history, 2.0)).result(0)
-    assert life.loop.history.taught.total() < before
-    life.write()
-    life.die()
-    assert same(Life(tmp_path, [0.0], random.Random(2)).state(), life.state())
-
-
 @pytest.mark.parametrize("seed", seeds(2, 5))
-def test_lives_too_short_for_the_journal_lose_nothing_that_was_saved(
-    tmp_path: Path, seed: int
-) -> None:
+def test_lives_too_short_for_the_journal_lose_nothing_that_was_saved(tmp_path, seed):
     """Each start is killed before its journal's thread has had a turn, after some saves."""
     rng = random.Random(seed)
     life = Life(tmp_path, [0.0], rng)
@@ -196,13 +155,13 @@ def test_lives_too_short_for_the_journal_lose_nothing_that_was_saved(
             life.save()
 
 
-def test_the_journal_stays_small_and_needs_no_model(tmp_path: Path) -> None:
+def test_the_journal_stays_small_and_needs_no_model(tmp_path):
     life = Life(tmp_path, [0.0], random.Random(3))
     for _ in range(30):
         for _ in range(5):
             life.teach()
         life.write()
-        life.writer._writer.written_bytes += PART_BYTES // 3  # type: ignore[union-attr]
+        life.writer._writer.written_bytes += PART_BYTES // 3
     assert len(list_parts(tmp_path / "journal")) == 2
     life.write()
     life.die()
@@ -210,7 +169,7 @@ def test_the_journal_stays_small_and_needs_no_model(tmp_path: Path) -> None:
     assert same(Life(tmp_path, [0.0], random.Random(3)).state(), life.durable[-1])
 
 
-def test_nothing_is_replayed_after_a_start_in_which_nothing_changed(tmp_path: Path) -> None:
+def test_nothing_is_replayed_after_a_start_in_which_nothing_changed(tmp_path):
     life = Life(tmp_path, [0.0], random.Random(4))
     for op in (life.teach, life.save, life.write, life.die):
         op()
@@ -259,9 +218,7 @@ def check_a_disk_whose_flush_hangs_holds_up_no_record(
 
 
 @crossed(how=["remove", "empty", "cut", "rubbish"], seed=range(5))
-def test_if_both_files_of_a_part_are_lost_the_saved_model_is_used(
-    tmp_path: Path, seed: int, how: str
-) -> None:
+def test_if_both_files_of_a_part_are_lost_the_saved_model_is_used(tmp_path, seed, how):
     """The third source: changes since the last save may be lost, but no older state returns."""
     rng = random.Random(seed)
     life = Life(tmp_path, [0.0], rng)
@@ -287,7 +244,7 @@ def test_if_both_files_of_a_part_are_lost_the_saved_model_is_used(
 
 
 @pytest.mark.parametrize("seed", seeds(8, 30))
-def test_a_flipped_byte_costs_one_record_of_one_file(tmp_path: Path, seed: int) -> None:
+def test_a_flipped_byte_costs_one_record_of_one_file(tmp_path, seed):
     rng = random.Random(seed)
     records = [rng.randbytes(rng.randrange(200)) for _ in range(50)]
     paths = [tmp_path / "x.a", tmp_path / "x.b"]

@@ -1,30 +1,40 @@
-"""Models by name: stored in versions, so that a damaged version costs no lesson."""
+"""Models by name: saved automatically, and in versions, so that a damaged one costs no lesson."""
 
 from __future__ import annotations
 
+import errno
+import math
 import os
+import threading
 import unicodedata
+from concurrent.futures import Future
 from pathlib import Path
 
 import pytest
 
 from robot.errors import ConfigurationError, NotFoundError, RecordingError
+from robot.policy.undo import undo_examples
 from robot.store.folder import Storage
+from robot.store.models.autosave import Autosave
+from robot.store.models.journal import Journal
 from robot.store.models.model import Model, encode_model, stamp
 from robot.store.models.store import KEEP_VERSIONS, ModelStore
+from robot.types import Action, Example
 from tests.kit.sizes import crossed
+from tests.robot.bench_robot import BenchRobot
 
+from .lives import Disk, DiskStore
 from .test_model import some_model
 
 
 @pytest.fixture
-def told() -> list[tuple[str, str]]:
+def told():
     """The announcements of the store, each with its detail."""
     return []
 
 
 @pytest.fixture
-def store(tmp_path: Path, told: list[tuple[str, str]]) -> ModelStore:
+def store(tmp_path, told):
     """A store whose clock goes on by a second with each look."""
     times = iter(range(1000, 2000))
     return ModelStore(
@@ -38,23 +48,18 @@ def versions(store: ModelStore, name: str) -> list[str]:
     return sorted(path.name for path in (store._storage.models / name).iterdir())
 
 
-@pytest.mark.parametrize("saved_at_s", [float("nan"), float("inf")])
-def test_a_model_whose_time_no_list_can_hold_counts_as_damaged(
-    store: ModelStore, saved_at_s: float
-) -> None:
-    path = store.save("hall", some_model())
-    path.write_bytes(encode_model(stamp(some_model(), saved_at_s=saved_at_s)))
-    assert store.summary("hall") is None
-
-
-def test_only_the_last_versions_stay(store: ModelStore) -> None:
-    for _ in range(6):
-        store.save("kitchen", some_model())
+def test_only_the_last_versions_stay(store):
+    for _ in range(KEEP_VERSIONS + 3):
+        path = store.save("kitchen", some_model())
     assert versions(store, "kitchen") == ["00004.npz", "00005.npz", "00006.npz"]
-    assert KEEP_VERSIONS == 3
+    for version in store.versions("kitchen"):  # with a time that no list can hold
+        version.write_bytes(encode_model(stamp(some_model(), saved_at_s=math.nan)))
+    assert store.summary("kitchen") is None
+    path.write_bytes(encode_model(stamp(some_model(), saved_at_s=math.inf)))
+    assert store.summary("kitchen") is None
 
 
-def test_a_damaged_version_is_set_aside_and_the_one_before_is_used(store: ModelStore) -> None:
+def test_a_damaged_version_is_set_aside_and_the_one_before_is_used(store):
     store.save("kitchen", some_model())
     newest = store.save("kitchen", some_model())
     newest.write_bytes(newest.read_bytes()[:-100])
@@ -65,7 +70,7 @@ def test_a_damaged_version_is_set_aside_and_the_one_before_is_used(store: ModelS
     assert store.load("kitchen").summary.n_examples == 40
 
 
-def test_if_the_last_model_is_lost_the_next_best_is_used(store: ModelStore) -> None:
+def test_if_the_last_model_is_lost_the_next_best_is_used(store):
     store.save("hall", some_model())
     store.save("kitchen", some_model()).write_bytes(b"")
     store.current = "kitchen"
@@ -76,9 +81,7 @@ def test_if_the_last_model_is_lost_the_next_best_is_used(store: ModelStore) -> N
 
 
 @crossed(kept=[*range(8), None], hurt=[0, 1])
-def test_one_damaged_note_of_the_model_in_use_costs_nothing(
-    store: ModelStore, hurt: int, kept: int | None
-) -> None:
+def test_one_damaged_note_of_the_model_in_use_costs_nothing(store, hurt, kept):
     for name in ("robot", "robot (2)"):
         store.save(name, some_model())
     store.current = "robot (2)"
@@ -91,7 +94,7 @@ def test_one_damaged_note_of_the_model_in_use_costs_nothing(
 
 
 @pytest.mark.parametrize("name", [unicodedata.normalize("NFD", "Küche"), "x" * 65, "hall.", "_"])
-def test_a_model_whose_folder_somebody_named_is_saved_into_it(store: ModelStore, name: str) -> None:
+def test_a_model_whose_folder_somebody_named_is_saved_into_it(store, name):
     folder = store.save("kitchen", some_model()).parent
     folder.rename(folder.with_name(name))
     store.save(name, store.load(name))
@@ -105,36 +108,19 @@ def everything(folder: Path) -> list[Path]:
     return sorted([*folder.parent.iterdir(), *folder.rglob("*")])
 
 
-@pytest.mark.parametrize(
-    "name", ["../out", "/etc", "..", "", " ", "a/b", "a\\b", "con", ".x", "a\0", "x" * 65]
-)
-def test_a_name_that_leads_elsewhere_is_refused(
-    store: ModelStore, tmp_path: Path, name: str
-) -> None:
-    store.save("kitchen", some_model())
+@pytest.mark.parametrize("name", ["../out", "/etc", "..", "", "a/b", "con", ".x", "a\0"])
+def test_a_name_that_leads_elsewhere_is_refused(store, tmp_path, name):
     before = everything(tmp_path)
-    for attempt in (
-        lambda: store.save(name, some_model()),
-        lambda: store.load(name),
-        lambda: store.delete(name),
-    ):
+    for attempt in (store.load, store.delete, lambda name: store.save(name, some_model())):
         with pytest.raises((ConfigurationError, NotFoundError)):
-            attempt()
+            attempt(name)
     assert everything(tmp_path) == before
 
 
-def test_an_upload_that_is_no_model_is_not_kept(store: ModelStore) -> None:
-    with pytest.raises(RecordingError):
-        store.add_file("kitchen", b"PK\x03\x04 no model")
-    assert store.names() == []
-
-
-def test_a_full_disk_leaves_the_version_before(
-    store: ModelStore, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_leaves_the_version_before(store, monkeypatch):
     store.save("kitchen", some_model())
 
-    def refuse(descriptor: int) -> None:
+    def refuse(descriptor):
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
@@ -144,7 +130,7 @@ def test_a_full_disk_leaves_the_version_before(
     assert store.load("kitchen").summary.n_examples == 40
 
 
-def test_incomplete_files_of_a_power_cut_are_removed(store: ModelStore) -> None:
+def test_incomplete_files_of_a_power_cut_are_removed(store):
     storage = store._storage
     half = store.save("kitchen", some_model()).with_name(".00002.npz.123.part")
     half.write_bytes(b"half")
@@ -159,9 +145,7 @@ def test_incomplete_files_of_a_power_cut_are_removed(store: ModelStore) -> None:
     assert store.load("kitchen").summary.n_examples == 40
 
 
-def test_a_model_that_failed_when_it_drove_is_set_aside_at_the_next_start(
-    store: ModelStore, told: list[tuple[str, str]]
-) -> None:
+def test_a_model_that_failed_when_it_drove_is_set_aside_at_the_next_start(store, told):
     for name in ("kitchen", "kitchen", "hall"):
         store.save(name, some_model())
     store.note_failure("kitchen", "it divides by zero")
@@ -181,13 +165,11 @@ def model_of(number: int) -> Model:
 
 def set_aside(store: ModelStore, name: str) -> None:
     """Treat a model like an older program that cannot read it."""
-    for version in (store._storage.models / name).glob("*.npz"):
+    for version in store.versions(name):
         version.rename(version.with_name(f"{version.name}.damaged"))
 
 
-def test_versions_that_an_older_program_set_aside_are_restored(
-    store: ModelStore, told: list[tuple[str, str]]
-) -> None:
+def test_versions_that_an_older_program_set_aside_are_restored(store, told):
     for count in (50, 52, 54):
         store.save("robot", model_of(count))
     store.current = "robot"
@@ -204,7 +186,7 @@ def test_versions_that_an_older_program_set_aside_are_restored(
     assert broken.read_bytes() == b"broken"
 
 
-def test_a_version_that_is_readable_again_is_used_if_it_is_newer(store: ModelStore) -> None:
+def test_a_version_that_is_readable_again_is_used_if_it_is_newer(store):
     store.save("old", model_of(3))
     store.save("robot", model_of(54))
     set_aside(store, "robot")
@@ -213,10 +195,99 @@ def test_a_version_that_is_readable_again_is_used_if_it_is_newer(store: ModelSto
     assert (store.current, store.load("robot").summary.place) == ("robot", "54")
 
 
-def test_a_version_older_than_what_was_saved_since_stays_aside(store: ModelStore) -> None:
+def test_a_version_older_than_what_was_saved_since_stays_aside(store):
     store.save("robot", model_of(5))
     set_aside(store, "robot")
     store.save("robot", model_of(9))
     store.retry_damaged()
     assert [model.summary.place for model in store.sound_versions("robot")] == ["9"]
     assert "00001.npz.damaged" in versions(store, "robot")
+
+
+# Saved automatically ----------------------------------------------------------------------------
+
+
+class KeptRobot(BenchRobot):
+    """A robot whose loop ticks on its own thread, with autosave on a disk that can be full."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__()
+        storage, self.disk = Storage(folder), Disk()
+        self.store, self.told = DiskStore(storage, self.disk, [0.0]), list[str]()
+        self.autosave = Autosave(
+            self.loop,
+            self.store,
+            Journal(),
+            announce=lambda name, **fields: self.told.append(str(fields.get("detail", name))),
+        )
+        self.autosave.start()
+
+    def teach(self, scene: int) -> Future[None]:
+        frame, history = self.camera.show(scene), self.loop.history
+        example = Example(frame_id=frame.frame_id, label=Action.LEFT, is_intervention=False)
+        x = history.policy.extract(frame)
+        return self.loop.submit(lambda: history.teach(example, x, frame.captured_s))
+
+    def teach_now(self, scene: int) -> None:
+        self.clock.result(self.teach(scene), 5)
+
+    def kept_lessons(self) -> list[int]:
+        return [model.summary.n_examples for _, model in self.store.good_models()]
+
+
+@pytest.fixture
+def robot(tmp_path):
+    robot = KeptRobot(tmp_path)
+    robot.rig.start()
+    yield robot
+    robot.autosave.stop()
+    robot.rig.stop()
+
+
+def test_examples_of_the_current_tick_are_saved(robot):
+    """Autosave is stopped before the loop has reported the tick that taught."""
+    taught, go_on = threading.Event(), threading.Event()
+
+    def hold_up(tick):
+        if tick.history_events:
+            taught.set()
+            robot.clock.wait(go_on, 5)
+
+    robot.loop.subscribe(hold_up)
+    listeners = robot.loop._cycle.listeners
+    n_listeners = len(listeners)
+    robot.teach(1)
+    assert robot.clock.wait(taught, 5) and robot.autosave.has_unsaved
+    ending = robot.clock.start_thread(robot.autosave.stop, "ending")
+    while len(listeners) == n_listeners:
+        robot.clock.sleep(0.01)
+    go_on.set()
+    ending.join(10)
+    assert robot.kept_lessons() == [1]
+
+
+def test_each_change_is_saved_once_and_again_after_a_disk_error(robot):
+    robot.disk.is_full = True
+    robot.teach_now(1)
+    robot.autosave.save_if_changed()
+    assert robot.told[-1] == os.strerror(errno.ENOSPC) and robot.autosave.has_unsaved
+    robot.disk.is_full = False
+    robot.autosave.save_if_changed()
+    assert robot.kept_lessons() == [1] and not robot.autosave.has_unsaved
+    told = list(robot.told)
+    robot.autosave.save_if_changed()
+    assert robot.told == told
+    robot.clock.result(robot.loop.submit(lambda: undo_examples(robot.loop.history, 5.0)), 5)
+    robot.autosave.stop()
+    assert robot.kept_lessons() == [0]
+
+
+def test_a_loaded_model_counts_as_saved_until_something_is_learned(robot):
+    robot.teach_now(1)
+    name = robot.autosave.save()
+    robot.teach_now(2)
+    robot.autosave.load(name)  # which saves first
+    assert not robot.autosave.has_unsaved
+    assert robot.loop.history.taught.total() == 2
+    robot.teach_now(3)
+    assert robot.autosave.has_unsaved
