@@ -33,8 +33,6 @@ from tests.kit.frames import make_frame
 from tests.kit.sizes import crossed
 
 WAYS = [CameraCorrection(turn_deg=t, is_mirrored=m) for t, m in product(TURNS_DEG, (False, True))]
-
-
 RNG = np.random.default_rng(1)
 
 
@@ -45,20 +43,22 @@ def hung(pixels: np.ndarray, mounting: CameraCorrection) -> np.ndarray:
 
 
 @pytest.mark.parametrize("mounting", WAYS, ids=str)
-def test_pictures_of_each_way_to_mount_a_camera_are_upright(mounting: CameraCorrection) -> None:
+def test_a_camera_publishes_what_an_upright_one_does_however_it_is_mounted(mounting):
+    """So the learner gets the same pictures, and learns and drives the same."""
     scene = RNG.integers(60, 200, (3, 4, 3), np.uint8).repeat(16, axis=0).repeat(16, axis=1)
-    seen = hung(scene, mounting)
-    height, width = seen.shape[:2]
-    upright = mounting.upright(make_frame(seen.tobytes(), Encoding.RGB, width, height))
-    assert (upright.width, upright.height, upright.data) == (64, 48, scene.tobytes())
-    jpeg = mounting.upright(make_frame(jpeg_encoder(95)(seen), Encoding.JPEG, width, height))
+    camera, seen = FakeCamera(VirtualClock()), hung(scene, mounting)
+    camera.mounting = mounting
+    sides = {"width": seen.shape[1], "height": seen.shape[0], "captured_s": 0.0}
+    plain = camera._publish(seen.tobytes(), encoding=Encoding.RGB, **sides)
+    assert (plain.width, plain.height, plain.data) == (64, 48, scene.tobytes())
+    jpeg = camera._publish(jpeg_encoder(95)(seen), encoding=Encoding.JPEG, **sides)
     pixels = decode(jpeg.data)
     assert pixels is not None and (jpeg.width, jpeg.height) == (64, 48)
     assert np.abs(pixels[:, :, ::-1].astype(int) - scene).mean() < 8
 
 
 @pytest.mark.parametrize("mounting", WAYS, ids=str)
-def test_raw_pictures_of_a_usb_camera_keep_their_brightness(mounting: CameraCorrection) -> None:
+def test_raw_pictures_of_a_usb_camera_keep_their_brightness(mounting):
     luma = RNG.integers(16, 236, (48, 64), np.uint8)
     colours = RNG.integers(16, 241, (24, 32, 2), np.uint8).repeat(2, axis=0).repeat(2, axis=1)
     seen, tinted = hung(luma, mounting), hung(colours, mounting)
@@ -72,9 +72,7 @@ def test_raw_pictures_of_a_usb_camera_keep_their_brightness(mounting: CameraCorr
 
 
 @crossed(mounting=WAYS[1:], encoding=list(Encoding), sides=[(7, 6), (1, 1), (6, 5), (0, 0)])
-def test_a_damaged_picture_is_passed_on_unturned(
-    mounting: CameraCorrection, encoding: Encoding, sides: tuple[int, int]
-) -> None:
+def test_a_damaged_picture_is_passed_on_unturned(mounting, encoding, sides):
     """Its reader reports the damage, and the camera's thread does not end."""
     width, height = sides
     for data in (b"", b"no picture", b"\xff\xd8\xff" + bytes(40)):
@@ -83,28 +81,13 @@ def test_a_damaged_picture_is_passed_on_unturned(
         assert turned == taken or (data == b"" and width * height == 0)
 
 
-def test_odd_raw_pictures_lose_a_line_at_most() -> None:
+def test_odd_raw_pictures_lose_a_line_at_most():
     taken = make_frame(bytes(2 * 6 * 5), Encoding.YUYV, 6, 5)
     turned = CameraCorrection(turn_deg=90).upright(taken)
     assert (turned.width, turned.height, len(turned.data)) == (4, 6, 2 * 4 * 6)
 
 
-@pytest.mark.parametrize("mounting", WAYS, ids=str)
-def test_a_camera_that_hangs_head_down_publishes_what_an_upright_one_does(
-    mounting: CameraCorrection,
-) -> None:
-    """So the learner gets the same pictures, and learns and drives the same."""
-    scene = RNG.integers(0, 256, (120, 160, 3), np.uint8)
-    frames = []
-    for mounted in (CameraCorrection(), mounting):
-        camera, seen = FakeCamera(VirtualClock()), hung(scene, mounted)
-        camera.mounting, (height, width) = mounted, seen.shape[:2]
-        sides = {"width": width, "height": height, "captured_s": 0.0}
-        frames.append(camera._publish(seen.tobytes(), encoding=Encoding.RGB, **sides))
-    assert frames[0] == frames[1]
-
-
-def test_a_simulated_camera_is_turned_in_both_of_its_sizes() -> None:
+def test_a_simulated_camera_is_turned_in_both_of_its_sizes():
     rig = build_rig("sim", learner="default-8")
     camera: Any = rig.camera
     before = to_rgb(camera.capture()).astype(int)
@@ -134,7 +117,7 @@ def driven(correction: BodyCorrection, wired: BodyCorrection) -> list[float]:
     return turns
 
 
-def test_each_of_the_eight_ways_to_wire_two_motors_has_one_correction() -> None:
+def test_each_of_the_eight_ways_to_wire_two_motors_has_one_correction():
     plain = pytest.approx(driven(BodyCorrection(), BodyCorrection()))
     ways = [BodyCorrection(reverse=r, swap_sides=s) for r in REVERSED for s in (False, True)]
     for wired in ways:
@@ -142,7 +125,7 @@ def test_each_of_the_eight_ways_to_wire_two_motors_has_one_correction() -> None:
 
 
 @pytest.mark.parametrize("motor_board", ["two-pwm", "phase-enable"])
-def test_motors_can_be_reversed_while_the_board_is_connected(motor_board: str) -> None:
+def test_motors_can_be_reversed_while_the_board_is_connected(motor_board):
     """The pins of gpiozero's mock, which another process takes meanwhile."""
     pytest.importorskip("gpiozero", reason="an extra, and not of Debian 12's versions")
     from tests.standins.gpio import MockPins
@@ -161,7 +144,7 @@ def test_motors_can_be_reversed_while_the_board_is_connected(motor_board: str) -
                 assert wired.wheels(pins.wheels) == pytest.approx(plain), wired
 
 
-def test_a_car_is_trimmed_by_its_servo() -> None:
+def test_a_car_is_trimmed_by_its_servo():
     motors = [Motor(), Motor()]
     car = TimedMotors(motors, steered(0.6, 0.4, (-1.0, 1.0)), signs=(-1.0, 1.0))
     steering, throttle = BodyCorrection(trim=0.1).point(Point(0.0, 0.5))
@@ -169,14 +152,11 @@ def test_a_car_is_trimmed_by_its_servo() -> None:
     assert (motors[0].value < 0, motors[1].value) == (True, pytest.approx(0.1))
 
 
-@pytest.mark.parametrize("throttle", [0.5, -0.5])
-@pytest.mark.parametrize("weaker", [0, 1])
-def test_a_body_that_pulls_to_one_side_drives_straight_with_a_trim(
-    weaker: int, throttle: float
-) -> None:
+@crossed(throttle=[0.5, -0.5], weaker=[0, 1])
+def test_a_body_that_pulls_to_one_side_drives_straight_with_a_trim(weaker, throttle):
     """One motor is a tenth slower: ahead and backward, the same trim helps."""
 
-    def heading_after(trim: float) -> float:
+    def heading_after(trim):
         pose, correction = Pose(x_m=0.0, y_m=0.0, heading_rad=0.0), BodyCorrection(trim=trim)
         for _ in range(100):
             wheels = list(WHEELS.at(correction.point(Point(0.0, throttle))))
@@ -186,19 +166,18 @@ def test_a_body_that_pulls_to_one_side_drives_straight_with_a_trim(
 
     pulls = abs(heading_after(0.0))
     assert pulls > 0.3
-    trims = np.linspace(-0.3, 0.3, 61)
-    best = min(trims, key=lambda trim: abs(heading_after(trim)))
+    best = min(np.linspace(-0.3, 0.3, 61), key=lambda trim: abs(heading_after(trim)))
     assert abs(heading_after(best)) < 0.02 * pulls + 0.02
     assert math.copysign(1.0, best) == (1.0 if weaker == 0 else -1.0)
 
 
-def test_values_out_of_range_are_refused() -> None:
+def test_values_out_of_range_are_refused():
     for values in ({"trim": 0.31}, {"trim": math.nan}, {"reverse": "up"}, {"turn_picture": 45}):
         with pytest.raises(ConfigurationError):
             Corrections().changed(**values)
 
 
-def test_a_body_of_moves_only_has_its_sides_swapped_by_their_names() -> None:
+def test_a_body_of_moves_only_has_its_sides_swapped_by_their_names():
     body = FakeDriver()
     assert possible_corrections(body) == ("swap_sides",)
     body.correct(BodyCorrection(swap_sides=True))

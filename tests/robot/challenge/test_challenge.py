@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from robot.challenge.score import Score
-from robot.challenge.tries import TRIES, TRY_S, Challenge, Ending, Try
+from robot.challenge.tries import TRIES, TRY_S, Challenge, Ending
 from robot.control.state import Tick
 from robot.driver import Pose, Sensors
 from robot.policy.events import Replaced
@@ -23,6 +23,7 @@ QUARTER_S = math.pi / 2 / TURN_RAD_S
 START = Pose(x_m=0.0, y_m=0.0, heading_rad=0.0)
 Part = tuple[float, float, float]
 """Seconds, and the speed and the turn rate as shares of the robot's own."""
+DICE = random.Random(4)
 
 
 def polygon(corners: int, side_m: float) -> list[Part]:
@@ -34,40 +35,25 @@ def lane(turn: float) -> list[Part]:
     return [(2.0, 1.0, 0.0), quarter, (0.5, 1.0, 0.0), quarter]
 
 
-def round_of(radius_m: float) -> list[Part]:
-    return [(1.0, 1.0, SPEED_M_S / radius_m / TURN_RAD_S)]
-
-
-def shaken() -> list[Part]:
-    dice = random.Random(4)
-    return [(0.1, dice.choice([-1.0, 1.0]), dice.uniform(-1, 1)) for _ in range(600)]
-
-
 CHEATS: dict[str, list[Part]] = {
     "stand still": [(1.0, 0.0, 0.0)],
     "spin": [(1.0, 0.0, 1.0)],
     "circle": [(1.0, 1.0, 1.0)],
-    "wide circle": [(1.0, 1.0, 0.5)],
     "figure of eight": [(4 * QUARTER_S, 1.0, 1.0), (4 * QUARTER_S, 1.0, -1.0)],
     "to and fro backwards": [(4.0, 1.0, 0.0), (4.0, -1.0, 0.0)],
     "to and fro with a turn": [(4.0, 1.0, 0.0), (2 * QUARTER_S, 0.0, 1.0)],
-    "only backwards": [(1.0, -1.0, 0.0)],
     "spiral": [(STEP_S, 1.0, max(0.5, 0.999**step)) for step in range(1200)],
-    "shake": shaken(),
+    "shake": [(0.1, DICE.choice([-1.0, 1.0]), DICE.uniform(-1, 1)) for _ in range(600)],
     "wiggle on the spot": [(0.5, 0.0, 1.0), (0.5, 0.0, -1.0)],
-    "round a stool": round_of(0.36),
-    "round a table": round_of(0.5),
+    "round a table": [(1.0, 1.0, SPEED_M_S / 0.5 / TURN_RAD_S)],
     "circles that drift": [(math.tau * 0.36 / SPEED_M_S, 1.0, 0.35), (1.0, 1.0, 0.0)],
     "small square": polygon(4, 0.35),
-    "small hexagon": polygon(6, 0.32),
     "small polygon": polygon(12, 0.2),
     "back in two curves": [(1.6, 1.0, 0.0), (1.9, -1.0, 0.8), (1.9, -1.0, -0.8)],
 }
 FEWER: dict[str, list[Part]] = {
-    "small triangle": polygon(3, 0.4),
     "drifting square": [(1.5, 1.0, 0.0), (1.03 * QUARTER_S, 0.0, 1.0)],
     "star": [(1.6, 1.0, 0.0), (math.radians(135) / TURN_RAD_S, 0.0, 1.0)],
-    "back in a curve": [(4.5, 1.0, 0.0), (4.5, -1.0, 0.5)],
     "back in a wide curve": [(7.5, 1.0, 0.0), (7.5, -1.0, 0.3)],
     "narrow lanes": [*lane(1.0), *lane(-1.0)],
 }
@@ -108,37 +94,35 @@ def score(way: list[Part]) -> float:
     return counted.metres
 
 
-@pytest.mark.parametrize("cheat", CHEATS)
-def test_no_cheat_scores_more_than_an_honest_mean_robot(cheat: str) -> None:
-    assert score(CHEATS[cheat]) == 0.0 < 4.0 < score(HONEST_BOX)
+@pytest.mark.parametrize("way", [*CHEATS, *FEWER])
+def test_no_trick_scores_as_much_as_an_honest_mean_robot(way):
+    honest_m = score(HONEST_BOX)
+    assert honest_m > 4.0
+    if way in CHEATS:
+        assert score(CHEATS[way]) == 0.0
+    else:
+        assert score(FEWER[way]) < 0.6 * honest_m
 
 
-@pytest.mark.parametrize("cheat", FEWER)
-def test_a_drive_that_is_only_partly_a_course_scores_clearly_less(cheat: str) -> None:
-    assert score(FEWER[cheat]) < 0.6 * score(HONEST_BOX)
-
-
-def test_a_larger_course_is_worth_more_than_rounds_of_a_small_one() -> None:
+def test_a_larger_course_is_worth_more_than_rounds_of_a_small_one():
     assert score([(8.0, 1.0, 0.0), (QUARTER_S, 0.2, 1.0)]) > 1.2 * score(HONEST_BOX)
     assert score([(1.0, 1.0, 0.0)]) == pytest.approx(TRY_S * SPEED_M_S, abs=0.4)
 
 
-def test_a_robot_that_is_carried_gets_nothing_for_it() -> None:
+def test_a_robot_that_is_carried_gets_nothing_for_it():
     counted = Score()
     for x_m in (0.0, 3.0, 6.0, math.inf, math.nan):
         counted.note(Pose(x_m=x_m, y_m=0.0, heading_rad=0.0))
     assert counted.metres == 0.0
 
 
-def straight_on(challenge: Challenge, seconds: float, start_s: float = 0.0) -> list[Try]:
-    """Drive straight on; return the tries that ended meanwhile."""
-    driven = poses([(seconds, 1.0, 0.0)], seconds)
-    ended = [challenge.note(tick(start_s + at_s, pose)) for at_s, pose in driven]
-    return [one for one in ended if one is not None]
+def straight_on(challenge: Challenge, seconds: float, start_s: float = 0.0) -> None:
+    for at_s, pose in poses([(seconds, 1.0, 0.0)], seconds):
+        assert challenge.note(tick(start_s + at_s, pose)) is None
 
 
 @pytest.fixture
-def challenge() -> Challenge:
+def challenge():
     """A challenge whose first try is armed."""
     challenge = Challenge()
     challenge.arm()
@@ -152,27 +136,32 @@ def challenge() -> Challenge:
         ({"asks": True}, Ending.ASKED),
         ({"mode": Mode.STOPPED, "by": DrivenBy.NOBODY}, Ending.STOPPED),
         ({"bumped": True}, Ending.BUMPED),
+        ({}, Ending.TIME),
     ],
 )
-def test_a_failure_ends_the_try_and_the_metres_until_then_count(
-    challenge: Challenge, last: dict[str, Any], ending: Ending
-) -> None:
-    assert straight_on(challenge, 10.0) == []
-    at_s, pose = list(poses([(10.0, 1.0, 0.0)], 10.0))[-1]
-    ended = [challenge.note(tick(at_s + 0.1 * i, pose, **dict(last))) for i in range(1, 6)]
+def test_a_failure_or_its_time_ends_the_try_and_the_metres_until_then_count(
+    challenge, last, ending
+):
+    length_s = 10.0 if last else TRY_S
+    driven = list(poses([(length_s, 1.0, 0.0)], length_s))
+    ended = [challenge.note(tick(at_s, pose)) for at_s, pose in driven]
+    at_s, pose = driven[-1]
+    ended += [challenge.note(tick(at_s + 0.1 * i, pose, **dict(last))) for i in range(1, 6)]
     [done] = [one for one in ended if one is not None]
     assert done.ended_by is ending
-    assert done.metres == pytest.approx(1.8, abs=0.2) and challenge.best_m == done.metres
+    assert done.seconds == pytest.approx(length_s, abs=0.5)
+    assert done.metres == pytest.approx(length_s * SPEED_M_S - 0.2, abs=0.2)
+    assert challenge.best_m == done.metres
 
 
-def test_a_try_that_is_stopped_before_it_scores_is_not_used_up(challenge: Challenge) -> None:
+def test_a_try_that_is_stopped_before_it_scores_is_not_used_up(challenge):
     assert challenge.note(tick(0.0, START)) is None and challenge.is_on
     stopped = tick(0.1, START, DrivenBy.NOBODY, mode=Mode.STOPPED)
     assert challenge.note(stopped) is None
     assert challenge.tries == () and challenge.is_armed and not challenge.is_on
 
 
-def test_of_three_tries_the_best_counts() -> None:
+def test_of_three_tries_the_best_counts():
     challenge, start_s = Challenge(), 0.0
     for seconds in (5.0, 20.0, 10.0):
         assert not challenge.is_on
@@ -189,7 +178,7 @@ def test_of_three_tries_the_best_counts() -> None:
 
 
 @pytest.mark.parametrize("is_on", [False, True])
-def test_another_model_ends_the_challenge(challenge: Challenge, is_on: bool) -> None:
+def test_another_model_ends_the_challenge(challenge, is_on):
     straight_on(challenge, 10.0)
     challenge.note(tick(11.0, None, DrivenBy.PILOT))
     challenge.is_shown = True
@@ -201,9 +190,3 @@ def test_another_model_ends_the_challenge(challenge: Challenge, is_on: bool) -> 
     challenge.note(replace(stopped, history_events=(Replaced(policy_name="x"),)))
     assert (challenge.tries, challenge.best_m, challenge.is_shown) == ((), None, False)
     assert not challenge.is_on and not challenge.is_armed
-
-
-def test_a_try_ends_after_its_time(challenge: Challenge) -> None:
-    ended = [challenge.note(tick(at_s, pose)) for at_s, pose in poses(HONEST_BOX, TRY_S + 1.0)]
-    [done] = [one for one in ended if one is not None]
-    assert done.ended_by is Ending.TIME and done.seconds == pytest.approx(TRY_S, abs=0.2)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import httpx
@@ -21,16 +19,16 @@ from tests.server.virtual_server import VirtualServer
 
 
 @pytest.fixture
-def kept(tmp_path: Path) -> Iterator[VirtualServer]:
+def kept(tmp_path):
     with VirtualServer(data=tmp_path) as running:
         yield running
 
 
-def put(server: VirtualServer, **words: Any) -> httpx.Response:
-    return httpx.put(f"{server.address}/api/corrections", json=words, timeout=10, verify=False)
+def put(server: VirtualServer, words: Any = None, **changes: Any) -> httpx.Response:
+    return httpx.put(f"{server.address}/api/corrections", json=changes if words is None else words)
 
 
-def test_a_correction_is_reported_saved_and_applied(kept: VirtualServer, tmp_path: Path) -> None:
+def test_a_correction_is_reported_saved_and_applied(kept, tmp_path):
     camera = kept.rig.camera
     kept.wait_until(lambda: camera.latest() is not None)
     frame = camera.latest()
@@ -51,7 +49,7 @@ def test_a_correction_is_reported_saved_and_applied(kept: VirtualServer, tmp_pat
     assert other._wanted == Corrections(), "another body and camera have their own"
 
 
-def test_a_robot_that_drives_is_stopped_first(kept: VirtualServer) -> None:
+def test_a_robot_that_drives_is_stopped_first(kept):
     with kept.pilot() as pilot:
         pilot.mode("train")
         pilot.hold("left")
@@ -64,9 +62,7 @@ def test_a_robot_that_drives_is_stopped_first(kept: VirtualServer) -> None:
         assert kept.rig.loop.state.decision.action is Action.LEFT, "it is left to everybody else"
 
 
-def test_a_correction_that_does_not_apply_is_refused_and_changes_nothing(
-    kept: VirtualServer,
-) -> None:
+def test_a_correction_that_does_not_apply_is_refused_and_changes_nothing(kept):
     for words, status in (
         ({"trim": 0.1}, 409),
         ({"reverse": "left"}, 409),
@@ -77,13 +73,11 @@ def test_a_correction_that_does_not_apply_is_refused_and_changes_nothing(
         ({"reverse": "up"}, 400),
         ([], 400),
     ):
-        url = f"{kept.address}/api/corrections"
-        answer = httpx.put(url, json=words, timeout=10)
-        assert answer.status_code == status, words
+        assert put(kept, words).status_code == status, words
         assert Corrections.of(kept.rig) == Corrections(), words
 
 
-def test_each_recording_says_how_its_robot_was_corrected(tmp_path: Path) -> None:
+def test_each_recording_says_how_its_robot_was_corrected(tmp_path):
     """A recording in progress ends at a change of the corrections."""
     with VirtualServer(data=tmp_path) as server:
         for turn in (0, 180):
@@ -107,7 +101,7 @@ def test_each_recording_says_how_its_robot_was_corrected(tmp_path: Path) -> None
         *(b'{"cameras": {"sim": {"turn_picture": 45}}}', b'{"robots": {"sim": [1]}, "x": {}}'),
     ],
 )
-def test_a_damaged_file_counts_as_none(tmp_path: Path, damage: bytes) -> None:
+def test_a_damaged_file_counts_as_none(tmp_path, damage):
     (tmp_path / "corrections.json").write_bytes(damage)
     rig = build_rig("sim", learner="default-8")
     file = CorrectionsFile(tmp_path, rig, {})
@@ -117,15 +111,11 @@ def test_a_damaged_file_counts_as_none(tmp_path: Path, damage: bytes) -> None:
     assert CorrectionsFile(tmp_path, rig, {})._wanted.body.trim == 0.1
 
 
-def test_options_override_saved_corrections_and_are_saved(
-    kept: VirtualServer, tmp_path: Path
-) -> None:
+def test_options_override_saved_corrections_and_are_saved(kept, tmp_path):
     for given, is_swapped, turn in (
         ({"swap_sides": "yes", "turn_picture": "90"}, True, 90),
         ({}, True, 90),
-        ({"turn_picture": "180"}, True, 180),
-        ({"swap_sides": "no"}, False, 180),
-        ({}, False, 180),
+        ({"swap_sides": "no", "turn_picture": "180"}, False, 180),
     ):
         CorrectionsFile(tmp_path, kept.rig, given).apply()
         assert Corrections.of(kept.rig) == Corrections(
@@ -136,9 +126,7 @@ def test_options_override_saved_corrections_and_are_saved(
             CorrectionsFile(tmp_path, kept.rig, given)
 
 
-def test_an_option_that_does_not_apply_is_refused_unless_it_was_saved_earlier(
-    kept: VirtualServer, tmp_path: Path
-) -> None:
+def test_an_option_that_does_not_apply_is_refused_unless_it_was_saved_earlier(kept, tmp_path):
     saved = {"robots": {"fake": {"reverse": "left", "swap_sides": True}}}
     (tmp_path / "corrections.json").write_text(json.dumps(saved))
     CorrectionsFile(tmp_path, kept.rig, {}).apply()

@@ -22,7 +22,7 @@ def told(server: VirtualServer) -> dict[str, Any]:
     return answer
 
 
-def test_a_try_is_armed_and_can_be_given_up(server: VirtualServer) -> None:
+def test_a_try_is_armed_and_can_be_given_up(server):
     at = f"{server.address}/api/challenge"
     assert not told(server)["is_armed"] and told(server)["best_m"] is None
     assert httpx.post(f"{at}/try").json()["is_armed"]
@@ -39,9 +39,7 @@ def simulated(folder: Path) -> VirtualServer:
     return VirtualServer(data=folder, rig=Rig(driver, camera, make_policy("default-8"), clock))
 
 
-def test_the_result_of_a_try_is_recorded_and_shown_on_the_board_on_request(
-    tmp_path: Path,
-) -> None:
+def test_the_result_of_a_try_is_recorded_and_shown_on_the_board_on_request(tmp_path):
     with simulated(tmp_path) as server, server.pilot() as pilot:
         pilot.mode("train")
         pilot.wait_for_state(mode="train")
