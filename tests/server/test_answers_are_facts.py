@@ -9,11 +9,10 @@ before or what is there after. Commands on a full disk: cli/test_main.py.
 
 from __future__ import annotations
 
-import contextlib
 import random
 import shutil
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,9 +21,7 @@ import pytest
 
 from robot.coaching.gallery import images
 from robot.store.folder import Storage
-from robot.store.prepare import prepare
 from robot.types import Mode
-from server.access.gateway import NetworkGateway
 from server.access.pairing import Paired, Pairing, cookie_name
 from server.gateway.roles import Role
 from server.identity import IdentityFile
@@ -34,6 +31,7 @@ from tests.kit.disk import Disk
 from tests.kit.sizes import few, size
 from tests.robot.recordings.drives import record_drive
 
+from .test_damaged_folder import running
 from .virtual_server import VirtualServer
 
 MANY = 10**6
@@ -85,29 +83,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
-@contextlib.contextmanager
-def started(root: Path) -> Iterator[VirtualServer]:
-    """While the `with` block runs, serve a robot with everything that its folder keeps."""
-    prepare(root)
-    pairing = Pairing(10, file=root / "paired.json")
-    with VirtualServer(pairing=pairing, data=root, name="bench") as server:
-        identity = server.services.identity
-        identity._path, identity.now = root / "robot.json", IdentityFile(root).now
-        server.persistence.autosave.load_last()
-        server.forward(0.5)
-        yield server
-
-
-def paired(server: VirtualServer) -> Pairing:
-    gateway = server.services.gateway
-    assert isinstance(gateway, NetworkGateway) and gateway.pairing is not None
-    return gateway.pairing
-
-
 def holds(root: Path, secrets: Sequence[str]) -> dict[str, Any]:
     """Return what the next start finds in a folder."""
-    with started(root) as server:
-        kept, history = server.persistence, server.rig.loop.history
+    with running(root) as (rig, kept):
+        history, pairing = rig.loop.history, Pairing(10, file=root / "paired.json")
         saved = ModelLibrary(kept.storage, kept.models).saved()
         return {
             "models": sorted((one.name, one.summary.place) for one in saved if one.summary),
@@ -119,7 +98,7 @@ def holds(root: Path, secrets: Sequence[str]) -> dict[str, Any]:
                 if one.frames  # the runs of these servers have no name
             ),
             "identity": IdentityFile(root).now,
-            "sessions": [paired(server).find(secret) is not None for secret in secrets],
+            "sessions": [pairing.find(secret) is not None for secret in secrets],
         }
 
 
@@ -149,10 +128,16 @@ def ask(
     root, copies = scratch / "data", list[Path]()
     shutil.copytree(folder, root)
     method, path, body = WRITES[write]
-    with pytest.MonkeyPatch.context() as patch, started(root) as server:
-        kept, pairing = server.persistence, paired(server)
-        redeemed = pairing.redeem(pairing.tokens[Role.PILOT], 0.0)
-        assert isinstance(redeemed, Paired)
+    pairing = Pairing(10, file=root / "paired.json")
+    redeemed = pairing.redeem(pairing.tokens[Role.PILOT], 0.0)
+    assert isinstance(redeemed, Paired)
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        VirtualServer(pairing=pairing, data=root, name="bench") as server,
+    ):
+        kept = server.persistence
+        kept.autosave.load_last()
+        server.services.identity._path = root / "robot.json"
         server.set_mode(Mode.STOPPED)
         server.forward(1.0)
         episodes = kept.part(Recordings).episodes
