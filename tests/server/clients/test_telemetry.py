@@ -41,3 +41,20 @@ def test_found_devices_are_reported_and_a_plug_ins_own_attribute_is_not() -> Non
     driver.device = object()  # type: ignore[misc, assignment]
     camera.device = "C270 (serial number A17)"  # type: ignore[misc]
     assert describe_devices(driver, camera) == {"camera_device": "C270 (serial number A17)"}
+
+
+def test_the_age_of_a_picture_is_told_and_the_share_of_it_on_a_brick() -> None:
+    clock = VirtualClock()
+    camera = FakeCamera(clock, age_s=0.05)
+    camera.source_age_s = 0.03  # at a brick, whose link takes the rest
+
+    async def told() -> dict[str, float]:
+        async with ServedWorld(clock, camera=camera) as world:
+            pilot = await world.pilot(sees=True)
+            await world.forward(3.0)
+            ages: dict[str, float] = pilot.state["camera"]
+            return ages
+
+    ages = clock.run(told())
+    assert ages["age_ms"] == pytest.approx(50, abs=5)
+    assert ages["brick_ms"] == pytest.approx(ages["age_ms"] - 30, abs=0.2)
