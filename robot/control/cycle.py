@@ -130,7 +130,6 @@ class Cycle:
         self.state = Tick(now_s=clock.now_s(), decision=self.gate.stand(), cycles=-1)
         self.state = self._summed_up(self.state)
         camera.listen(self._hear_camera)
-        self._newest = camera.latest()
 
     # One tick --------------------------------------------------------------------------------
 
@@ -218,7 +217,7 @@ class Cycle:
 
     def _look(self, now_s: float) -> Frame | None:
         """Process the camera's newest frame if it is new; return it, or None."""
-        last, frame = self.state, self._newest
+        last, frame = self.state, self._camera.latest()
         if not self._is_due(frame):
             return None
         delivered_s = max(now_s, self.clock.now_s())
@@ -259,9 +258,8 @@ class Cycle:
         return not least_s or not frame or not last or frame.captured_s - last.captured_s >= least_s
 
     def _hear_camera(self) -> None:
-        """Take a new frame, and wake the loop for a frame or fault; runs on the camera's thread."""
-        self._newest = self._camera.latest()
-        if self._is_due(self._newest):
+        """Wake the loop for a frame that is due, or a fault; runs on the camera's thread."""
+        if self._is_due(self._camera.latest()):
             self.mailbox.wake.set()
 
     def _sense(self) -> Sensors:
