@@ -59,6 +59,7 @@ def driver(env: str = LINE, **options: Any) -> GymnasiumDriver:
         ({"get_action_meanings": lambda: ["A", "LEFT", "left!"]}, 0, "a left left_2"),
         ({"get_action_meanings": lambda: ["STOP", "noop", "up"]}, 0, "noop noop_2 forward"),
         ({}, -1, "move_minus_1 move_0 move_1"),
+        ({"action_names": ["<<", "", "-1"]}, 0, "move move_1 move_1_2"),
         ({"action_names": ["a" * 40, "a" * 50, "a"]}, 0, f"{'a' * 32} {'a' * 30}_2 a"),
         ({"actions": Way}, 0, "left right forward"),
         ({"actions": {"right": 2, "left": 0, "done": 9}}, 0, "left move_1 right"),
