@@ -86,21 +86,35 @@ def test_the_age_counts_the_worse_of_the_two_ways():
 
 
 @pytest.mark.parametrize(
-    ("phone_s", "age_s", "level"),
-    [(None, 0.28, LinkLevel.SLOW), (0.0, 0.28, LinkLevel.CAPPED), (0.1, 0.18, LinkLevel.GOOD)],
+    ("frame_age_s", "phone_s", "age_s", "level"),
+    [
+        (0.78, None, 0.28, LinkLevel.SLOW),
+        (0.78, 0.0, 0.28, LinkLevel.CAPPED),
+        (0.78, 0.1, 0.18, LinkLevel.GOOD),
+        (0.7, None, 0.2, LinkLevel.GOOD),
+        (None, None, 0.28, LinkLevel.SLOW),
+    ],
 )
-def test_a_command_is_judged_by_the_link_without_camera_and_phone(phone_s, age_s, level):
+def test_a_command_is_judged_by_the_link_without_camera_and_phone(
+    frame_age_s, phone_s, age_s, level
+):
     """The camera took 0.5 s to deliver the picture, and has a period of which 0.05 s are slack.
 
-    The page reports an age of 0.78 s, so the link took 0.28 s; 0.1 s of them may be the phone's.
+    If the page reports an age of 0.78 s, the link took 0.28 s, of which 0.1 s may be the phone's.
     """
     governor = LinkGovernor()
     command = PilotCommand(
-        held=Action.FORWARD, frame_id=1, seq=1, frame_age_s=0.78, phone_s=phone_s, received_s=11.28
+        held=Action.FORWARD,
+        frame_id=1,
+        seq=1,
+        frame_age_s=frame_age_s,
+        phone_s=phone_s,
+        received_s=11.28,
     )
-    governor.judge(command, (10.5, 11.0), 11.0, CameraState(slack_s=0.05), 11.28)
+    governor.judge(command, (10.5, 11.0), 10.9, CameraState(slack_s=0.05), 11.28)
     assert governor.age_s == pytest.approx(age_s)
     assert governor.level is level
+    assert governor.blind_in_s(11.28) == pytest.approx(0.5 - 0.38), "since the newest picture seen"
 
 
 def test_a_computer_that_is_late_slows_the_robot_down_until_that_has_faded():
