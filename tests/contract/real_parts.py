@@ -6,10 +6,13 @@ body.
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
+
+import pytest
 
 from robot.bodies.ev3.stock_driver import Ev3StockDriver, Ev3StockOptions
 from robot.bodies.lego_education.driver import LegoEducationDriver, LegoEducationOptions
@@ -197,7 +200,8 @@ def check_driver_on_its_real_line(name: str) -> None:
     """Check a driver against the contract, in the one test that starts its real part."""
     is_short = name in DRIVERS or (name == "ros over DDS" and not IS_FULL)
     for check in SMOKE if is_short else WHOLE:
-        with REAL_DRIVERS[name]() as case:
+        # A check that does not apply to this body must not skip what its test checks afterwards.
+        with REAL_DRIVERS[name]() as case, contextlib.suppress(pytest.skip.Exception):
             check(DriverContract(), case)
 
 

@@ -65,9 +65,8 @@ def a_motor_that_was_out_of_reach_is_driven_again(motor: FakeDoubleMotor) -> Non
         motor.cut()
         motor.hang_up()
         motor.others.append(twin := FakeDoubleMotor("A4:34:F1:00:00:02"))
-        with pytest.raises(DriveError, match=r"was lost, and is not in range \(another"):
+        with pytest.raises(DriveError, match="the double motor has sent nothing"):
             driver.send_action(Action.FORWARD)
-        assert not twin.told
         motor.is_in_reach = True
         motor.end_state = 3  # another program used it meanwhile
 
@@ -81,6 +80,11 @@ def a_motor_that_was_out_of_reach_is_driven_again(motor: FakeDoubleMotor) -> Non
 
         wait_until(drives)
         assert motor.end_state == motor.library.MOTOR_END_STATE_BRAKE
+        motor.cut()
+        driver.disconnect()
+        with pytest.raises(DriveError, match=r"was lost, and is not in range \(another"):
+            driver.connect()
+        assert not twin.told
 
 
 def test_of_two_motors_the_one_that_is_named_is_driven(motor: FakeDoubleMotor) -> None:
