@@ -20,7 +20,32 @@ pytestmark = [
 ]
 
 
-def test_each_robot_can_end_separately_and_all_end_with_the_class(tmp_path):
+OPTIONS = """
+def configure(parser):
+    parser.add_argument("--brightness", type=float, default=0.5)
+"""
+EXTENSION = """
+from server.services import Extension
+
+class Lamp(Extension):
+    def __init__(self, services, options):
+        self.brightness = options["brightness"]
+"""
+PLUGIN = {
+    "lamp/__init__.py": "",
+    "lamp/options.py": OPTIONS,
+    "lamp/extension.py": EXTENSION,
+    "lamp-1.dist-info/METADATA": "Metadata-Version: 2.1\nName: lamp\nVersion: 1\n",
+    "lamp-1.dist-info/entry_points.txt": "[drivelesson.services]\nlamp = lamp.extension:Lamp\n",
+}
+"""A plugin that reads an option of its own."""
+
+
+def test_each_robot_can_end_separately_and_all_end_with_the_class(tmp_path, monkeypatch):
+    for name, text in PLUGIN.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *sys.path]))
     nursery = Nursery(tmp_path, "box")
     assert nursery.picture_s is not None and 0 < nursery.picture_s < 1
 
