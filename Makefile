@@ -37,8 +37,7 @@ suite: $(VENV)/.dev
 test-brick: $(VENV)/.dev ## Teach and drive a server on an emulated EV3 (needs root; says what is missing)
 	DRIVELESSON_BRICK=1 $(BIN)/python -m pytest tests/robot/bodies/ev3/test_server_on_brick.py $(ARGS)
 
-test-browsers: $(VENV)/.dev ## Teach and drive a robot in Playwright's Firefox and WebKit (downloads them)
-	-$(BIN)/python -m playwright install firefox webkit
+test-browsers: $(VENV)/.dev ## Teach and drive a robot in Firefox and WebKit (says what is missing)
 	DRIVELESSON_OTHER_BROWSERS=1 $(BIN)/python -m pytest tests/e2e/test_other_browsers.py $(ARGS)
 
 test-stalls: $(VENV)/.dev ## Run the real-time tests while all processes pause at random

@@ -22,6 +22,7 @@ from tests.server.live_robot import WEB, live_server
 
 from .broken_way import BrokenWay
 from .class_world import running_class
+from .film import take_film
 from .hand import Fingers, choose, drive_on, pad, teach
 from .test_study import PLAN, conductor_of
 from .world import (
@@ -300,6 +301,7 @@ PARTS: dict[str, Callable[[Any, Path], None]] = {
     "office": _take_office,
     "pairing": _take_pairing,
     "class": _take_class,
+    "film": take_film,
     "study": _take_trial,
     "participants": _take_participants,
 }

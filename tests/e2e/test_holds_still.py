@@ -2,11 +2,13 @@
 
 STOP is completely on the screen and on top, no control moves, no texts overlap, and no tap hits a
 control that was not there when the finger set out. `make test` measures each size once, in one
-language; at full size each is measured in every language.
+language; at full size each is measured in every language. DRIVELESSON_SIZES=all measures a grid of
+sizes in every language, each with another size of text.
 """
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
 from itertools import product
@@ -21,7 +23,7 @@ from tests.kit.sizes import IS_FULL
 from .boxes import MEASURE, in_language, sized
 from .world import LANDSCAPE, PHONE, World, open_page, running_world, sentences, show
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.timeout(3600)]
 
 _SCRIPT = (Path(__file__).parent / "still.js").read_text()
 SHOW_ALL = _SCRIPT[_SCRIPT.index("async (") :].replace("MEASURE", MEASURE)
@@ -31,6 +33,10 @@ SIZES = [
 ]
 ROOMY = ("360x640", "390x844", "844x390", "768x1024", "1024x600", "1280x800")
 """At this size every sentence has enough space; at other sizes some have to be scrolled."""
+_WIDTHS = (280, 320, 345, 369, 390, 430, 480, 540, 653, 700, 768, 900, 1024, 1280)
+_HEIGHTS = (480, 520, 568, 640, 701, 765, 844, 1024, 1280)
+GRID = sorted({(w, h) for a, b in product(_WIDTHS, _HEIGHTS) for w, h in ((a, b), (b, a))})
+IS_WHOLE = os.environ.get("DRIVELESSON_SIZES") == "all"
 THREE = ["forward", "left", "right"]
 SIX = [*THREE, "backward", "spin_left", "spin_right"]
 PADS = [("three", "en"), ("three", "es"), ("three", "zh"), ("six", "es"), ("stick", "es")]
@@ -62,9 +68,7 @@ def test_the_drive_screen_holds_still(
     words = sentences(language)
     wrong: list[str] = []
     said: set[str] = set()
-    every = [(size, 100 + 100 * (i % 2)) for i, size in enumerate(SIZES)]
-    few = every[PADS.index((moves, language)) :: len(PADS)]
-    for seed, size in enumerate(sized(page, product(SIZES, (100, 200)) if IS_FULL else few), 1):
+    for seed, size in enumerate(sized(page, _sizes(PADS.index((moves, language)))), 1):
         given = {
             "stopReasons": [reason.value for reason in StopReason],
             "links": [key.split(".")[1] for key in words if key.startswith("link.")],
@@ -81,6 +85,14 @@ def test_the_drive_screen_holds_still(
     context.close()
     assert not wrong, "\n".join(dict.fromkeys(wrong))
     assert unsaid(words, said) == []
+
+
+def _sizes(turn: int) -> list[tuple[tuple[int, int], int]]:
+    """Return screens with percentages of text, for one of the `PADS`."""
+    if IS_WHOLE:
+        return [(size, (100, 130, 160, 200)[(i + turn) % 4]) for i, size in enumerate(GRID)]
+    every = [(size, 100 + 100 * (i % 2)) for i, size in enumerate(SIZES)]
+    return list(product(SIZES, (100, 200))) if IS_FULL else every[turn :: len(PADS)]
 
 
 def unsaid(words: dict[str, str], said: set[str]) -> list[str]:
