@@ -63,10 +63,13 @@ def test_a_viewer_gets_no_old_picture_and_soon_a_new_one(resting: VirtualServer)
 def test_a_viewer_with_one_picture_a_second_costs_one_and_changes_no_rate(
     resting: VirtualServer,
 ) -> None:
+    seen: list[int] = []
+
     async def begin() -> Socket:
         def acknowledge(message: str | bytes) -> None:
             assert isinstance(message, bytes)
-            socket.send(encode_acknowledgement(parse_picture(message).frame_id))
+            seen.append(parse_picture(message).frame_id)
+            socket.send(encode_acknowledgement(seen[-1]))
 
         socket = resting.connect("/ws/video?every_ms=1000", acknowledge)
         return socket
@@ -76,6 +79,11 @@ def test_a_viewer_with_one_picture_a_second_costs_one_and_changes_no_rate(
     pictures, ticks = spent(resting, 10.0)
     assert 9 <= pictures <= 11 and ticks <= 60
     assert resting.rig.loop.state.cycle_hz == pytest.approx(30.0, rel=0.1), "as before the rest"
+    with connect(resting.ws("/ws/video")) as another:  # which has the robot take all pictures
+        another.recv(FRESH_S)
+        before = len(seen)
+        assert spent(resting, 3.0)[0] >= 60
+        assert 2 <= len(seen) - before <= 4
     viewer.close()
 
 
