@@ -36,3 +36,20 @@ class Deadly(Odd):
 
     def learn_one(self, x: Any, y: Any) -> None:
         os._exit(3)
+
+
+class Teaching(Odd):
+    """A learner that cannot be taught."""
+
+    def learn_one(self, x: Any, y: Any) -> None:
+        raise ValueError("nothing can be learned")
+
+
+class Driving(Odd):
+    """A learner that cannot drive."""
+
+    def learn_one(self, x: Any, y: Any) -> None:
+        pass
+
+    def explain_one(self, x: Any) -> Evidence:
+        raise ValueError("nothing can be said")

@@ -47,7 +47,7 @@ def test_an_error_of_the_system_is_converted_with_its_reason_and_what_to_do(tmp_
 
 
 def test_only_the_named_kinds_of_errors_are_converted_and_long_reasons_are_truncated() -> None:
-    for error, said in ((KeyError(), r"KeyError\(\)"), (ValueError("x" * 10_000), "x{300}")):
+    for error, said in ((KeyError(), "KeyError"), (ValueError("x" * 10_000), "x{300}")):
         with (
             pytest.raises(RecordingError, match=f"^it is damaged: {said}$"),
             told_as(RecordingError, "it is damaged", KeyError, ValueError),
