@@ -1,74 +1,85 @@
-"""A camera of moving YUYV pictures, like a USB camera, for an emulated brick without one.
+"""A camera of YUYV pictures from a file, like a USB camera, for a brick without one.
 
-`armel.py` installs it in the brick like a third-party plugin. It imports nothing that the server
-postpones, such as numpy's random numbers.
+It is installed in the emulated brick like a third-party plugin, and reads one picture at a time.
 """
 
 from __future__ import annotations
 
-import itertools
 import sys
+import threading
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
-import numpy as np
-
-from robot.devkit.threaded_camera import ThreadedCamera
+from robot.camera import Camera
+from robot.clock import Clock
+from robot.driver import Driver
 from robot.types import Encoding
 
-WIDTH, HEIGHT, STEP, N_PICTURES = 160, 120, 6, 100
+WIDTH, HEIGHT = 160, 120
 SIZE = 2 * WIDTH * HEIGHT
 ENTRY_POINT = "[drivelesson.cameras]\nfilm = film_camera:FilmCamera\n"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilmOptions:
+    film: str = field(default="", metadata={"help": "file of YUYV pictures of 160x120"})
     frame_rate: float = field(default=10.0, metadata={"help": "pictures a second"})
 
 
-class FilmCamera(ThreadedCamera):
+class FilmCamera(Camera):
     name: ClassVar[str] = "film"
     options_type: ClassVar[type[Any]] = FilmOptions
 
-    def _begin(self) -> None:
-        self._work(self._play)
+    def __init__(self, options: FilmOptions, clock: Clock) -> None:
+        super().__init__(clock)
+        self._options = options
+        self._shown = 0
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._play, daemon=True)
+
+    @classmethod
+    def for_driver(cls, driver: Driver, options: FilmOptions, clock: Clock) -> Self:
+        return cls(options, clock)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        self._ending.set()
 
     def _play(self) -> None:
-        scene = make_scene()
-        for index in itertools.count():
-            if self._ending.wait(1 / self.options.frame_rate):
-                return
-            at = index % N_PICTURES * STEP
-            age_s = 0.095 + 0.05 * (index % 6) / 5  # as on an EV3
-            self._publish(
-                scene[:, at : at + WIDTH].tobytes(),
-                width=WIDTH,
-                height=HEIGHT,
-                encoding=Encoding.YUYV,
-                captured_s=self.clock.now_s() - age_s,
-            )
-            if at == 0:
-                _say_what_is_imported()
+        with Path(self._options.film).open("rb") as film:
+            while not self._ending.wait(1 / self._options.frame_rate):
+                picture = film.read(SIZE)
+                if len(picture) < SIZE:
+                    film.seek(0)
+                    self._say_what_is_imported()
+                    continue
+                self._publish(
+                    picture,
+                    width=WIDTH,
+                    height=HEIGHT,
+                    encoding=Encoding.YUYV,
+                    captured_s=self.clock.now_s() - self._age_s(),
+                )
+
+    def _age_s(self) -> float:
+        """Return the age of the next picture: six from 95 to 145 ms in turn, as on an EV3."""
+        self._shown += 1
+        return 0.095 + 0.05 * (self._shown % 6) / 5
+
+    def _say_what_is_imported(self) -> None:
+        """Reports from inside the serving process, each time the film ends."""
+        said = Path(self._options.film).with_suffix(".modules")
+        said.with_suffix(".new").write_text("\n".join(_really_imported()))
+        said.with_suffix(".new").rename(said)
 
 
-def make_scene() -> np.ndarray[Any, np.dtype[np.uint8]]:
-    """Return a wide view of blocks, shape (HEIGHT, width, 2), as YUYV."""
-    width = WIDTH + N_PICTURES * STEP
-    blocks = np.arange(HEIGHT // 6 * (width // 8)).reshape(HEIGHT // 6, -1) * 40503 % 65521 % 256
-    scene = np.full((HEIGHT, width, 2), 128, np.uint8)
-    scene[:, :, 0] = blocks.repeat(6, axis=0).repeat(8, axis=1)
-    return scene
-
-
-def _say_what_is_imported() -> None:
-    """Report the modules of the serving process, except replaced modules, and postponed modules
-    that were never used."""
-    names = sorted(
+def _really_imported() -> list[str]:
+    """Names of modules, except replaced modules, and postponed modules that were never used."""
+    return sorted(
         name
         for name, module in list(sys.modules.items())
         if type(module).__name__ != "_LazyModule" and getattr(module, "__spec__", None)
     )
-    said = Path(__file__).with_name("film.modules")
-    said.with_suffix(".new").write_text("\n".join(names))
-    said.with_suffix(".new").rename(said)

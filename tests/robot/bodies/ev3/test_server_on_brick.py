@@ -9,23 +9,32 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import struct
 import subprocess
+import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
+from typing import Self
 
 import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
 
 from robot.bodies.ev3.fake_brick import FakeBrick
 from robot.bodies.ev3.scripts import ENVIRONMENT
 from server.bodies.lean import PUT_OFF
+from server.protocol import encode_acknowledgement
 from tests.kit.wait import wait_until
+from tests.robot.bodies.ev3 import film_camera
 from tests.robot.bodies.ev3.armel import Armel, guest_memory_mb
+from tests.robot.bodies.ev3.film import install_film
 from tests.server.live_robot import Pilot
 
 pytestmark = [pytest.mark.slow, pytest.mark.realtime, pytest.mark.timeout(1500)]
 MOST_MEMORY_MB = {"bookworm": 36.0, "trixie": 46.0}
 """Limits by release: pydantic 2 and a newer Python need more of each second."""
+FRAME_RATE_HZ = 10
 SERVE = ("-m", "server.bodies.lean", "serve", "--robot", "ev3", "--brick-root")
 LEARNER = os.environ.get("DRIVELESSON_LEARNER", "integer")
 UNUSED = (
@@ -47,45 +56,92 @@ class Served:
             said += line
         self.address = f"ws://{match[1]}"
 
-    def pilot(self) -> Pilot:
-        """Return a pilot who draws nothing, but acknowledges each frame, like a page."""
-        url = self.address + "/ws/drive"
-        return Pilot(url, sees=True, open_timeout=120, ping_interval=None)
+    @property
+    def modules(self) -> set[str]:
+        said = self.armel.root / "opt/film/film.modules"
+        return set(said.read_text().split()) if said.is_file() else set()
+
+
+@pytest.fixture(scope="module")
+def served() -> Iterator[Served]:
+    with serve_on_brick() as served:
+        yield served
 
 
 @contextmanager
 def serve_on_brick() -> Iterator[Served]:
     """Serve on an emulated brick with a filmed camera; skipped if an emulator is missing."""
     armel = Armel()
+    film = armel.root / "opt/film"
+    install_film(film)
     for left_over in ("tmp/brick", "tmp/data"):
         shutil.rmtree(armel.root / left_over, ignore_errors=True)
     env = {**ENVIRONMENT, "PYTHONPATH": "/opt/drivelesson:/opt/film"}
     with FakeBrick(armel.root / "tmp/brick") as brick:
         brick.add_sensor("in4", "lego-ev3-us", 1234, decimals=1)
-        words = f"/tmp/brick --camera film --learner {LEARNER} --max-nodes 32 --port 0"
-        command = armel.command(*SERVE, *words.split(), "--data", "/tmp/data")
-        with subprocess.Popen(command, env=env, stdout=subprocess.PIPE, text=True) as process:
-            try:
-                yield Served(armel, brick, process)
-            finally:
-                process.terminate()
+        words = f"/tmp/brick --camera film --film /opt/film/film.yuyv --frame-rate {FRAME_RATE_HZ}"
+        words += f" --learner {LEARNER} --max-nodes 32 --port 0 --data /tmp/data"
+        process = subprocess.Popen(
+            armel.command(*SERVE, *words.split()), env=env, stdout=subprocess.PIPE, text=True
+        )
+        try:
+            yield Served(armel, brick, process)
+        finally:
+            process.terminate()
+            process.wait(60)
+            assert process.stdout is not None
+            process.stdout.close()
 
 
-def cost_of_a_cycle(served: Served, pilot: Pilot, seconds: float = 5.0) -> float:
+class Watcher:
+    """Draws nothing, but acknowledges each frame, like a page."""
+
+    def __init__(self, address: str) -> None:
+        self.frames: list[bytes] = []
+        self._address = address
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._stack = ExitStack()
+        self._socket = self._stack.enter_context(
+            connect(self._address + "/ws/video", compression=None, open_timeout=120)
+        )
+        self._thread.start()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._stack.close()
+        self._thread.join(5)
+
+    def _watch(self) -> None:
+        with suppress(ConnectionClosed):
+            for message in self._socket:
+                assert isinstance(message, bytes)
+                self.frames.append(message)
+                del self.frames[:-2]
+                self._socket.send(encode_acknowledgement(self.newest))
+
+    @property
+    def newest(self) -> int:
+        return int(struct.unpack_from("<I", self.frames[-1], 8)[0]) if self.frames else 0
+
+
+def cost_of_a_cycle(served: Served, watcher: Watcher, seconds: float = 5.0) -> float:
     """Million guest instructions per frame, of all threads: loop, camera and server."""
-    frame, count = pilot.picture, served.armel.instructions()
+    frame, count = watcher.newest, served.armel.instructions()
     time.sleep(seconds)
-    assert frame is not None and pilot.picture is not None
-    return (served.armel.instructions() - count) / (pilot.picture - frame) / 1e6
+    return (served.armel.instructions() - count) / (watcher.newest - frame) / 1e6
 
 
-def keep_at_it(pilot: Pilot, mode: str, held: str | None, is_so: Callable[[], bool]) -> None:
-    """Drive until a condition holds.
+def keep_at_it(
+    pilot: Pilot, mode: str, held: str | None, is_so: Callable[[], bool], within_s: float = 400
+) -> None:
+    """Drive until a condition holds; `within_s` only ends a test that hangs.
 
     A busy machine may pause the emulator for longer than a picture may be old; then the robot
     stops, as it must, and is started again.
     """
-    deadline_s = time.monotonic() + 400  # only ends a test that hangs
+    deadline_s = time.monotonic() + within_s
     pilot.held = held
     while not is_so():
         assert time.monotonic() < deadline_s, pilot.state
@@ -95,51 +151,63 @@ def keep_at_it(pilot: Pilot, mode: str, held: str | None, is_so: Callable[[], bo
 
 
 def test_a_brick_is_taught_and_drives_by_itself_in_little_memory(
-    capsys: pytest.CaptureFixture[str],
+    served: Served, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """One server is used for all of this, because the emulator takes a minute to start."""
-    with serve_on_brick() as served:
-        it_is_taught_and_drives_in_36_mb(served, capsys)
-        nothing_is_imported_that_the_loop_does_not_use(served)
-        moves = [one for one in served.brick.commands if one.command.startswith("run")]
-        assert {(move.command, move.time_ms) for move in moves} == {("run-timed", 400)}
-        done = served.armel.run(*SERVE, "/nowhere", "--port", "0", "--data", "/tmp/data-2")
-        assert (done.returncode, done.stderr.count("\n")) == (1, 1)
-        assert "no left motor at port outB" in done.stderr
+    it_is_taught_and_drives_in_36_mb(served, capsys)
+    nothing_is_imported_that_the_loop_does_not_use(served)
+    every_move_on_the_brick_was_timed(served)
+    no_motor_is_one_clear_line(served)
 
 
 def it_is_taught_and_drives_in_36_mb(served: Served, capsys: pytest.CaptureFixture[str]) -> None:
     brick = served.brick
-    with served.pilot() as pilot:
+    drive = served.address + "/ws/drive"
+    with Watcher(served.address) as watcher, Pilot(drive, open_timeout=120) as pilot:
         said = {"until served": served.armel.instructions() / 1e6}
         pilot.wait_for_state(120, you_are_pilot=True)
-        wait_until(lambda: pilot.picture is not None)
-        said["standing"] = cost_of_a_cycle(served, pilot)
+        said["standing"] = cost_of_a_cycle(served, watcher)
         keep_at_it(pilot, "train", "forward", lambda: set(brick.speeds().values()) == {360})
         keep_at_it(pilot, "train", "forward", lambda: pilot.state["nodes"] == 32)
-        said["learning at 32 nodes"] = cost_of_a_cycle(served, pilot)
+        said["learning at 32 nodes"] = cost_of_a_cycle(served, watcher)
         keep_at_it(pilot, "train", "left", lambda: brick.speeds() == {"outB": -90, "outC": 0})
         keep_at_it(pilot, "train", "left", lambda: pilot.state["taught"]["left"] > 10)
         pilot.hold(None)
         brick.wait_until(lambda: not brick.is_moving(), 120)
         keep_at_it(pilot, "autonomous", None, brick.is_moving)
-        said["driving at 32 nodes"] = cost_of_a_cycle(served, pilot)
+        said["driving at 32 nodes"] = cost_of_a_cycle(served, watcher)
         keep_at_it(pilot, "autonomous", None, lambda: pilot.state["driven_by"] == "robot")
-        memory_mb = guest_memory_mb(served.process.pid)
+        memory = guest_memory_mb(served.process.pid)
         pilot.mode("stopped")
         brick.wait_until(lambda: not brick.is_moving(), 120)
-        assert pilot.state["learner"] == f"{LEARNER}-32"
+        state = pilot.state
+        picture = watcher.frames[-1]
+    assert (picture[1], len(picture)) == (1, 24 + film_camera.SIZE), "YUYV goes as it is"
+    assert state["learner"] == f"{LEARNER}-32"
     with capsys.disabled():
-        print(f"\nmemory at 32 nodes: {memory_mb:.1f} MB resident (guest pages)")
+        print(f"\nmemory at 32 nodes: {memory['resident']:.1f} MB resident (guest pages)")
         for name, count in said.items():
             unit = "" if "until" in name else " a cycle"
             print(f"million instructions, {name}: {count:.1f}{unit}")
-    assert memory_mb <= MOST_MEMORY_MB[served.armel.release]
+    assert memory["resident"] <= MOST_MEMORY_MB[served.armel.release]
 
 
 def nothing_is_imported_that_the_loop_does_not_use(served: Served) -> None:
-    said = served.armel.root / "opt/film/film.modules"
-    modules = set(said.read_text().split())
+    wait_until(lambda: served.modules)
+    modules = served.modules
     assert {"numpy", "fastapi", "ev3dev2", "robot.bodies.ev3.driver"} <= modules
     assert not [name for name in modules if name.startswith(tuple(UNUSED.split()))]
     assert not modules & set(PUT_OFF)
+
+
+def every_move_on_the_brick_was_timed(served: Served) -> None:
+    moves = [command for command in served.brick.commands if command.command.startswith("run")]
+    assert moves
+    assert {(move.command, move.time_ms) for move in moves} == {("run-timed", 400)}
+
+
+def no_motor_is_one_clear_line(served: Served) -> None:
+    done = served.armel.run(*SERVE, "/nowhere", "--port", "0", "--data", "/tmp/data-2")
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1
+    assert "no left motor at port outB" in done.stderr
