@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from robot.learner import bsoc
 from robot.learner.base import NotFittedError
 from robot.learner.bsoc import BSOC
 from robot.learner.classifier import BSOCClassifier
@@ -159,7 +160,9 @@ def test_nodes_of_different_labels_are_merged_only_as_a_last_resort():
     assert sorted(learner.nodes_.ravel().tolist()) == [0.0, 5.0]
 
 
-def test_the_cached_minima_find_the_smallest_weight():
+@pytest.mark.parametrize("cached_from", [1, 1000])
+def test_the_smallest_weight_is_found_with_and_without_the_cache(monkeypatch, cached_from):
+    monkeypatch.setattr(bsoc, "CACHED_FROM", cached_from)
     learner = BSOC(20)
     for i, x in enumerate(np.random.default_rng(5).integers(0, 4, (300, 4)).astype(np.float32)):
         learner.train(x)
