@@ -182,7 +182,7 @@ ASKING_S = 5.0
 
 
 class ActionFilter(PolicyPart):
-    """The filter.
+    """Turns the votes on single frames into steady driving.
 
     Args:
         kinds: The kinds of the moves.
