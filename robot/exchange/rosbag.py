@@ -37,6 +37,7 @@ _CONVERTED = {
     "8UC1": "GRAY2RGB",
     "rgba8": "RGBA2RGB",
     "bgra8": "BGRA2RGB",
+    "8UC4": "BGRA2RGB",
     "yuv422": "YUV2RGB_UYVY",
     "uyvy": "YUV2RGB_UYVY",
     "yuv422_yuy2": "YUV2RGB_YUYV",
@@ -47,8 +48,11 @@ _CONVERTED = {
     "bayer_gbrg8": "BayerGR2RGB",
     "bayer_grbg8": "BayerGB2RGB",
 }
-"""For each encoding of ROS, the OpenCV conversion that makes a colour picture from it."""
+"""For each encoding of ROS, the OpenCV conversion that makes a colour picture from it. An encoding
+with 16 bits, such as `mono16`, is converted like the encoding with 8 bits."""
 _CHANNELS = {_AS_IT_IS: 3, "BGR2RGB": 3, "RGBA2RGB": 4, "BGRA2RGB": 4}
+_LEAST_BAYER_PX = 3
+"""Smallest width and height of a Bayer picture: below it, OpenCV returns black pixels."""
 Order = tuple[int, float, float]
 """A velocity command: its time in nanoseconds, speed ahead (m/s) and turn to the left (rad/s)."""
 
@@ -205,23 +209,28 @@ def _picture(message: Any, kind: str) -> Picture:
     if kind == _COMPRESSED:
         return read_picture(bytes(message.data), "the picture")
     encoding, width, height = message.encoding, int(message.width), int(message.height)
-    if encoding not in _CONVERTED:
-        known = "depth" if encoding in ("16UC1", "32FC1", "mono16") else "an encoding"
+    depth = 2 if encoding.endswith("16") else 1
+    conversion = _CONVERTED.get(f"{encoding.removesuffix('16')}8" if depth == 2 else encoding)
+    if conversion is None:
+        known = "depth" if encoding in ("16UC1", "32FC1") else "of an unknown encoding"
         raise RecordingError(
             f"the picture is {known} ({encoding[:20]}), but must be colour or grey"
         )
-    conversion = _CONVERTED[encoding]
     channels = _CHANNELS.get(conversion, 2 if conversion.startswith("YUV") else 1)
-    row = width * channels
+    row = width * channels * depth
     data = np.frombuffer(bytes(message.data), np.uint8)
-    if not 0 < height <= MAX_SIDE_PX or not 0 < width <= MAX_SIDE_PX:
+    is_too_small = conversion.startswith("Bayer") and min(width, height) < _LEAST_BAYER_PX
+    is_halved = conversion.startswith("YUV") and width % 2  # two pixels share their colour
+    is_impossible = not 0 < height <= MAX_SIDE_PX or not 0 < width <= MAX_SIDE_PX
+    if is_impossible or is_too_small or is_halved:
         raise RecordingError(
-            f"the picture claims to be {width}x{height} pixels, which is impossible"
+            f"the picture claims to be {width}x{height} pixels, which is impossible for {encoding}"
         )
     if message.step < row or data.size < message.step * height:
         raise RecordingError("the picture is damaged: it has fewer bytes than its size needs")
     rows = data[: message.step * height].reshape(height, message.step)[:, :row]
-    pixels = np.ascontiguousarray(rows).reshape(height, width, channels)
+    high = rows[:, 0 if message.is_bigendian else depth - 1 :: depth]
+    pixels = np.ascontiguousarray(high).reshape(height, width, channels)
     if conversion != _AS_IT_IS:
         import cv2
 

@@ -219,7 +219,12 @@ def test_the_data_of_each_program_is_imported(data: Data, tmp_path: Path) -> Non
     assert times_s == sorted(set(times_s))
 
 
-def write_bag(path: Path, form: str, encoding: str, is_stamped: bool) -> Labels:
+CHANNELS = {"mono": 1, "bayer": 1, "yuv422": 2}
+
+
+def write_bag(
+    path: Path, form: str, encoding: str, is_stamped: bool, size: tuple[int, int] = (160, 120)
+) -> Labels:
     """Write a bag of ROS 1 or 2 by the library `rosbags`; return the label of each picture."""
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin
@@ -240,10 +245,13 @@ def write_bag(path: Path, form: str, encoding: str, is_stamped: bool) -> Labels:
             kind, packed = types["sensor_msgs/msg/CompressedImage"], picture(number)
             data = np.frombuffer(packed, np.uint8)
             return kind(header=header(at_ns), format="jpeg", data=data)
-        shown = np.ascontiguousarray(pixels(number)[:, :, : 1 if encoding == "mono8" else 3])
-        height, width, channels = shown.shape
-        sides = {"height": height, "width": width, "step": width * channels, "is_bigendian": 0}
-        kind, data = types["sensor_msgs/msg/Image"], shown.reshape(-1)
+        channels = next((n for name, n in CHANNELS.items() if name in encoding), 3)
+        shown = pixels(number)[: size[1], : size[0], :channels]
+        if encoding.endswith("16"):
+            shown = np.ascontiguousarray(shown.astype("<u2") << 8).view(np.uint8)
+        step = size[0] * shown.shape[2]
+        sides = {"height": size[1], "width": size[0], "step": step, "is_bigendian": 0}
+        kind, data = types["sensor_msgs/msg/Image"], np.ascontiguousarray(shown).reshape(-1)
         return kind(header=header(at_ns), encoding=encoding, data=data, **sides)
 
     def order(turn: float, at_ns: int) -> Any:
@@ -275,6 +283,7 @@ def write_bag(path: Path, form: str, encoding: str, is_stamped: bool) -> Labels:
     [
         *(("bag", "", False), ("bag", "rgb8", True), ("db3", "bgr8", False), ("db3", "", True)),
         *(("mcap", "mono8", False), ("mcap file", "", True)),
+        *(("bag", "mono16", False), ("db3", "bayer_rggb16", False), ("db3", "bayer_rggb8", True)),
     ],
 )
 def test_a_ros_bag_is_imported_and_a_velocity_holds_until_the_next(
@@ -285,6 +294,22 @@ def test_a_ros_bag_is_imported_and_a_velocity_holds_until_the_next(
     if form == "mcap file":
         [path] = path.glob("*.mcap")
     assert labels_by_number(import_from(path, tmp_path / "got.mcap")) == labels
+
+
+@pytest.mark.parametrize(
+    ("encoding", "size", "complaint"),
+    [
+        ("yuv422", (7, 5), "7x5 pixels, which is impossible for yuv422"),
+        ("bayer_rggb8", (4, 2), "4x2 pixels, which is impossible for bayer_rggb8"),
+        ("yuv444", (8, 6), r"of an unknown encoding \(yuv444\)"),
+    ],
+)
+def test_a_picture_that_its_encoding_cannot_hold_is_refused(
+    encoding: str, size: tuple[int, int], complaint: str, tmp_path: Path
+) -> None:
+    write_bag(tmp_path / "drive.bag", "bag", encoding, False, size)
+    with pytest.raises(RecordingError, match=complaint):
+        import_from(tmp_path / "drive.bag", tmp_path / "got.mcap")
 
 
 @pytest.mark.parametrize(
