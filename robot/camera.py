@@ -23,13 +23,13 @@ class Mounting:
 class Camera(StartStop):
     """A source of frames, found by name among the entry points.
 
-    Subclasses take pictures on a separate thread, or after each step of a simulated world. They
-    pass each picture to `_publish`, which overwrites the slot and wakes the listener. Reading never
-    blocks, so a frozen camera cannot hold up the loop. `start` and `stop` are idempotent. Options
-    are declared in the same way as a driver's.
+    Subclasses take pictures on a thread, or after each step of a simulated world. They pass each
+    picture to `_publish`, which overwrites the slot and wakes the listener. Reading never blocks,
+    so a frozen camera cannot hold up the loop. `start` and `stop` are idempotent. A camera declares
+    its options as a driver does (`robot.driver.Driver`).
 
     Attributes:
-        fault: The camera's fault, as a sentence for the page; None if all is well.
+        fault: What is wrong with the camera, as a sentence for the page; None if nothing is wrong.
         source_age_s: For a camera on another computer: the age of a picture in seconds when it
             reaches that computer. The time on the network is not included. None if the camera
             belongs to this computer, or if the other computer reports no age.
@@ -49,9 +49,9 @@ class Camera(StartStop):
     options_type: ClassVar[type[Any]]
     world_waits: ClassVar[bool] = False
     """True for a simulated world that stands still until the loop has acted on the newest picture.
-    Then no picture is too old to drive by, even on a slow computer."""
+    In such a world no picture is too old to drive by, even on a slow computer."""
     can_be_turned: ClassVar[bool] = True
-    """False for a recording, whose pictures are already upright."""
+    """False if `mounting` must not turn the pictures; those of a recording are already upright."""
 
     def __init__(self, clock: Clock) -> None:
         self.clock = clock
@@ -101,8 +101,8 @@ class Camera(StartStop):
     def world_s(self, at_s: float) -> float:
         """Convert `at_s`, a time of `self.clock`, to the time in the camera's world.
 
-        Both times are equal unless `world_waits`. A world that waits stops its clock until the loop
-        takes the next picture. So the wait does not count as the pilot's silence.
+        Both times are equal unless `world_waits`: such a world stops its clock until the loop takes
+        the next picture, so a pilot does not count as silent while the world waits.
         """
         return at_s
 
@@ -115,7 +115,8 @@ class Camera(StartStop):
         return frame
 
     def rest(self, every_s: float) -> None:
-        """Set the period at which pictures are needed, until the next call. Never blocks.
+        """Set the period at which pictures are needed, in seconds, until the next call. Never
+        blocks.
 
         If 0, all pictures are needed, the next one immediately. If infinite, no picture is needed.
         A camera that renders pictures skips unneeded ones; a camera that relays a device's pictures
@@ -148,7 +149,7 @@ class Camera(StartStop):
         return frame
 
     def _report_fault(self, sentence: str) -> None:
-        """Set the fault; a new fault wakes the listener. The next frame clears the fault."""
+        """Set `fault`, and wake the listener if it is new; the next frame clears `fault`."""
         if (sentence := str(sentence)) != self.fault:  # a plugin may pass an error
             self.fault = sentence
             self._on_frame()

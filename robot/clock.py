@@ -65,4 +65,4 @@ class Clock:
 
 
 RealClock = Clock
-"""Another name for `Clock`, for code that works only in real time."""
+"""`Clock` under a name that says that the code works only in real time."""

@@ -12,8 +12,8 @@ from robot.moves import Move, describe, move_at
 from robot.types import DEFAULT_MOVES, Action, Mode, Point, Prediction
 
 ACTION_TIMEOUT_S = 0.4
-"""Duration of one `send_action`, in seconds. Motors stop even if Python dies, because the body ends
-each move by itself unless the call is repeated in time. The gate's timeout, 0.3 s, is shorter."""
+"""Duration of one `send_action`, in seconds. The body ends each move by itself after this time, so
+motors stop even if Python dies. The gate stops a silent pilot sooner, after 0.3 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,20 +76,20 @@ class Correction:
 
     @property
     def signs(self) -> tuple[float, float]:
-        """Factors for the values of the left and the right motor."""
+        """Factors by which the values of the left and the right motor are multiplied."""
         return 1.0, 1.0
 
     def drive(
         self, body: Driver, action: Action, point: Point | None, *, speed_scale: float
     ) -> Action:
-        """Send steering and throttle if the body accepts them, otherwise the move. Return the
-        uncorrected move."""
+        """Send steering and throttle if the body accepts them, otherwise the move. Return the move
+        before any correction."""
         if point is not None and body.takes_points:
             return body.send_point(point, speed_scale=speed_scale)
         return body.send_action(action, speed_scale=speed_scale)
 
     def motors(self, values: tuple[float, float]) -> tuple[float, float]:
-        """Return the values for the left and the right motor."""
+        """Return the corrected values of the left and the right motor."""
         return values
 
     def wheels(self, turned: tuple[float, float]) -> tuple[float, float]:
@@ -98,7 +98,7 @@ class Correction:
 
 
 class BodyButton(StrEnum):
-    """The request that a button on the body makes."""
+    """What a person requests with a button on the body."""
 
     STOP = "stop"
     START = "start"  # start in the mode that was used last
@@ -153,7 +153,7 @@ class Driver(ABC):
 
     @property
     def moves(self) -> tuple[Action, ...]:
-        """Names of this body's moves, without STOP, in the order of `declared_moves`."""
+        """The names of `declared_moves`, in that order; STOP is not among them."""
         return tuple(move.name for move in self.declared_moves)
 
     @property
@@ -164,7 +164,7 @@ class Driver(ABC):
 
     @property
     def takes_advice(self) -> bool:
-        """True for a body that gets the learner's predictions, even while the pilot drives."""
+        """True if `receive_prediction` gets each prediction, also while the pilot drives."""
         return False
 
     @property
@@ -202,9 +202,9 @@ class Driver(ABC):
     def send_point(self, point: Point, *, speed_scale: float = 1.0) -> Action:
         """Steer proportionally for at most `ACTION_TIMEOUT_S`; return the nearest move.
 
-        Steering and throttle that a move declares have the same effect as the move. Values between
-        two moves give a motion between the two. A body that accepts no points drives the returned
-        move.
+        The steering and throttle that a move declares have the same effect as this move. Values
+        between those of two moves cause a motion between the two. A body that accepts no points
+        drives the returned move.
 
         Args:
             point: Steering and throttle.
@@ -221,8 +221,8 @@ class Driver(ABC):
     ) -> Action:
         """Send steering and throttle if this body accepts them, otherwise the move.
 
-        The loop calls this method. The method corrects the order, but not the returned move. Raises
-        the errors of `send_action`.
+        The loop calls this method. The method applies `correction` to the order, but not to the
+        returned move. Raises the errors of `send_action`.
         """
         return self.correction.drive(self, action, point, speed_scale=speed_scale)
 
@@ -237,7 +237,7 @@ class Driver(ABC):
 
     @abstractmethod
     def sense(self) -> Sensors:
-        """Read the sensors. Never blocks for longer than a few milliseconds unless `is_remote`."""
+        """Read the sensors. Blocks for at most a few milliseconds, unless the body `is_remote`."""
 
     @abstractmethod
     def stop(self) -> None:

@@ -72,7 +72,7 @@ class PluginError(RobotError, LookupError):
 
 
 class NotConnectedError(RobotError, ConnectionError):
-    """A driver was used before `connect` or after `disconnect`."""
+    """Somebody called a driver before `connect` or after `disconnect`."""
 
 
 class DriveError(RobotError, OSError):
@@ -104,7 +104,7 @@ def reason(error: BaseException) -> str:
 def told_as(
     kind: type[Exception], what: str, *errors: type[Exception], do: str = ""
 ) -> Iterator[None]:
-    """Convert OSErrors, or the given errors, to `kind`: it says what failed, why, what to do."""
+    """Convert OSErrors, or these errors, to `kind`, and say what failed, why, and what to do."""
     caught = errors or (OSError,)
     try:
         yield

@@ -104,8 +104,8 @@ def names(moves: Iterable[Move]) -> tuple[Action, ...]:
 
 
 def describe(wanted: Iterable[Action], declared: Iterable[Move] = ()) -> tuple[Move, ...]:
-    """Return the wanted moves. A name that the driver does not declare gives the classic move of
-    this name; an unknown name gives a move without a description."""
+    """Return the wanted moves. For a name that the driver does not declare, return the classic move
+    of this name; if there is none, a move without a description."""
     known = {**CLASSIC, **{move.name: move for move in declared}}
     return tuple(known.get(name) or Move(name) for name in wanted)
 
@@ -127,9 +127,9 @@ def move_at(point: Point, moves: Iterable[Move], threshold: float = TURNS_BEYOND
     """Return the move that is nearest to this steering and throttle. Return None if the point is a
     stop, or if no move drives in the point's direction (ahead, back, or on the spot).
 
-    Return the nearest move that drives in the same direction and turns to the same side. If no move
-    turns to that side, return the nearest move in the same direction: a curve backward counts as
-    backward.
+    Return the nearest move that drives in the same direction and turns to the same side. If no such
+    move turns to that side, return the nearest move in the same direction, for example `backward`
+    for a curve backward.
 
     Raises:
         ValueError: If steering or throttle is not a number in [-1, 1].

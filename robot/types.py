@@ -86,7 +86,7 @@ class Point(NamedTuple):
 
 
 class Mode(StrEnum):
-    """The mode that the pilot requested. Only a request of the pilot ends STOPPED."""
+    """The mode that the pilot requested. The robot leaves STOPPED only if the pilot requests it."""
 
     STOPPED = "stopped"
     TRAIN = "train"
@@ -183,7 +183,7 @@ class Prediction:
     distance: float = 0.0
     novelty: float = 0.0
     is_stalled: bool = False
-    """True while the robot drives straight but the picture or a bumper shows that it is stuck."""
+    """True while the picture or a bumper shows that the robot does not move although it should."""
     is_turn: bool = False
     """True if the action is known to steer to one side."""
     needs_help: bool = False

@@ -18,7 +18,7 @@ Label = str
 
 
 class NotFittedError(ValueError):
-    """A prediction was requested before the learner learned its first example."""
+    """The learner cannot predict, because it has not learned any example yet."""
 
 
 def checked_vector(x: Vector, n_features: int | None = None) -> Vector:
@@ -47,10 +47,10 @@ class Evidence:
     `probabilities` sum to 1. `confidence` is the calibrated probability that `label` is right.
     `novelty` is 0 for a familiar view, and 1 or more for a view unlike all learned views. Novelty
     is always 0 if the learner's `abilities` do not include it. `node` is the id of the nearest
-    learned image; None if the learner stores no images. If angles were learned, there are also
-    `angle` (about from -1 to 1), its standard deviation `spread`, and `size`, the mean magnitude of
-    the angle. If the pilot turned to both sides at this view, `size` is large although `angle` is
-    near 0.
+    learned image; None if the learner stores no images. If the learner learned angles, `angle` is
+    the predicted angle (about -1 to 1), `spread` its standard deviation, and `size` the mean
+    magnitude of the learned angles. If the pilot turned to both sides at this view, `size` is large
+    although `angle` is near 0.
     """
 
     label: Label
@@ -99,7 +99,7 @@ class Abilities:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Node:
-    """One learned image. Merges do not change its `id`; `frames` counts the frames merged into it.
+    """One learned image. Its `id` survives merges; `frames` counts the frames merged into it.
 
     `angle` is the mean angle of these frames, if angles were learned.
     """
@@ -135,7 +135,7 @@ class Learner(Protocol):
     sharpness: float = 1.0
     """The power to which shares of votes are raised to calibrate them; 1 calibrates nothing."""
     mirror: Mirror | None = None
-    """Mirrors each example, if left and right are alike; the mirror image is learned, too."""
+    """Mirrors each example while left and right count as alike; both are learned."""
     last_node_: int | None = None
     """Id of the image that the latest example was merged into; None if there is no such image."""
 
@@ -169,7 +169,7 @@ class Learner(Protocol):
         return self.explain_one(x)
 
     def begin_like(self, earlier: Sequence[State]) -> int:
-        """Expect this place to resemble the places of earlier models, until examples say otherwise.
+        """Start from what the places of earlier models have in common; examples soon outweigh it.
 
         Call this before the first example. Return how many of the earlier models were used; 0 if
         the learner cannot use any.
@@ -177,8 +177,8 @@ class Learner(Protocol):
         return 0
 
     def begin_angles(self, of_labels: Mapping[Label, float]) -> None:
-        """Learn an angle from -1 to 1 with each example from now on. Each earlier frame gets the
-        angle of its label, or 0."""
+        """Learn an angle from -1 to 1 with each example from now on. Each frame learned before gets
+        its label's angle in `of_labels`, or 0."""
         return
 
     def predict_one(self, x: Vector) -> Label:
@@ -244,6 +244,6 @@ class Learner(Protocol):
 
 
 class BaseLearner(Learner):
-    """Base of a `Learner` without images or other abilities; a subclass defines four methods."""
+    """Base of a `Learner` without images or other `abilities`; a subclass defines four methods."""
 
     n_nodes_ = 0

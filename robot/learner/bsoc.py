@@ -24,8 +24,8 @@ Floats = NDArray[np.float32]
 MOST_NORM = 1e24
 """Upper bound of a squared norm, so that the most expensive merge has a finite cost in float32."""
 CACHED_FROM = 200
-"""Least number of nodes for which the minimum of each row is cached. One argmin takes 2 us at
-128 nodes and 340 us at 1024; the cache takes 9 us and 25 us."""
+"""With fewer nodes than this, the minimum of each row is not cached. One argmin takes 2 us at 128
+nodes and 340 us at 1024; the cache takes 9 us and 25 us."""
 
 
 class Edges:
@@ -49,7 +49,7 @@ class Edges:
         return float(self.weights[one, two]), one, two
 
     def set_row(self, node: int, weights: Distances) -> None:
-        """Write one node's weights to the first `len(weights)` nodes."""
+        """Set the weights of the edges between one node and the first `len(weights)` nodes."""
         weights[node] = np.inf
         size = weights.size
         if self.n_pinned:
@@ -73,7 +73,7 @@ class Edges:
             self._rescan(np.arange(self._n))
 
     def _rescan(self, rows: NDArray[np.intp]) -> None:
-        """Find the smallest weight of each of these rows."""
+        """Find and cache the smallest weight of each of these rows."""
         self._partner[rows] = partners = self.weights[rows].argmin(axis=1)
         self._least[rows] = self.weights[rows, partners]
 
@@ -141,7 +141,7 @@ class Images(Stateful):
         self._norms[row] = self._x_norm
 
     def absorb(self, row: int, count: int) -> None:
-        """Update a node's image, the mean of `count` frames, with the measured vector."""
+        """Add the measured vector to a node's image, which is the mean of `count` frames."""
         self._blend(row, self._x, 1.0 / (count + 1))
 
     def merge(self, kept: int, removed: int, count_kept: int, count_removed: int) -> None:
@@ -167,11 +167,11 @@ class Images(Stateful):
         return images
 
     def compared(self, size: int) -> Floats:
-        """Return the compared values of each image, relative to a constant vector."""
+        """Return the compared values of each image, minus the same vector for all images."""
         return self._rows[:size]
 
     def follow(self, counts: NDArray[np.int64]) -> None:
-        """Update what depends on the number of frames of each image: nothing by default."""
+        """Use the new numbers of frames of the images. The base class does not need them."""
 
     def faults(self) -> Iterator[str]:
         norms = 0.5 * np.einsum("ij,ij->i", self._rows, self._rows)
@@ -247,7 +247,7 @@ class BSOC(Clusters):
         if self.n_trained_ == 0:
             self._images.begin(x)
         size = self.n_nodes_
-        distances = self._images.measure(x, size)  # these are half the squared distances
+        distances = self._images.measure(x, size)  # `distances` are half the squared distances
         self.last_merge_ = None
         self.last_distance_ = self._held_out(distances)
         self.last_distances_, self.last_touched_ = 2.0 * distances, self.touched_
@@ -286,7 +286,7 @@ class BSOC(Clusters):
         return 2.0 * float(distances[nearest])
 
     def _absorb(self, node: int, distances: Floats) -> None:
-        """Merge the measured frame into a node; updates `distances`."""
+        """Merge the measured frame into a node, and change `distances` accordingly."""
         self._touched[node] = self.n_trained_
         count = int(self._counts[node])
         share = 1.0 / (count + 1)
@@ -297,8 +297,8 @@ class BSOC(Clusters):
         self._images.absorb(node, count)
 
     def _merge(self, kept: int, removed: int, distances: Floats) -> tuple[int, int]:
-        """Merge one node into another without changing the images. Update `distances`, which are
-        those of the measured frame. Return how many frames each of the two nodes had."""
+        """Merge one node into another, but not their images. Change `distances`, those of the
+        measured frame, accordingly. Return how many frames each of the two nodes had."""
         count, other = int(self._counts[kept]), int(self._counts[removed])
         share = other / (count + other)
         between = float(self._distances[kept, removed])
@@ -316,8 +316,8 @@ class BSOC(Clusters):
         return count, other
 
     def _blended(self, one: Floats, two: Floats, share: float, between: float) -> Floats:
-        """Lance-Williams update of the distances from node k to the merged node ij:
-        wi d(k, i) + wj d(k, j) - wi wj d(i, j), where wi + wj = 1 are shares of their frames."""
+        """Return the distances from each node k to the union of nodes i and j (Lance-Williams): wi
+        d(k, i) + wj d(k, j) - wi wj d(i, j); wi and wj are the shares of their frames."""
         row: Floats = two - one
         row *= share
         row += one
@@ -374,7 +374,7 @@ class BSOC(Clusters):
         self._images.follow(self._counts)
         self._masses = self._counts.astype(np.float32)
         misfit, right = self._misfit()
-        if 0.1 < misfit <= 1.0:  # this bound is larger than the rounding errors of learning
+        if 0.1 < misfit <= 1.0:  # larger than the rounding errors that learning accumulates
             self._distances[: self.n_nodes_, : self.n_nodes_] = right
         super().restored()
 

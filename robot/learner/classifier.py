@@ -19,7 +19,7 @@ from robot.learner.published import PublishedBSOC
 from robot.learner.ridge import MIRRORED, RecursiveRidge
 
 GROUP_COST = 1000.0
-"""Factor by which a merge of nodes of two labels costs more, so that it is the last resort."""
+"""Factor by which merging nodes of different labels costs more, so that it is the last resort."""
 N_VOTERS = 3
 LINEAR_SHARE = 0.7
 CONTEXT_SHARE = 0.85
@@ -42,8 +42,8 @@ class BSOCClassifier(LabelledImages):
         cluster: The clustering; if None, a label-aware `BSOC`.
         balance: Extra weight of rare labels, from 0 to 1 (`votes.rarity`).
         novelty_margin: Margin of the border of novelty (`Novelty`).
-        forgets: True to follow a pilot who relabels the same views (`votes.ChangeOfMind`); no
-            effect with a clustering that measures no novelty.
+        forgets: True to follow a pilot who relabels the same views (`votes.ChangeOfMind`); ignored
+            if the clustering does not measure novelty.
 
     Example:
         >>> learner = BSOCClassifier(max_nodes=2)
@@ -119,7 +119,7 @@ class BSOCClassifier(LabelledImages):
                     sums[kept] += sums[removed]
                     sums[removed] = 0
         if self._mind is not None:
-            # The distances and `owners` were computed before any merge.
+            # `distances` and `owners` describe the nodes before this example caused a merge.
             distances, taught = cluster.last_distances_, cluster.last_touched_
             self._mind.note(column, distances, owners, taught, cluster.n_trained_)
         self._histograms[node, column] += 1
@@ -140,7 +140,7 @@ class BSOCClassifier(LabelledImages):
                 self.linear.learn_mirrored(*self._mirrored(x, targets, steered), contexts)
 
     def _owners(self) -> NDArray[np.int64]:
-        """For each node, return the label with the most votes, or -1 without votes; shape (n,)."""
+        """Return each node's most frequent label (its column), -1 without votes; shape (n,)."""
         counts = self._histograms[: self.cluster.n_nodes_]
         owners = counts.argmax(axis=1) if counts.size else np.zeros(len(counts), np.int64)
         owners[~counts.any(axis=1)] = -1
@@ -188,7 +188,7 @@ class BSOCClassifier(LabelledImages):
     def _angle(
         self, x: Vector, distances: votes.Distances, sums: votes.Floats
     ) -> tuple[float | None, ...]:
-        """Return angle, magnitude and standard deviation, mixed like the votes."""
+        """Return angle, magnitude and standard deviation, weighted in the same way as the votes."""
         frames = self._histograms[: distances.size].sum(axis=1)
         both, spread = votes.mean_angle(distances, sums, frames, self.n_voters)
         linear = None if self.linear is None else self.linear.angle(x)

@@ -40,11 +40,11 @@ class Clusters(Stateful, ABC):
         n_nodes_: Number of nodes.
         n_trained_: Number of frames trained.
         names: The id of each row; a merged node gets the id of its heavier parent.
-        last_merge_: The kept and the removed node if the latest frame caused a merge of two nodes;
-            the frame became a node with the removed node's index. Otherwise None.
+        last_merge_: The kept and the removed node if two nodes were merged to make room for the
+            latest frame, which got the removed node's index. Otherwise None.
         last_distance_: Squared distance of the latest frame from the nearest node, or None if it
-            was not measured. Nodes with one of the previous `HELD_OUT` frames are left out if any
-            other node exists.
+            was not measured. The nodes of the previous `HELD_OUT` frames do not count if any other
+            node exists.
         last_distances_: Squared distances of the latest frame from the nodes, before any merge.
         last_touched_: The value of `touched_` before the latest frame.
     """
@@ -96,12 +96,12 @@ class Clusters(Stateful, ABC):
 
     @property
     def touched_(self) -> NDArray[np.int64]:
-        """Number of the last frame that each node got, shape (n,), if it is measured."""
+        """Number of the last frame that each node got, shape (n,); 0 if it is not recorded."""
         return np.zeros(self.n_nodes_, np.int64)
 
     @abstractmethod
     def train(self, x: Vector, group: int = 0) -> int:
-        """Add one frame; if there are too many nodes, merge the pair with the lowest cost.
+        """Add one frame as a node; if there are then too many, merge the pair with the lowest cost.
 
         Returns:
             The index of the node that is nearest to `x` after the merge.

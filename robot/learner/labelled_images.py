@@ -83,7 +83,7 @@ class LabelledImages(Stateful, Learner):
             for state in earlier
             if state.kind == self._kind and state.arrays["linear"].shape[0] == linear.size
         ]
-        # The mean of the weights of several places keeps what the places have in common.
+        # The mean over several places keeps what their weights have in common.
         for labels, weights in alike:
             linear.begin_like([self._know(label) for label in labels], weights / len(alike))
         return len(alike)
@@ -150,7 +150,7 @@ class LabelledImages(Stateful, Learner):
     def faults(self) -> Iterator[str]:
         if len(set(self.labels_)) < len(self.labels_):
             yield "a label occurs twice"
-        # A label may have no images, because its last image may have been deleted.
+        # Somebody may have deleted the last image of a label.
         if self.n_nodes_ > 0 and not self.labels_:
             yield "it has images without labels"
         if self.cluster.groups_.max(initial=-1) >= len(self.labels_):

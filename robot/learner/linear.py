@@ -32,10 +32,10 @@ class LinearPart(Stateful, ABC):
 
     @abstractmethod
     def scores(self, x: Vector, context: int | None = None) -> Floats:
-        """Return estimated probabilities, shape (n_labels,); they may be below 0 or above 1."""
+        """Return each label's estimated probability, shape (n_labels,), not limited to [0, 1]."""
 
     def angle(self, x: Vector) -> Floats | None:
-        """Return angle and magnitude, shape (2,), not bounded; None if no angle is learned."""
+        """Return angle and magnitude, shape (2,), without limits; None if no angle is learned."""
         return None
 
     @abstractmethod
@@ -46,7 +46,7 @@ class LinearPart(Stateful, ABC):
 
     @abstractmethod
     def forget(self, x: Vector, targets: Floats, frames: float, angle: Angle = 0.0) -> None:
-        """Remove `frames` frames with these means. Each context loses its share of the frames."""
+        """Remove `frames` frames that have these means; each context loses its share of them."""
 
     @abstractmethod
     def retarget(self, x: Vector, change: Floats, angle: Angle = 0.0) -> None:

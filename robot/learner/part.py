@@ -229,7 +229,7 @@ class Stateful:
             params: The plain values.
             arrays: The arrays; they are copied.
             names: Maps each allowed label or move to the part's own name for it.
-            sizes: Known lengths, by name.
+            sizes: The lengths that are already known, by name.
 
         Raises:
             ValueError: If a field is missing, unknown or not as declared; the part may then be

@@ -1,8 +1,8 @@
 """The clustering exactly as published, with the published rules for ties.
 
-Source: Ferrer, FLAIRS-30 (2017), and the authors' program for the details. The distance is the sum
-of squared differences. A new node gets the lowest free index. A merged node gets the lower index of
-the two nodes, and the last node moves to the other index.
+Source: Ferrer, FLAIRS-30 (2017); where the paper is silent, the authors' program. The distance is
+the sum of squared differences. A new node gets the lowest free index. A merged node gets the lower
+index of the two nodes, and the last node moves to the other index.
 """
 
 from __future__ import annotations

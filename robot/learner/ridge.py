@@ -31,8 +31,8 @@ from robot.learner.votes import Floats
 Singles = NDArray[np.float32]
 Places = NDArray[np.intp]
 _WAITING = 32
-"""Number of pending updates of the inverse that are written together. With a larger number,
-slower evaluations would cost more time than fewer writes save."""
+"""Number of pending updates of the inverse that are written together. A larger number slows each
+evaluation by more than the fewer writes save."""
 _ROUNDED = 1e-5
 """Largest rounding error of an eigenvalue of the inverse, as a share of the largest possible
 eigenvalue. Each write rounds to single precision, and so adds an error of 6e-8 times the largest
@@ -40,8 +40,8 @@ possible eigenvalue."""
 _MOST_INVERSE = 1e3
 """Upper bound of an inverse's values, which begin at 1 / penalty and shrink with every frame."""
 MIRRORED = 0.3
-"""Weight of a frame's mirror image, if left and right are alike. With few frames a weight of 1 is
-no better; with many frames it does more harm."""
+"""Weight of a frame's mirror image, if left and right are alike. A weight of 1 is no better after
+few frames, and does more harm after many."""
 
 
 @functools.cache
@@ -135,8 +135,8 @@ class RecursiveRidge(LinearPart):
         """Add the mirror images of all frames so far, or remove them again.
 
         Args:
-            places: For each feature the index of its mirrored feature.
-            columns: For each label the column of its mirrored label.
+            places: Index of each feature's mirror image.
+            columns: Column of each label's mirrored label.
             on: True to add the mirror images, False to remove them.
         """
         alike = np.eye(self.size)
@@ -321,7 +321,7 @@ class ContextRidge(RecursiveRidge):
         return shares
 
     def _copy(self) -> RecursiveRidge:
-        """Return a copy of the common ridge, without angles, as the start of a context's ridge."""
+        """Return a copy of this ridge without angles, from which a context's ridge begins."""
         ridge = RecursiveRidge(
             self.n_features, penalty=self.penalty, scale=self.scale, alike=self._alike
         )
@@ -334,7 +334,7 @@ class ContextRidge(RecursiveRidge):
         return [(f"context{context}", ridge) for context, ridge in enumerate(self._ridges)]
 
     def prepare(self, arrays: Arrays) -> None:
-        """Create as many ridges as were saved."""
+        """Create a ridge for each context that was saved."""
         every = (f"context{context}" for context in range(N_CONTEXTS))
         names = [name for name in every if any(key.startswith(f"{name}_") for key in arrays)]
         self._ridges = [self._copy() for _ in names]
@@ -344,5 +344,5 @@ class ContextRidge(RecursiveRidge):
         for i, ridge in enumerate(self._ridges):
             for field in ridge.fields:  # check before copying: a copy would hide bad values
                 field.check(ridge)
-            if ridge.is_indefinite:  # frames of the other context were removed from this ridge
+            if ridge.is_indefinite:  # it lost more frames than it had learned in this context
                 self._ridges[i] = self._copy()

@@ -13,7 +13,7 @@ Names = Mapping[str, str]
 """The names of labels and moves that a model may use, each with the robot's own name for it. An
 empty map allows every name."""
 Reader = Callable[[Any, Names], Any]
-"""Converts a plain value to the part's form; raises ValueError for an invalid value."""
+"""Converts a plain value to the part's form, or raises ValueError if it is invalid."""
 
 
 def demand(holds: bool, otherwise: str = "") -> None:

@@ -1,6 +1,6 @@
 """Computes a view's label, angle and novelty from its distances to the learned images.
 
-If the pilot changes his mind about a label, it loses votes (`ChangeOfMind`).
+A label that the pilot has replaced at a view loses votes there (`ChangeOfMind`).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from robot.learner.part import Array, Stateful, Value
 from robot.learner.values import WHOLE, count
 
 _DOUBT = 0.5
-"""How fast confidence falls with novelty above 1: at novelty 3 half of the confidence is left."""
+"""Confidence falls while novelty rises above 1: at novelty 3, half of the confidence is left."""
 Floats = NDArray[np.float64]
 Distances = NDArray[np.float32] | NDArray[np.float64]
 
@@ -60,8 +60,8 @@ def _weighed(
 
 
 def angle_terms(angle: Floats | float) -> Floats:
-    """Return the angle, its magnitude and its square, shape (..., 3). The mean and the standard
-    deviation of several angles are computed from the sums of these terms."""
+    """Return the angle, its magnitude and its square, shape (..., 3). The sums of these terms give
+    the mean and the standard deviation of several angles."""
     return np.stack([angle, np.abs(angle), np.square(angle)], axis=-1)
 
 
@@ -84,7 +84,7 @@ def mean_angle(
 
 
 def chance(votes: Sequence[float], best: int, sharpness: float) -> float:
-    """Return the probability that the label `best` is right: its share after sharpening.
+    """Return the probability that the label `best` is right: its share of the votes, sharpened.
 
     Votes of neighbours and of a penalised linear part are underconfident: at a share of 75 % they
     are right in 87 % of frames. Raising the shares to a power (temperature scaling) calibrates the
@@ -96,7 +96,7 @@ def chance(votes: Sequence[float], best: int, sharpness: float) -> float:
 
 
 def doubted(votes: Sequence[float], best: int, sharpness: float, novelty: float) -> float:
-    """Return `chance`; the more novel the view, the closer the result is to a random guess."""
+    """Return `chance` up to novelty 1; beyond, the result approaches a random guess."""
     certain = chance(votes, best, sharpness)
     if novelty <= 1.0:
         return certain
@@ -108,7 +108,7 @@ def rarity(counts: NDArray[np.int64] | Floats, power: float) -> Floats:
     """Return factors for the labels' votes, higher for rare labels.
 
     Most of the first examples have the most frequent label, so a learner trained on them is biased
-    towards this label. The factors correct this ("logit adjustment", Menon et al. 2021).
+    towards this label. The factors reduce this bias ("logit adjustment", Menon et al. 2021).
 
     Args:
         counts: Number of examples of each label; without examples the factor is 1.
@@ -126,10 +126,10 @@ def shares(votes: Floats) -> Floats:
 
 
 HELD_OUT = 20
-"""A view's novelty ignores the nodes of this many latest examples, because successive frames are
-almost the same. At ten examples a second this is 2 s."""
+"""Novelty ignores the nodes that got one of this many latest examples, because successive frames
+are almost the same. At ten examples a second this is 2 s."""
 _FEWEST, _MEMORY = 30, 600
-"""Minimum and maximum number of recent examples with which a view is compared."""
+"""Minimum and maximum number of earlier distances with which a view's distance is compared."""
 _SCALE = 3
 _RENEWED_EVERY = 20
 _BORDER = 98
@@ -210,12 +210,12 @@ APART = 1.3
 """An example differs clearly from another label if the distance to that label's images is at least
 this many times the distance to the images of its own label."""
 ENOUGH = 20.0
-"""A label is overruled if this many more examples contradict it than confirm it."""
+"""A label is overruled if at least this many more examples contradict it than confirm it."""
 MOST_A_TURN = 10.0
 """A single turn, which may be a mistake, adds at most this many examples against a label."""
 CONFIRMED = 4.0
-"""One more example of a label cancels this many contradictions, if the label was taught at the same
-view before."""
+"""An example of a label at a view where the label was taught before cancels this many
+contradictions."""
 LATER = 200
 """An image was taught "much later" than another if at least this many examples were learned in
 between (20 s of teaching)."""
@@ -226,25 +226,25 @@ STILL_VALID = 0.3
 class ChangeOfMind(Stateful):
     """Detects that the pilot has changed his mind and relabels the same views again and again.
 
-    A label that the pilot stops using is no evidence of a change of mind: perhaps he has only
-    turned round to drive back. A single contradiction is no evidence either, because where a turn
-    begins a view can be labelled as straight in one lap and as a turn in the next. So an example
-    contradicts a label only if the label's images are about as near to it as those of its own
-    label, and clearly nearer than those of driving straight. After a change of mind, most examples
-    contradict the old label; on a drive in the other direction, few do.
+    If the pilot stops using a label, this does not prove a change of mind: perhaps he has only
+    turned round to drive back. A single contradiction does not prove it either, because a view
+    where a turn begins can be labelled as straight in one lap and as a turn in the next. So an
+    example contradicts a label only if the label's images are about as near to it as those of its
+    own label, and clearly nearer than those of driving straight. After a change of mind, most
+    examples contradict the old label; on a drive in the other direction, few do.
 
     A label loses most of its votes at a view in two cases. In the first case, the label was
     contradicted often enough, and its nearest image was last taught before the contradictions
     began. In the second case, another label's image is at least as near and was taught much later.
-    Both rules apply only when the classifier counts votes; they change no histogram. So both rules
-    lose their effect if the pilot teaches the old label again at such views.
+    Both rules reduce votes only while they are counted; the stored histograms stay. So teaching the
+    old label again at such views cancels the effect.
 
     The pilot can also declare a change of mind (`outdate`), which is better evidence than
     contradictions. If a label's nearest image was last taught before `outdate`, the label's votes
     go to the nearest image that was taught after it.
 
-    These rules ignore the label to which the pilot switches most often, such as FORWARD. A pilot
-    goes back to it after every other label, and the moment varies by a tenth of a second.
+    All of these rules ignore the label to which the pilot switches most often, such as FORWARD. A
+    pilot returns to it after every other label, and not always at the same view.
 
     Labels are columns 0, 1, ...; times are counts of examples. Arrays of shape (n,) describe the
     images. `distances` are squared. `owners` are the labels with the most votes (-1: none).
@@ -259,7 +259,7 @@ class ChangeOfMind(Stateful):
     )
 
     def __init__(self) -> None:
-        self._against = np.zeros((0, 0))  # examples of the second label that contradict the first
+        self._against = np.zeros((0, 0))  # [a, b]: examples of label b that contradict label a
         self._since = np.zeros((0, 0), np.int64)
         self._taken_up = np.zeros(0, np.int64)
         self._last = -1
@@ -281,7 +281,7 @@ class ChangeOfMind(Stateful):
         taught: NDArray[np.int64],
         now: int,
     ) -> None:
-        """Process one example, taught at time `now`."""
+        """Update the evidence with one example, taught at time `now`."""
         if label != self._last:
             self._taken_up[label] += 1
             self._before, self._last = self._against[:, label].copy(), label
@@ -316,7 +316,7 @@ class ChangeOfMind(Stateful):
     ) -> Floats:
         """Return each label's share of the votes, shape (n_labels,), corrected for relabelling."""
         usual = int(self._taken_up.argmax())
-        nearest: dict[int, tuple[float, int]] = {}  # for each label: (distance, time taught)
+        nearest: dict[int, tuple[float, int]] = {}  # by label: (distance, time taught)
         for label in range(len(shares)):
             if label != usual:
                 image = int(np.where(owners == label, distances, np.inf).argmin())
@@ -341,7 +341,7 @@ class ChangeOfMind(Stateful):
 
     @property
     def _contradicted(self) -> Floats:
-        """The evidence against each label. The last row was copied when the current label began."""
+        """The evidence against each label; last, its values when the current label began."""
         return np.vstack([self._against, self._before])
 
     @_contradicted.setter
@@ -350,7 +350,7 @@ class ChangeOfMind(Stateful):
 
     @property
     def _kept_taken_up(self) -> NDArray[np.int64]:
-        """The saved state: switches to each label, then the latest label's column plus 1 (or 0)."""
+        """For the file: how often each label began, then the latest label's column plus 1, or 0."""
         return np.append(self._taken_up, self._last + 1)
 
     @_kept_taken_up.setter

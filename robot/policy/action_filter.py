@@ -1,4 +1,4 @@
-"""Turns the votes on single frames into steady driving: smoothing, hysteresis, leaving dead ends.
+"""Turns the votes on single frames into steady driving, and finds the way out of dead ends.
 
 Every constant is a time or a share of votes, never a number of frames.
 
@@ -96,7 +96,7 @@ class RunningVotes:
 
 
 class StallDetector:
-    """Bars a move that has no effect: motion is commanded, but the image does not change.
+    """Bars a move that has no effect: the robot should move, but the image does not change.
 
     Pilots seldom get stuck, so the learner does not know such views, and its votes could make the
     robot push indefinitely. An unchanged image or a pressed bumper shows that the robot is stuck. A
@@ -104,12 +104,12 @@ class StallDetector:
     also be almost the same as when it stopped changing.
 
     `Headway` watches turns instead, because near a plain wall a turn changes the picture little.
-    Some moves have an unknown effect, for example waiting or gripping. The detector ignores such a
-    move if the body stood still when the pilot made this move.
+    The effect of some moves is unknown, for example of gripping. The detector ignores such a move
+    if the body stood still when the pilot made it.
 
     Attributes:
-        is_stalled: True while the current move has no effect.
-        futile: The moves that are given up.
+        is_stalled: True while the current move seems to have no effect.
+        futile: The moves that are barred, because they had no effect.
     """
 
     def __init__(self, kinds: MoveKinds) -> None:
@@ -121,7 +121,7 @@ class StallDetector:
         self._given_up: tuple[float, NDArray[np.uint8]] | None = None
 
     def look(self, seen: Seen, pace: PilotPace) -> None:
-        """Process one more frame; `pace` is learned from the pilot's driving."""
+        """Process one more frame; `pace` says how long this pilot pushes and turns."""
         kinds, under_way, at_s = self._kinds, seen.under_way, seen.at_s
         change = self._meter.note(seen.picture, at_s)
         if change is None:
@@ -165,18 +165,18 @@ class StallDetector:
 
 
 TURN_INERTIA, STRAIGHT_INERTIA = 0.3, 0.1
-"""Inertia (hysteresis) of turns and of all other moves: the lead in votes that another move needs
-to replace the current move.
+"""Hysteresis of turns and of all other moves: the lead in votes that another move needs to replace
+the current move.
 
-People begin a turn late and end it late, which single frames do not show. So without inertia the
-robot ends its turns too early. Straight moves have less inertia, because it is worse to begin a
-turn too late than to end it too late (docs/explanation/learner.md).
+People begin a turn late and end it late, which single frames do not show. So without hysteresis the
+robot ends its turns too early. Straight moves have less of it, because it is worse to begin a turn
+too late than to end it too late (docs/explanation/learner.md).
 """
 ALLOWANCE = 1.3
 """If the robot loses more time than this factor times the pilot's longest lost time (`Headway`),
 its turns get fewer votes."""
 HELPLESS_S = 10.0
-"""Time that the robot may lose beyond `ALLOWANCE` before it stops and asks for help, in seconds."""
+"""The robot asks for help if it loses this much more time than `ALLOWANCE` permits, in seconds."""
 ASKING_S = 5.0
 """Time for which the robot asks for help before it tries again by itself, in seconds."""
 
@@ -188,7 +188,7 @@ class ActionFilter(PolicyPart):
         kinds: The kinds of the moves.
         votes_kept: Decay factor of the running average of votes per tenth of a second.
         turn_inertia: Lead in votes that another move needs to replace a turn.
-        straight_inertia: Lead in votes that is needed to replace any other move.
+        straight_inertia: Lead in votes needed to replace a move that is not a turn.
         gives_up: True to give up moves without effect; the paper's robot never does.
 
     Attributes:
@@ -223,7 +223,7 @@ class ActionFilter(PolicyPart):
         return cls(kinds, 0.0, turn_inertia=0.0, straight_inertia=0.0, gives_up=False)
 
     def on_frame(self, seen: Seen) -> None:
-        """Average the votes, and either change to the move with the most votes or go on."""
+        """Average the votes, and decide whether to change to the move with the most votes."""
         seen.shares = self._average.update(seen.shares, seen.step_s, self.pace.usual_run_s)
         seen.kept = self._average.kept
         seen.action = self._choose(seen)
@@ -252,7 +252,7 @@ class ActionFilter(PolicyPart):
         allowed = [action for action in shares if turns.get(action) != barred or barred is None]
         fruitful = [action for action in allowed if action not in futile and shares[action] > 0.0]
         if futile and not fruitful:
-            self._ask(seen.at_s)  # no other move was taught, or all were tried
+            self._ask(seen.at_s)  # no other move was taught, or all are barred
         inertia = self.turn_inertia if under_way in turns else self.straight_inertia
         # Left and right turns share one context, so the context does not say to which side to turn.
         is_proportional = seen.in_context and self._point is not None

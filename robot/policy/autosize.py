@@ -18,12 +18,12 @@ _MACHINE = RealClock()
 
 SIZES = (2, 4, 8, 16, 32, 64, 128, 256, 512, 1024)
 MARGIN = 0.5
-"""Share of a frame's time that features and learner may use; the rest is for other parts."""
+"""Share of the time per frame that features and learner may use; other parts need the rest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cost:
-    """Times of one policy at one size, in seconds, for each repetition of a step."""
+    """The times of one policy at one size, in seconds; each step was measured several times."""
 
     max_nodes: int
     extract_s: Sequence[float]
@@ -66,7 +66,7 @@ def measure(
     repeats: int = 60,
     frames: Sequence[Frame] | None = None,
 ) -> Cost:
-    """Time a full learner of this size on this machine."""
+    """Measure the times of a full learner of this size on this machine."""
     policy = make_policy(f"{kind}-{max_nodes}")
     frames = sample_frames(60) if frames is None else frames
     extract = times(lambda i: policy.extract(frames[i % len(frames)]), min(repeats, 20))
@@ -86,7 +86,7 @@ def choose_max_nodes(
     kind: str = "default",
     cost_of: Callable[[int], Cost] | None = None,
 ) -> Cost:
-    """Find the largest size in `SIZES` that reaches the rate with a margin; return its cost.
+    """Return the cost of the largest size in `SIZES` that reaches the rate with a margin.
 
     Sizes are tried in ascending order, and the search ends at the first size that is too slow, so
     a slow machine wastes no time on sizes that it cannot run.

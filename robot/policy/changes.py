@@ -1,6 +1,6 @@
 """Makes changes to a policy, and repeats earlier changes.
 
-Besides the examples there are edits of images, and the statement that left and right are alike.
+A change is an example, an edit of an image, or the statement that left and right are alike.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ def replay(
 
     Args:
         policy: The policy that learns.
-        events: The changes. The time of an example is negative if it is not known.
-        on_refused: Called for a change that fails; if None, edits that fail are left out. An edit
-            fails if its image is pinned, or if the examples of the image are missing.
+        events: The changes. A negative time of an example means that its time is unknown.
+        on_refused: Called for each change that fails; if None, such edits are left out. An edit
+            fails if its image is pinned, or does not exist because its examples are missing.
     """
     for event in events:
         try:

@@ -30,7 +30,7 @@ class Taught:
 class Edited:
     """One change that a person made. `relabel`, `delete` and `pin` change one learned image.
     `outdate` marks all earlier examples as out of date. `alike` states that left and right are
-    alike here. These two edits concern no image, so their `node_id` is 0."""
+    alike here. For `outdate` and `alike` the `node_id` is 0."""
 
     verb: str
     node_id: int
@@ -54,8 +54,8 @@ class Replaced:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveBegun:
-    """A drive began between two examples, so the policy was reset; some learners localise
-    themselves again."""
+    """A drive began between two examples, so the policy was reset: a learner that localises itself
+    starts anew."""
 
     at_s: float
 
@@ -88,7 +88,7 @@ def describe_event(event: HistoryEvent, *, with_vector: bool = True) -> PlainEve
 
 
 def read_event(plain: PlainEvent) -> HistoryEvent:
-    """Convert a description by `describe_event` to the event; without a vector, `x` is empty."""
+    """Return the event that `describe_event` described; `x` is empty if the vector is missing."""
     with told_as(RecordingError, "an example is damaged", *UNREADABLE):
         kind = plain["event"]
         if kind == "taught":
@@ -113,7 +113,7 @@ def read_event(plain: PlainEvent) -> HistoryEvent:
 
 
 def to_plain(value: Any) -> Any:
-    """Convert a NumPy value to a plain value that JSON can represent."""
+    """Convert a NumPy number to a plain number that JSON can represent."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     raise TypeError(f"cannot serialize a {type(value).__name__}")
@@ -123,8 +123,8 @@ _encode = json.JSONEncoder(separators=(",", ":"), default=to_plain).encode
 
 
 def to_json(fields: PlainEvent) -> bytes:
-    """Return the fields as JSON. The fields must not contain infinite numbers, which JSON cannot
-    represent."""
+    """Return the fields as JSON. Raises ValueError for numbers that are not finite, which JSON
+    cannot represent."""
     return _encode(fields).encode()
 
 

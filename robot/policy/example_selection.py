@@ -8,9 +8,9 @@ context of the previous move, so that the robot learns when to end that move. Af
 previous move is unknown, so the first examples count in both contexts. The contexts depend only on
 the labels and their teaching times, so they are the same after an undo.
 
-If a view comes again with the same label as last time, the policy counts it, but does not learn it
-again (`Repeats`). If a lap that is taught sixteen times counted sixteen times, the linear part
-would learn the noise of this lap by heart, and the images would adapt too slowly to new views.
+If a view comes again with the label that it had last time, the policy counts the example, but does
+not learn it again (`Repeats`). Otherwise, after sixteen equal laps, the linear part would have
+learned the noise of this lap by heart, and the images would adapt too slowly to new views.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ ROOM_S = 0.1
 """Minimum time between two learned examples of one label, in seconds; examples that come sooner are
 only counted."""
 EARLY_S = 0.03
-"""An example is also learned if it comes this much too early, in seconds. At thirty frames a
-second still every third frame is learned, because frames are 0.033 s apart."""
+"""Tolerance of `EVERY_S`, in seconds. At thirty frames a second it lets the policy learn every
+third frame, although three frames may take a little less than `EVERY_S`."""
 
 
 class ExampleRate(PolicyPart):
@@ -67,7 +67,7 @@ context."""
 
 
 class MoveContext(PolicyPart):
-    """Determines the contexts of examples; if no move is known to turn, there is one context."""
+    """Determines the contexts of examples: only one context if no move is known to turn."""
 
     fields = (
         Value("move", optional(name)),
@@ -112,8 +112,8 @@ class MoveContext(PolicyPart):
 
 
 _BITS, _SETS, _WAYS = 128, 4096, 4
-"""A sketch compares this number of pairs of pixels. Four sketches are stored together, as one set.
-The 16,384 sketches are enough for a lap of 27 minutes at ten examples a second."""
+"""Number of pairs of feature values that a sketch compares, number of sets, and sketches in a set.
+All 16,384 sketches are enough for a lap of 27 minutes at ten examples a second."""
 
 
 class Repeats(PolicyPart):

@@ -103,10 +103,10 @@ class GradientFeatures(PictureFeatures):
     """Each cell has 10x10 sample points: every second pixel of a picture of 160x120. Larger
     pictures are first reduced to this size, so vectors do not depend on the camera's resolution."""
     reach, shared = (2.0, 1.0), 0.7
-    """Prior correlation of the weights of neighbouring cells: its length in cells (horizontal and
-    vertical), and the share of a weight that is correlated."""
+    """Prior correlation of the linear part's weights in neighbouring cells: its range in cells
+    (horizontal and vertical), and the correlated share of a weight."""
     noise = 100.0
-    """Gradient energy below which a cell counts as plain; one grey level at each of 100 samples."""
+    """A cell with less gradient energy is plain: one grey level at each of 100 samples."""
 
     def extract(self, frame: Frame) -> Vector:
         """Return shape (1584,), uint8: 6x8x8 gradient bins, then 30x40 grey values, halved."""
@@ -119,7 +119,7 @@ class GradientFeatures(PictureFeatures):
     def mirror(cls) -> NDArray[np.intp]:
         """For each gradient value, return the index of its mirrored value, shape (384,).
 
-        Columns of cells are swapped, and so are the directions to the left and to the right.
+        Mirroring swaps the columns of cells, and the directions to the left and to the right.
         """
         places = np.arange(cls.n_gradients).reshape(cls.n_rows, cls.n_columns, cls.n_bins)
         return places[:, ::-1, (cls.n_bins // 2 - np.arange(cls.n_bins)) % cls.n_bins].ravel()
@@ -131,7 +131,7 @@ class GradientFeatures(PictureFeatures):
 
         The correct move hardly depends on whether an edge lies in one cell or in the next. So the
         weights of one direction are similar in nearby cells. An example then also teaches slightly
-        shifted views, as training on shifted copies would in twice the time.
+        shifted views; training on shifted copies takes twice as long.
         """
         near = [
             np.exp(-0.5 * ((np.arange(n)[:, None] - np.arange(n)) / reach) ** 2)
@@ -223,8 +223,8 @@ def sum_over_cells(
 ) -> NDArray[np.float64]:
     """Return each cell's sum of squared pixels (5x5 of 40x30), plus its share of `parts`: (6, 8).
 
-    `parts` are sums over areas of the picture, arranged in rows and columns. Each sum is spread
-    evenly over its area.
+    `parts` are sums over areas of the picture, arranged in rows and columns. The function spreads
+    each sum evenly over its area.
     """
     squares = (pixels * pixels).reshape(THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH)
     if parts is not None:

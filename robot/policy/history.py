@@ -19,7 +19,7 @@ from robot.policy.policy import Policy
 from robot.types import Action, Example
 
 SNAPSHOT_EVERY_S = 10.0
-"""Teaching time between snapshots, in seconds: an undo relearns at most this much."""
+"""Teaching time between two snapshots, in seconds; an undo learns at most this much again."""
 UNDO_HORIZON_S = 35.0
 """Teaching time that can be undone, in seconds."""
 _LONGEST_STEP_S = 0.5
@@ -41,7 +41,7 @@ class TrainingHistory:
     Args:
         policy: The policy that learns. From now on only the history may change the policy.
         on_events: Called with the events that change the learner, in order.
-        declared: The body's descriptions of its moves, which are passed to each policy.
+        declared: How the body describes its moves; each policy gets these descriptions.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class TrainingHistory:
         self._on_events = on_events or (lambda events: None)
         self.changes = 0
         """Number of changes of the learner, for any thread; it never decreases. A change is counted
-        before the request for it is answered."""
+        before its request is answered."""
         self.edits = 0
         """Number of changes that are not examples; it never decreases."""
         self.drives = 0
@@ -67,7 +67,7 @@ class TrainingHistory:
             type(part).__module__.startswith("robot.") for part in (policy.learner, policy.features)
         )
         self.batch = 64 if self._is_ours else 1
-        """Batch size of `teach_all`: 1 for a plugin, so that a refused example changes nothing."""
+        """Frames a call of `teach_all`: 1 for a plugin, so a refused example changes nothing."""
         policy.kinds.describe(self.declared)
         self.taught = taught
         self._is_drive_new = True
@@ -123,7 +123,7 @@ class TrainingHistory:
         self._record([event])
 
     def replace_policy(self, policy: Policy, taught: Counter[Action] | None = None) -> None:
-        """Continue with another policy; nobody can then undo earlier examples."""
+        """Continue with another policy; earlier examples can no longer be undone."""
         self._begin(policy, Counter(taught or {}))
         self.tell(Replaced(policy_name=policy.name))
 

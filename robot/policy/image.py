@@ -87,8 +87,8 @@ def enlarge(pixels: Pixels, width: int, height: int) -> Pixels:
 
 
 def at_common_scale(pixels: Pixels, width: int, height: int) -> Pixels:
-    """Scale the picture so that each side is one to two times the given length. Details of pictures
-    from different cameras then have similar sizes."""
+    """Scale the picture so that each side is one to two times the given length. The same detail
+    then has a similar size in the pictures of different cameras."""
     pixels = enlarge(pixels, width, height)
     rows, columns = (
         side if length >= 2 * side else length

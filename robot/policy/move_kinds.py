@@ -15,8 +15,8 @@ class MoveKinds(Stateful):
     """The moves of a body, grouped by effect. A move whose steering and throttle are unknown has no
     kind.
 
-    All parts of a policy share one `MoveKinds`. As soon as the body's moves are described, all
-    parts know their kinds.
+    All parts of a policy share one `MoveKinds`. All parts know the kinds of a body's moves as soon
+    as `describe` was called.
 
     Args:
         moves: The moves. The kinds of the classic moves are known from their names.
@@ -25,7 +25,7 @@ class MoveKinds(Stateful):
         turns: The moves that steer to one side, with the side: -1 for left, 1 for right.
         straight: The moves that drive ahead or back without steering.
         others: The moves whose effect is unknown; never STOP.
-        measured: The moves during which the picture's usual change is measured. They are the
+        measured: The moves during which a policy measures how much the picture usually changes: the
             straight moves, or the others if no move is known to be straight.
         points: Steering and throttle of the moves that declare them; set by the body, never saved.
     """

@@ -17,7 +17,7 @@ from robot.learner.part import Stateful
 from robot.types import Action, Point
 
 USUAL_STEP_S = 0.1
-"""Assumed time between two frames if it is unknown, in seconds."""
+"""Time that is assumed between two frames if the actual time is unknown, in seconds."""
 _NOTHING = Evidence(label="", probabilities={}, confidence=0.0)
 
 
@@ -26,16 +26,16 @@ class Seen:
     """A frame that passes through the parts: the arguments of `Policy.propose`, and the results.
 
     Attributes:
-        number: The frame's number within the policy.
+        number: The frame's number, counted by the policy.
         x: The vector that is shown to the learner.
         picture: The grey values as they were taken.
         step_s: Time since the previous frame was taken, in seconds.
         in_context: True if the votes depend on the current move.
-        context: The context that the current move belongs to; None for any context.
+        context: The context of the current move; None if all contexts count.
         evidence: The learner's prediction.
         shares: The votes for each move; the filter smooths them.
         action: The proposed move.
-        kept: Decay factor of the running averages of votes at this frame.
+        kept: Weight of the earlier frames in the running averages of votes at this frame.
         point: The proposed steering and throttle, if the pilot taught with proportional steering.
         spread: Standard deviation of the steering of `point`.
     """
@@ -65,10 +65,10 @@ class TaughtExample:
     """An example that passes through the parts: the arguments of `Policy.learn`, and the results.
 
     Attributes:
-        number: The example's number within the policy.
+        number: The example's number, counted by the policy.
         picture: The frame's grey values.
         is_learned: False if the example is only counted (`example_selection.py`).
-        contexts: The contexts in which the example counts, if a part sets them.
+        contexts: The contexts in which the example counts; a part may set them.
     """
 
     number: int
@@ -91,7 +91,7 @@ class PolicyPart(Stateful):
         """Process one frame, and add this part's results to `seen`."""
 
     def on_example(self, lesson: TaughtExample) -> None:
-        """Learn one example; may set in `lesson` how the parts after this one learn it."""
+        """Learn one example; a part may change `lesson`, which the later parts get."""
 
     def reset(self) -> None:
         """Forget the state of the last drive, because a new drive begins."""

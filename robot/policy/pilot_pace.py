@@ -1,7 +1,7 @@
 """Measures how long the pilot turns, holds a move, or pushes without effect.
 
-The robot gets the same limits. They depend only on the labelled frames and their teaching times,
-so they are the same when a policy learns the examples again after an undo.
+The robot may take about as long. The times depend only on the labelled frames and their teaching
+times, so a policy that learns them again after an undo measures the same.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ MEMORY, _FEWEST_CHANGES = 100, 5
 
 class ChangeMeter:
     """Measures the change of the picture within a tenth of a second, and its usual value while
-    driving straight. Turns are ignored: compared with a quick turn, driving straight would look
-    like standing still.
+    driving straight. The meter ignores turns, because beside a quick turn driving straight would
+    look like standing still.
 
     Attributes:
         changes: The latest changes while driving straight; their median is the usual change.
@@ -72,7 +72,7 @@ class ChangeMeter:
         return self.is_known and change < _STILL_SHARE * (self._usual or 0.0)
 
     def add(self, change: float) -> None:
-        """Add the change between two pictures of a straight drive, unless the body stood."""
+        """Record how much two pictures of a straight drive differ, unless the body stood still."""
         if not self.is_still(change):
             self._changes.append(change)
             self._usual = None
@@ -159,7 +159,7 @@ class Headway:
             self.side = side
 
     def barred_side(self, at_s: float, limit_s: float) -> float | None:
-        """Return the side to which a robot that has just changed sides twice must not turn."""
+        """Return the side that is barred after two quick changes of side, or None."""
         if self.side is None or len(self.sides_s) < 2 or at_s - self.sides_s[0] > limit_s:
             return None
         return -self.side
@@ -175,10 +175,10 @@ class Headway:
 
 
 SHORTEST_LOST_S, LONGEST_LOST_S = 1.5, 8.0
-"""Bounds of the limit on lost time (`Headway`), in seconds. Above the limit, turning is no help.
+"""Bounds of the limit on lost time (`Headway`), in seconds. Beyond the limit, turning is useless.
 
-The upper bound is less than the time of half a turn about one wheel. If a pilot alternates between
-left and right for longer, that does not lead out of a corner."""
+The upper bound is shorter than half a turn about one wheel. A pilot who alternates between left and
+right for longer does not get out of a corner in this way."""
 _MEANT = 3
 """If a pilot pushes this many times, he pushes on purpose. A single push may be a mistake."""
 _PATIENCE, _LONGEST_PATIENCE_S = 1.5, 5.0
@@ -188,7 +188,7 @@ TO_AND_FRO_S, OF_A_RUN = 2.0, 0.75
 `OF_A_RUN` times the usual duration of a move."""
 AWAY_S, OF_A_TURN = 1.5, 0.6
 """Time for which a move without effect stays barred: `AWAY_S` seconds, or `OF_A_TURN` times the
-pilot's longest turn if that is shorter. In `AWAY_S`, a quick body turns back to the obstacle."""
+pilot's longest turn if that is shorter. By then a quick body has turned back to the obstacle."""
 PAUSE_S = 0.45
 """A longer pause between two examples, in seconds of teaching time, separates two manoeuvres."""
 

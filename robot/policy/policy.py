@@ -32,11 +32,11 @@ class Policy(Stateful):
         learner: Learns and recognises views.
         features: Converts a frame to a vector.
         moves: The moves that the policy may propose.
-        action_filter: Makes the filter that turns votes on single frames into steady driving.
+        action_filter: Makes the filter that turns the votes on single frames into steady driving.
         thins: True if at most ten examples of the same label are learned per second
             (`example_selection.py`).
-        brighten: Returns a view with its grey values multiplied by a factor, for
-            `LightAdaptation`; None: views are not scaled to the brightness of the lesson.
+        brighten: Multiplies a view's grey values by a factor, for `LightAdaptation`; if None, views
+            are not scaled to the brightness of the lesson.
         knows_repeats: True to skip views that were already learned with the same label.
 
     Attributes:
@@ -119,14 +119,14 @@ class Policy(Stateful):
         bumped: bool = False,
         takes_points: bool = True,
     ) -> Prediction:
-        """Return the prediction for this frame. Call this method once for each frame, in order.
+        """Return the prediction for this frame. The caller must pass each frame once, in order.
 
         Before the first example the action is None and there are no probabilities.
 
         Args:
             frame_id: The frame's id.
             x: The frame's vector.
-            under_way: The move that the robot is making by its own choice, if it drives.
+            under_way: The robot's current move if it drives itself, else None.
             at_s: The time at which the frame was taken; if None, a tenth of a second after the
                 previous frame.
             bumped: True if a bumper is pressed.
@@ -158,7 +158,7 @@ class Policy(Stateful):
         listed, best = list(seen.shares.values()), list(seen.shares).index(seen.action)
         confidence = votes.doubted(listed, best, self.learner.sharpness, known.novelty)
         if not math.isfinite(confidence):
-            raise ValueError("the output for the picture is not a number")
+            raise ValueError("the learner's result for this picture contains NaN or infinity")
         return Prediction(
             frame_id=frame_id,
             action=seen.action,
@@ -195,7 +195,7 @@ class Policy(Stateful):
 
         Raises:
             ValueError: If a label is not one of `moves`, a value of a point is not from -1 to 1, or
-                a vector cannot be learned. If a single example was given, nothing has changed.
+                a vector cannot be learned. After an error on a single example nothing has changed.
         """
         n_values = self._n_values
         for x, label, _, point in examples:  # check before any part is changed

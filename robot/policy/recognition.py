@@ -5,9 +5,9 @@ the brightness of the lesson (`LightAdaptation`).
 
 A learned angle is a mean over examples. If an obstacle can be passed on either side, the mean leads
 into the obstacle. So the move determines the side, and the angle determines only the amount of
-steering (`Degrees`). The angle must also lie within `BAND` standard deviations of the mean that was
-taught with the chosen move. Some pilots steer fully to one side or not at all; for such a pilot the
-band has no width.
+steering (`Degrees`). The angle must also lie within `BAND` standard deviations of the mean angle
+that the pilot taught with the chosen move. If a pilot steers only fully or not at all, the band of
+each move has no width.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from robot.types import Action, Point
 
 BAND = 2.5
 """Half the width of the band around a move's mean angle, in standard deviations. Values from 1 to 4
-make no difference on recorded drives. With a narrow band the robot could not steer less sharply at
-the end of a curve."""
+make no difference on recorded drives. If the band were narrower, the robot could not steer less
+sharply at the end of a curve."""
 _LEAST = 1e-6
-"""Least votes of a taught move; a move that was never taught gets 0."""
+"""Minimum share of the votes of a move that was taught; a move that was never taught gets 0."""
 _FEW = 64
 
 
@@ -44,11 +44,11 @@ def _node_id(plain: Any, names: Names) -> int:
 
 
 class Degrees(PolicyPart):
-    """Records how each move was steered. If the learner learns no angles, each move is steered with
-    its mean taught steering. Before the pilot teaches a first point, no point is proposed.
+    """Records how each move was steered. If the learner learns no angles, each move is steered by
+    its mean in the lesson. Before the pilot has once steered proportionally, no point is proposed.
 
     Attributes:
-        angle: Running mean of the predicted angles, whatever the move; some baselines steer by it.
+        angle: Running mean of the predicted angles over all moves; some baselines steer by it.
     """
 
     fields = (Array("sums", np.float64, ("n_moves", 4), -MOST_FRAMES, MOST_FRAMES, may_miss=True),)
@@ -124,8 +124,8 @@ class Degrees(PolicyPart):
 
 
 ANOTHER_LIGHT = 1.5
-"""Minimum ratio of the brighter to the darker light at which the light counts as changed. Smaller
-differences in brightness come from the view, not from the light."""
+"""The light counts as changed if the brighter light is at least this many times the darker one.
+Smaller differences in brightness come from the view, not from the light."""
 SECONDS = 3.0
 """Driving time over which the brightness is averaged, in seconds."""
 EXAMPLES = 600.0
@@ -134,7 +134,7 @@ EXAMPLES = 600.0
 
 class LightAdaptation(PolicyPart):
     """Compares a drive's brightness with that of the examples. The brightness is a mean over some
-    seconds, because a dark corner hardly changes this mean.
+    seconds, so that a dark corner hardly changes it.
 
     Args:
         brighten: Returns a view with its grey values multiplied by a factor.
@@ -189,7 +189,7 @@ class Recognition(PolicyPart):
         self.taught: dict[int, int] = {}
 
     def on_frame(self, seen: Seen) -> None:
-        if seen.context is None:  # a plugin can override one of the two methods alone
+        if seen.context is None:  # a plugin can override only one of the two methods
             seen.evidence = self._learner.explain_one(seen.x)
         else:
             seen.evidence = self._learner.explain_in(seen.x, seen.context)

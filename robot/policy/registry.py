@@ -22,8 +22,8 @@ from robot.types import DEFAULT_MOVES, Action
 
 LEARNERS = "drivelesson.learners"
 VARIANTS = "drivelesson.variants"
-"""Entry points of variants of the default learner for experiments, each with one change. Lists of
-learners do not contain variants."""
+"""Entry points of the default learner's variants for experiments; each variant differs in one
+thing. Lists of learners do not contain variants."""
 DEFAULT_NODES = 32
 MOST_NODES = 1024
 """Maximum number of images of a learner: the table of distances grows with its square."""
@@ -36,8 +36,8 @@ BALANCE = 0.2
 
 
 def make_default(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Make the policy whose robots drove best. With `integer` it has no linear part, because
-    recursive least squares needs floating-point operations for each pair of gradients."""
+    """Make the policy whose robots drove best. With `integer` the policy has no linear part,
+    because recursive least squares needs floating-point operations for each pair of gradients."""
     features = GradientFeatures()
     linear = None if integer else ContextRidge(features.n_gradients, alike=features.alike())
     learner = BSOCClassifier(
@@ -63,7 +63,7 @@ def _points() -> dict[str, EntryPoint]:
 
 
 def learner_kinds() -> list[str]:
-    """Return the installed kinds of learners, sorted, without the variants."""
+    """Return the names of the installed kinds of learners, sorted, without `VARIANTS`."""
     return sorted(point.name for point in _points().values() if point.group == LEARNERS)
 
 
@@ -78,7 +78,7 @@ def make_policy(name: str = "default-32", moves: tuple[Action, ...] = DEFAULT_MO
     On a machine without a floating-point unit the policy compares pixels in integers.
 
     Args:
-        name: The kind of learner, and its number of nodes (or of neighbours).
+        name: The kind of learner, and its number of nodes (or of nearest neighbours).
         moves: The moves that the policy may propose.
 
     Raises:
@@ -120,7 +120,7 @@ def split_name(name: str) -> tuple[str, int]:
 
 
 def full_name(learner: str, number: object, default: object) -> str:
-    """Return KIND-NUMBER. NUMBER is `number`, else the number in `learner`, else the default."""
+    """Return KIND-NUMBER. NUMBER is `number`, or the number in `learner`, or the default."""
     kind, _, own = learner.rpartition("-")
     if not own.isdecimal():
         kind, own = learner, ""
