@@ -65,6 +65,12 @@ _MEANT = "label", "steering", "left_wheel", "linear"
 columns for several of these meanings, the first meaning in this list counts."""
 _PAIRS = ("left_wheel", "right_wheel"), ("linear", "angular")
 _SIDES = re.compile(r"(?:^|[\W_])(left|right)(?:$|[\W_])", re.IGNORECASE)
+_DECIMAL_COMMA = re.compile(r"[-+]?(?![1-9]\d{0,2},\d{3}$)\d*,\d+")
+"""A number with a decimal comma: `0,5`, but not `1,500`, whose comma may separate thousands."""
+_STATED = re.compile(r"\s*sep=(.)\n", re.IGNORECASE)
+"""The line in which Excel states the delimiter of a table."""
+_COMMENTS = re.compile(r"\s*(?:#[^,;\t|\n]*\n\s*)+")
+"""Lines of remarks above a table."""
 _PEEK_ROWS = 50
 _FLAGS = {"": "", "0": "0", "1": "1", "0.0": "0", "1.0": "1", "false": "0", "true": "1"}
 """Cells of a column for one move, as programs write them, and their meaning."""
@@ -92,9 +98,11 @@ class ColumnTable:
         return cells[self.columns[role]].strip() if role in self.columns else None
 
     def number(self, cells: Cells, role: str) -> str:
-        """Return a number's text with a decimal point instead of a comma."""
-        text = self.cell(cells, role) or ""
-        return text.replace(",", ".") if self.has_decimal_commas else text
+        """Return a number's text with a decimal point instead of a comma, and with a plain minus
+        sign."""
+        text = (self.cell(cells, role) or "").replace("\u2212", "-")
+        has_comma = self.has_decimal_commas or _DECIMAL_COMMA.fullmatch(text)
+        return text.replace(",", ".") if has_comma else text
 
     def name(self, role: str) -> str:
         """Return the name of the column with this meaning."""
@@ -110,9 +118,13 @@ def read_table_file(text: str, name: str, reading: Reading, report: ImportReport
     is_json = name.lower().endswith((".json", ".jsonl"))
     if name.lower().endswith(".json"):
         text = _as_lines(text)
+    if above := _COMMENTS.match(text) or _STATED.match(text):
+        # the empty lines keep the numbers of the other lines
+        text = "\n" * above[0].count("\n") + text[above.end() :]
     head_line = next((line for line in text.splitlines() if line.strip()), "")
     is_list = name.lower().endswith(".txt")
-    delimiter = max(",; " if is_list else ",;\t", key=head_line.count)
+    delimiter = max(",; " if is_list else ",;\t|", key=head_line.count)
+    delimiter = above[1] if above and above.re is _STATED else delimiter
     if is_list:  # a list may be separated by several blanks, as in `1.jpg  0.5`
         text = re.sub(r"[ \t,]+" if delimiter != ";" else r"[ \t]*;[ \t]*", ";", text)
         delimiter = ";"
@@ -195,8 +207,14 @@ def is_picture_name(text: str) -> bool:
 
 def plain(name: str) -> str:
     """Return a column's name in lower case, with `_` between words and without a unit."""
-    text = re.sub(r"[\[(].*?[\])]", "", name.strip().strip("\"'").lower())
+    text = re.sub(r"[\[(].*?[\])]", "", name.strip().strip("\"'#").lower())
     return re.sub(r"[\s.\-]+", "_", text.strip()).strip("_") or name.strip().lower()
+
+
+def unit_in(name: str) -> str:
+    """Return the unit that a column's name states in brackets; empty if it states none."""
+    found = re.search(r"[\[(](.*?)[\])]", name.lower())
+    return found[1].replace(" ", "") if found else ""
 
 
 def _meanings(

@@ -22,6 +22,7 @@ from robot.types import Encoding, Frame
 
 _MOST_TEXT_BYTES, _MOST_PICTURE_BYTES = 64 * 2**20, 32 * 2**20
 _HEAD_BYTES = 256 * 2**10
+_INVALID = "\N{REPLACEMENT CHARACTER}"
 _UTF_16 = codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE
 PICTURES = (".jpg", ".jpeg", ".png")
 """Suffixes of readable pictures, in lower case."""
@@ -54,9 +55,9 @@ def by_number(paths: Iterable[Path]) -> list[Path]:
 
 
 def read_text(path: Path) -> str:
-    """Read a text file in UTF-8, or in UTF-16 if its first bytes say so; invalid characters are
-    replaced by replacement characters. Raises RecordingError if the file cannot be read or is
-    larger than 64 MB."""
+    """Read a text file in UTF-8, in UTF-16 if its first bytes say so, or in Windows' encoding of
+    western Europe; invalid characters are replaced by replacement characters. Raises
+    RecordingError if the file cannot be read or is larger than 64 MB."""
     with told_as(RecordingError, f"{path} cannot be read", OSError, ValueError):
         is_too_large = path.stat().st_size > _MOST_TEXT_BYTES
         data = b"" if is_too_large else path.read_bytes()
@@ -68,7 +69,13 @@ def read_text(path: Path) -> str:
 def _decoded(data: bytes) -> str:
     # Excel saves "Unicode text", and PowerShell redirects output, as UTF-16
     encoding = "utf-16" if data.startswith(_UTF_16) else "utf-8-sig"
-    return data.decode(encoding, errors="replace")
+    text = data.decode(encoding, errors="replace")
+    # Excel's "CSV" is in the encoding of Windows, in which nearly no text is valid UTF-8.
+    # A truncated or damaged text in UTF-8 still has more valid characters than invalid ones.
+    n_invalid = text.count(_INVALID)
+    if n_invalid and 2 * n_invalid > sum(sign > "\x7f" for sign in text):
+        return data.decode("cp1252", errors="replace")
+    return text
 
 
 def read_head(path: Path) -> str:

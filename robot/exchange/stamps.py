@@ -23,6 +23,7 @@ _WRITTEN = re.compile(
     r"(\d{1,2}|\d{4})([./-])(\d{1,2})\2(\d{1,4})[ T,]+(\d{1,2}):(\d\d)"
     r"(?::(\d\d)(?:[.,:](\d{1,9}))?)? ?(?:([APap])\.?[Mm]\.?)?"
 )
+_CLOCK = re.compile(r"(?:(\d{1,3}):)?(\d{1,2}):(\d\d)(?:[.,](\d{1,9}))?")
 _SINCE_1970 = {1e17: 1e-9, 1e14: 1e-6, 1e11: 1e-3}
 """A number above the first bound is a time since 1970 in nanoseconds; above the second, in
 microseconds; above the third, in milliseconds. Multiplied by the factor of its bound, the number is
@@ -91,7 +92,8 @@ def _date_of(text: str) -> float | None:
         with contextlib.suppress(ValueError, OverflowError):
             date = date or read(text)
     if date is None:
-        return seconds_in_name(f"{text}.")
+        on_clock = _on_clock(text)
+        return seconds_in_name(f"{text}.") if on_clock is None else on_clock
     return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
 
 
@@ -116,6 +118,16 @@ def _written(text: str) -> datetime | None:
     micros = int((fraction or "0").ljust(6, "0")[:6])
     year += 2000 * (year < 100)
     return datetime(year, month, day, hours, int(minute), int(second_s or 0), micros, tzinfo=UTC)
+
+
+def _on_clock(text: str) -> float | None:
+    """Read a time of day or since the start: `22:13:20`, `0:00:05.25` or `03:20.5`."""
+    found = _CLOCK.fullmatch(text)
+    if found is None or (found[1] is None and found[4] is None):
+        return None  # without a fraction, `22:13` may be hours and minutes
+    hours, minutes, seconds, fraction = found.groups()
+    whole_s = 3600 * int(hours or 0) + 60 * int(minutes) + int(seconds)
+    return whole_s + float(f"0.{fraction or 0}")
 
 
 def seconds_in_name(name: str) -> float | None:

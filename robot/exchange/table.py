@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
 from robot.errors import RecordingError, told_as
-from robot.exchange.columns import Cells, ColumnTable, UnclearColumnsError, read_table_file
+from robot.exchange.columns import (
+    Cells,
+    ColumnTable,
+    UnclearColumnsError,
+    read_table_file,
+    unit_in,
+)
 from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
 from robot.exchange.files import Pictures, read_head, read_picture_file, read_text
 from robot.exchange.folder import MOVES
@@ -42,6 +49,16 @@ _MOVES = 0.05
 """Speed, in any unit, above which a car counts as moving. Simulators write small speeds for
 standing cars."""
 _TOLD_NAMES = 3
+_SPEEDS = {
+    "mm/s": 1e-3,
+    "cm/s": 1e-2,
+    "km/h": 1 / 3.6,
+    "mph": 0.44704,
+    **dict.fromkeys(("deg/s", "degrees/s", "deg/sec", "\u00b0/s"), math.pi / 180),
+}
+"""Units of velocities in m/s or rad/s, as a column's name states them in brackets."""
+_ANGLES = ("deg", "degrees", "\u00b0", "rad", "radians", "%", "percent")
+"""Units of a steering that does not go from -1 to 1."""
 _NAMES_OF_UNITS = {1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}
 
 
@@ -63,7 +80,9 @@ def read_table(path: Path, reading: Reading, report: ImportReport) -> Drive:
 
     def read(place: str, cells: Cells) -> FrameEvent:
         is_others = (table.cell(cells, "mode") or "user").lower() != "user"
-        name = table.cell(cells, "picture") or ""
+        name = table.cell(cells, "picture")
+        if not name:
+            raise ValueError("the row names no picture")
         label, point = (None, None) if is_others else meant(cells)
         return FrameEvent(
             place=place,
@@ -121,7 +140,8 @@ def _time(table: ColumnTable, cells: Cells, picture: str, unit: float | None) ->
     if unit is not None:
         with contextlib.suppress(ValueError):
             return float(written) * unit
-    return seconds_of(written, table.names[table.columns["time"]]) or seconds_of(text)
+    at_s = seconds_of(written, table.names[table.columns["time"]])
+    return seconds_of(text) if at_s is None else at_s
 
 
 def _written(table: ColumnTable, cells: Cells, reading: Reading) -> float | None:
@@ -141,6 +161,12 @@ def _meaning(
     if "steering" in there:
         written = (table.number(cells, "steering") for _, cells in table.rows)
         check_unit(written, table.name("steering"), reading)
+        unit = unit_in(table.name("steering"))
+        if reading.full_lock == 1.0 and unit in _ANGLES:
+            raise RecordingError(
+                f"the steering in {table.name('steering')!r} is given in {unit}, not from -1 to 1; "
+                "give the value that means full steering with --full-lock"
+            )
         return partial(_steered, table, reading)
     number = partial(_number, table)
     if "left_wheel" in there:
@@ -151,8 +177,10 @@ def _meaning(
         return lambda cells: at_wheels(
             number(cells, sides[0]) / full, number(cells, sides[1]) / full, reading
         )
+    full_mps = FULL_MPS / _SPEEDS.get(unit_in(table.name("linear")), 1.0)
+    full_turn = FULL_TURN_RAD_S / _SPEEDS.get(unit_in(table.name("angular")), 1.0)
     return lambda cells: at_velocity(
-        number(cells, "linear") / FULL_MPS, number(cells, "angular") / FULL_TURN_RAD_S, reading
+        number(cells, "linear") / full_mps, number(cells, "angular") / full_turn, reading
     )
 
 
@@ -171,11 +199,15 @@ def _labelled(
     if label is None:
         raise ValueError(
             f"the label {text[:40]!r} is not a move; assign it to a move with --moves, "
-            f"for example --moves {text[:40]}=left"
+            f"for example --moves {_quoted(f'{text[:40]}=left')}"
         )
     if table.cell(cells, "degrees") != "yes":
         return label, None
     return label, read_point([table.number(cells, role) for role in ("steering", "throttle")])
+
+
+def _quoted(text: str) -> str:
+    return f'"{text}"' if " " in text else text
 
 
 def _steered(table: ColumnTable, reading: Reading, cells: Cells) -> LabelAndPoint:

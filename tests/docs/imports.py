@@ -31,8 +31,9 @@ def render() -> str:
     parts.append("## Names of columns\n\n| meaning (`--columns`) | names |\n|---|---|")
     parts += [f"| {role} | {', '.join(f'`{n}`' for n in names)} |" for role, names in NAMES.items()]
     parts.append(
-        "\nCapitals, spaces and units in brackets do not matter; `linear.x` is the same as "
-        f"`linear_x`. A velocity of {FULL_MPS:g} m/s or more counts as full throttle, and "
+        "\nCapitals and spaces do not matter; `linear.x` is the same as `linear_x`. A unit in "
+        "brackets counts for times and velocities (`angular.z [deg/s]`). "
+        f"A velocity of {FULL_MPS:g} m/s or more counts as full throttle, and "
         f"{FULL_TURN_DEG_S:g} degrees a second or more counts as full lock.\n\n"
         "## What is recognised and refused\n\n"
         "| files | why |\n|---|---|"

@@ -104,6 +104,31 @@ DATA = {
         "100;-22,5;a.jpg\r\n150;20,1;b.jpg\r\n200;0,5;c.jpg\r\n",
         full_lock=25.0,
     ),
+    "commas in a table with commas": table(
+        "t.csv", '# by hand\nfile,angle\na.jpg,"-0,5"\nb.jpg,"+,5"\nc.jpg,\u22120.1\n'
+    ),
+    "a delimiter that Excel states": table(
+        "t.csv",
+        "sep=;\nfile;label,1\na.jpg;left\nb.jpg;right\nc.jpg;forward\n",
+        columns={"label": "2"},
+    ),
+    "bars and NumPy's head": table(
+        "t.csv", "# file|label\na.jpg|left\nb.jpg|right\nc.jpg|forward\n"
+    ),
+    "Excel's table of Windows": Data(
+        {
+            "t.csv": "file;label\n1\u00fc.jpg;left\n2\u00f1.jpg;right\n3.jpg;forward\n".encode(
+                "cp1252"
+            ),
+            "1\u00fc.jpg": 1,
+            "2\u00f1.jpg": 2,
+            "3.jpg": 3,
+        }
+    ),
+    "velocities in other units": table(
+        "v.csv",
+        "path,linear.x [cm/s],angular.z [deg/s]\na.jpg,20,20\nb.jpg,20,-20\nc.jpg,20,0.8\n",
+    ),
     "wheels that are on or off": table(
         "w.csv", "file,left,right\na.jpg,0,1\nb.jpg,1,0\nc.jpg,1,1\n"
     ),
@@ -324,6 +349,9 @@ def test_a_picture_that_its_encoding_cannot_hold_is_refused(
         ),
         ("file,angle\na.jpg,17.5\n", "not from -1 to 1.*with --full-lock"),
         ("file,angle\na.jpg,0.3\nb.jpg,-20\nc.jpg,25\n", "goes from -20 to 25"),
+        ("file,angle [rad]\na.jpg,0.4\n", "given in rad, not from -1 to 1; .*--full-lock"),
+        ("file,label\n,left\n", "line 2: the row names no picture"),
+        ("file,label\na.jpg,go up\n", '--moves "go up=left"'),
         ("a.jpg,0\nb.jpg,2\n", "column 2 may be a class or the steering"),
         (
             "file,left,right\na.jpg,1,0\nb.jpg,0,1\n",
@@ -351,6 +379,17 @@ def test_a_table_that_is_ambiguous_or_damaged_is_refused(
     with pytest.raises(RecordingError, match=complaint):
         import_from(folder, tmp_path / "got.mcap")
     assert not (tmp_path / "got.mcap").exists()
+
+
+def test_a_table_may_begin_at_zero_or_state_times_of_day(tmp_path: Path) -> None:
+    folder = put(tmp_path / "set", *ABC)
+    for times in ("0,0 0,5 1,5", "23:59:59.5 24:00:00 24:00:01", "00:00.0 00:00.5 01:01.5"):
+        rows = zip(ABC, ("left", "right", "forward"), times.split(" "), strict=True)
+        text = "".join(";".join(row) + "\n" for row in [("file", "label", "time"), *rows])
+        (folder / "t.csv").write_text(text)
+        episode = import_from(folder, tmp_path / f"{times[:4].replace(':', '')}.mcap")
+        after_s = [entry.captured_s - episode.start_s for entry in episode.frames.values()]
+        assert after_s[:2] == pytest.approx([0.0, 0.5]), times
 
 
 @pytest.mark.parametrize("name", ["table.csv", "table.txt"])
