@@ -21,7 +21,7 @@ SLOW_PERIOD_S = 0.75
 """Period in seconds above which a camera is reported as too slow. Nobody can steer by so few
 pictures; webcams usually deliver ten to thirty a second."""
 _LEAST_SCALE = 0.05
-"""Lower bound of the speed scale: bodies refuse 0, and no camera needs a lower scale than this."""
+"""Lower bound of the speed scale. Bodies refuse 0, and no camera needs less than this."""
 
 
 class CameraTiming:
@@ -76,7 +76,7 @@ class CameraTiming:
         return len(self._periods_s) / sum(self._periods_s) if self._periods_s else 0.0
 
     def pause(self) -> None:
-        """Do not count the time until the next picture as a period of the camera."""
+        """Ignore the time until the next picture, because it is not the camera's period."""
         self._captured_s = math.inf
 
     def _judge(self, period_s: float, delivery_age_s: float) -> CameraState:

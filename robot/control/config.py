@@ -35,13 +35,13 @@ class LinkGovernorConfig:
     stop_learning_s: float = 0.3
     stop_s: float = 0.5
     busy_s: float = 0.1
-    """Lateness of the computer above which the robot drives slower; it does not stop yet."""
+    """If this computer is later than this, the robot drives slower, but does not stop yet."""
     capped_speed_scale: float = 0.5
-    """Share of full speed while the age exceeds `cap_speed_s`, or the lateness `busy_s`."""
+    """Share of full speed while the age exceeds `cap_speed_s` or the lateness exceeds `busy_s`."""
     recovery_share: float = 0.85
-    """The level falls only if the age is below this share of the level's threshold."""
+    """The link's level falls only if the age is below this share of the level's threshold."""
     recovery_s: float = 1.0
-    """Time for which the age must stay below this share before the level falls, in seconds."""
+    """Time for which the age must stay below `recovery_share` before the level falls."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +56,7 @@ class CameraTimingConfig:
     """Maximum age of the newest picture at full speed. At 0.16 m/s the robot travels 5 cm in this
     time. With older pictures the robot drives slower, so the distance stays within 5 cm."""
     growth_s_per_s: float = 0.05
-    """Maximum growth of an estimate while the robot may move; no limit while it stands still."""
+    """Largest growth of an estimate while the robot may move; unlimited while it stands still."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,4 +69,4 @@ class LoopConfig:
     longest_wait_s: float = 0.05
     """Longest time between two ticks, even if the camera sends no pictures."""
     stall_s: float = 0.3
-    """Gap between two ticks after which the robot stops: commands from the gap would be stale."""
+    """After a longer gap between two ticks the robot stops, because earlier commands are stale."""

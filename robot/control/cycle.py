@@ -36,10 +36,10 @@ STANDS_S = 0.04
 """Upper bound of tick time plus actuator latency, in seconds. The loop stops the robot this much
 earlier, so that the wheels have stopped when the pilot's picture expires."""
 _RESTS_AFTER_S = 1.0
-"""Time after which a robot that stands still without viewers begins to rest, in seconds. In this
-time a person can reload the page, and the loop can measure the camera's rate."""
+"""Time after which a robot that stands still without viewers begins to rest, in seconds. This is
+enough for a person to reload the page, and for the loop to measure the camera's rate."""
 _RESTING_SHARE = 0.9
-"""Minimum time between two pictures, as a share of the requested period. Cameras can be early."""
+"""Share of the requested period after which a picture is taken, because cameras can be early."""
 
 
 class Mailbox:
@@ -54,7 +54,7 @@ class Mailbox:
     def put(self, request: Callable[[], _T], *, is_urgent: bool = False) -> Future[_T]:
         """Queue a request to be run on the loop's thread; an urgent request runs before all others.
 
-        Everything that reads or changes the training history is put here. The future is done at the
+        Put here everything that reads or changes the training history. The future is done at the
         end of the tick that ran the request, after all listeners were called with the new state.
         """
         future: Future[_T] = Future()
@@ -174,7 +174,7 @@ class Cycle:
         )
 
     def _shown_fault(self, now_s: float, *, may_move: bool) -> str | None:
-        """Return the sentence to show for the present fault, or for one that has just ended."""
+        """Return the sentence about the present fault, or about one that has just ended."""
         fault = str(self._camera.fault or "") or self._fault  # a plugin may set an error
         if not fault and not self._camera.world_waits and not self.rest_every_s:
             fault = self.timing.fault
@@ -182,7 +182,7 @@ class Cycle:
         return None if is_well else self._steady.show(fault, now_s, may_move=may_move)
 
     def _is_held_up(self, seconds: float) -> bool:
-        """Stop if the computer was held up for `seconds`, because the last decision is outdated."""
+        """Stop if the computer was held up for too long: the last decision is outdated."""
         is_harmless = self.gate.mode is Mode.STOPPED or self._camera.world_waits
         if is_harmless or seconds <= self.config.stall_s:
             return False
@@ -295,8 +295,8 @@ class Cycle:
     ) -> tuple[Decision, Action]:
         """Send the decision to the motors. Return the final decision and the action carried out.
 
-        The process may have been held up within this tick. So a decision is not sent if it is too
-        old, or if the pilot has just become silent.
+        The process may have been held up during this tick. So the body does not get a decision that
+        is too old, or whose pilot has just become silent.
         """
         try:
             if not self._is_held_up(self.clock.now_s() - started_s):
@@ -368,7 +368,7 @@ class Cycle:
     # Requests of other threads and ways to stop; all run on the loop's thread --------------------
 
     def note(self, command: PilotCommand) -> None:
-        """Keep a command for the next tick; one that comes too late still shows a slow link."""
+        """Keep a command for the next tick. Even a command that is too late measures the link."""
         times = self.learning.times_of(command.frame_id, command.seen_id)
         proven_s = command.received_s if command.proven_s is None else command.proven_s
         received_s = self.world_s(command.received_s)

@@ -176,7 +176,7 @@ class Gate:
     def _robot_drives(self, prediction: Prediction | None) -> Decision:
         if prediction is None or prediction.action is None:
             return self.stand(DrivenBy.ROBOT, asks_pilot=True)
-        # A request for help is no fault: the robot drives on as soon as the pilot steers.
+        # A robot that asks for help is not stopped; it drives on as soon as the pilot steers.
         if prediction.needs_help:
             asks = self.stand(DrivenBy.ROBOT, asks_pilot=True)
             return replace(asks, stop_reason=StopReason.NEEDS_HELP)

@@ -14,7 +14,7 @@ from robot.types import PilotCommand
 
 _LEVELS = tuple(LinkLevel)
 _FADES = 0.9
-"""Factor by which the recorded lateness of the computer falls until the next measurement."""
+"""Factor by which the computer's recorded lateness decays until the next measurement."""
 
 
 def age_of_link_s(
@@ -84,10 +84,8 @@ class LinkGovernor:
         return self.config.stop_s + slack_s - (now_s - self._seen_s)
 
     def note_age(self, age_s: float, now_s: float, slack_s: float = 0.0) -> None:
-        """Record an age.
-
-        The level rises immediately. It falls after `recovery_s` in which all ages were lower.
-        `slack_s` is the part of the age that is due to the camera's period.
+        """Record an age. The level rises immediately. It falls only after `recovery_s` with lower
+        ages. `slack_s` is the part of the age that is due to the camera's period.
         """
         self.age_s = age_s
         age_s -= slack_s
@@ -102,12 +100,12 @@ class LinkGovernor:
             self._better_since_s = now_s
 
     def note_lateness(self, late_s: float, *, is_to_blame: bool) -> None:
-        """Record the computer's lateness, ten times a second. The recorded lateness decays within
-        two seconds, unless the robot is stopped because of it."""
+        """Record the computer's lateness, ten times a second. The recorded value decays within two
+        seconds, unless it has stopped the robot."""
         self._lateness_s = max(late_s, self._lateness_s * (1.0 if is_to_blame else _FADES))
 
     def state(self, now_s: float, slack_s: float = 0.0) -> LinkState:
-        """Return the limits; a blind pilot's robot must stop. Arguments: see `blind_in_s`."""
+        """Return the limits; the robot of a blind pilot must stop. Arguments: see `blind_in_s`."""
         level, is_busy = self.level, self._lateness_s > self.config.busy_s
         is_free = level in (LinkLevel.GOOD, LinkLevel.SLOW) and not is_busy
         return LinkState(

@@ -36,8 +36,8 @@ class ControlLoop:
         tick: Runs one tick; see `Cycle.tick`.
         submit: Queues a function to run between two ticks; see `Mailbox.put`.
         wake: Set when there is a reason for a tick: a frame, a command, a request.
-        body: The driver, for all its callers; a rig runs the watchdog's thread.
-        camera_errors: Converts the errors of the camera, for all its callers.
+        body: Calls the driver, for all threads; a rig starts its watchdog.
+        camera_errors: Converts the errors of the camera's code, for all threads.
     """
 
     def __init__(
@@ -96,12 +96,12 @@ class ControlLoop:
 
     @property
     def mode(self) -> Mode:
-        """The mode at this moment, for requests. `state` has the mode after the last full tick."""
+        """The mode at this moment. `state` has the mode at the end of the last tick."""
         return self._cycle.gate.mode
 
     def need_picture_every(self, seconds: float) -> Future[None]:
-        """Set how often a picture is needed while the robot stands. If `seconds` is 0, all pictures
-        are needed; if `seconds` is infinite, nobody looks. A robot that may move takes them all."""
+        """Set how often a picture is needed while the robot stands. With 0 all pictures are needed;
+        with infinity nobody looks at them. While the robot may move, it uses all pictures."""
 
         def need() -> None:
             self._cycle.enough_every_s = seconds
@@ -128,7 +128,7 @@ class ControlLoop:
         """Queue a pilot command, and wake the loop if the command changes the held move.
 
         While the robot may move and the camera is slow, every command wakes the loop, because each
-        tick can send the pilot a new state. A command that names a state is newer than this state.
+        tick can send the pilot a new state. A command that names a state was sent after that state.
         """
         held = command.held, command.point
         is_slow = self._cycle.timing.state.period_s > self.config.longest_wait_s

@@ -26,12 +26,12 @@ from robot.types import Action, Example, Frame, PilotCommand, Point, Prediction
 log = logging.getLogger(__name__)
 
 WINDOW_S = 10.0
-"""The agreement is computed over this time, in seconds. A window of a hundred examples would be too
+"""`Agreement` covers this much time, in seconds. A window of a hundred examples would be too
 short: at thirty a second, they may all come from one straight stretch."""
 
 
 class Agreement:
-    """Compares each prediction with the label that the pilot then gave, in constant time."""
+    """The share of examples whose label was predicted, over the last `WINDOW_S` seconds."""
 
     def __init__(self) -> None:
         self._examples: deque[tuple[float, bool]] = deque()
@@ -93,7 +93,7 @@ class Labeller:
 CORRECTS_BEYOND = 0.1
 """Difference in steering above which a proportional command corrects the robot."""
 MEMORY_FRAMES = 64
-"""Number of the newest frames that can still be labelled: two seconds at 30 frames a second."""
+"""A command can label one of this many newest frames: two seconds at 30 frames a second."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,7 +164,7 @@ class OnlineLearning:
         x = policy.extract(frame)
         self.frame = frame
         started_s = self._clock.now_s()
-        prediction = Prediction(frame_id=frame.frame_id)  # stays empty if the learner fails
+        prediction = Prediction(frame_id=frame.frame_id)  # empty if the learner fails
         with self._guarded():
             prediction = policy.propose(
                 frame.frame_id,

@@ -24,7 +24,7 @@ class LinkLevel(StrEnum):
     GOOD = "good"
     SLOW = "slow"  # the pilot is warned
     CAPPED = "capped"  # the robot also drives slower
-    NOT_LEARNING = "not_learning"  # and learns nothing: labels would name the wrong pictures
+    NOT_LEARNING = "not_learning"  # also stops learning: labels would name the wrong pictures
     TOO_SLOW = "too_slow"  # the robot stops
 
 
@@ -64,7 +64,7 @@ class CameraState:
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """Number of runs of a step, and their total time."""
+    """How often a step ran, and its total time."""
 
     count: int = 0
     total_s: float = 0.0
@@ -111,8 +111,8 @@ class Tick:
 
 
 STEADY_S = 3.0
-"""Least time for which a fault's sentence is shown, in seconds: long enough to read it. While the
-robot stands still, a fault that does not return within this time is over."""
+"""Minimum time for which the page shows a fault's sentence, in seconds: long enough to read it.
+While the robot stands still, a fault that does not return within this time is over."""
 
 
 class SteadyFault:

@@ -25,8 +25,8 @@ SENSE_EVERY_S = 0.1
 STALE_S = 0.25
 """An action that has waited longer than this, in seconds, is outdated: the body is stopped."""
 SILENT_S = 0.5
-"""Duration above which a request counts as a fault, in seconds. By then the body's own time
-limit has ended the move."""
+"""A request that takes longer than this, in seconds, is a fault. By then the body has ended its
+move by itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class DriverThread(Driver):
     """Wraps a driver that declares `is_remote`, so that the loop's calls return immediately.
 
     A fault of the body is raised by the next call, and by all further calls until a request
-    succeeds. `step` does one request; the thread calls it again and again.
+    succeeds. The thread calls `step` repeatedly, and each call does one request.
     """
 
     def __init__(self, driver: Driver, clock: Clock) -> None:
@@ -134,7 +134,7 @@ class DriverThread(Driver):
             self.driver.stop()
 
     def take_button(self) -> BodyButton | None:
-        """Return what the latest press of the body's button requested."""
+        """Return the request of the latest press of the body's button, else None."""
         with self._lock:
             button, self._button = self._button, None
         return button
@@ -180,8 +180,8 @@ class DriverThread(Driver):
         """Remove and return the most urgent request: stop comes first, then sense or drive, then
         show.
 
-        STOP is always sent before the sensors are read. A new action also is, unless the reading is
-        late by more than `SENSE_EVERY_S`. If a reading is due, a repeated action waits for it.
+        STOP always comes before a reading of the sensors. So does a new action, unless the reading
+        is late by more than `SENSE_EVERY_S`. A repeated action waits for a reading that is due.
         """
         order, since_s = self._order, now_s - self._sensed_s
         is_new = order is not None and order.action is not self._driven

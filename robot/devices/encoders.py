@@ -25,7 +25,7 @@ def encode_png(picture: NDArray[Any], *, level: int = 6) -> bytes:
         raise ValueError(f"not a picture: shape {picture.shape}, {picture.dtype}")
     height, width = picture.shape[:2]
     rows = picture.reshape(height, -1)
-    filtered = np.zeros((height, rows.shape[1] + 1), np.uint8)  # byte 0 of each row: no filter
+    filtered = np.zeros((height, rows.shape[1] + 1), np.uint8)  # byte 0 of a row is 0: no filter
     filtered[:, 1:] = rows
     colour_type = 0 if picture.ndim == 2 else 2
     header = struct.pack(">IIBBBBB", width, height, 8, colour_type, 0, 0, 0)

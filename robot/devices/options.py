@@ -76,7 +76,7 @@ class Options:
         for declared in options_of(type(self)):
             value, allowed = getattr(self, declared.name), declared.range
             if allowed is not None and not allowed[0] <= value <= allowed[1]:
-                declared.read(value)  # raises an error that names the valid values
+                declared.read(value)  # raise an error that names the valid values
         self.check()
 
     def check(self) -> None:

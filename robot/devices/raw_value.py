@@ -125,7 +125,7 @@ def _read_value(model: type[BaseModel], wanted: str, value: Any) -> Any:
 
 
 def fields_of(kind: type[BaseModel]) -> Mapping[str, Any]:
-    """Return pydantic's description of each field."""
+    """Return each field as pydantic describes it, by name."""
     found: Mapping[str, Any] = getattr(kind, "__fields__" if IS_OLD else "model_fields")
     return found
 
