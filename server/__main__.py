@@ -18,7 +18,7 @@ so helper threads would waste 43 % of a taught robot's CPU time on waiting."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line. If the package `robot` is another project's, say so and return 2."""
+    """Run the command line. Return 2 if another project's package `robot` hides ours."""
     for name in (*_ONE_THREAD, "OPENCV_FOR_THREADS_NUM"):
         os.environ.setdefault(name, "1")
     try:

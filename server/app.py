@@ -20,7 +20,7 @@ from server.services import Services
 ROUTERS = [module.router for module in (drive, video, teaching, settings)]
 """The routers of the core; extensions add theirs as an `Extension`."""
 _made: dict[tuple[int, ...], tuple[list[APIRouter], list[BaseRoute]]] = {}
-"""Cache of routers and their routes, which all applications share. The routers' ids are the key."""
+"""Cache of routers and their routes, by the routers' ids; all applications share it."""
 
 
 def create_app(services: Services) -> FastAPI:

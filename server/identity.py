@@ -20,7 +20,7 @@ _NAMES = (
     " Rover Scout Tango Umi Vega Wren Yuki Ziggy"
 )
 NAMES = tuple(_NAMES.split())
-"""A robot that has no name from its owner gets one of these names at its first start."""
+"""At its first start, a robot without a name from its owner gets one of these."""
 COLOURS = ("grey", "green", "purple", "pink", "brown", "teal")
 """Colours of robots. Amber, blue and red are left out: on the page they mean pilot, robot, stop."""
 LONGEST_NAME = 24

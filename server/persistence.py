@@ -42,13 +42,13 @@ class PersistencePart(StartStop):
         """Resume saving, because the data folder is back."""
 
     def end_run(self) -> None:
-        """End the current run, because the robot's setup changes. Call it on the loop's thread."""
+        """End the run: the robot's setup changes. Only the loop's thread may call it."""
 
     def keep_run(self) -> None:
-        """Save the current run, even if nothing is taught in it."""
+        """Save the current run, even if nobody teaches in it."""
 
     def write_result(self, of: str, fields: Mapping[str, Any]) -> None:
-        """Add a result to the current run. Call it on the loop's thread."""
+        """Add a result to the current run. Only the loop's thread may call it."""
 
 
 class Persistence(StartStop):
@@ -112,13 +112,13 @@ class Persistence(StartStop):
             part.keep_run()
 
     def note_options(self, options: Mapping[str, Any]) -> None:
-        """End the run; save `options` with all later runs. Call it on the loop's thread."""
+        """End the run; save `options` with all later runs. Only the loop's thread may call it."""
         self.options.update({name: str(value) for name, value in options.items()})
         for part in self._parts.values():
             part.end_run()
 
     def write_result(self, of: str, fields: Mapping[str, Any]) -> None:
-        """Have each part add a result to the run; `of` is its kind. Call on the loop's thread."""
+        """Add a result of the kind `of` to the run. Only the loop's thread may call it."""
         for part in self._parts.values():
             part.write_result(of, fields)
 
@@ -156,7 +156,7 @@ class Persistence(StartStop):
     def _recover(self) -> None:
         self.models.retry_damaged()
         if self.models.set_failed_aside():
-            return  # the journal would restore the model that has failed
+            return  # the journal would restore the model whose learner has failed
         recovered = recover(self.storage.journal, self.models, self._loop.history.declared)
         if recovered is not None:
             try_model(recovered.model)
@@ -183,7 +183,7 @@ class Persistence(StartStop):
         """Record that the learner in use failed, so that the next start sets it aside."""
         why, name = self._loop.learning.failure, self.autosave.name
         if why is not None and why != self._noted_failure and name is not None:
-            with contextlib.suppress(OSError, RobotError):  # the next check tries again
+            with contextlib.suppress(OSError, RobotError):  # the next check of the disk tries again
                 self.models.note_failure(name, why)
                 self._noted_failure = why
 

@@ -135,8 +135,8 @@ ClientMessage = DriveMessage | ModeMessage | ReleaseMessage | BareMessage | Ping
 class VideoFrame(Frame):
     """One message of `/ws/video` to a client.
 
-    A client does not acknowledge a `quiet` frame, but acknowledges a later frame. The client's next
-    command contains `nonce` (0: none), which proves that the command is newer than the frame.
+    A client does not acknowledge a `quiet` frame, but only a later one. The client's next command
+    contains `nonce` (0: none), which proves that the command is newer than the frame.
     """
 
     quiet: bool = False

@@ -66,7 +66,7 @@ class Services:
         return await asyncio.wrap_future(self.robot.loop.submit(call))
 
     def note_carried(self) -> None:
-        """Tell the extensions that the robot was put elsewhere. Call it on the loop's thread."""
+        """Tell the extensions that a person moved the robot. Only the loop's thread may call it."""
         for extension in self.extensions.values():
             extension.note_carried()
 
@@ -121,7 +121,7 @@ class Extension(StartStop):
         """Stop the extension; may wait for the loop and the disk."""
 
     def note_carried(self) -> None:
-        """Called on the loop's thread when the robot was put elsewhere."""
+        """Called on the loop's thread when somebody has put the robot elsewhere."""
 
     def require_free_model(self) -> None:
         """Raise ConfigurationError while the model in use must not change."""

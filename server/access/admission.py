@@ -4,13 +4,13 @@ Clients are counted per session, or per address if they have none. A connection 
 the guard has read a request that has a session. Pending connections have slots of their own and
 time out soon. So even if all other slots are taken, a new connection is accepted and read, because
 it may be a STOP. If the pending slots are full too, the new connection evicts an idle connection.
-If none is idle, it evicts a connection that has sent nothing, or else one with an old request.
+If no such connection is idle, one that has sent nothing goes, or else one with an old request.
 
 When no slot is free, the person with the most connections loses one: an idle connection, or the
 least recently used. So a person who opens too many connections evicts his own. A connection of the
-owner, the pilot or the teacher is evicted only for a connection of one of these three. An answer is
-never cut short for another request. If all connections are busy, a new request is answered in its
-pending slot. Nothing here reads a clock: the time is an argument.
+owner, the pilot or the teacher is evicted only for a connection of one of these three. No answer is
+broken off to make room for another request. If all connections are busy, a new request is answered
+in its pending slot. Nothing here reads a clock: the time is an argument.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ Close = Callable[[], object]
 Peer = tuple[str, int]
 """Address and port of the remote side, as the socket reports them."""
 _READ_S = 0.25
-"""Time within which the first request of a new connection is read, even under load, in seconds."""
+"""The first request of a new connection is read within this time, even under load, in seconds."""
 _ANSWER_S = 2.0
 """If no slot is free, a connection keeps its pending slot this long for an answer, in seconds."""
 _LOG_S = 60.0
 """Minimum time between log lines about one person who exceeds the rate limit, in seconds."""
 _SELDOM_S = 1.0
-"""Longest usual time between two calls of `expire`, in seconds; more means a busy computer."""
+"""If more time passes between two calls of `expire`, in seconds, the computer is busy."""
 
 
 @lru_cache(maxsize=1024)
 def address_key(address: str) -> str:
-    """Return the key by which connections from an address are counted.
+    """Return the key under which the connections from an address are counted.
 
     For IPv6 the key is the address's /64 network, because one host may own all of its addresses.
     """
@@ -55,7 +55,7 @@ def address_key(address: str) -> str:
 
 @dataclass(slots=True, eq=False)
 class Slot:
-    """A slot in use by a connection or a websocket."""
+    """A slot that a connection or a websocket uses."""
 
     person: str
     used_s: float
@@ -128,13 +128,12 @@ class ConnectionLimiter:
                 del self._of[place.person]
 
     def is_at_limit(self, session: Session) -> bool:
-        """True if the next connection of a person can only evict a connection of the same
-        person."""
+        """True if a person's next connection can only evict one of his own."""
         return not session.is_crowd and len(self._of.get(session.name, ())) >= self._each
 
     @property
     def is_full(self) -> bool:
-        """True if the next connection can only be accepted by evicting another connection."""
+        """True if no slot is free: the next connection must evict another."""
         return self.taken >= self._in_all
 
     def has(self, person: str) -> bool:
@@ -210,8 +209,8 @@ class AdmissionControl:
 
     def has_room(self, now_s: float) -> bool:
         """False if a new connection would evict one that the server has not had time to read."""
-        # Count only a part of a long gap between two calls: the computer was busy, and read no
-        # requests in the gap.
+        # Count only a part of a long gap between two calls, because the busy computer read no
+        # requests in it.
         self._read_until_s += min(now_s - self._asked_s, _READ_S / 8)
         self._asked_s = now_s
         if not self.pending.is_full:
@@ -287,7 +286,7 @@ class AdmissionControl:
             else:  # no connection can be evicted: answer this request without a slot of its own
                 place.is_known, is_refused = True, is_at_limit
                 if is_refused:
-                    place.idle_s = now_s  # count as idle, so that it is evicted before busy ones
+                    place.idle_s = now_s  # idle, so it is evicted before busy connections
         place.came_s = self._read_until_s + _ANSWER_S * place.is_known
         if lasts:
             place.used_s = math.inf
@@ -327,7 +326,7 @@ class AdmissionControl:
     def may_ask(self, session: Session, now_s: float) -> bool:
         """Count a request; return False if the session sends too many per second.
 
-        An anonymous crowd counts as one session, so its rate is `clients` times as high.
+        Clients without a session count as one crowd, whose rate limit is `clients` times as high.
         """
         share = self.limits.clients if session.is_crowd else 1
         rate, burst = self.limits.requests_per_second, self.limits.requests_burst

@@ -16,7 +16,7 @@ from server.config import Address, as_address
 
 log = logging.getLogger(__name__)
 PROBE_MS = 700
-"""How long other machines are asked whether they already use a name, in ms (as in RFC 6762)."""
+"""How long the robot asks the network whether another machine uses a name, in ms (RFC 6762)."""
 _HEARD_MS = 15_000.0
 """Age in milliseconds above which another robot's mDNS answer is ignored, because that robot may be
 gone. A robot asks every 10 s, so any other robot in the network has answered within this time."""
@@ -40,7 +40,7 @@ class Announcement:
         self._is_off = False
         self.hostname = config.hostname
         self._next = 2
-        """The number that is tried first if the robot needs a name such as NAME-2."""
+        """The first number to try if the robot needs a name such as NAME-2."""
 
     def announce(self, addresses: Sequence[str]) -> str:
         """Announce the robot at these addresses; return the name that it got, without `.local`.
@@ -90,7 +90,7 @@ class Announcement:
         )
 
     def _free_name(self, addresses: Sequence[str]) -> str:
-        """Return the wanted name, or if another machine has it, the name with the next number."""
+        """Return the wanted name, or the name with the next number if another machine has it."""
         first = self._config.hostname
         others = self.others_at(self.hostname, addresses)
         if not others:
@@ -135,9 +135,9 @@ class Announcement:
         for kind in (_A, _AAAA):
             question.add_question(zeroconf.DNSQuestion(name, kind, 1))
         with contextlib.suppress(OSError):
-            self._responder.send(question)  # the next call of this method reads the answers
+            self._responder.send(question)  # the next call reads the answers
         before = [other for other in others if own and _lowest([other]) < _lowest(own)]
-        # so that each robot that gives way chooses another number
+        # so that robots that give way at the same time choose different numbers
         self._next = max(2, 1 + len(before))
         return bool(before)
 

@@ -9,7 +9,7 @@ from server.gateway.roles import Role
 
 
 def greet_phones(addresses: Sequence[str], tokens: Mapping[Role, str], more: Sequence[str]) -> str:
-    """Return the banner: how to pair a phone at `addresses`, then the extensions' lines `more`."""
+    """Return the banner: how to pair a phone at `addresses`, then the lines of `more`."""
     lines = ["Drivelesson is ready. Only paired browsers are admitted.", ""]
     pilot = pairing_address(addresses[0], tokens[Role.PILOT])
     lines += ["To drive, scan this with the phone:", "", *draw_qr(pilot).splitlines(), ""]

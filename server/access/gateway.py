@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 _NAME_S = 1.5
-"""How long the server's start waits until the robot has its name on the network, in seconds."""
+"""The server starts at the latest after this time without a name on the network, in seconds."""
 _BAD_KEY = Refusal(401, "key", "The key in this address is not valid. Maybe it was replaced.")
 _LABEL = re.compile(r"[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?", re.IGNORECASE)
 _WATCH_BY = (
@@ -251,7 +251,7 @@ class NetworkGateway(Gateway):
         return self.surroundings
 
     def advise(self, name: str, address: str) -> str:
-        """Return advice on a refused request: perhaps the robot has another name, or a proxy
+        """Return advice for a refused client: the robot may have another name, or a proxy may have
         forwarded the request."""
         known = f" If this is its name, start it with --also-at {name}." if name else ""
         proxy = f"start the robot with --behind-proxy {address}"

@@ -32,7 +32,7 @@ STOP = b"POST /api/stop "
 """First bytes of the request by which a page without a websocket sends STOP."""
 _RESET = struct.pack("ii", 1, 0)
 _UNREAD_PARTS = 16
-"""How much of a refused request is read at most, in parts of 4 KB."""
+"""Maximum part of a refused request that is read, in blocks of 4 KB."""
 TOO_MANY_CONNECTIONS = "Too many connections; reuse them, or wait a second."
 _BODY = json.dumps({"error": "connections", "detail": TOO_MANY_CONNECTIONS}).encode()
 _TOO_MANY = (
@@ -134,7 +134,7 @@ class _Connection(socket.socket):
     peer: Peer = ("", 0)
 
     def peek(self) -> bytes | None:
-        """Return received bytes without removing them.
+        """Return the received bytes, and leave them in the socket's buffer.
 
         Returns:
             b"" if the client has disconnected, None if it has sent nothing yet.

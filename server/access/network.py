@@ -13,7 +13,7 @@ from server.config import as_address
 from server.gateway.gateway import loopback_names
 
 ROBOT, ADDRESS = "drivelesson", "address"
-"""Names of the announced service's properties: the robot's name and its best address."""
+"""Names of two properties of the announced service: the robot's name and its best address."""
 EVERYWHERE = ("0.0.0.0", "::")
 _RESOLVER = Path("/etc/resolv.conf")
 _NAME = re.compile(r"[\w-]+(?:\.[\w-]+)*", re.ASCII)
@@ -77,7 +77,7 @@ def page_addresses(config: NetworkConfig, addresses: Sequence[str] | None = None
 
 
 def host_names(config: NetworkConfig) -> list[str]:
-    """Return the names that the robot answers to and that are known without asking the resolver."""
+    """Return the robot's names that are known without asking the resolver."""
     own = socket.gethostname().lower()
     names = [f"{config.hostname}.local", own, f"{own}.local"] if config.lan else []
     return list(dict.fromkeys([*loopback_names(config), *names, *config.also_at]))
@@ -109,8 +109,8 @@ def names_in_network(
 
 
 def _domains(resolver: Path) -> list[str]:
-    """Return the search domains of a file like /etc/resolv.conf. Of several lines with search
-    domains, the last counts."""
+    """Return the search domains of a file like /etc/resolv.conf. If several lines contain search
+    domains, the last one counts."""
     try:
         lines = resolver.read_text("utf-8", "replace").splitlines()
     except OSError:

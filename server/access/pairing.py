@@ -51,7 +51,7 @@ _SESSIONS = 192
 or by a class's board). There are more sessions than websockets, so not all sessions can be in
 use."""
 INVITATION_S = 300.0
-"""How long a token on a class's board is valid, in seconds; any number of phones can use it."""
+"""A token on a class's board is valid for this time, in seconds, for any number of phones."""
 _INVITATIONS = 16
 
 
@@ -71,7 +71,7 @@ class Paired(NamedTuple):
 
 
 class _Kind(NamedTuple):
-    """The role of a paired browser, and the way in which it was paired."""
+    """The role of a paired browser, and how the browser was paired."""
 
     role: Role
     invited: bool = False
@@ -122,8 +122,8 @@ class Pairing:
         self._file = file
         self._on_token = on_token
         self._sessions: OrderedDict[str, _Kind] = _load(file) if file else OrderedDict()
-        """Sessions by the hash of their secret. Those unused since the start come first, then the
-        others in the order of their first use."""
+        """Sessions by the hash of their secret. Sessions that are unused since the start come
+        first, then the others in the order of their first use."""
         self._unused = set(self._sessions)
         """Sessions that no browser has used since the server started; they are evicted first."""
         self._is_saved = file is not None

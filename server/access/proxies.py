@@ -28,7 +28,7 @@ _PAIR = re.compile(r'(?<![\w-])([\w-]+)\s*=\s*("(?:[^"\\]|\\.)*"|[^;,"\s]*)|(,)'
 
 
 class _Hop(NamedTuple):
-    """What one proxy reports: client, host and scheme; a field that it does not report is empty."""
+    """What one proxy reports: client, host and scheme; fields without a report are empty."""
 
     client: str = ""
     host: str = ""
@@ -40,7 +40,7 @@ class Proxies:
 
     Args:
         public: The addresses that people open.
-        trusted: The networks whose proxies are believed.
+        trusted: The networks of trusted proxies.
         admits_all: True if the server needs no pairing. Such a server refuses requests that an
             unknown proxy forwarded, because anybody may have sent them.
     """
@@ -85,7 +85,7 @@ class Proxies:
     def _walk(self, peer: str, hops: list[_Hop]) -> _Hop:
         """Follow the reports from proxy to proxy as far as the proxies are trusted.
 
-        The first untrusted address is the client's. What the client reports may be forged.
+        The first untrusted address is the client's. A client's own reports may be forged.
         """
         told = _Hop(client=peer)
         for hop in reversed(hops):

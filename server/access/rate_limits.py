@@ -7,7 +7,7 @@ from functools import lru_cache
 from server.clients.rate_limit import RateLimit
 
 _NAMES = 1024
-"""Maximum number of names whose rate is remembered."""
+"""Maximum number of names with a bucket."""
 
 
 class RateLimits:

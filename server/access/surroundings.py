@@ -35,7 +35,7 @@ class Place:
     Attributes:
         hostname: The announced name, without `.local`.
         addresses: The addresses of this machine, the best first.
-        names: Further names that the resolver returns for this machine.
+        names: This machine's names from the resolver.
         machine: The computer's own name, which a person or the network may change.
     """
 
@@ -80,7 +80,7 @@ class Surroundings:
         self._claimed_s = 0.0
 
     def __contains__(self, name: object) -> bool:
-        """True if the robot answers to this name.
+        """True if this is a name of the robot.
 
         On the local network, every name without a dot is accepted, because no page on the internet
         can have such a name.
@@ -133,7 +133,7 @@ class Surroundings:
         return self.now != before
 
     def ask(self, now_s: float) -> None:
-        """Ask the resolver for this machine's names if the last answer is old; wait for it."""
+        """If the resolver's last answer is old, ask it again for this machine's names, and wait."""
         if self._asked_s is not None and now_s - self._asked_s < ASK_EVERY_S:
             return
         self._asked_s = now_s

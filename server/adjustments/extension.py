@@ -97,7 +97,7 @@ class CorrectionsAnswer:
 
 @dataclass
 class CorrectionsChanged(CorrectionsAnswer):
-    """The corrections after a change; `kept` is false if they could not be saved."""
+    """The corrections after a change; `kept` is false if saving them failed."""
 
     kept: bool
 
@@ -110,7 +110,7 @@ def _answer(kind: type[_T], services: Services, **more: object) -> _T:
 
 @router.get("")
 def show_corrections(request: Request) -> CorrectionsAnswer:
-    """Return the corrections of body and camera, and which ones apply."""
+    """Return the corrections, and which of them apply to this body and camera."""
     return _answer(CorrectionsAnswer, services_of(request))
 
 

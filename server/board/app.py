@@ -27,7 +27,7 @@ from server.routes.bodies import HANDLERS, Short, do
 from server.routes.sockets import end_with_either
 
 SEND_EVERY_S = 0.1
-"""How long news and pictures are collected before they are sent to a page together, in seconds."""
+"""The board collects news and pictures for this time before it sends them to a page, in seconds."""
 LANGUAGES = ("en", "es", "zh")
 """The languages of the lessons."""
 PICTURE_HEADER = struct.Struct("<HI")
@@ -84,7 +84,7 @@ def create_board_app(
         board: The board.
         clock: The clock.
         begin: Called as soon as the event loop runs, to add the robots.
-        lesson: The lesson that the page of lessons opens if its address names none.
+        lesson: The lesson that the page of lessons shows if its address names no lesson.
     """
     app = FastAPI(
         title="Drivelesson board",
@@ -182,7 +182,7 @@ def _add_routes(
 
     @app.get("/api/models")
     async def last_order() -> dict[str, Any]:
-        """Return the last order to all robots that can be undone."""
+        """Return the newest order to all robots that can still be undone."""
         return models.describe()
 
     @app.post("/api/models")

@@ -20,7 +20,7 @@ PICTURE_EVERY_S = 1.0
 
 
 class BoardViewer:
-    """One open page of the board, with its unsent news and the newest pictures.
+    """One open page of the board, with the news and pictures that it has not received yet.
 
     Attributes:
         due: Set when there is something to send; wakes the task that sends to the page.
@@ -119,7 +119,7 @@ class Board:
             robot.stop.press()
 
     def release(self, stops: Mapping[int, str]) -> None:
-        """Release stopped robots; a robot that was stopped again in the meantime stays stopped.
+        """Release stopped robots, except those that were stopped again in the meantime.
 
         Args:
             stops: The `stop_id` that the teacher has seen, by the robot's number.

@@ -1,4 +1,4 @@
-"""Gives one order to all robots of a school class, such as to save their models. An order can be
+"""Gives one order, such as "save the model", to all robots of a school class. An order can be
 undone.
 
 All robots get an order at the same time. Before a robot changes to another model, it saves its
@@ -52,7 +52,7 @@ class RobotOutcome:
     """The result of an order, or of its undo, at one robot.
 
     Attributes:
-        did: The order's value if the robot carried out the order. Otherwise `undone` (the order was
+        did: The order's value if the robot carried it out. Otherwise `undone` (the order was
             undone), `empty` (there was no model to keep), `away` (the robot did not answer) or
             `failed`.
         model: Name of the model that was saved; empty if no model was saved.
@@ -213,7 +213,7 @@ class ClassModels:
         return RobotOutcome(robot.number, robot.name, "undone")
 
     async def _stop(self, robot: RobotLink) -> None:
-        """Stop a robot that is not stopped; it stays stopped until the teacher releases it."""
+        """Stop a robot, unless it is stopped; only the teacher can release it."""
         if robot.state.get("mode") == "stopped":
             return
         robot.stop.press()
@@ -238,7 +238,7 @@ async def _set_aside(robot: RobotLink) -> tuple[str | None, bool]:
     if robot.state.get("lessons") == 0:
         listed = (await robot.ask("GET", "/api/models")).json()
         name = listed.get("current")
-        # right after a load, the state may still describe the previous model
+        # just after a model was loaded, the state may still describe the previous one
         if not name or not _lessons_in(listed, name):
             return name, True
     return name_in(await robot.ask("POST", "/api/models/save", {})), False

@@ -23,7 +23,7 @@ _DID = {
     "failed": "could not do it: {detail}",
 }
 _SAVED = {"reset": "; saved before: {model}", "hand_over": "; saved before: {model}"}
-"""The text that is appended to a robot's line of output if the robot saved its model first."""
+"""Text at the end of a robot's line of output if the robot saved its model first."""
 _FAILED = ("away", "failed")
 
 

@@ -1,7 +1,7 @@
 """Finds robots, from a list or from their announcements on the network.
 
 Announcements can be forged, so the board takes only the port from an announcement and connects to
-the sender of the packet. Nobody can therefore direct the board to a third computer.
+the sender of the packet. So nobody can direct the board to a third computer.
 """
 
 from __future__ import annotations
@@ -123,8 +123,8 @@ def _ask(network: socket.socket, addresses: Sequence[str]) -> None:
 def read_announcement(data: bytes, source: str) -> list[RobotAddress]:
     """Return the robots that the computer at `source` announces in a packet.
 
-    A robot with several addresses names its best address in each packet. The robot is returned only
-    if the packet came from this address. Each robot is therefore found once.
+    A robot with several addresses names its best address in each packet. Only a packet from this
+    best address counts, so that each robot is found once.
     """
     zeroconf = _zeroconf()
     packet = zeroconf.DNSIncoming(data, (source, _PORT))

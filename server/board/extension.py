@@ -196,8 +196,8 @@ class ClassroomExtension(Extension):
         return self._signed_out.pop(key)
 
     def start(self) -> None:
-        """Let phones pair with the class's code. This is not
-        done earlier, because the pairing exists only after the gateway was opened."""
+        """Let phones pair with the class's code. The caller must have opened the gateway, which
+        creates the pairing."""
         pairing = _pairing(self._services)
         if self.classroom is not None and pairing is not None:
             pairing.standing_code = self.classroom.code
@@ -206,7 +206,7 @@ class ClassroomExtension(Extension):
         assert self.classroom is not None
         if not self.classroom.knows(headers.get("authorization", "")):
             return None
-        return Session(TEACHER, TEACHER.value)  # the limits count all boards as one client
+        return Session(TEACHER, TEACHER.value)  # the limits count all boards together
 
     def _check(self, path: str, method: str | None, role: Role) -> Refusal | None:
         assert self.classroom is not None

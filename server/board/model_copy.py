@@ -19,7 +19,7 @@ async def copy_model(source: RobotLink, targets: Sequence[RobotLink]) -> list[st
     The target robots must be stopped; they save their current models first.
 
     Returns:
-        One sentence for each robot that failed, which also says what was left unchanged.
+        One sentence for each robot that failed; it also says what did not change.
     """
     try:
         name = name_in(await source.ask("POST", "/api/models/save", {}))

@@ -35,13 +35,12 @@ BELOW = 5
 """Niceness of the robots: the board and the browsers have priority."""
 _POLL_S = 1.0
 _COLD = 6.0
-"""CPU time that a robot in a class needs for a picture, divided by the time that
-`measure_picture_s` returns. In a class, caches are cold, sockets and the disk add time, and a tenth
-of the computer must stay free for a STOP. Measured with thirty robots on two cores."""
+"""A robot in a class needs this many times the CPU time that `measure_picture_s` returns. In a
+class, caches are cold, sockets and the disk add time, and a tenth of the computer must stay free
+for a STOP. Measured with thirty robots on two cores."""
 _BATCHES, _BATCH = 5, 20
-"""Number of batches of pictures with which this computer's speed is measured, and number of
-pictures in each batch. Only the fastest batch counts, because other programs can slow a batch down
-but not speed it up."""
+"""To measure this computer's speed, process this many batches with this many pictures each. Only
+the fastest batch counts, because other programs can slow a batch down but not speed it up."""
 _MODULES = (
     *("anyio._backends._asyncio", "anyio._core._fileio", "cv2", "encodings.ascii"),
     *("encodings.idna", "encodings.utf_8_sig", "fastapi.telemetry._runtime", "filelock"),
@@ -189,7 +188,7 @@ def _fork(work: Callable[[], int]) -> int:
 
 
 def measure_picture_s(world: str) -> float:
-    """Return the CPU time in which a picture is rendered, encoded, decoded, judged and learned."""
+    """Return the CPU time to render, encode, decode, predict and learn one picture, in seconds."""
     from robot.control.loop import ControlLoop
     from robot.policy.registry import make_policy
     from robot.simulator.camera import SimCamera, SimCameraOptions
@@ -254,7 +253,7 @@ def _run(world: str, life: int) -> None:
     from server.hosting.serving import websocket_protocol
     from server.services import Services
 
-    make_policy("default-32")  # this call and the next three fill caches that all robots share
+    make_policy("default-32")  # this and the next three calls fill caches that all robots share
     websocket_protocol()
     usual = vars(make_parser("serve", is_extended=False).parse_args([]))  # plugins' options, too
     app = create_app(Services(Config(port=0), build_rig("sim"), options=usual))

@@ -1,4 +1,4 @@
-"""Options of `drivelesson serve` for a robot of a class."""
+"""Options of `drivelesson serve` that make a robot part of a class."""
 
 from __future__ import annotations
 

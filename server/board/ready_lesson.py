@@ -25,7 +25,7 @@ _NEAR_M, _FREE_M = 0.35, 0.5
 
 
 def locale_of_computer(environment: Mapping[str, str]) -> str | None:
-    """Return the name of the locale that a person chose for this computer.
+    """Return the name of this computer's locale.
 
     Environment variables such as LANG are read first. If the chosen locale is not installed,
     Python's `getlocale` returns a different one.

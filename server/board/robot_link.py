@@ -34,7 +34,7 @@ log = logging.getLogger(__name__)
 
 PING_EVERY_S, SILENCE_S = 1.0, 3.0
 START_S = 30.0
-"""How long a robot that has not yet answered is assumed to be starting, in seconds."""
+"""A robot that has never answered counts as starting for this time, in seconds."""
 _RETRY_S, _LONGEST_RETRY_S, _STOP_RETRY_S = 0.5, 5.0, 0.25
 _STARTING_RETRY_S = 1.0
 """Longest time between two attempts to connect to a robot that may still be starting, in seconds.
@@ -118,7 +118,7 @@ class RobotLink:
         return pairing_address(address, token) if token else None
 
     def show(self, every_s: float | None) -> None:
-        """Receive a picture every `every_s` seconds from now on; None means no pictures."""
+        """From now on, receive a picture every `every_s` seconds, or no pictures if it is None."""
         if every_s != self._every_s:
             self._every_s = every_s
             self._rate_changed.set()
@@ -200,7 +200,7 @@ class RobotLink:
                 self.stop.refuse_release()
 
     def _note_state(self, state: dict[str, Any]) -> None:
-        is_ours = state.get("stop_held_by") == TEACHER.value  # a pupil can stop the robot, too
+        is_ours = state.get("stop_held_by") == TEACHER.value  # a pupil may have stopped the robot
         is_stopped = is_ours and state.get("emergency") is True
         number = state.get("stop_number")
         self.stop.note_state(number if type(number) is int else None, is_stopped=is_stopped)

@@ -32,9 +32,8 @@ log = logging.getLogger(__name__)
 _ASK_S, _ASKS = 0.2, 150
 _ANSWER_S = 5.0
 _GOLDEN_DEG = 137.508
-"""Each robot drives in a simulated room with walls of one colour. This is the difference in hue
-between the rooms of successive robots, in degrees. The golden angle keeps any number of hues
-distinct."""
+"""Each robot drives in a simulated room with walls of one colour. The hues of two successive rooms
+differ by this angle, in degrees. The golden angle keeps any number of hues distinct."""
 _HUES_DEG = {"green": 130, "purple": 259, "pink": 324, "brown": 28, "teal": 176}
 """Hues of the board's colours, in degrees. A robot gets the colour whose hue is nearest to that of
 the walls in its simulated room."""

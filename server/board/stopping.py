@@ -26,7 +26,7 @@ _STOP = json.dumps({"type": "stop"})
 
 
 class Stopping(StrEnum):
-    """How far the request to stop a robot has come."""
+    """The stages of a stop."""
 
     ASKED = "asked"
     STOPPED = "stopped"
@@ -37,7 +37,7 @@ class RobotStop:
     """The stop of one robot; `on_change` is called at each new stage.
 
     Attributes:
-        stage: The current stage; None if no stop was requested, or the stop was released.
+        stage: The current stage; None if no stop was requested, or the last one was released.
         channel: The open connection to the robot; None while there is none.
         number: The number of the newest STOP that the robot has reported; None if there is none.
         is_release_refused: True if the last release was for an older STOP than the newest.
@@ -54,11 +54,10 @@ class RobotStop:
         self._number_before: int | None = None
         """The value of `number` when this stop was requested."""
         self._is_shown = False
-        """True once a state of the robot has shown this stop; states before it count as older than
-        the stop."""
+        """True once a state of the robot has shown this stop; the states before were older."""
         self._confirmed: int | None = None
-        """The robot's number for this stop, from the answer to the request that confirmed the stop;
-        None until then. A state with this number or a higher one is newer than the stop."""
+        """The robot's number for this stop, from the answer that confirmed it; None until then. A
+        state with at least this number is newer than the stop."""
         self._session, self._clock = session, clock
         self._on_change = on_change
         self._pressing: asyncio.Task[None] | None = None
@@ -99,7 +98,7 @@ class RobotStop:
             self.is_release_refused = self.stage is not None
             self._on_change()
             return
-        if self._pressing is not None:  # its next request would stop the robot again
+        if self._pressing is not None:  # the task's next request would stop the robot again
             self._pressing.cancel()
         self.stage, self.is_release_refused = None, False
         words = json.dumps({"type": "release", "stop_number": self.number})
@@ -114,7 +113,7 @@ class RobotStop:
         self._on_change()
 
     def note_state(self, number: int | None, *, is_stopped: bool) -> None:
-        """Note a state from the robot. The state may be older than the last command."""
+        """Process a state from the robot, which the robot may have sent before the last command."""
         self.number = max(self.number or 0, number or 0) or None
         if not is_stopped:
             self.is_release_refused = False

@@ -118,7 +118,7 @@ class NetworkTransport:
             async with _connected(there, unchecked) as (_, writer):
                 der = writer.get_extra_info("ssl_object").getpeercert(binary_form=True)
             pinned = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-            pinned.check_hostname = False  # the whole certificate is compared instead of the name
+            pinned.check_hostname = False  # the whole certificate is compared below
             pinned.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN
             pinned.load_verify_locations(cadata=der)
             return ServerPlace(there, f"{own} {hashlib.sha256(der).hexdigest()}", pinned)
@@ -171,7 +171,7 @@ def _open(url: str, headers: dict[str, str], options: dict[str, Any]) -> Any:
     try:
         from websockets.asyncio.client import connect
     except ImportError:
-        import websockets  # an older client, before websockets 13
+        import websockets  # the client of websockets before version 13
 
         return websockets.connect(url, extra_headers=headers, **options)
     return connect(url, additional_headers=headers, proxy=None, **options)
@@ -211,5 +211,5 @@ async def within(patience_s: float | None = 5.0) -> AsyncIterator[None]:
         number = getattr(error, "errno", None) or 0
         words = reason(error)
         if number > 0 and not isinstance(error, ssl.SSLError):
-            words = os.strerror(number)  # asyncio's own text lacks the cause
+            words = os.strerror(number)  # the text of asyncio's error lacks the cause
         raise UnreachableError(words.lower()) from error

@@ -58,7 +58,7 @@ class UnverifiedRobots:
         self._asking: set[asyncio.Task[None]] = set()
 
     def announce(self, address: RobotAddress) -> None:
-        """Note an announcement, and ask the robot for its proof if that is due."""
+        """Note an announcement, and ask the robot for its proof unless it was asked recently."""
         now_s = self._clock.now_s()
         stranger = self._known.pop(address, None) or UnverifiedRobot(now_s)
         self._known[address] = stranger

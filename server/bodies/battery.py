@@ -1,5 +1,5 @@
-"""Tells people to check the battery after the program has ended several times just as a drive
-began. When the motors start, a weak battery can cut off the computer."""
+"""Tells people to check the battery if the program has ended several times just as a drive began: a
+weak battery can cut off the computer when the motors start."""
 
 from __future__ import annotations
 

@@ -21,8 +21,8 @@ HEADER = struct.Struct("<BBHId")
 _EYE_FRAME, _COVERED = 3, 1
 _MOST_TEXT = 500
 CLOCK_SAMPLES = 8
-"""Number of the newest pings from which the difference of the clocks is measured. Older pings are
-dropped, because a phone's clock drifts by milliseconds a minute."""
+"""Number of the newest pings from which the difference of the clocks is measured. Older pings do
+not count, because a phone's clock drifts by milliseconds per minute."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +85,7 @@ def parse_frame(message: bytes) -> EyeFrame:
 
 
 def encode_frame(seq: int, taken_ms: float, jpeg: bytes, *, is_covered: bool = False) -> bytes:
-    """Encode one picture, as the page does."""
+    """Encode one picture in the format of the eye page."""
     return HEADER.pack(_EYE_FRAME, _COVERED if is_covered else 0, 0, seq, taken_ms) + jpeg
 
 

@@ -36,7 +36,7 @@ _LASTING = (ConfigurationError, MissingExtraError, NotFoundError, PluginError, R
 GROUP = "drivelesson.commands"
 FIRST = "serve"
 _DRIVE = ("drive", "run", "start", "teach")
-"""Words that people type as a command to drive a robot, although none of them is a command."""
+"""Words that people try as a command in order to drive a robot; none of them is a command."""
 
 
 def commands() -> dict[str, str]:
@@ -97,8 +97,8 @@ def status_of(error: RobotError | OSError) -> int:
 def make_parser(
     name: str, words: Sequence[str] = (), *, is_extended: bool = True
 ) -> argparse.ArgumentParser:
-    """Return the parser of one command. If `is_extended`, it also has the options of
-    the choices in `words` (the command line), for example of a camera."""
+    """Return the parser of one command. With `is_extended`, it also has the options that depend on
+    the command line `words`, for example those of the chosen camera."""
     module = load_command(name)
     parser = Parser(prog=f"drivelesson {name}", description=module.__doc__)
     module.configure(parser)

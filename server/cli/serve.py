@@ -131,7 +131,7 @@ def run(args: argparse.Namespace) -> int:
     gateway = gateway_type()(config, rig.clock)
     end_by_signals()
     with StartingPage([] if gateway.is_tls else listeners, rig.clock) as starting:
-        from server.app import create_app  # takes a second, so the starting page is shown first
+        from server.app import create_app  # this takes a second, so the starting page is up
 
         kept, services = _make_services(args, rig, gateway)
 
@@ -173,7 +173,7 @@ def _make_services(
 
 
 def _report_problems(moved: list[tuple[str, str]], fault: str | None, announce: Announce) -> None:
-    """Report damaged files that were set aside, or a storage fault, on the page and in the log."""
+    """Report a storage fault, or damaged files that were set aside, on the page and in the log."""
     if moved:
         sentence = ", ".join(f"{name} -> {where}" for name, where in moved)
         log.warning("set aside in the data folder: %s", sentence)
@@ -197,7 +197,7 @@ def _recorded(args: argparse.Namespace, rig: Rig) -> dict[str, str]:
 
 
 def _name_learner(args: argparse.Namespace) -> str:
-    """Return the learner's name; if `--max-nodes` is `auto`, measure this machine first."""
+    """Return the learner's name; with `--max-nodes auto`, measure this machine first."""
     learner = args.learner or "default"
     if args.max_nodes != "auto":
         return full_name(learner, args.max_nodes, 32)
@@ -248,7 +248,7 @@ def _make_loop_config(settings: Settings) -> LoopConfig:
 
 def has_screen(system: str, environment: Mapping[str, str]) -> bool:
     """True if a browser can open a window; a text browser would take over the terminal."""
-    if "SSH_CONNECTION" in environment:  # the person is at another machine
+    if "SSH_CONNECTION" in environment:  # the person sits at another machine
         return False
     has_display = bool(environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
     return system in ("win32", "darwin") or has_display

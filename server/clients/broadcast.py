@@ -99,11 +99,11 @@ class Broadcast:
         return since_s >= every_s or self._urgent(state) != self._urgent_sent
 
     def _urgent(self, state: Tick) -> object:
-        """Return the part of the state whose changes are published at once, such as the pilot."""
+        """Return the fields, such as the pilot, whose changes are published immediately."""
         decision = state.decision
         is_pilots = decision.driven_by is DrivenBy.PILOT
         return (
-            decision.action if is_pilots else None,  # a program waits for its command's result
+            decision.action if is_pilots else None,  # a program waits for the result of its command
             *(decision.mode, decision.driven_by, decision.stop_reason, decision.asks_pilot),
             *(state.link.level, state.emergency, state.fault),
             self._emergency.held_by,
@@ -111,7 +111,7 @@ class Broadcast:
         )
 
     def publish_new_pilot(self) -> None:
-        """Publish the state. Until the loop's next decision, it says that nobody drives."""
+        """Publish the state. Until the loop's next decision, this state says that nobody drives."""
         self._previous_pilots = self._loop.state.decision
         self.publish_state()
 

@@ -22,7 +22,7 @@ class EmergencyStop:
     """
 
     def __init__(self) -> None:
-        self.number = 1 + secrets.randbelow(2**31)  # so no old message names it by chance
+        self.number = 1 + secrets.randbelow(2**31)  # so that no old message contains it by chance
         self.held_by: Role | None = None
         self._pressed_s = -math.inf
 

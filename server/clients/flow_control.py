@@ -25,12 +25,12 @@ class VideoWindow:
     If bandwidth is the limit, the window is one frame, because a second frame would only queue
     behind the first. If only latency is the limit, more frames in flight do no harm, and the window
     may grow to `LARGEST` frames. To test which limit applies, the window grows by one frame
-    whenever a frame had to be skipped. If acknowledgements come later after this, the window
+    whenever a frame had to be skipped. If acknowledgements then come later than before, the window
     shrinks to one frame, and the next attempt waits four times as long as the previous one.
 
     On a fast link, acknowledgements arrive long before the next frame. Then only every third frame
     requests an acknowledgement; the others are *quiet*. Quiet frames save server and phone a third
-    of their work. A phone sends one packet instead of three.
+    of their work, and the phone sends one packet instead of three.
     """
 
     LARGEST = 4
@@ -60,7 +60,7 @@ class VideoWindow:
 
     def may_send(self, n_bytes: int) -> bool:
         """True if a frame of this size may be sent now; if not, the frame counts as skipped."""
-        if not self._asked:  # the client need not acknowledge any of the frames in flight
+        if not self._asked:  # all frames in flight are quiet
             return True
         if len(self._flight) < self.size and self._bytes + n_bytes <= self.LARGEST_BYTES:
             return True
@@ -128,7 +128,7 @@ class VideoWindow:
 
 
 class PictureSize:
-    """Decides whether a viewer gets larger pictures, which it must be able to draw in time.
+    """Decides whether a viewer gets larger pictures, because not all viewers can draw them in time.
 
     If a viewer draws them late, the next attempt waits four times as long as the last.
     """

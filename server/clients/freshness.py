@@ -10,7 +10,7 @@ from collections.abc import Callable
 from server.protocol import ErrorCode, ProtocolError
 
 NEVER_S = -math.inf
-"""Issue time given to an unknown nonce, so that its message counts as too old."""
+"""The issue time of an unknown nonce, with which any message counts as too old."""
 _KEPT_S = 2.0
 """How long a nonce is remembered, in seconds; a command with this nonce expires much sooner."""
 

@@ -39,7 +39,7 @@ class Hub:
         broadcast: Sends the clients states, pictures and events.
         lease: The lease of control, by the ids of clients.
         emergency: The newest STOP.
-        pilot: The last person to have the wheel, who may come back.
+        pilot: The last person who had the wheel and may come back.
         refused: The number of refused messages, by reason.
     """
 
@@ -133,7 +133,7 @@ class Hub:
             pong = {"client_ms": message.client_ms, "server_ms": now_s * 1000}
             client.send(encode_message("pong", **pong))
         elif message is BareMessage.STOP:
-            client.is_answer_due = True  # answer even if the robot stands still already
+            client.is_answer_due = True  # answer even if the robot already stands still
             self.latch_emergency(client.id, client.role)
         elif isinstance(message, protocol.ReleaseMessage):
             self._release_emergency(client, message.stop_number)

@@ -15,15 +15,15 @@ from robot.types import Prediction
 
 STATE_EVERY_S = 0.1
 SOON_S = 0.05
-"""Time between two states while the robot moves and its camera's period is longer, in seconds. With
-only the nonces of a slow camera's pictures, a Wi-Fi pause would look like an absent pilot."""
+"""Time between two states while the robot moves and its camera's period is longer, in seconds. If
+only the pictures of a slow camera had nonces, a Wi-Fi pause would look like an absent pilot."""
 
 
 def describe_state(state: Tick, now_ms: float, *, is_resting: bool = False) -> dict[str, Any]:
     """Return the fields of a `state` message; it has no frame while the robot rests."""
     decision, camera, sensors = state.decision, state.camera, state.sensors
     captured_s, source_s = state.frame_captured_s, state.source_age_s
-    # The delay that the brick and its connection add to the delay of the camera.
+    # the delay that the brick and its connection add to that of the camera
     brick_s = None if source_s is None else max(0.0, camera.delivery_age_s - source_s)
     age_ms = None if captured_s is None or is_resting else round(now_ms - captured_s * 1000, 1)
     fields = {

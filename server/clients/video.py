@@ -109,7 +109,7 @@ class VideoHub:
         self._nonce = 0
         self._pictures: dict[bool, Frame] = {}
         self._messages: dict[tuple[bool, bool], bytes] = {}
-        self.captured_s = OrderedDict[int, float]()  # of the last frames, by the frame's number
+        self.captured_s = OrderedDict[int, float]()  # of the last frames, by frame number
         self.frames_encoded = self.frames_sent = 0
         self.on_drawn: Callable[[float], None] = lambda age_s: None
         """Called when a viewer has drawn a frame, with the frame's age in seconds."""
@@ -136,7 +136,7 @@ class VideoHub:
         self._viewers.pop(viewer, None)
         self._on_viewers()
         if not self.viewers:
-            self.newest = None  # it would be too old for a later viewer
+            self.newest = None  # too old for the next viewer
 
     def show(self, frame: Frame, nonce: int = 0) -> None:
         """Make `frame` the newest; send it with `nonce` to each viewer with room in the window."""
@@ -159,7 +159,7 @@ class VideoHub:
         if now_s - viewer.last_sent_s < _EARLY_SHARE * viewer.every_s:
             return
         window = viewer.window
-        # A viewer with an interval is a page that shows many robots in small pictures.
+        # Viewers with an interval show many robots in small pictures, so they get the smaller one.
         is_large = viewer.size.is_large and not viewer.every_s
         picture = self._pictures.get(is_large) or self._picture_of(frame, is_large)
         n_bytes = len(picture.data)

@@ -22,7 +22,7 @@ class CoachingExtension(Extension):
 
     @property
     def routers(self) -> Sequence[APIRouter]:
-        from server.coaching import (  # here, because these modules import this one
+        from server.coaching import (  # imported here, because these modules import this one
             gallery_routes,
             routes,
             word_routes,

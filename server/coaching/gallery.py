@@ -1,6 +1,6 @@
 """Caches the learned images for the page's gallery.
 
-The images are fetched from the learner when a client asks, and cached until something is taught or
+The cache asks the learner when a client asks, and keeps the images until something is taught or
 changed.
 """
 
@@ -52,11 +52,11 @@ class Gallery:
         return self._images
 
     async def image(self, node: int) -> LearnedImage | None:
-        """Return a learned image; if it has been merged since, return its last version.
+        """Return a learned image, or its last version if it has been merged since.
 
-        A client requests images from an earlier list, and each example can merge some of them. In
-        this case the last version is the best answer. If the image was merged before anyone listed
-        the images, return the image that was used last. None if there never was such an image.
+        A client requests images from an earlier list, and each example can merge some of them. Then
+        the last version is the best answer. If nobody had listed it before the merge, return the
+        image that was used last. None if there never was such an image.
         """
         await self.images()
         if node not in self._seen:

@@ -32,8 +32,8 @@ class ImageEdit(RawValue):
 class ImageAnswer:
     """One learned image.
 
-    `taught_at_s` and `episode` say when and in which recording its last example was taught, if that
-    is still known. `angle` is the mean steering of its frames, if the pilot steered proportionally.
+    `taught_at_s` and `episode` say when and in which recording the image got its last example, if
+    known. `angle` is the mean steering of the image's frames, after proportional steering.
     """
 
     taught_at_s: float | None
@@ -131,7 +131,7 @@ async def edit_image(request: Request, node: int, body: ImageEdit) -> dict[str, 
 async def show_why(request: Request) -> dict[str, Why | None]:
     """Return the learned image that decides the robot's move now, with the current view.
 
-    The answer is null if no image decides.
+    Null if no image decides.
     """
     services = services_of(request)
     found = await services.on_loop(lambda: _explain(services.robot.loop))
@@ -166,7 +166,7 @@ def _describe(image: LearnedImage, progress: Progress) -> ImageAnswer:
 
 
 def _explain(loop: ControlLoop) -> tuple[Prediction, Explanation] | None:
-    """Explain the newest prediction; None if there is none. Call it on the loop's thread."""
+    """Explain the newest prediction; None if there is none. Only the loop's thread may call it."""
     newest = loop.learning.newest
     if newest is None:
         return None

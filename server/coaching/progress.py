@@ -54,7 +54,7 @@ class _Curve:
         self._n_examples.append(mark.n_examples)  # last, because `__len__` reads this column
 
     def part(self, first: int, end: int) -> _Curve:
-        """Return these marks as a new curve."""
+        """Return the marks at these indices as a new curve."""
         curve = _Curve()
         for index in range(first, end):
             curve.add(self[index])
@@ -82,7 +82,7 @@ class Progress:
         self.gallery = Gallery(loop)
 
     def note(self, tick: Tick) -> None:
-        """Record one tick. Call it on the loop's thread."""
+        """Record one tick. Only the loop's thread may call it."""
         if tick.prediction is not None and tick.prediction.node is not None:
             self.gallery.newest = max(self.gallery.newest, tick.prediction.node)
         if not tick.history_events:
@@ -108,7 +108,7 @@ class Progress:
         self._marks.add(Mark(n_examples, agreement, self._loop.clock.wall_s(), run))
 
     def history(self) -> list[Mark]:
-        """Return at most `_POINTS` marks, spread over the whole training, oldest first."""
+        """Return at most `_POINTS` marks that are spread over the whole training, oldest first."""
         marks = self._marks
         step = max(1, -(-len(marks) // _POINTS))
         return [marks[index] for index in range(len(marks) - 1, -1, -step)][::-1]

@@ -22,7 +22,7 @@ router = APIRouter(prefix="/api", route_class=Route)
 
 @dataclass
 class Teaching:
-    """The number of examples, and the agreement over the course of teaching."""
+    """The number of examples, and how the agreement has changed during teaching."""
 
     lessons: int
     taught: dict[str, int]
@@ -94,7 +94,7 @@ def show_path(request: Request, since: int = 0) -> PathAnswer:
 
 @router.get("/teaching")
 def describe_teaching(request: Request) -> Teaching:
-    """Return the number of examples, and the agreement over the course of teaching."""
+    """Return the number of examples, and how the agreement has changed during teaching."""
     state = services_of(request).robot.loop.state
     return Teaching(
         lessons=sum(state.taught.values()),
@@ -115,7 +115,7 @@ async def show_readiness(request: Request, pictures: bool = True) -> ReadinessAn
 
 
 def _describe_readiness(progress: Progress, has_pictures: bool) -> ReadinessAnswer:
-    """Describe the readiness. Call it on the loop's thread."""
+    """Describe the readiness. Only the loop's thread may call it."""
     lesson, missing = progress.lesson, []
     for gap in lesson.missing():
         png, frame = None, gap.frame

@@ -1,4 +1,4 @@
-"""`/api/teaching/alike` and `/outdate`: what the pilot states about the lesson.
+"""`/api/teaching/alike` and `/outdate`: two statements of the pilot about all examples.
 
 See docs/reference/http.md.
 """
@@ -17,19 +17,19 @@ from server.services import services_of
 
 router = APIRouter(prefix="/api", route_class=Route)
 _ONE_SIDED = 20
-"""Number of examples of turns to one side, with none to the other, after which the page asks
-whether left and right are alike."""
+"""After this many examples of turns to one side and none to the other, the page asks whether left
+and right are alike."""
 
 
 class AlikeWord(RawValue):
-    """A request's body: the pilot's word that left and right are alike, or are not."""
+    """A request's body: whether the pilot says that left and right are alike."""
 
     alike: bool
 
 
 @dataclass
 class AlikeAnswer:
-    """Whether left and right are alike, whether that can be set, and whether to ask about it."""
+    """Whether left and right are alike, whether the pilot can set this, and whether to ask him."""
 
     alike: bool
     possible: bool
@@ -76,7 +76,7 @@ async def set_alike(request: Request, body: AlikeWord) -> AlikeChanged:
 
 
 def _alike(history: TrainingHistory) -> AlikeAnswer:
-    """Describe whether left and right are alike. Call it on the loop's thread."""
+    """Describe whether left and right are alike. Only the loop's thread may call it."""
     policy, taught = history.policy, history.taught
     pairs = policy.kinds.mirrored().items()
     return AlikeAnswer(

@@ -48,8 +48,8 @@ TIMED: dict[str, Callable[[EpisodeFrame], bool]] = {
     "lerobot": lambda moment: not moment.is_deleted,
     "npz": is_example,
 }
-"""Export formats for which irregular times are repaired. The function of a format returns True for
-a picture that is exported."""
+"""Export formats for which irregular times are repaired. A format's function returns True for each
+picture that it exports."""
 
 
 def configure_export(parser: argparse.ArgumentParser) -> None:

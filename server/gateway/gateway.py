@@ -58,7 +58,7 @@ class Gateway:
     origins: tuple[str, ...] = ()
     """Other origins of the robot's page, if a proxy serves the page."""
     not_admitted = Refusal(401, "session", "This browser is not admitted.")
-    """The refusal that a client without a session gets."""
+    """The refusal for a client without a session."""
 
     def __init__(self, config: Config, clock: Clock) -> None:
         self.config, self.clock = config, clock
@@ -110,11 +110,11 @@ class Gateway:
         return self.addresses()[0] + (role.start or "")
 
     def draw(self, address: str) -> list[str]:
-        """Return the lines of a QR code of an address; none if phones cannot reach the address."""
+        """Return the lines of an address's QR code; empty if phones cannot reach the address."""
         return []
 
     def greet(self, more: Sequence[str]) -> str:
-        """Return the text shown when the robot is ready; `more` are extensions' lines."""
+        """Return the text for a terminal when the robot is ready; `more` adds lines."""
         return "\n".join([f"Drivelesson is ready: open {self.addresses()[0]}", *more, ""])
 
     @property
@@ -162,7 +162,7 @@ class Gateway:
         return Session(Role.VIEWER, address)
 
     def check(self, path: str, method: str | None, role: Role) -> Refusal | None:
-        """Return the first refusal of a request by `checks`; None if no check refuses it."""
+        """Return the refusal of the first check that refuses a request; None if all pass."""
         refusals = (check(path, method, role) for check in self.checks)
         return next((refusal for refusal in refusals if refusal), None)
 

@@ -87,7 +87,7 @@ class Guard:
         if not is_too_many or self.gateway.may_log(scope.get(_PERSON, ""), reason):
             path, why = str(scope["path"])[:80], refusal.sentence
             log.warning("refused reason=%s path=%r why=%r", reason, path, why)
-        if is_too_many:  # the pause slows the client, which waits for the answer
+        if is_too_many:  # a pause slows down a client that waits for the answer
             await self.gateway.clock.pause(_TOO_MANY_S)
         await self._answer(scope, receive, send, refusal)
 
@@ -161,7 +161,7 @@ class Guard:
 
         try:
             await self.app(scope, _limited(receive, self._most_bytes(scope)), send_guarded)
-        except ClientDisconnect:  # the body was too long, or the client left before its end
+        except ClientDisconnect:  # the body was too long, or the client disconnected before its end
             await self._answer(scope, receive, send, _TOO_LARGE)
 
     async def _answer(self, scope: Scope, receive: Receive, send: Send, refusal: Refusal) -> None:

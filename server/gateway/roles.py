@@ -14,12 +14,12 @@ class Role:
     Attributes:
         value: The role's name in messages and files.
         may_change: The client may change things, not only read and stop the robot.
-        may_drive: The client may drive the robot, one client at a time.
+        may_drive: The client may drive the robot; only one client drives at a time.
         holds_stop: If the client stops the robot, only a client of this role can release it.
         paths: The only paths that the client may request besides public ones; None means all paths.
         start: The page to which the client is redirected from other paths.
         refusal: The sentence in the answer to a forbidden request.
-        purpose: What a browser with this role may do, worded to follow "may"; empty if browsers
+        purpose: What a browser with this role may do, as the words after "may"; empty if browsers
             cannot get the role.
     """
 

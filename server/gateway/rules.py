@@ -1,7 +1,7 @@
 """Access rules, by the Host, Origin and role of a request.
 
-Host and Origin are checked even on loopback. Otherwise a page of another site that is open in the
-same browser could reach the robot, by a cross-site websocket or by DNS rebinding.
+Host and Origin are checked even on loopback. Without these checks, a page of another site in the
+same browser could reach the robot by a cross-site websocket or by DNS rebinding.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from server.gateway.roles import Refusal, Role, Session
 
 
 def check_host(gateway: Gateway, headers: Mapping[str, str]) -> Refusal | None:
-    """Refuse a request whose Host is not a name of the robot, as it may be DNS rebinding."""
+    """Refuse a request whose Host is not the robot's name; it may be DNS rebinding."""
     host = headers.get("host", "")
     name = host_name(host)
     if name in gateway.names or (gateway.allows_addresses and as_address(name) is not None):

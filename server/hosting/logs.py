@@ -32,7 +32,7 @@ class OneLine(logging.Formatter):
 
 
 class RepeatFilter(logging.Filter):
-    """Passes only a few lines of each kind per minute, and logs how many others there were.
+    """Passes a few lines of each kind per minute, and logs how many more it has dropped.
 
     Lines are of one kind if their logger, level and message template are equal. Without this
     filter, any client could fill the robot's disk, because each refused request is logged.

@@ -29,7 +29,7 @@ MAX_MESSAGE_BYTES = 65_536
 """Maximum size of a websocket message in bytes; a larger one closes the connection unread."""
 _DEAD_PEER_MS = 15_000
 _BACKLOG = 4096
-"""Length of the accept queue; when it is full, a client's system retries only after a second."""
+"""Length of the accept queue. When it is full, a client retries only after a second."""
 _END_S = 1.0
 """Shutdown timeout in seconds: first for requests to finish, then for connections to close."""
 
@@ -51,7 +51,7 @@ def open_socket(host: str, port: int) -> socket.socket:
             listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
         listener.bind((host, port))
         listener.listen(_BACKLOG)
-    except (OSError, TypeError) as error:  # TypeError: the text cannot be a host's name
+    except (OSError, TypeError) as error:  # a TypeError means that the text cannot be a host's name
         listener.close()
         why = getattr(error, "strerror", None) or "there is no such host"
         is_taken = getattr(error, "errno", None) in (errno.EADDRINUSE, errno.EADDRNOTAVAIL)
@@ -81,7 +81,7 @@ def open_sockets(host: str, port: int) -> list[socket.socket]:
 
 
 def websocket_protocol() -> Any:
-    """Return the websocket protocol for uvicorn: an extension's, or else "websockets"."""
+    """Return the websocket protocol for uvicorn: that of an extension, or "websockets"."""
     found = (point.load()() for point in points(PROTOCOLS))
     return next(filter(None, found), "websockets")
 

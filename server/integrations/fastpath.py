@@ -50,8 +50,8 @@ def make_protocol() -> type[Any] | None:
         A text does not wait in a queue behind earlier messages.
         """
         _read_s = -math.inf
-        """Each received frame moves this time `FRAME_S` later. While the time lies in the future,
-        nothing is read, which limits the rate of frames. In seconds of the event loop's clock."""
+        """Each received frame moves this time `FRAME_S` later (seconds of the event loop's clock).
+        While the time lies in the future, nothing is read, which limits the rate of frames."""
         _is_held = False
         _written: ClassVar[tuple[bytes, bytes]] = b"", b""
         """The last message written to any viewer, and its frame, which all viewers share."""

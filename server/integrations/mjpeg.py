@@ -73,8 +73,8 @@ async def frames_of(
 ) -> AsyncGenerator[bytes, None]:
     """Yield the newest frames as JPEG, for viewers that cannot acknowledge.
 
-    `has_room` gets the size of the last frame, and says whether the viewer has read that frame. A
-    viewer that reads slowly misses frames, and then gets the newest.
+    `has_room` gets the size of the last frame, and returns True if the viewer has read it. A viewer
+    that reads slowly misses frames, and then gets the newest.
     """
     shown, last_id, n_bytes = asyncio.Event(), 0, 0
     end = video.watch(shown.set)

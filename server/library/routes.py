@@ -38,7 +38,7 @@ _NEW = NewModel()
 _UNREADABLE: Any = SimpleNamespace(
     place="", saved_at_s=None, learner=None, moves=(), taught={}, n_examples=0, n_nodes=0
 )
-"""Shown in the list instead of a model's details if the model cannot be read."""
+"""The list shows this instead of a model's details if the model cannot be read."""
 
 
 @dataclass

@@ -21,8 +21,8 @@ from server.persistence import Persistence, PersistencePart
 from server.recordings.separate_process import SeparateWork
 
 _SHORT = 5000
-"""Number of pictures up to which a recording is copied in this process. Copying more pictures takes
-longer than starting a process."""
+"""This process copies recordings of up to this many pictures. For longer ones it pays to start a
+separate process."""
 
 
 class Recordings(PersistencePart):

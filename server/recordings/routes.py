@@ -45,7 +45,7 @@ _COLUMNS = {
     **{name: name for name in ("at_s", "label", "predicted", "confidence", "driven_by", "sent")},
     **{name: name for name in ("asks_pilot", "distance_m", "bumped", "pose")},
 }
-"""For each column of a timeline, the attribute of `EpisodeFrame` that it shows."""
+"""The attribute of `EpisodeFrame` that each column of a timeline shows."""
 
 
 class EpisodeChange(RawValue):
@@ -119,7 +119,7 @@ class EpisodeList:
 
 @dataclass
 class DeletedEpisodes:
-    """The result of a deletion: the deleted episodes, and why others were kept, by id.
+    """The result of a deletion: the deleted episodes, and by id the reasons why others were kept.
 
     `undo` is the key that restores all deleted episodes at once. It can be used for `days` days.
     """
@@ -148,7 +148,7 @@ class EditAnswer:
 
 
 Edits = dict[str, list[EditAnswer]]
-"""An answer whose only field, `edit_list`, has the edits of an episode."""
+"""The edits of an episode."""
 
 
 @dataclass

@@ -91,7 +91,7 @@ def main() -> None:
     if hasattr(os, "nice"):
         os.nice(_NICENESS)
     results = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what a learner prints must not mix with the results on this pipe
+    os.dup2(2, 1)  # a learner's prints must not mix with the results on this pipe
 
     def send(kind: int, value: Any = None) -> None:
         results.write(pickle.dumps((kind, value)))

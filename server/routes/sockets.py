@@ -1,4 +1,4 @@
-"""What all websockets share: they receive messages without delay, and end cleanly."""
+"""Functions that all websockets share, to receive messages without delay and to end cleanly."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ async def converse(
     """Serve a client until it disconnects, is silent for `idle_s`, or has too many refusals.
 
     `hear` gets each message as soon as it is decoded, even while the socket closes. So a STOP
-    counts even if its client is being disconnected. With an old uvicorn, messages wait in a queue.
-    Binary messages go to `see`, if given; the next message waits until `see` has ended.
+    counts even if its client is being disconnected. Only with an old uvicorn do messages wait in a
+    queue. Binary messages go to `see`, if given; the next message waits until `see` has ended.
     """
     heard_s = clock.now_s()
 

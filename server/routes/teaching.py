@@ -61,7 +61,7 @@ async def undo(request: Request, body: TrainingUndo) -> dict[str, int | bool]:
 
 
 def _preview(history: TrainingHistory, seconds: float) -> LastExamples:
-    """Describe the examples that undo would remove. Call it on the loop's thread."""
+    """Describe the examples that undo would remove. Only the loop's thread may call it."""
     taught = last_examples(history, seconds)
     step = max(1, -(-len(taught) // _STRIP))
     labels = Counter(event.example.label for event in taught)

@@ -43,7 +43,7 @@ class WorldMap:
 
 @dataclass
 class WorldAnswer:
-    """The current world in metres and radians, and the worlds to which the robot can be carried.
+    """The current world, in metres and radians, and the worlds that the robot can enter.
 
     For a real robot, the world is null and the list is empty.
     """

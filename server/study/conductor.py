@@ -120,7 +120,7 @@ class Conductor(StartStop):
 
     @property
     def fault(self) -> str:
-        """The reason why the session's events are not saved; empty if they are saved."""
+        """Why the session's events cannot be saved; empty if they can."""
         return self._log.fault if self._log is not None else ""
 
     # Sessions ---------------------------------------------------------------------------------
@@ -310,7 +310,7 @@ class Conductor(StartStop):
         episode = self._kept.run
         if episode is not None and episode != self._episode:
             self._episode = episode
-            self._kept.keep_run()  # save the recording even if nothing is taught in it
+            self._kept.keep_run()  # save the recording even if nobody teaches in it
             events.append(session.make("recording", wall_s, value=episode))
         events += session.note(tick, wall_s, self._measure)
         event_log.note(events)
@@ -342,7 +342,7 @@ class Conductor(StartStop):
         session, event_log = self._session(), self._log
         assert event_log is not None
         wall_s = self._clock.wall_s()
-        # Queue it on the loop's thread, so that it is not lost if the wait below times out.
+        # Queue the event on the loop's thread, so that it is not lost if the wait below times out.
         making = self._loop.submit(lambda: event_log.note([session.make(event, wall_s, **fields)]))
         self._clock.result(making, PATIENCE_S)
 

@@ -14,8 +14,8 @@ def erase(storage: Storage, names: Collection[str], *paths: Path) -> list[str]:
     """Permanently delete all models, recordings and exports with the given names, including their
     copies. Also delete the files at `paths`.
 
-    Copies in the trash are deleted, too. The files at `paths` are deleted last. As long as they
-    exist, a deletion that was interrupted can be repeated.
+    Copies in the trash are deleted, too. The files at `paths` are deleted last. As long as these
+    files exist, an interrupted deletion can be repeated.
 
     Args:
         storage: The data folder.

@@ -78,7 +78,7 @@ def describe_study(folder: StudyFolder, name: str) -> dict[str, Any]:
 
 
 def describe_place(conductor: Conductor) -> dict[str, Any] | None:
-    """Return what a viewer may know of the current session; None if there is no session."""
+    """Return the part of the current session that a viewer may see; None if there is none."""
     session = conductor.session
     if session is None:
         return None

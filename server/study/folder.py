@@ -29,7 +29,7 @@ _PLANS, _SESSIONS = 16, 2**14
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionSummary:
-    """One session in a list; `fault` says why its log cannot be read, if that is the case."""
+    """One session in a list; `fault` says why its log cannot be read, else it is empty."""
 
     participant: str
     slot: int = -1

@@ -1,4 +1,4 @@
-"""Puts a session's model in use, and then the robot's own model again.
+"""Gives the robot a session's model, and after the session its own model again.
 
 A participant's model is among the robot's models only while the session is driven. Afterwards it is
 put away, beside the session's log, and the robot uses its previous model again. The file
@@ -81,7 +81,7 @@ class SessionModels:
             if model.before is not None and model.before in autosave.store.names():
                 autosave.load(model.before)
             else:
-                # No saved model to go back to: begin an empty model, and do not save it.
+                # There is no saved model to go back to, so begin an empty one, and do not save it.
                 moves = tuple(map(Action, model.moves_before))
                 autosave.delete(autosave.begin(None, model.learner_before, None, moves))
         if model.own in autosave.store.names():

@@ -62,9 +62,9 @@ def in_turns(own: Sequence[float], peer: Sequence[float]) -> dict[str, Any]:
     """Compare measurements of two servers that were made in turns.
 
     Returns:
-        The medians `own` and `peer`. In each turn both servers are measured, and `ratio` is the
-        median of the turns' ratios own / peer. `ratio` is None if the machine was too busy: the
-        ratios of the turns then differ by more than their median.
+        The medians `own` and `peer`. Each turn measures both servers; `ratio` is the median over
+        the turns of own / peer. `ratio` is None if the machine was too busy: the ratios of the
+        turns then differ by more than their median.
     """
     ratios = [one / other for one, other in zip(own, peer, strict=True)]
     ratio, spread = statistics.median(ratios), max(ratios) - min(ratios)
