@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from robot.devices.rig import Rig
 
 MOST_TRIM = 0.3
-"""Largest trim. A robot that needs a larger trim has a broken motor or wheel."""
+"""Largest trim. If a larger trim is needed, a motor or a wheel is broken."""
 REVERSED = ("none", "left", "right", "both")
 TURNS_DEG = (0, 90, 180, 270)
 _JPEG_QUALITY = 90
-"""Quality at which a turned JPEG is encoded again, almost without loss."""
+"""JPEG quality for encoding a turned picture again, almost without loss."""
 Pair = tuple[float, float]
 _OTHER = {"left": "right", "right": "left"}
 _NOT_CORRECTED = {
@@ -35,7 +35,7 @@ _NOT_CORRECTED = {
     "swap_sides": "it has no moves that steer left and right",
     "trim": "it is not steered proportionally",
 }
-"""For each correction, the reason to give if a body does not support it."""
+"""For each correction, why a body may be unable to apply it; part of an error message."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,8 +110,8 @@ class BodyCorrection(Correction):
         return Point(-steering if self.swap_sides else steering, throttle)
 
     def motors(self, values: Pair) -> Pair:
-        """Return the values for both motors with corrected signs. Swapped sides are not corrected
-        here, but in `point`."""
+        """Return the values for both motors with corrected signs. `point` corrects swapped sides,
+        not this function."""
         return values[0] * self.signs[0], values[1] * self.signs[1]
 
     def wheels(self, turned: Pair) -> Pair:
@@ -200,8 +200,8 @@ class CameraCorrection(Mounting):
         return _made(picture, turned.tobytes(), turned)
 
     def _yuyv(self, picture: Frame) -> Frame:
-        """Turn a YUYV picture. Two neighbours in a row share a colour, and a turn by 90 degrees
-        changes which pixels are neighbours in a row."""
+        """Turn a YUYV picture. In YUYV two neighbours in a row share a colour, and a turn by 90
+        degrees makes other pixels neighbours."""
         rows, columns = picture.height, picture.width
         packed = np.frombuffer(picture.data, np.uint8).reshape(rows, columns, 2)
         colours = packed[:, :, 1].reshape(rows, columns // 2, 2).repeat(2, axis=1)

@@ -2,12 +2,12 @@
 
 The path is divided into stretches of `STRETCH_M`, measured in a straight line. A stretch counts if
 the robot drove it forward and nearly straight, and if the previous or the next stretch has nearly
-the same direction. So a robot scores no metres by standing, by turning on the spot, or by circles
-narrower than the smallest box. Metres driven backward are subtracted. If the robot drives back over
-a stretch, the stretch's score is subtracted, and the stretch never counts again. So a robot that
-drives back and forth scores nothing. A stretch that the robot repeats in the same direction scores
-half of its length the second time, and one third of its length the third time. So a larger course
-is worth more than many rounds of a small course.
+the same direction. So a robot scores nothing by standing, by turning on the spot, or by driving
+circles narrower than the smallest box. Metres driven backward are subtracted. If the robot drives
+back over a stretch, the stretch's score is subtracted, and the stretch never counts again. So a
+robot that drives back and forth scores nothing. A stretch that the robot repeats in the same
+direction scores half of its length the second time, and one third of its length the third time. So
+a larger course is worth more than many rounds of a small course.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ _STRAIGHT_RAD = math.radians(25)
 """Largest change of the robot's heading within a stretch, in radians. A larger change begins a new
 stretch."""
 _ONWARD_RAD = math.radians(20)
-"""Largest angle between two successive stretches of a straight run, in radians. On a small circle
-the angle is larger, so a small circle does not score. The limit is a radius of 0.57 m, half the
-width of the smallest box."""
+"""Largest angle between two successive stretches of a straight run, in radians. On a circle with a
+radius below 0.57 m, half the width of the smallest box, the angle is larger, so such a circle does
+not score."""
 _NEAR_M, _ALIKE_RAD = 0.2, math.radians(50)
 """Two stretches are the same if their midpoints differ by at most `_NEAR_M` and their directions by
 at most `_ALIKE_RAD`."""
@@ -81,14 +81,14 @@ class Score:
             self._add_stretch(_Stretch(start.x_m + x_m / 2, start.y_m + y_m / 2, way_rad, length_m))
             return
         self._run = []
-        # half of `STRETCH_M` is enough here, because the body drives less far while it turns
+        # half of `STRETCH_M` is enough, because a body that turns drives less far
         if aside_rad > math.pi / 2 and length_m >= STRETCH_M / 2:
             self._backward_m += length_m
 
     def _add_stretch(self, stretch: _Stretch) -> None:
-        """Add a stretch to the current straight run. If the direction has changed too much, begin a
-        new run with this stretch. A run's first stretch is counted only when the second one is
-        added, because a single stretch does not count."""
+        """Add a stretch to the current straight run. If the stretch turns away too much, begin a
+        new run with it. A run's first stretch is counted only when the second one is added, because
+        a single stretch does not count."""
         if self._run and _angle(self._run[-1].way_rad, stretch.way_rad) > _ONWARD_RAD:
             self._run = []
         self._run.append(stretch)

@@ -13,17 +13,17 @@ from robot.policy.policy import Policy
 from robot.types import Action
 
 _COMPARED = 128
-"""Maximum number of learned images that are compared with a view. If there are more images, the
-view is compared with an evenly spaced sample of them."""
+"""Maximum number of learned images that are compared with a view. If a learner has more images, the
+view is compared with every n-th of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearnedImage:
     """One node, in the form that the gallery shows.
 
-    Merges do not change the `node_id`. `last_used` is the number of the latest proposal that
-    matched the node, and `last_taught` that of the latest example; both are 0 if there is none.
-    `angle` is the mean steering of the node's frames, if the pilot steered proportionally.
+    A node keeps its `node_id` when it is merged. `last_used` is the number of the latest proposal
+    that matched the node, and `last_taught` that of the latest example; both are 0 if there is
+    none. `angle` is the mean steering of the node's frames, if the pilot steered proportionally.
     """
 
     node_id: int
@@ -43,8 +43,8 @@ class Explanation:
     Attributes:
         image: The image.
         present: The view that the learner sees, shape (30, 40).
-        alike: How much each cell of the picture speaks for this image, from 0 to 1, shape (6, 8).
-            All values are 0 if there is only one image.
+        alike: How strongly each cell of the picture suggests this image, from 0 to 1, shape (6, 8);
+            0 everywhere if there is only one image.
     """
 
     image: LearnedImage
@@ -87,8 +87,7 @@ def explain(policy: Policy, x: Vector, node_id: int | None) -> Explanation | Non
     others = [features.cells(view - np.asarray(node.image, np.float64)) for node in some]
     usual = np.mean(others, axis=0)
     here = features.cells(view - np.asarray(decides.image, np.float64))
-    # If the view differs little from all images in a cell, this cell says little about which
-    # image decided.
+    # A cell in which the view differs little from all images hardly influenced which image decided.
     weight = np.maximum(usual, usual.mean())
     alike = np.zeros_like(here)
     np.divide(usual - here, weight, out=alike, where=weight > 0.0)

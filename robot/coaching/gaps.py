@@ -9,7 +9,7 @@ from robot.types import Action, Frame
 
 
 class Stage(StrEnum):
-    """The next step of the lesson."""
+    """What the page asks the pilot to do next."""
 
     TEACH = "teach"
     TRY = "try"
@@ -21,7 +21,7 @@ class GapKind(StrEnum):
 
     TOO_SHORT = "too_short"  # more teaching is needed
     RARE_MOVE = "rare_move"  # this move was begun too few times
-    UNFORESEEN = "unforeseen"  # the pilot changed to this move where the robot proposed another
+    UNFORESEEN = "unforeseen"  # the robot proposed another move when the pilot changed to this one
     CORRECTED = "corrected"  # the pilot took the wheel here
     PUSHED = "pushed"  # the robot drove against an obstacle here
     HELPLESS = "helpless"  # the robot tried without success here

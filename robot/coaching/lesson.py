@@ -18,18 +18,16 @@ from robot.types import Action, DrivenBy, Frame
 TAUGHT_S = 40.0
 """Teaching time after which the first trial may begin in any case, in seconds."""
 EARLY_S, EARLY_STARTS, EARLY_KNOWN = 20.0, 4, 0.9
-"""Conditions of an early first trial. The trial may begin after 20 s of teaching on two conditions:
-the pilot has begun each of the moves in use four times, and the robot knew 90 % of the views of the
-last ten seconds. After so little teaching, robots foresee few changes of move, but they can drive
-alone for a minute.
+"""Conditions of an early first trial: 20 s of teaching, four starts of each move in use, and a
+robot that knew 90 % of the views of the last ten seconds. After so little teaching, robots foresee
+few changes of move, but they can drive alone for a minute.
 """
 STARTS = 3
-"""How often the pilot must have started each move that he uses, before the first trial. Fewer
+"""Before the first trial, the pilot must have started each move that he uses this many times. Fewer
 starts could be accidents."""
 RARE_SHARE = 0.02
 """A move with a smaller share of the examples is rare, and the pilot must begin it `2 * STARTS`
-times. If a pilot drives straight for minutes, the few examples of the turn at a wall have little
-weight."""
+times. If a pilot drives straight for minutes, his few turns at a wall have little weight."""
 _SLIP_S, _MEANT_S = 0.35, 0.9
 """A press shorter than `_SLIP_S` seconds counts as a slip of the finger. A rare move is ignored
 until its presses, without slips, last `_MEANT_S` seconds in total. Without these limits the page
@@ -56,7 +54,7 @@ class Lesson:
 
     def _begin(self) -> None:
         self._taught_s = 0.0
-        self._is_taught = False  # true once enough was taught
+        self._is_taught = False  # true once the pilot has taught enough for a trial
         self._rare: list[Action] = []  # moves of the lesson that the pilot began too few times
         self._examples: Counter[Action] = Counter()
         self._starts: Counter[Action] = Counter()
@@ -67,7 +65,7 @@ class Lesson:
         self._last = (-math.inf, Action.STOP)  # when a move was taught last, and which
         self._proposed: deque[tuple[float, Action | None]] = deque(maxlen=64)
         self.foreseen: deque[bool] = deque(maxlen=_CHANGES)
-        # whether each view of the last seconds of teaching was known
+        # whether the robot knew each view of the last seconds of teaching
         self._known: deque[tuple[float, bool]] = deque()
         self._gaps: deque[Gap] = deque(maxlen=_GAPS)
         self._taken_from: Action | None = None  # the robot's move, until the pilot corrects it
@@ -76,8 +74,8 @@ class Lesson:
         self.trial = TrialDrive()
 
     def note_carried(self) -> None:
-        """Begin a new trial, because the robot was moved to another place. The robot has not driven
-        at the new place yet, and the old gaps lie elsewhere."""
+        """Begin a new trial, because the robot was moved to another place. At the new place the
+        robot has not driven yet, and the gaps of the old place do not apply."""
         self._gaps.clear()
         self.trial = TrialDrive()
 
@@ -171,7 +169,7 @@ class Lesson:
 
     @property
     def moves_in_use(self) -> list[Action]:
-        """The moves that this pilot uses, without slips of the finger."""
+        """The moves that this pilot uses; slips of the finger do not count."""
         often = max(_FEWEST, RARE_SHARE * self._examples.total())
         return [
             move

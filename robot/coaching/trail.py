@@ -1,7 +1,7 @@
-"""The robot's trail: who drove, and where the robot asked, pushed or was corrected. Pure.
+"""The robot's trail: who drove where, and where it asked for help, pushed or was corrected. Pure.
 
-A trail shows the teaching and driving of one model in one world. A new trail begins when the model
-or the world changes.
+A trail shows where one model was taught and drove, in one world; another model or world begins a
+new trail.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Waypoint:
 
 
 class Trail:
-    """Follows one robot. Call `note` on the loop's thread, and `since` on one other thread."""
+    """Follows one robot. Call `note` only on the loop's thread, and `since` on one other thread."""
 
     def __init__(self) -> None:
         self._points: deque[Waypoint] = deque(maxlen=POINTS)
@@ -66,7 +66,7 @@ class Trail:
         self._n += 1
 
     def begin(self) -> None:
-        """Begin a new trail. Call it on the loop's thread."""
+        """Begin a new trail. Only the loop's thread may call it."""
         self._points.clear()
         self._n += 1  # clients see the new number of the trail, and drop their old points
 

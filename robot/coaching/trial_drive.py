@@ -1,7 +1,7 @@
 """A trial: the robot drives by itself, and the pilot stays ready to correct. Pure.
 
-A trial judges whether the robot is ready. Agreement predicts little, since most frames are similar
-to the frames before them. The best predictor is a short trial. Its time counts while nothing goes
+A trial judges whether the robot is ready. Agreement predicts little, since most frames resemble the
+frames before them. The best predictor is a short trial. Its time counts while nothing goes
 wrong: no correction, no collision, no call for help, and few unknown views.
 """
 
@@ -12,15 +12,15 @@ from robot.control.state import Tick
 from robot.types import Action, StopReason
 
 CLEAN_S = 45.0
-"""Time without mistakes after which the robot is ready, in seconds."""
+"""A robot that drives this long without a mistake is ready, in seconds."""
 NOVEL_SHARE = 0.015
-"""Largest share of hardly known views in a clean trial."""
+"""Largest share of hardly known views (`HARDLY_KNOWN`) in the trial of a ready robot."""
 HARDLY_KNOWN = 0.8
 """Novelty from which a view counts as hardly known. Above 1 the robot asks for help, and a robot
 that comes near to 1 in a trial will probably ask later."""
 PUSHED_S = 0.3
 FORGOTTEN_S = 2 * CLEAN_S
-"""Once a trial is longer than this, in seconds, its figures are halved, because old driving says
+"""When a trial has lasted this long, in seconds, its times are halved, because old driving says
 little about the robot's present abilities."""
 
 
@@ -31,8 +31,8 @@ class TrialDrive:
         self.clean_s = self._novel_s = self._stalled_s = 0.0
 
     def note(self, tick: Tick, step_s: float) -> GapKind | None:
-        """Count one tick; return what goes wrong in it. A collision or a call for help ends the
-        trial; a hardly known view (`HARDLY_KNOWN`) does not."""
+        """Count one tick; return what went wrong in it, else None. A collision or a call for help
+        ends the trial; a hardly known view (`HARDLY_KNOWN`) does not."""
         prediction = tick.prediction
         if tick.decision.stop_reason is StopReason.NEEDS_HELP:
             return GapKind.HELPLESS
@@ -60,8 +60,8 @@ class TrialDrive:
 
     @property
     def needed_s(self) -> float:
-        """The required `clean_s`. More time is required if too many of the views were hardly
-        known."""
+        """The required `clean_s`. A robot needs more time if it hardly knew too many of the
+        views."""
         return min(self._wanted_s, FORGOTTEN_S)
 
     @property

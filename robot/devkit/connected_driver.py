@@ -24,9 +24,8 @@ _BROKEN = OSError, EOFError
 
 
 class _Shown:
-    """Lets subclasses read a private attribute of the base
-    class under a shorter name. The base class itself uses only the private attribute, so a subclass
-    may use the shorter name for something else."""
+    """A public name for a private attribute of the base class, for subclasses. The base class uses
+    only the private name, so a subclass may use the public one for something else."""
 
     def __init__(self, name: str) -> None:
         self.name = f"_ConnectedDriver__{name}"
@@ -44,8 +43,8 @@ class ConnectedDriver(Driver, Generic[_C]):
     without a connection, makes `connect` and `disconnect` idempotent, and stops the body after each
     `_begin`.
 
-    If the body answers each order, nothing else is needed. If the body does not acknowledge orders
-    but sends reports, set `gone_after_s`, and call `heard` whenever data came from the body.
+    If the body answers each order, nothing else is needed. If the body sends reports but does not
+    acknowledge orders, set `gone_after_s`, and call `heard` whenever data arrives from the body.
 
     Attributes:
         gone_after_s: Time without a call of `heard` after which the body counts as gone, in
@@ -75,7 +74,7 @@ class ConnectedDriver(Driver, Generic[_C]):
         self.__opening = self.__clock.lock()
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Refuse a subclass that reuses the name of a base method for something else.
+        """Refuse a subclass whose method accidentally replaces one of the base class.
 
         Raises:
             TypeError: If an overriding method does not accept the overridden method's arguments.
@@ -185,7 +184,7 @@ class ConnectedDriver(Driver, Generic[_C]):
         self.__reach()
         try:
             return request()
-        except RobotError:  # raised unchanged, although DriveError is also an OSError
+        except RobotError:  # not converted, although DriveError is also an OSError
             raise
         except _BROKEN as error:
             raise self.__lose(f"does not answer: {reason(error)}") from error
@@ -227,7 +226,7 @@ class ConnectedDriver(Driver, Generic[_C]):
                     self._close(connection)
 
     def __check_heard(self, listen: Callable[[], object] | None = None) -> None:
-        """Listen once more, and raise DriveError if the body has been silent for too long."""
+        """Read once more, and raise DriveError if the body has been silent for too long."""
         if self.gone_after_s is None:
             return
         for wait in (listen, None):
@@ -247,8 +246,8 @@ def clock_of(driver: ConnectedDriver[Any]) -> Clock:
 
 
 def _takes_calls(theirs: Any, ours: Callable[..., object]) -> bool:
-    """Return True if `theirs` can be called with all arguments of `ours`, and with only the
-    required ones. True for objects that are not plain functions."""
+    """Return True if `theirs` accepts all arguments of `ours`, and also only its required ones.
+    True for objects that are not plain functions."""
     if not callable(theirs):
         return isinstance(theirs, property | staticmethod | classmethod)
     if not inspect.isfunction(theirs):

@@ -3,15 +3,15 @@
 from typing import Optional
 
 REOPEN_S = 0.5
-"""Period of the search for a lost camera, in seconds."""
+"""Pause between two searches for a lost camera, in seconds."""
 STILL_S = 0.35
 """A camera counts as broken after its period plus this time without a new picture, in seconds. A
 fault is therefore detected within 500 ms plus the camera's period."""
 LONGEST_PERIOD_S = 1.2
 """Upper bound for the period that a camera is assumed to have, in seconds."""
 _BURST_S = 0.02
-"""If two pictures arrive within this time, in seconds, they count as sent together. The time
-between them is then not used to estimate the camera's period."""
+"""If two pictures arrive within this time, in seconds, the link sent them together. So the time
+between them says nothing about the camera's period."""
 
 
 class Freshness:
@@ -52,10 +52,10 @@ class Freshness:
         self._last = before._last
 
     def fault(self, now_s: float) -> Optional[str]:
-        """Return the camera's fault as the end of a sentence; None if new pictures come."""
+        """Return the fault, such as "gives no pictures"; None while new pictures come."""
         if now_s - self._new_s <= self.patience_s:
             return None
-        # A camera that repeats its picture at long intervals still counts as sending pictures.
+        # A camera that repeats its picture at long intervals still sends pictures.
         if now_s - self._seen_s <= max(self.patience_s, STILL_S + LONGEST_PERIOD_S):
             return "repeats one picture" if self._seen_s > self._new_s else "gives no pictures"
         return "gives no pictures"

@@ -1,8 +1,7 @@
 """Ends the moves of bodies without a watchdog: a thread on the robot's computer sends the stop.
 
 A thread on the computer is weaker than a watchdog on the body, because it fails together with the
-program, the computer or the link. So if a body can end its moves by itself, use this ability
-instead.
+program, the computer or the link. Use it only for bodies that cannot end a move by themselves.
 """
 
 from __future__ import annotations
@@ -27,15 +26,15 @@ GAP_S = 0.002
 """Least time between two orders to the body, in seconds. Some bodies drop an order that comes
 within 1 ms of the one before."""
 AGAIN_S = 0.015
-"""Period at which a stop is repeated, in seconds. The stop is repeated until the body acknowledges
-it. A body that never acknowledges stops gets `REPEATS` of them at this period."""
+"""Period at which a stop is repeated, in seconds. A stop is repeated until the body acknowledges
+it, or `REPEATS` times for a body that never does."""
 REPEATS = 5
 """Number of stops that are sent quickly to a body without acknowledgement; further stops are sent
 slowly. If one order in ten is lost, all five stops are lost once in 100,000 times."""
 REST_S = 0.2
 """Period of the stops that follow the first `REPEATS`, in seconds. They are sent to a body that
-does not acknowledge stops, as long as nobody drives. If a short loss of the link swallows the first
-stops, a later one still stops the body."""
+does not acknowledge stops, as long as nobody drives. If the link loses the first stops, a later one
+still stops the body."""
 PATIENCE_S = 0.02
 """Time for which a stop waits for a call that is still sending a move, in seconds."""
 LONGEST_LEAD_S = 0.15
@@ -50,8 +49,8 @@ class MoveEnder:
     A stop is sent `ACTION_TIMEOUT_S` after the last move, minus the latency of stops, and is
     repeated until it succeeds. A stop never waits for a move. If the call that sends a move does
     not return, another thread calls `send_stop` nevertheless. When the move's call has returned,
-    `send_stop` is called once more, because the body may have received the move after the stop. A
-    move, however, waits until a stop has ended.
+    `send_stop` is called once more, because the body may have received the move after the stop. But
+    a move waits until a running stop has ended.
 
     Args:
         send_stop: Stops the body, or raises an error.

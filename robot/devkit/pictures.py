@@ -26,7 +26,7 @@ _READABLE_SOF = (0xC0, 0xC1, 0xC2)
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG, _SCAN = b"\xff\xd8\xff", b"\xff\xda"
 _HEAD_BYTES = 4096
-"""Bytes at the beginning of a JPEG in which its first scan usually starts."""
+"""The first scan of a JPEG usually starts within this many bytes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +85,7 @@ def _size(data: bytes) -> tuple[int, int] | None:
 
 @lru_cache(maxsize=16)
 def _size_in(data: bytes) -> tuple[int, int] | None:
-    """Read width and height; cached, because the headers of a camera's pictures are equal."""
+    """Read width and height. Cached, because a camera's pictures all have the same header."""
     if not data.startswith((_PNG, _JPEG)):
         return None
     imagesize = need("imagesize", "reading pictures", "camera")
@@ -147,7 +147,7 @@ def reduce_picture(picture: Picture, quality: int = 80) -> Picture:
 
 
 def _has_end(data: bytes) -> bool:
-    """True if a picture is complete; a decoder may silently fill a truncated picture with grey."""
+    """True if a picture is complete. Decoders silently fill a truncated one with grey."""
     if data.startswith(_PNG):
         return b"IEND" in data
     # a complete JPEG has its end marker after the start of its last scan

@@ -75,7 +75,7 @@ class ThreadedCamera(Camera):
         except Exception as error:  # the camera may be a plugin and raise anything
             if self._ending.is_set():  # reading a device fails once `stop` has closed it
                 return
-            self._ending.set()  # the thread that watches the camera would replace the fault
+            self._ending.set()  # the watchdog would replace the fault by its own
             if not isinstance(error, RobotError):
                 named = PluginErrors("camera", self.name, CameraError)
                 error = named.converted("its thread", error)

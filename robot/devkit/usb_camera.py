@@ -39,7 +39,7 @@ class SameCamera:
         self.chosen = None  # type: Optional[UsbCamera]
 
     def find(self) -> Optional[str]:
-        """Return the device to open; None if the camera that was opened first is not plugged in.
+        """Return the device to open; None while the camera that was opened first is unplugged.
 
         Raises:
             SeveralCamerasError: If several cameras are plugged in and none was named.

@@ -1,7 +1,7 @@
 """Converts steering and throttle to the wheel speeds of a differential drive. Pure.
 
-Bodies differ only in the speeds of their moves. The steering and throttle of each move are those in
-`robot.moves.CLASSIC`. Between two moves the speeds are interpolated.
+Two bodies differ only in the speeds of their moves. The steering and throttle of each move are
+those in `robot.moves.CLASSIC`. Between two moves the speeds are interpolated.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ CLASSIC_POINTS = {Action.STOP: Point(0.0, 0.0)} | {
     name: move.point for name, move in CLASSIC.items() if move.point is not None
 }
 USUAL_THROTTLE = 0.5
-"""Throttle of the moves that drive ahead or back; speed is proportional to throttle."""
+"""Throttle of the classic moves ahead and back. Speed is proportional to throttle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,8 +20,7 @@ FROZEN_S = 3.0
 
 
 def take(camera: Camera, count: int) -> list[Frame]:
-    """Collect `count` frames. Each time the camera announces a picture, its newest frame is
-    taken."""
+    """Collect `count` frames: the camera's newest frame each time the camera announces one."""
     frames: list[Frame] = []
     enough = threading.Event()
 
@@ -97,7 +96,7 @@ class CameraContract:
         assert to_rgb(turned).shape == (turned.height, turned.width, 3)
 
     def test_it_starts_again_after_a_stop_and_ids_go_on(self, camera_case: CameraCase) -> None:
-        """A camera that is started again does not reuse the frame ids of earlier pictures."""
+        """After a restart, the camera does not reuse the ids of earlier frames."""
         with camera_case.camera as camera:
             first = take(camera, 1)[0]
         with camera_case.camera as camera:

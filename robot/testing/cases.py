@@ -17,8 +17,8 @@ class DriverCase:
     Attributes:
         driver: The driver, not connected yet.
         forward: Lets seconds pass: `time.sleep`, or a virtual clock's `advance`.
-        is_moving: Returns whether the body moves now. The function must read the body's state, not
-            the driver's. None if unknown; tests that need the function are skipped.
+        is_moving: Returns whether the body moves now. The function must read the state of the body,
+            not of the driver. None if unknown; tests that need the function are skipped.
         cut_link: Cuts the connection to the body, in both directions; None if there is no
             connection. If the real body stops at once when it loses the connection, without a
             timeout, this function also stops the motors of the simulated body.
@@ -28,8 +28,8 @@ class DriverCase:
         restore_link: Makes the body reachable again, by a new connection if the old one is lost;
             None if this is not possible.
         drives: Returns how the body turns and drives now, as steering and throttle in any scale,
-            positive to the right and ahead; None if unknown. The function must read the body's
-            state, not the driver's.
+            positive to the right and ahead; None if unknown. The function must read the state of
+            the body, not of the driver.
         ramp_s: Longest time in which the body changes its steering and throttle, in seconds; 0 if
             there is no ramp.
     """

@@ -53,8 +53,7 @@ class FakeDriver(Driver):
 
     @property
     def now(self) -> Action:
-        """The current move of the wheels; a move that is not renewed ends after
-        `ACTION_TIMEOUT_S`."""
+        """The body's current move; STOP once the last move is `ACTION_TIMEOUT_S` old."""
         is_over = self.clock.now_s() - self._told_s > ACTION_TIMEOUT_S
         return Action.STOP if is_over else self._told
 

@@ -23,8 +23,8 @@ from robot.testing.cases import DriverCase
 from robot.types import Action, Mode, Point
 
 LOCAL_BUDGET_S = 0.01
-"""Of several equal calls of a driver, at least one must return within this time, in seconds.
-Requests must be short, because the control loop waits for each."""
+"""The fastest of several equal calls of a driver must return within this time, in seconds, because
+the control loop waits for each call."""
 REMOTE_BUDGET_S = 0.2
 """Limit like `LOCAL_BUDGET_S`, for drivers that declare `is_remote`, in seconds. The limit is less
 than 0.4 s, because a robot stops if its move is not renewed within that time."""
@@ -32,7 +32,7 @@ STANDS_WITHIN_S = 0.5
 """Time within which the body must stand still after its connection was cut, in seconds."""
 CUTS_S = (0.5, 5.0)
 BACK_WITHIN_S = 5.0
-"""Time within which the body must obey after its connection is restored, in seconds, however long
+"""After its connection is restored, the body must obey within this time, in seconds, however long
 the connection was cut."""
 POINTS = [
     Point(steering, throttle) for steering in (-1.0, -0.5, 0.0, 0.4, 1.0) for throttle in (0.3, 0.8)
@@ -45,8 +45,8 @@ _REQUESTS = 20
 _PATIENCE_S = 5.0
 _LOOK_EVERY_S = 0.01
 _GRACE_S = 0.1
-"""Maximum delay of the end of a move, in seconds. On a busy machine, the threads of the driver and
-of the fake robot wake late."""
+"""A move may end this much late, in seconds, because on a busy machine the threads of the driver
+and of the fake robot wake late."""
 _CORRECTIONS = {"reverse": "both", "swap_sides": True, "trim": 0.1}
 _STEP_S, _HALF_WAY_S = 0.1, ACTION_TIMEOUT_S / 2
 
@@ -255,7 +255,7 @@ class DriverContract:
                     driver.send_point(passing)
                     now = drives()
                     if type(driver).is_remote and not _is_within(now, limits):
-                        # only one wheel has received its message; wait for the other
+                        # only one wheel has received its message; wait for the other's
                         driver_case.forward(_LOOK_EVERY_S)
                         now = drives()
                     assert _is_within(now, limits), (
@@ -373,9 +373,9 @@ class TestDriver(DriverContract):
 
 
 def _sets_going(case: DriverCase, order: Callable[[], object], tries: int | None = None) -> bool:
-    """Return whether the body moves after at most `tries` orders. The default is one order. It is
-    `_REQUESTS` orders for a busy machine (a case with `budget_s`), because a move may end there
-    before it is checked."""
+    """Return whether the body moves after at most `tries` orders. By default it is one order; a
+    case with `budget_s`, for a busy machine, gets `_REQUESTS`, because there a move may end before
+    it is checked."""
     for _ in range(tries or (_REQUESTS if case.budget_s else 1)):
         order()
         if _comes(case, lambda: moving(case)):
@@ -384,7 +384,7 @@ def _sets_going(case: DriverCase, order: Callable[[], object], tries: int | None
 
 
 def _comes(case: DriverCase, is_so: Callable[[], bool]) -> bool:
-    """Wait until `is_so` is true, for at most the body's budget; return whether it became true.
+    """Wait for `is_so`, for at most the body's budget; return whether it became true.
 
     A driver without acknowledgements may return before the robot has received the order. The budget
     is shorter than a move, so a move that arrived in time has not ended yet.
@@ -442,8 +442,7 @@ def _check_cut_off(case: DriverCase, after_s: float) -> None:
 
 
 def _check_stays(case: DriverCase, otherwise: str) -> None:
-    """Check that the body still stands still when enough time has passed for a delayed order to
-    arrive."""
+    """Check that the body still stands after the time in which a delayed order would arrive."""
     assert not _comes(case, lambda: moving(case)), otherwise
 
 
@@ -527,8 +526,8 @@ def _is_within(now: Point, limits: list[tuple[float, float]]) -> bool:
 
 
 def _steered_to(case: DriverCase, point: Point) -> Point:
-    """Send steering and throttle in the way of the control loop. Return the steering and throttle
-    with which the body then drives. The returned move must be independent of corrections."""
+    """Send steering and throttle as the control loop does. Return the steering and throttle with
+    which the body then drives. The returned move must be independent of corrections."""
     driver, move = case.driver, case.driver.move_of(point)
     now = _driven(case, lambda: _check_sent(driver.drive(move, point), move, "drive"))
     driver.stop()
@@ -544,8 +543,8 @@ def _check_same(now: Point, wanted: Point, what: str) -> None:
 
 def _moves_within(case: DriverCase, seconds: float, move: Action, step_s: float) -> bool:
     """Send a move repeatedly, and check after each step whether the body moves. Return True if it
-    moved at least once. More than one step is checked, because a check may come too late on a busy
-    machine."""
+    moved at least once. One step is not enough, because on a busy machine a check may come too
+    late."""
     return _sets_going(case, partial(_ask, case, move, step_s), round(seconds / step_s))
 
 

@@ -1,7 +1,7 @@
 """A link between page and robot in virtual time, with delay, jitter, throttling and silence.
 
-Messages keep their order, as over TCP: after a loss a line stalls, and then delivers all messages
-at the same time.
+Messages keep their order, as over TCP: after a loss the link stalls, and then delivers all waiting
+messages at once.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class LinkConditions:
 
     delay_s: float = 0.0
     jitter_s: float = 0.0
-    """Upper bound of a random extra delay for each packet, in seconds; packets stay in order."""
+    """Each packet gets a random extra delay up to this, in seconds; packets stay in order."""
     bytes_per_second: float | None = None
     """Bandwidth towards the page; the other direction is unlimited."""
     stall_share: float = 0.0
@@ -72,7 +72,7 @@ class Line:
     """One direction of one connection."""
 
     HOLDS_BYTES = 8192
-    """`has_room` blocks the sender while more than this number of bytes are waiting in the line."""
+    """`has_room` blocks the sender while more than this number of bytes are in transit."""
 
     def __init__(self, link: Link, deliver: Callable[[Any], None], *, throttled: bool) -> None:
         self._link = link

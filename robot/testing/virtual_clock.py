@@ -25,7 +25,7 @@ class _Waiting:
     def __init__(self, event: threading.Event | None, due_s: float | None) -> None:
         self.event = event
         self.due_s = due_s
-        self.turn = threading.Lock()  # a semaphore would take five times as long
+        self.turn = threading.Lock()  # a semaphore takes five times as long
         self.turn.acquire()
 
 
@@ -222,7 +222,7 @@ class _JumpingEventLoop(asyncio.SelectorEventLoop):
         return self.now_s
 
     def _let_time_pass(self, timeout: float | None) -> list[Any]:
-        """Wait, in place of the selector, for the next timer or for a thread's request."""
+        """Wait for the next timer or for a thread's request; replaces the selector."""
         if timeout == 0:
             return []  # tasks are ready to run
         clock = self._clock

@@ -21,7 +21,7 @@ from robot.testing.virtual_clock import VirtualClock
 class VirtualRobot:
     """A rig (`robot/devices/rig.py`) whose threads take turns with the tasks of an event loop.
 
-    Use it within `VirtualClock.run`, as an async context manager.
+    Use it as an async context manager within `VirtualClock.run`.
 
     Example:
         >>> async def main() -> int:
