@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import struct
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -25,6 +26,8 @@ _READABLE_SOF = (0xC0, 0xC1, 0xC2)
 0xC3."""
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG, _SCAN = b"\xff\xd8\xff", b"\xff\xda"
+_MARKER = re.compile(rb"\xff[^\x00\xff\xd0-\xd7]", re.DOTALL)
+"""The end of a scan: within a scan, 0xFF is followed by 0x00, or by a restart marker."""
 _HEAD_BYTES = 4096
 """The first scan of a JPEG usually starts within this many bytes."""
 
@@ -69,8 +72,10 @@ def read_picture(data: bytes, name: str) -> Picture:
             raise RecordingError(f"{name} is a damaged picture")
         return Picture(encoding=Encoding.JPEG, width=width, height=height, data=data)
     pixels = decode(data)
-    if pixels is None or pixels.shape != (height, width, 3):
+    # the decoder turns a PNG as its Exif data says
+    if pixels is None or pixels.shape not in ((height, width, 3), (width, height, 3)):
         raise RecordingError(f"{name} is a damaged picture")
+    height, width = pixels.shape[:2]
     rgb = swap_red_and_blue(pixels)
     return Picture(encoding=Encoding.RGB, width=width, height=height, data=rgb.tobytes())
 
@@ -151,4 +156,16 @@ def _has_end(data: bytes) -> bool:
     if data.startswith(_PNG):
         return b"IEND" in data
     # a complete JPEG has its end marker after the start of its last scan
-    return data.rfind(b"\xff\xd9") > data.rfind(_SCAN)
+    return data.rfind(b"\xff\xd9") > data.rfind(_SCAN) or _ends_early(data)
+
+
+def _ends_early(data: bytes) -> bool:
+    """True if a JPEG is complete, but followed by other bytes that look like a scan: for example,
+    phones append a short film to a picture."""
+    at = 2
+    while data[at : at + 1] == b"\xff" and data[at : at + 2] != b"\xff\xd9":
+        is_scan = data[at : at + 2] == _SCAN
+        at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")
+        if is_scan and (found := _MARKER.search(data, at)):
+            at = found.start()
+    return data[at : at + 2] == b"\xff\xd9"

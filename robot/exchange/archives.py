@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import lzma
 import stat
 import tarfile
 import zipfile
@@ -23,9 +24,12 @@ _MOST_UNPACKED_BYTES = 16 * 2**30
 _MOST_FILES = 2_000_000
 _ZIPS = (".zip", ".tm")
 """Endings of zip archives. A project of Teachable Machine (`.tm`) is also a zip archive."""
-ENDINGS = (*_ZIPS, ".tar", ".tar.gz", ".tgz", ".tar.bz2")
-_DAMAGED = (zipfile.BadZipFile, tarfile.TarError, zlib.error, EOFError, OSError, RuntimeError)
-_OF_ONE = (zipfile.BadZipFile, zlib.error, RuntimeError, ValueError)
+ENDINGS = (*_ZIPS, ".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tbz2", ".tar.xz", ".txz")
+_DAMAGED = (
+    *(zipfile.BadZipFile, tarfile.TarError, zlib.error, lzma.LZMAError),
+    *(EOFError, OSError, RuntimeError),
+)
+_OF_ONE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, RuntimeError, ValueError)
 """Errors after which only the damaged file of an archive is skipped. Files with names that the
 system rejects (`_NO_NAME`) are skipped in the same way."""
 _NO_NAME = (errno.ENAMETOOLONG, errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.EINVAL)

@@ -114,7 +114,7 @@ def _records(text: str, place: str, report: ImportReport) -> Iterator[Record]:
         except (ValueError, RecursionError):
             left_out, at = "{", begin + 1
             continue
-        if isinstance(record.get(IMAGE), str):
+        if isinstance(record.get(IMAGE), str) and record[IMAGE]:
             yield record
         else:
             report.skip(place, f"names no picture ({IMAGE})")

@@ -31,7 +31,8 @@ def pack(path: Path, content: dict[str, bytes]) -> Path:
             for name, data in content.items():
                 archive.writestr(name, data)
     else:
-        with tarfile.open(path, "w:gz" if path.suffix == ".gz" else "w") as tar:
+        kind = path.suffix.lstrip(".")
+        with tarfile.open(path, f"w:{'' if kind == 'tar' else kind}") as tar:
             for name, data in content.items():
                 info = tarfile.TarInfo(name)
                 info.size = len(data)
@@ -39,7 +40,7 @@ def pack(path: Path, content: dict[str, bytes]) -> Path:
     return path
 
 
-@pytest.mark.parametrize("form", ["", "zip", "tar", "tar.gz"])
+@pytest.mark.parametrize("form", ["", "zip", "tar", "tar.gz", "tar.xz"])
 def test_recordings_are_found_in_folders_and_archives(tmp_path: Path, form: str) -> None:
     folder = tmp_path / "drives"
     wanted = {"one.npz": 1, "7.npz": 2, "ä b.npz": 3}

@@ -10,6 +10,8 @@ import zlib
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 
 from robot.devkit.pictures import read_picture
@@ -264,3 +266,19 @@ def test_a_picture_with_an_orientation_tag_is_not_taken_for_damaged(preview: byt
         marked = plain[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + plain[2:]
         found = read_picture(marked, "x")
         assert (found.width, found.height) == ((160, 120) if turn < 5 else (120, 160)), turn
+
+
+def test_a_jpeg_with_appended_bytes_is_whole_and_a_png_may_be_turned() -> None:
+    """Phones append a film to a picture, and painting programs store how a PNG is turned."""
+    shown = np.arange(64 * 48 * 3, dtype=np.uint8).reshape(48, 64, 3)
+    for progressive in (0, 1):
+        data = cv2.imencode(".jpg", shown, [cv2.IMWRITE_JPEG_PROGRESSIVE, progressive])[1].tobytes()
+        film = b"ftypmp42 \xff\xda and more"
+        assert read_picture(data + film, "x").data == data + film
+        with pytest.raises(RecordingError, match="its end is missing"):
+            read_picture(data[:-9] + film, "x")
+    png = cv2.imencode(".png", shown)[1].tobytes()
+    turned = b"eXIf" + b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06" + bytes(6)
+    chunk = (len(turned) - 4).to_bytes(4, "big") + turned + zlib.crc32(turned).to_bytes(4, "big")
+    found = read_picture(png[:33] + chunk + png[33:], "x")
+    assert (found.width, found.height) == (48, 64)
