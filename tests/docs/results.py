@@ -52,7 +52,8 @@ def _section(question: dict[str, Any]) -> str:
     runs = [f"`{run['command']}` ({run['commit']}, {run['date']})" for run in question["runs"]]
     unit = question["unit"]
     about = f"{unit[0].upper()}{unit[1:]}. {question['note']}".strip()
-    about += f" The figures are from {' and '.join(runs)}."
+    listed = " and ".join([", ".join(runs[:-1]), runs[-1]]) if runs[1:] else runs[0]
+    about += f" The figures are from {listed}."
     table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
     return f"## {question['question']}\n\n{about}\n\n{table}\n"
 
