@@ -49,6 +49,7 @@ class SimDriver(Driver):
         first = self._load(options.world)
         self.worlds = {**{name: name for name in world_names()}, first.name: options.world}
         self.simulation = Simulation(first, options.seed)
+        self._sensed = self.simulation.sensors.read()
         self._lock = threading.RLock()
         self._left_s = 0.0
         self._is_connected = False
@@ -100,8 +101,8 @@ class SimDriver(Driver):
             self._left_s = ACTION_TIMEOUT_S
 
     def sense(self) -> Sensors:
-        with self._lock:
-            return self.simulation.sensors.read()
+        """Return the readings at the end of the world's last step; never waits for a step."""
+        return self._sensed
 
     def stop(self) -> None:
         with self._lock:
@@ -117,3 +118,4 @@ class SimDriver(Driver):
             if dt_s > moving_s:
                 self.stop()
                 self.simulation.step(dt_s - moving_s)
+            self._sensed = self.simulation.sensors.read()
