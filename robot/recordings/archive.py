@@ -28,8 +28,8 @@ class _Sink(io.RawIOBase):
         return self._fetched + len(self._waiting)
 
     def close(self) -> None:
-        """Do nothing. A program that writes this file also closes it, but the bytes must stay
-        readable after that."""
+        """Do nothing. The writer of this file closes it, but its bytes must stay readable after
+        that."""
 
     def writable(self) -> bool:
         return True

@@ -70,7 +70,7 @@ class FrameTable(Mapping[int, FrameEntry]):
             if channel not in self._channels:
                 self._channels.append(channel)
             table["channel"][rows["channel"] == number] = self._channels.index(channel)
-        self._table = None  # the rows cannot grow while this view of them exists
+        self._table = None  # numpy cannot extend the rows while this view of them exists
         self._rows += table.tobytes()
 
     def dump(self) -> tuple[bytes, list[MessageChannel]]:
@@ -79,7 +79,7 @@ class FrameTable(Mapping[int, FrameEntry]):
         return bytes(self._rows), self._channels
 
     def load(self, data: bytes, channels: Sequence[MessageChannel], base: int = 0) -> None:
-        """Add the rows that a `dump` returned. The file of these rows begins at the offset `base`.
+        """Add the rows that a `dump` returned; the file of these rows begins at the offset `base`.
         Raises one of `UNREADABLE` if the rows are invalid."""
         table = np.frombuffer(data, _FRAME).copy()
         self._channels += [channel for channel in channels if channel not in self._channels]
@@ -188,8 +188,8 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
         self._label = array("B")
         self._is_intervention = array("B")
         self._at_s = array("d")
-        # Few examples have steering and throttle. These two columns therefore end at the last
-        # example that has them.
+        # Few examples have steering and throttle, so these two columns end at the last example that
+        # has them.
         self._steering, self._throttle = array("d"), array("d")
         self._labels: list[Action] = []
         self._others: dict[int, HistoryEvent] = {}
@@ -393,7 +393,7 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
 
 
 class Labels(Mapping[int, Example]):
-    """Maps each picture to the last of its examples that the pilot did not undo."""
+    """Maps each picture to its last example that the pilot did not undo."""
 
     def __init__(self, lessons: LessonTable) -> None:
         self._lessons = lessons

@@ -21,7 +21,7 @@ from robot.types import Action, Example
 _STRETCHES = 50
 _HELD_OUT = range(2, _STRETCHES, 5)
 FEWEST_FRAMES = 50
-"""Fewest labelled frames for a comparison. With fewer frames, the result would be mostly chance."""
+"""Fewest labelled frames for a comparison. The result of fewer frames would be mostly chance."""
 _SHOWN = 10
 
 
@@ -112,7 +112,8 @@ def _labelled(episodes: Sequence[EditedEpisode]) -> Iterator[tuple[Episode, Exam
 
 
 def _stretch_of(rank: int, count: int) -> int:
-    """Return the stretch of a frame; stretch n begins at `count * n // _STRETCHES`."""
+    """Return the number of a frame's stretch. Stretch n begins at frame `count * n //
+    _STRETCHES`."""
     return ((rank + 1) * _STRETCHES - 1) // count
 
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecorderConfig:
-    """Bounds of the queue, time limits, and which recordings to keep."""
+    """Configures the recorder: the size of its queue, its time limits, and which recordings to
+    keep."""
 
     keeps_drives: bool = True
     """Whether to keep recordings in which the robot moved but learned nothing."""
@@ -21,8 +22,8 @@ class RecorderConfig:
     trail_s: float = 1.0
     """Time for which pictures are still recorded after the robot stopped, in seconds."""
     lead_frames: int = 15
-    """This number of pictures from before the start is also recorded, because the pilot may label
-    them. These pictures fill at most a quarter of the queue."""
+    """This many pictures from before the start are also recorded, because the pilot may label them.
+    They fill at most a quarter of the queue."""
     part_bytes: int = 64 * 2**20
     """Size at which a recording continues in another file, in bytes."""
     part_s: float = 600.0

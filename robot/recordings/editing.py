@@ -26,15 +26,15 @@ from robot.recordings.writer import FORMAT, EpisodeWriter
 from robot.types import Action, Point
 
 _SOON_S = 0.5
-"""Longest time from a picture to a message that belongs to the picture, in seconds. If the next
-message comes later, the robot stood still until then."""
+"""A message belongs to a picture if it comes at most this many seconds later. If the next message
+comes later, the robot stood still until then."""
 _LATE_S = 2.0
-"""Longest time from a picture to the policy's proposal for this picture, in seconds. The limit
-allows for slow computers."""
+"""The policy's proposal for a picture comes at most this many seconds after the picture, even on a
+slow computer."""
 _MOST_WAITING = 20_000
 _BATCH = 256
-"""Least number of pictures that `_describe` gets at a time, except at the end. A picture waits
-until the messages about it have been read."""
+"""`_describe` gets at least this many pictures at a time, except at the end, because the messages
+about a picture come after the picture."""
 ABOUT = Topic.DECISION, Topic.SENSORS, Topic.PREDICTION
 """The topics of the messages that describe a picture."""
 
@@ -300,8 +300,8 @@ def write_edited(episode: Episode, notes: Notes, file: BinaryIO, *, is_part: boo
 
     Undone examples and deleted frames are left out; relabelled frames have their new label. Frame
     ids and predictions are unchanged. Edits of learned images are copied, so that a later recording
-    can still undo them. With `is_part` they are not copied, because the recording from which this
-    part was split contains them.
+    can still undo them. With `is_part` these edits are not copied, because they stay in the
+    recording from which the part was split.
     """
     run = {**episode.run, "format": str(FORMAT), **({EDITED: "1"} if notes.edits else {})}
     writer = EpisodeWriter(file, run, episode.attachments.get(MODEL_BEFORE))

@@ -19,12 +19,12 @@ from robot.types import Action
 FORMAT = 1
 _MOST_BYTES = 16 * 2**20
 Range = tuple[int, int]
-"""First and last frame id, both inclusive."""
+"""Ids of the first and last frame of a range, both included."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Edit:
-    """One change: `delete` ranges of frames, or `relabel` them."""
+    """One edit, which deletes (`delete`) or relabels (`relabel`) ranges of frames."""
 
     verb: str
     ranges: tuple[Range, ...]

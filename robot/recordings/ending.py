@@ -1,7 +1,7 @@
 """Completes each truncated recording once, at the next start of the program.
 
-The records before the truncation are copied, and the completed copy replaces the recording. A file
-that is damaged in another way is not changed.
+A copy of the records before the truncation is completed and replaces the recording. Files that are
+damaged in another way stay as they are.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ log = logging.getLogger(__name__)
 
 _MOST_LOST_BYTES = 16 * 2**20
 """Maximum number of bytes after the last complete record of a truncated file. A truncation leaves
-at most a part of one record, so a file with more bytes is damaged in another way."""
+at most a part of one record. So a file with more bytes there is damaged in another way."""
 _SPARE_BYTES = 64 * 2**20
 _RECORDS_AT_ONCE = 32
 _REST_S = 0.003
-"""Pause between groups of copied records, in seconds, because the robot may drive meanwhile on the
-same processor. An hour of recording has 300,000 records."""
+"""Pause between two groups of copied records, in seconds. Without pauses, the 300,000 records of an
+hour would slow a robot that drives on the same processor."""
 
 
 def end_cut_recordings(paths: Sequence[Path], clock: Clock) -> None:
@@ -87,7 +87,8 @@ def _copy_what_is_left(
         if isinstance(record, Cut):
             cut = record
         elif isinstance(record, Metadata) and record.name == SUMMARY:
-            # nothing is lost if the file ends inside its summary, which repeats other records
+            # if the file ends inside its summary, nothing is lost: the summary only repeats other
+            # records
             summary = record.values
         elif isinstance(record, Metadata) and record.name == RUN:
             run = check_run(record.values)

@@ -56,7 +56,7 @@ _LATEST_S = 2.5e11  # in the year 9892, shortly before the end of `datetime`
 
 @dataclass(slots=True, kw_only=True)
 class Episode:
-    """The content of all files of a recording. Times are seconds of the run's clock.
+    """An open recording: the content of all of its files. Times are seconds of the run's clock.
 
     `on_read` is called for each picture that is read, for a command's progress display.
     """
@@ -158,7 +158,8 @@ class Episode:
         return data
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the recording chunk by chunk; the pictures of the last chunks stay in memory."""
+        """Yield the recording chunk by chunk, and keep the pictures of the last chunks in
+        memory."""
         for block in self.blocks_after(0):
             self._keep(block.offset, block.data)
             yield block

@@ -40,8 +40,8 @@ _FIELDS: dict[str, dict[str, tuple[int, str]]] = {
     _POSE: {"position": (1, _VECTOR), "orientation": (2, _QUATERNION)},
     POSE_IN_FRAME: {"timestamp": (1, _TIMESTAMP), "frame_id": (2, "string"), "pose": (3, _POSE)},
 }
-"""Number and type of each field, by message. A type whose name contains a dot is itself a
-message."""
+"""Number and type of each field, by message. If a type's name contains a dot, the type is a
+message, too."""
 
 
 @cache

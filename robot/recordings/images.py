@@ -31,7 +31,7 @@ def _name_of(frame: Frame) -> str:
 
 
 def encode_image(frame: Frame, stamp_ns: int) -> bytes:
-    """Return the frame as a message; `stamp_ns` is nanoseconds since 1970."""
+    """Return the frame as a message; `stamp_ns` is its time in nanoseconds since 1970."""
     image = message_type(_name_of(frame))(frame_id=_CAMERA, data=frame.data)
     image.timestamp.seconds, image.timestamp.nanos = divmod(stamp_ns, 10**9)
     if frame.encoding is Encoding.JPEG:

@@ -35,7 +35,8 @@ SECTION_FRAMES = 8192
 """Number of pictures in a section: about five minutes of driving, and 0.6 MB of columns."""
 _FORMAT = 1
 _MOST_RESULTS = 1000
-"""Maximum number of extensions' results in the index. The oldest further results are left out."""
+"""Maximum number of extensions' results in the index. If there are more, the index has only the
+newest."""
 _MOST_BYTES = 2**26
 _HEAD = struct.Struct("<II")
 """The checksum of a section, and the length of its description."""
@@ -52,7 +53,7 @@ class Columns:
         self.pictures = 0
         """Number of pictures that were added, including duplicates."""
         self.results: list[tuple[int, Fields]] = []
-        """The latest results of extensions, each with its time in nanoseconds since 1970."""
+        """The newest results of extensions, each with its time in nanoseconds since 1970."""
 
     def add(self, block: Block) -> None:
         """Add the messages of a chunk. Raises one of `UNREADABLE` if a message is damaged."""

@@ -23,7 +23,7 @@ class FrameMarks:
     def __init__(self) -> None:
         self._pages: dict[int, array[int]] = {}
         self._newest_s: dict[int, float] = {}
-        """For each page (`_PAGE` successive frame ids): the time at which its newest example was
+        """The time at which the newest example of each page (`_PAGE` successive frame ids) was
         taught."""
 
     def __getitem__(self, frame_id: int) -> int:

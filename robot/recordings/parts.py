@@ -94,7 +94,8 @@ def base_of(number: int) -> int:
 
 
 def scan_parts(path: Path) -> Iterator[Record]:
-    """Yield the content of all files of a recording in order; a `Cut` ends each damaged file."""
+    """Yield the content of all files of a recording, in order. The content of a damaged file ends
+    in a `Cut`."""
     return records_in(part for file in part_paths(path).items() for part in walk_part(*file))
 
 

@@ -16,7 +16,8 @@ def pose_channel() -> MessageChannel:
 
 
 def encode_pose(pose: Fields, stamp_ns: int) -> bytes:
-    """Return a pose from the sensors as a message; `stamp_ns` is nanoseconds since 1970."""
+    """Return a pose from the sensors as a message; `stamp_ns` is its time in nanoseconds since
+    1970."""
     message = message_type(POSE_IN_FRAME)(frame_id=_FLOOR)
     message.timestamp.seconds, message.timestamp.nanos = divmod(stamp_ns, 10**9)
     half_rad = pose["heading_rad"] / 2

@@ -1,4 +1,5 @@
-"""What a recording says about its run: its name, its robot, and the learner."""
+"""The data of a run that its recording contains: the recording's name, the robot, and the
+learner."""
 
 from __future__ import annotations
 

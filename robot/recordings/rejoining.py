@@ -39,9 +39,10 @@ def strays(folder: Path) -> Iterator[tuple[Path, str]]:
 
 
 def compacting_mark(path: Path) -> Path:
-    """Return the path of the file that marks a recording while it is made compact. The mark first
-    lies next to the recording, and moves to the trash together with it. The mark is named like an
-    unfinished file, so that the cleanup of such files also removes a mark that is left over."""
+    """Return the path of the file that marks a recording while it is made compact. The mark lies
+    next to the recording at first, and then moves to the trash together with it. The mark has the
+    name of an unfinished file, so that the cleanup of such files also removes a mark that was left
+    behind."""
     return path.with_name(f".{path.name}.0.part")
 
 

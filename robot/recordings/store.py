@@ -34,7 +34,7 @@ from robot.store.presence import require_present
 DEFAULT_BUDGET_BYTES = 8 * 2**30
 _ENDINGS = re.compile(rf"(\.mcap|\.edits\.json|{re.escape(ENDING)})\Z")
 _OPEN_EPISODES, _DESCRIBED = 2, 2**16
-"""Sizes of the caches of open recordings and of list entries."""
+"""Maximum numbers of open recordings and of list entries in the caches."""
 _READ_WHOLE_BYTES = 2 * 2**20
 """Size above which only the beginning of a recording in progress is read, in bytes."""
 
@@ -60,7 +60,7 @@ class EpisodeStore:
     ) -> None:
         self._storage, self._write = storage, write
         self._recording = recording or (lambda: None)
-        self._is_recorder = recording is not None  # another program may be recording it
+        self._is_recorder = recording is not None  # False: another program may be recording
         self.budget_bytes = DEFAULT_BUDGET_BYTES
         """If the total size of all episodes exceeds this number, the oldest unprotected episodes
         are offered for deletion."""
@@ -228,7 +228,7 @@ class EpisodeStore:
 
     @contextlib.contextmanager
     def new_file(self, name: str) -> Iterator[Path]:
-        """Reserve a path with `new_path`; release the path if the writer fails."""
+        """Reserve a path with `new_path` for a writer; release the path if the writer fails."""
         path = self.new_path(name)
         try:
             yield path

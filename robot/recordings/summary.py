@@ -43,7 +43,7 @@ class EpisodeSummary:
     is_readable: bool = True
     damage: str | None = None
     is_copy: bool = False
-    """True if the file does not have the name under which it was recorded. Such a file is usually a
+    """True if the file has another name than when it was recorded. Such a file is usually a
     copy."""
 
     def matches(self, text: str) -> bool:

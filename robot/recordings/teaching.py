@@ -99,7 +99,7 @@ def _labelled_late(episode: Episode, notes: Notes) -> Iterator[Taught]:
 def surviving(episodes: Sequence[EditedEpisode]) -> list[NDArray[np.intp]]:
     """Return, for each recording, the indices of the events that were not undone. An event can be
     undone by its own recording or by a later recording of the same run. An undo event is kept if it
-    concerns a recording that is earlier than all `episodes`."""
+    concerns an earlier recording than all `episodes`."""
     counts = [np.ones(len(episode.events), bool) for episode, _ in episodes]
     frames = [episode.events.frames for episode, _ in episodes]
     for place, (episode, _) in enumerate(episodes):

@@ -9,7 +9,7 @@ from robot.clock import Clock, Worker
 from robot.types import StartStop
 
 Announce = Callable[..., None]
-"""Called with an event of the disk or of a file: the event's name and its fields."""
+"""Called with each event that concerns the disk or a file: its name and its fields."""
 FLUSH_EVERY_S = 0.2
 """Period of writing, in seconds. A crash or a power cut loses the data of at most this time, or
 more on a slow disk."""

@@ -42,8 +42,8 @@ FOLDERS = "drivelesson.folders"
 """Entry points of this group are instances of `FolderKind`: the folders of extensions."""
 
 TRASH_DAYS = 30
-"""Time after which deleted items are removed from the trash, in days. Within this time a class has
-probably missed a deleted item."""
+"""Time after which deleted items are removed from the trash, in days. A class has its next lessons
+within this time, and would notice a wrong deletion."""
 _DAY_NS = 86_400 * 10**9
 _HALF_DONE_S = 60.0
 _LONGEST_NAME, _LONGEST_ENDING = 64, 40
@@ -101,8 +101,7 @@ def _readme() -> str:
 def default_root() -> Path:
     """Return the default data folder.
 
-    The default is the value of DRIVELESSON_DATA if this variable is set, else the user's data
-    folder.
+    It is the value of the variable DRIVELESSON_DATA if set, else the user's data folder.
     """
     chosen = os.environ.get("DRIVELESSON_DATA")
     if chosen:
@@ -131,7 +130,7 @@ def composed(name: str) -> str:
 
 
 def fold(name: str) -> str:
-    """Return a key for comparison, equal for names that some file system cannot tell apart."""
+    """Return a key that is equal for names that some file system cannot tell apart."""
     return composed(name).casefold()
 
 
@@ -250,8 +249,8 @@ def sync_folder(folder: Path) -> None:
 def make_private(folder: Path) -> None:
     """Create a folder that only its owner can enter, or remove other users' rights to the folder.
 
-    The folder contains pictures of a room, and secrets. Nothing changes if the folder belongs to
-    another user or the file system has no owners.
+    The folder contains pictures of a room, and secrets. If the folder belongs to another user, or
+    the file system has no owners, nothing changes.
     """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if hasattr(os, "getuid"):

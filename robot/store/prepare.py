@@ -52,7 +52,7 @@ def prepare(root: Path) -> list[tuple[str, str]]:
 
 
 def _found_in(folder: Path) -> list[Path]:
-    """List a folder's entries; none for a link, whose target is not part of the data folder."""
+    """List a folder's entries; empty for a link, because its target is not in the data folder."""
     try:
         return [] if folder.is_symlink() else list(folder.iterdir())
     except OSError:

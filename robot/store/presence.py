@@ -16,7 +16,7 @@ from pathlib import Path
 from robot.store.records import read_regular
 
 MARK = ".folder-id"
-"""The file that identifies a folder, even if the system assigns a new number to its disk."""
+"""Name of the file that identifies a folder even if its disk gets a new number."""
 _watched: dict[Path, Presence] = {}
 _lock = threading.Lock()
 

@@ -93,7 +93,7 @@ class Autosave:
         if not self.has_unsaved:
             return
         try:
-            with self.lock:  # wait while another model is being loaded or saved
+            with self.lock:  # wait until another thread has loaded or saved a model
                 if self.has_unsaved:
                     self.save()
         except Exception as error:  # the thread must continue after any error
@@ -102,7 +102,7 @@ class Autosave:
             self.announce("model_not_saved", detail=reason(error))
 
     def save(self, place: str | None = None) -> str:
-        """Save the learner's state, with a new place if one is given; return the model's name."""
+        """Save the learner's state, and its place if one is given; return the model's name."""
         with self.lock:
             place = self._place if place is None else place
             copied = self._loop.submit(lambda: self._journal.copy(self._loop.history, place))

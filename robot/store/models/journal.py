@@ -96,7 +96,7 @@ class Journal:
         return records
 
     def require_checkpoint(self, *, has_failed: bool) -> None:
-        """Have the next record contain the complete learner. After a failed write (`has_failed`)
+        """Make the next record contain the complete learner. After a failed write (`has_failed`)
         the record waits for `_TRY_AGAIN_S`, not for a change."""
         if not has_failed:
             self._try_again_s = 0.0  # set before `_needs_checkpoint`: the loop reads both

@@ -87,8 +87,8 @@ class JournalWriter:
         self._longest_bytes = 0
 
     def start(self, after: int = 0) -> None:
-        """Start writing. `after` is the start number that is stored in the model in use. This start
-        gets a higher number."""
+        """Start writing. `after` is the number of the start that saved the model in use; this start
+        gets a higher one."""
         self.open_boot(after)
         self._thread.start()
 
@@ -136,7 +136,7 @@ class JournalWriter:
     def _write(self, records: list[Record]) -> None:
         checkpoints = [i for i, (_, body) in enumerate(records) if isinstance(body, Model)]
         if checkpoints:
-            records = records[checkpoints[-1] :]  # the checkpoint contains all earlier changes
+            records = records[checkpoints[-1] :]  # this checkpoint contains all earlier changes
             self._begin_part()
         if self._writer is None:
             if all(head["kind"] in ("saved", "drive") for head, _ in records):

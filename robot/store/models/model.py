@@ -140,7 +140,7 @@ def decode_summary(data: bytes) -> ModelSummary:
 
 
 def stamp(model: Model, **changes: Any) -> Model:
-    """Return the model with some values of its summary replaced, such as the time or place."""
+    """Return the model with new values in its summary, such as another time or place."""
     return replace(model, summary=replace(model.summary, **changes))
 
 

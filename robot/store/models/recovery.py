@@ -32,7 +32,7 @@ from robot.store.records import read_records
 log = logging.getLogger(__name__)
 
 _LOADED = 1
-"""Number of the change that loads the model; it is the first change of each run."""
+"""The first change of each run loads the model; this is its number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -93,7 +93,7 @@ def _read_run(folder: Path, parts: list[Part]) -> _Run:
 
 
 def _take(run: _Run, record: bytes) -> None:
-    """Add one record. A record that is in both files is added once."""
+    """Add one record. A record that is in both files counts once."""
     try:
         head, _, body = record.partition(HEAD)
         words: dict[str, Any] = json.loads(head)

@@ -147,7 +147,7 @@ class ModelStore:
                         self.current = name
 
     def _readable_again(self, name: str) -> list[tuple[Model, Path]]:
-        """Return the readable ones of the versions set aside as damaged, oldest first."""
+        """Return those versions that were set aside as damaged but are readable, oldest first."""
         found = []
         for file in self._files(name):
             if _DAMAGED_VERSION.fullmatch(file.name):
