@@ -2,8 +2,9 @@
 
 If the battery is weak, its voltage collapses when the motors start: the computer or the program
 ends, a supervisor restarts it, and nobody learns why. The program therefore writes a marker file
-when a drive begins. If the next run finds the marker, it counts one early end. No marker is left by
-an update, by a Ctrl-C, or by a robot that is switched off while it stands still.
+when a drive begins. If the next run finds the marker, it counts one early end. The program leaves
+no marker if it ends by an update or Ctrl-C, or if somebody switches the robot off while it stands
+still.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Archives of other programs, unpacked within bounds."""
+"""Unpacks archives of other programs, up to a limit of size and number of files."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _DAMAGED = (
 )
 _OF_ONE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, RuntimeError, ValueError)
 """Errors after which only the damaged file of an archive is skipped. Files with names that the
-system rejects (`_NO_NAME`) are skipped in the same way."""
+system rejects (`_NO_NAME`) are skipped, too."""
 _NO_NAME = (errno.ENAMETOOLONG, errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.EINVAL)
 Entry = tuple[str, Callable[[], IO[bytes] | None]]
 
@@ -62,7 +62,7 @@ def unpacked(path: Path, scratch: Path, report: ImportReport) -> Iterator[Path]:
         try:
             yield folder
         except RecordingError as error:
-            # name the archive in the message instead of the temporary folder
+            # the message names the archive, not the temporary folder
             told = f"{error}".replace(str(folder), str(path))
             raise RecordingError(f"{told}{report.why_nothing()}") from error
 

@@ -159,8 +159,8 @@ def _steered_names(paths: Iterable[Path]) -> list[tuple[Path, re.Match[str]]]:
 def read_steered(folder: Path, reading: Reading, report: ImportReport) -> Drive:
     """Read pictures whose names contain a number and the steering.
 
-    The dash before the steering may be a minus or only a separator. Raises RecordingError if the
-    names do not show whether the dash is a minus or a separator.
+    The dash before the steering may be a minus sign or only a separator. Raises RecordingError if
+    the names do not show which of the two the dash is.
     """
     paths = files_ending(folder, *PICTURES)
     named = _steered_names(paths)
@@ -198,8 +198,8 @@ def read_steered(folder: Path, reading: Reading, report: ImportReport) -> Drive:
 
 
 def _divides(folder: Path, names: list[re.Match[str]]) -> bool:
-    """Return True if the dash between the number and the steering is only a separator, False if it
-    is a minus."""
+    """Return True if the dash between the number and the steering only separates them, False if it
+    is a minus sign."""
     if any(match[2] and match[3][0] in "+-" for match in names) or any(
         match[2] == "_" for match in names
     ):

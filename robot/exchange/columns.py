@@ -73,7 +73,7 @@ _COMMENTS = re.compile(r"\s*(?:#[^,;\t|\n]*\n\s*)+")
 """Lines of remarks above a table."""
 _PEEK_ROWS = 50
 _FLAGS = {"": "", "0": "0", "1": "1", "0.0": "0", "1.0": "1", "false": "0", "true": "1"}
-"""Cells of a column for one move, as programs write them, and their meaning."""
+"""Cells of a column that stands for one move, and what they mean."""
 _UDACITY = "steering", "throttle", "brake", "speed"
 
 

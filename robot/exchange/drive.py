@@ -29,8 +29,8 @@ from robot.types import DEFAULT_MOVES, Action, Example, Frame, Point
 
 _T = TypeVar("_T")
 _MOST_PLACES, _MOST_REASONS = 3, 12
-"""Maximum number of locations in the report for one reason, and maximum number of reasons in the
-report. All others are only counted."""
+"""Maximum number of locations that a report lists for one reason, and maximum number of reasons
+that it lists. The report only counts all others."""
 _ENOUGH_TO_HINT = 10
 """A drive that lacks examples of turns to one side, left or right, gets a hint if it has at least
 this number of examples."""
@@ -38,8 +38,8 @@ _LEAST_TRIM = 0.01
 
 
 class ImportReport:
-    """Collects the items that the import skips while it reads a drive. A strict report raises an
-    error at the first skipped item."""
+    """Collects the items that an import skips while it reads a drive. If the report is strict, the
+    first skipped item raises an error."""
 
     def __init__(self, *, is_strict: bool = False) -> None:
         self.is_strict = is_strict
@@ -105,7 +105,7 @@ class FrameEvent:
     is_others: bool = False
     """True if somebody other than the pilot drove, so the picture is not an example."""
     place: str = ""
-    """The picture's location, for the report."""
+    """The picture's location, for the import's report."""
 
     def frame(self, frame_id: int, captured_s: float) -> Frame:
         """Read the picture as a camera's frame; raises RecordingError if it is damaged."""
@@ -249,8 +249,8 @@ def _write_label(writer: EpisodeWriter, shot: FrameEvent, frame: Frame) -> None:
 
 
 def _moves_with(labels: Iterable[Action | None]) -> tuple[Action, ...]:
-    """Return the moves among the labels. If one of the usual three moves is among the labels, or if
-    there are no labels, all usual three are included.
+    """Return the moves among the labels. All three usual moves are included if one of them is among
+    the labels, or if there are no labels.
     """
     found = dict.fromkeys(label for label in labels if label is not None)
     if not found or not found.keys().isdisjoint(DEFAULT_MOVES):
@@ -260,7 +260,7 @@ def _moves_with(labels: Iterable[Action | None]) -> tuple[Action, ...]:
 
 def _declared(shots: Iterable[FrameEvent]) -> tuple[Move, ...]:
     """Return the moves whose recorded steering and throttle are not the usual ones for their names.
-    The values of a move are those in more than half of its pictures."""
+    A move's values are the steering and throttle that more than half of its pictures have."""
     said: dict[Action, list[Point]] = {}
     for shot in shots:
         if shot.label is not None and shot.does is not None:

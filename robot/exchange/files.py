@@ -1,4 +1,4 @@
-"""Reads text and picture files of other programs, by untrusted names."""
+"""Reads text and picture files of other programs. Their names are not trusted."""
 
 from __future__ import annotations
 

@@ -35,7 +35,8 @@ SUFFIXES = (".mp4", ".mov", ".mkv")
 H264, AV1 = "libx264", "libsvtav1"
 """FFmpeg's names of the encoders for H.264 and AV1."""
 AV = ("av", "writing films", "export")
-"""Arguments of `need`: the library PyAV, its purpose here, and the extra that installs it."""
+"""Arguments of `need` for the library PyAV: its name, its purpose here, and the extra that installs
+it."""
 
 
 def write_film(
@@ -167,8 +168,8 @@ class FilmReader:
             self._next = next(self._frames, None)
 
     def _decode(self, from_s: float) -> Iterator[Any]:
-        """Seek to the last key frame before `from_s`, and yield all frames from there on. End
-        early if the film is damaged."""
+        """Seek to the last key frame before `from_s`, and yield all frames from there on. At damage
+        in the film, end early."""
         av = need(*AV)
         try:
             with av.open(str(self._path)) as container:
@@ -221,8 +222,8 @@ def _captioned(picture: Pixels, moment: EpisodeFrame) -> Any:
     """Return a video frame: the picture, enlarged to at least 480 rows, above a bar of text.
 
     FFmpeg enlarges the picture and converts its colours in one step. The text is grey, so it is
-    drawn only in the brightness plane. In films of small pictures, these two measures save most of
-    the encoding time.
+    drawn only in the brightness plane. In films of small pictures, both save most of the time of
+    encoding.
     """
     import cv2
 

@@ -67,7 +67,7 @@ class Form:
         time: Where the time comes from.
         find: Returns the drives at a path, or None if the path does not have this format. The
             function must be quick, so it does not check the data for damage.
-        is_whole: True if the format has typical files by which it is recognised. Formats with False
+        is_whole: True if the format has typical files by which it is recognised. The other formats
             would match nearly any folder, so they are tried last.
     """
 

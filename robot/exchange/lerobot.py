@@ -63,7 +63,8 @@ _AS_LEROBOT: dict[str, Any] = {"codec": AV1, "crf": 30, "preset": "12"}
 """The settings with which LeRobot 0.6 encodes films. Datasets can be merged only if their films
 have the same codec, because a merge copies the films' bytes."""
 _STEERED = ("steering.pos", "throttle.vel")
-"""Names of the action's elements, as in the package for LeRobot (docs/examples/lerobot)."""
+"""Names of the elements of an action, the same as in our package for LeRobot
+(docs/examples/lerobot)."""
 RESULTS = "meta/drivelesson_results.json"
 """File with the results of extensions, by recording. The file is missing if no extension has
 results."""
@@ -95,7 +96,7 @@ Stats = dict[str, dict[str, list[Any]]]
 
 
 class _Part(NamedTuple):
-    """One LeRobot episode: some pictures of a recording, evenly spaced in time."""
+    """A LeRobot episode: some pictures of one recording, evenly spaced in time."""
 
     source: int
     episode: Episode
@@ -211,7 +212,7 @@ def _split(source: int, episode: Episode, notes: Notes, fps: int, taught_only: b
 
 
 def _frames(parts: Sequence[_Part]) -> Iterator[_Shown]:
-    """Yield the moments of all parts in order. Each recording is read once, chunk by chunk."""
+    """Yield the pictures of all parts, in order. Each recording is read once, chunk by chunk."""
     for _, same in groupby(parts, key=lambda part: part.source):
         of = list(same)
         episode, declared = of[0].episode, of[0].episode.declared_moves

@@ -41,7 +41,7 @@ from robot.types import DEFAULT_MOVES, Action
 
 _INTERVENTIONS = ("intervention", "complementary_info.is_intervention")
 """Names of the column that marks interventions. If a dataset has a column for interventions, only
-the frames with an intervention are examples. The column `pilot` has precedence."""
+the frames with an intervention are examples. If both columns exist, `pilot` counts."""
 _FIELD = re.compile(r"\{(\w+)(?::0(\d)d)?\}")
 _MOST_S = 1e7
 Record = dict[str, Any]
@@ -234,8 +234,8 @@ class LerobotDataset:
         return index / self._info.fps if isinstance(index, int) and 0 <= index < _MOST_S else None
 
     def _place_of(self, *names: str) -> int | None:
-        """An action is a vector with named elements. Return the index of the element that has one
-        of these names; None if there is none."""
+        """Return the index of the action's element that has one of these names; None if there is
+        none. An action is a vector with named elements."""
         there = _names(self._info.features.get("action", {}).get("names"))
         return next((i for i, name in enumerate(there) if _bare(name) in names), None)
 

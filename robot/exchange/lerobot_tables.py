@@ -22,7 +22,8 @@ ROBOT = "drivelesson"
 """Type of robot in the datasets of this program, and of its package for LeRobot
 (docs/examples/lerobot)."""
 PYARROW = ("pyarrow", "reading and writing LeRobot datasets", "export")
-"""Arguments of `need`: the library pyarrow, its purpose here, and the extra that installs it."""
+"""Arguments of `need` for the library pyarrow: its name, its purpose here, and the extra that
+installs it."""
 _PARQUET = ("pyarrow.parquet", *PYARROW[1:])
 _MOST_TABLE_BYTES = 2**30
 _ROWS = 10_000

@@ -56,16 +56,16 @@ def load_recording(path: Path | str, report: ImportReport | None = None) -> Driv
 
 
 def is_example(moment: EpisodeFrame) -> bool:
-    """True if `write_npz` exports this moment: its label must be one of the format's three."""
+    """True if `write_npz` exports this picture: its label must be one of the format's three."""
     return not moment.is_deleted and moment.label in DEFAULT_MOVES
 
 
 def write_npz(episode: Episode, notes: Notes, path: Path) -> int:
     """Write the taught pictures of an episode as a recording; return their number.
 
-    The bytes of a JPEG of 160x120 are written unchanged; other pictures are scaled and encoded. The
-    format has only three labels, so pictures with other labels are left out. Raises RecordingError
-    if no picture is left.
+    A JPEG of 160x120 is written unchanged; other pictures are scaled and encoded. The format has
+    only three labels, so pictures with other labels are left out. Raises RecordingError if no
+    picture is left.
     """
     labels, ends, times_s = array("B"), array("q", [0]), array("d")
     points = array("f"), array("f")

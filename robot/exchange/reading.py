@@ -17,7 +17,7 @@ DEFAULT_THRESHOLD = TURNS_BEYOND
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """The settings for reading other programs' data.
+    """How to read the data of another program.
 
     Attributes:
         threshold: Steering, as a share of full lock, beyond which a car turns.

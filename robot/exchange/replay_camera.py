@@ -78,7 +78,7 @@ class ReplayCamera(ThreadedCamera):
             self._report_fault(f"The rest of the recording cannot be played: {error}")
 
     def _waits_until(self, due_s: float) -> bool:
-        """Wait until `due_s`; return True if the camera is stopping."""
+        """Wait until `due_s`; return True if the camera was stopped meanwhile."""
         return self.clock.wait(self._ending, max(0.0, due_s - self.clock.now_s()))
 
 
@@ -110,7 +110,7 @@ def _load_recordings(path: Path) -> list[Footage]:
 
 
 def _timed(footage: Footage) -> Iterator[tuple[Callable[[], Picture | Frame], float]]:
-    """Yield for each picture the function that reads it, and how long it is shown."""
+    """For each picture, yield the function that reads it, and how long to show it, in seconds."""
     ends_s = [t_s for t_s, _ in footage[1:]] + [footage[-1][0] + _LAST_FRAME_S]
     for (begin_s, read), end_s in zip(footage, ends_s, strict=True):
         yield read, min(max(end_s - begin_s, 0.0), _LONGEST_PAUSE_S)

@@ -1,7 +1,8 @@
 """Reads bags of ROS 1 and 2: pictures of a camera, and the robot's velocity commands.
 
-A bag states, by one clock, when it received each picture and each velocity. A velocity is valid
-until the next velocity. The library `rosbags` reads the bags; it does not need ROS.
+A bag contains the time, by one clock, at which it received each picture and each velocity. A
+velocity is valid until the next velocity. The library `rosbags` reads the bags; it does not need
+ROS.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from robot.exchange.reading import Reading
 from robot.exchange.steering import FULL_MPS, FULL_TURN_RAD_S, at_velocity, read_number
 
 ROSBAGS = ("rosbags.highlevel", "reading ROS bags", "rosbags")
-"""Arguments of `need`: the library `rosbags`, its purpose here, and the extra that installs it."""
+"""Arguments of `need` for the library `rosbags`: its name, its purpose here, and the extra that
+installs it."""
 _COMPRESSED, _RAW = "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image"
 _TWISTS = ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped")
 _AS_IT_IS = "RGB"
@@ -122,7 +124,7 @@ class _Bag:
     def opened(self) -> Iterator[Any]:
         """Open the bag; raises RecordingError if it is damaged."""
         high, types = need(*ROSBAGS), need("rosbags.typesys", *ROSBAGS[1:])
-        # a bag that does not define its message types needs this type store
+        # needed for a bag that does not define its message types
         store = types.get_typestore(types.Stores.LATEST)
         try:
             with high.AnyReader([self._path], default_typestore=store) as reader:

@@ -25,14 +25,14 @@ _WRITTEN = re.compile(
 )
 _CLOCK = re.compile(r"(?:(\d{1,3}):)?(\d{1,2}):(\d\d)(?:[.,](\d{1,9}))?")
 _SINCE_1970 = {1e17: 1e-9, 1e14: 1e-6, 1e11: 1e-3}
-"""A number above the first bound is a time since 1970 in nanoseconds; above the second, in
-microseconds; above the third, in milliseconds. Multiplied by the factor of its bound, the number is
-a time in seconds."""
+"""Bounds with factors. A number above the first bound is a time since 1970 in nanoseconds; above
+the second, in microseconds; above the third, in milliseconds. Multiplying it by the bound's factor
+gives seconds."""
 _FIRST_S, _LAST_S = 1e9, 4e9
 """Bounds of times since 1970 in seconds: the years 2001 and 2096."""
 _LONGEST_STEP_S, _LONGEST_PAUSE_S = 5.0, 3600.0
-"""Upper bounds of the usual time between two pictures, in seconds: of a drive, and of pictures that
-somebody took one by one, whose times since 1970 tell the unit."""
+"""Upper bounds of the usual time between two pictures, in seconds: in a drive, and in pictures that
+somebody took one by one. For the latter, only times since 1970 tell the unit."""
 
 
 def seconds_of(value: object, name: str = "") -> float | None:
@@ -59,7 +59,8 @@ def seconds_of(value: object, name: str = "") -> float | None:
 
 
 def unit_of(texts: Iterable[str], name: str) -> float | None:
-    """Return the unit of a table's times, in seconds, if `seconds_of` would misread them, or None.
+    """Return the unit of a table's times, in seconds; None if `seconds_of` reads the times
+    correctly.
 
     Many programs write the milliseconds since their start as `timestamp`. If neither the numbers
     (times since 1970) nor their name tell the unit, it follows from the usual time between two

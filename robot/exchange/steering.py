@@ -16,8 +16,8 @@ ANGLES = ("angle", "steering", "user/angle", "steering_angle")
 THROTTLES = ("throttle", "user/throttle")
 """Other programs' names of the throttle."""
 FULL_MPS, FULL_TURN_RAD_S = 0.4, math.radians(45.0)
-"""Speed ahead at full throttle, and speed of turning at full lock: the defaults of this project's
-ROS robot. Higher speeds count as full."""
+"""Speed at full throttle, and speed of turning at full lock: the defaults of this project's ROS
+robot. Higher speeds count as full speed."""
 FULL_TURN_DEG_S = math.degrees(FULL_TURN_RAD_S)
 _TURNING = (*DEFAULT_MOVES, Action.SPIN_LEFT, Action.SPIN_RIGHT)
 _UNIT_SHARE, _LEAST_BEYOND = 10, 2
@@ -30,8 +30,8 @@ _STEERED = "the angle", "the throttle"
 LabelAndPoint = tuple[Action | None, Point | None]
 """The label of a picture, and the steering and throttle of the label if known."""
 LabelAndPoints = tuple[Action | None, Point | None, Point | None]
-"""The label of a picture, the pilot's steering and throttle, and the label's steering and throttle.
-The second value is None unless the pilot steered proportionally; the third is None if unknown."""
+"""A picture's label; the pilot's steering and throttle, or None unless he steered proportionally;
+the label's steering and throttle, or None if unknown."""
 
 
 def read_meant(
@@ -130,7 +130,7 @@ def _clipped(share: float) -> float:
 
 
 def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Point | None]:
-    """Return the action at a picture: the pilot's label, or else the action that was sent.
+    """Return the action at a picture, which is the pilot's label or else the action that was sent.
 
     Also return its steering and throttle. If the pilot or the robot steered proportionally, these
     are the values that were recorded. Otherwise they are the values that the move declares, or None

@@ -43,8 +43,8 @@ suffixes, so a file is read only if it contains names of pictures."""
 ENDINGS = (".csv", ".tsv", ".jsonl", *ANY_TEXT)
 
 _FULL_SPEEDS = (1.0, 100.0, 255.0, 1023.0, 32767.0)
-"""Values at which different programs drive a motor at full speed. For example, full speed is
-assumed to be 255 if the largest value in a table is 200."""
+"""Values at which different programs drive a motor at full speed. For example, if the largest value
+in a table is 200, full speed is assumed to be 255."""
 _MOVES = 0.05
 """Speed, in any unit, above which a car counts as moving. Simulators write small speeds for
 standing cars."""
@@ -122,7 +122,7 @@ def names_pictures(path: Path) -> bool:
 
 
 def _unit_of_times(table: ColumnTable, report: ImportReport) -> float | None:
-    """Return the unit of the times in seconds, and report it, if it follows from their size."""
+    """Return the unit of the times, in seconds. If it follows from their size, report it."""
     if "time" not in table.columns:
         return None
     written = (table.number(cells, "time") for _, cells in table.rows)
@@ -213,7 +213,7 @@ def _quoted(text: str) -> str:
 def _steered(table: ColumnTable, reading: Reading, cells: Cells) -> LabelAndPoint:
     """Return the label of a row from its steering.
 
-    If the table has speeds, a car that rolls without throttle counts as driving.
+    If the table has a column of speeds, a car that rolls without throttle counts as driving.
     """
     angle, throttle = (table.number(cells, role) for role in ("steering", "throttle"))
     named = "the angle", "the throttle"

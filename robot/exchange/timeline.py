@@ -56,11 +56,12 @@ class Timeline:
 def make_timeline(stamps_s: Sequence[object]) -> Timeline:
     """Return a time for each picture.
 
-    Stamps are seconds by any clock. A value that is not a finite number counts as missing. A stamp
-    that is missing or out of order is set between its neighbours. Equal stamps are spread evenly
-    over the time until the next stamp. If the spread stamps would be much closer together or
-    farther apart than the drive's median period, that period is used instead. If the clock was set
-    back, the time line goes on. A pause of more than a minute becomes two seconds.
+    Stamps are seconds by any clock. A value that is not a finite number counts as missing. A
+    missing stamp, or a stamp out of order, is replaced by a time between its neighbours. Equal
+    stamps are spread evenly over the time until the next stamp. If the spread stamps would be much
+    closer together or farther apart than the drive's median period, that period is used instead. If
+    the clock was set back, the time line goes on. A pause of more than a minute becomes two
+    seconds.
     """
     if isinstance(stamps_s, array) and (plain := _plain(np.array(stamps_s))) is not None:
         return plain
@@ -94,8 +95,8 @@ def make_timeline(stamps_s: Sequence[object]) -> Timeline:
 
 
 def _plain(stamps_s: NDArray[np.float64]) -> Timeline | None:
-    """Return the time line of stamps that need no repair; None if they need a repair. This saves
-    the time and memory that an object for each stamp takes."""
+    """Return the time line of stamps that need no repair, else None. This avoids an object for each
+    stamp, and so saves time and memory."""
     steps_s = np.diff(stamps_s)
     is_plain = len(steps_s) > 0 and bool(np.all((steps_s > 0) & (steps_s <= _LONGEST_PAUSE_S)))
     if not is_plain or max(-stamps_s[0], stamps_s[-1]) >= _MOST_S:

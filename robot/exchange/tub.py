@@ -167,11 +167,11 @@ def write_tub(episode: Episode, notes: Notes, folder: Path, *, taught_only: bool
     Pictures are written without loss, as their JPEG bytes or as PNG. Each record also contains the
     label, the frame id, and whether the label was a correction. So importing the tub yields the
     same examples, whatever the threshold for turns is. If the pilot steered proportionally, the
-    record says so, and contains the pilot's angle and throttle. For a move, the record contains the
-    move's usual angle and throttle. If the robot has a move without steering and throttle, such as
-    `push`, the tub has no columns for angle and throttle. From zeros in these columns, a car would
-    learn to stand still. The robot's proposal is in `pilot/angle` and `pilot/throttle`.
-    `taught_only` leaves out frames that were not taught.
+    record says so, and contains the pilot's angle and throttle. If he pressed a button for a move,
+    the record contains the move's usual angle and throttle. If the robot has a move without
+    steering and throttle, such as `push`, the tub has no columns for angle and throttle. A car
+    would learn from zeros in these columns to stand still. The robot's proposal is in `pilot/angle`
+    and `pilot/throttle`. `taught_only` leaves out frames that were not taught.
     """
     folder.mkdir(parents=True)
     with tempfile.TemporaryFile("w+", dir=folder, encoding="ascii", newline="\n") as lines:

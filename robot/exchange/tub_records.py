@@ -18,7 +18,7 @@ from robot.exchange.files import parse, read_text
 
 IMAGE = "cam/image_array"
 MOVES, RESULTS = "drivelesson_moves", "drivelesson_results"
-"""Keys that a manifest has only if this program wrote it. `MOVES` lists the moves, by which a
+"""Keys that a manifest has only if this program wrote it. `MOVES` lists the moves, so that a
 damaged label can be recognised. `RESULTS` has the results of extensions."""
 _MOST_LINE_CHARS = 2**20
 _DECODER = json.JSONDecoder()

@@ -1,4 +1,4 @@
-"""Measures what each mechanism of policy and learner is worth, by switching it off, in every
+"""Measures how much each mechanism of policy and learner helps, by switching it off in every
 world."""
 
 from __future__ import annotations

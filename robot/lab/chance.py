@@ -1,4 +1,5 @@
-"""The effect of chance on a figure: standard deviations of runs, and intervals by bootstrap."""
+"""Measures the effect of chance on a figure, by the standard deviation of runs and by bootstrap
+intervals."""
 
 from __future__ import annotations
 

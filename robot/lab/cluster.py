@@ -2,8 +2,8 @@
 
 Before its first task, a worker reports everything that affects its figures (`identify`). A worker
 whose report differs from this computer's gets no task. Each task is assigned to one worker, and
-reassigned if this worker is lost. A task is submitted as a call of Python's `eval` with a text.
-Neither the scheduler nor a worker needs this program to unpickle such a call.
+reassigned if this worker is lost. A task is submitted as a call of Python's `eval` with a text,
+because scheduler and worker can unpickle such a call without this program.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ _SILENT_S = 20.0
 _FROZEN_S = 60.0
 """Time after which the task of a silent worker is reassigned, in seconds; Dask waits for 300 s."""
 _FETCH_S = 3.0
-"""Longest time to fetch an answer, in seconds. The limit ends the wait for the answer of a worker
-that was killed.
+"""Longest time to fetch an answer, in seconds. Without this limit, the wait for a killed worker's
+answer would not end.
 """
 _MOST_LOSSES = 3
 """If this number of workers is lost while they run the same task, the experiment ends with an
@@ -268,7 +268,7 @@ class _Run:
         is_lost = error is None or type(error).__name__ == "KilledWorker"
         if is_lost or not key:
             worker.key = key
-            # if the worker is still there, the next task asks for its identity again
+            # if the worker is still there, identify it again before its next task
             self._drop(address)
             return
         raise ConfigurationError(

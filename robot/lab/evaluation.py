@@ -149,7 +149,7 @@ def seen_by(policy: Policy, drive: Drive, known: Vectors, light: float = 1.0) ->
 
 
 def darkened(frame: Frame, light: float) -> Frame:
-    """Return the frame with its brightness reduced to the share `light`."""
+    """Return the frame with its brightness multiplied by `light`."""
     if light == 1.0:
         return frame
     pixels = (to_rgb(frame) * light).astype(np.uint8)

@@ -39,7 +39,8 @@ class ExperimentSettings:
 
     @property
     def learner(self) -> str:
-        """Return the learner. Some experiments accept only one, and use this property."""
+        """Return the only learner, for experiments that do not accept several; raises
+        ConfigurationError if the settings name more than one."""
         if len(self.learners) > 1:
             raise ConfigurationError(
                 "habits, ready and degrees take only one --learner, not " + ", ".join(self.learners)
@@ -86,8 +87,8 @@ class Experiment:
     Attributes:
         plan: Makes the tasks to run.
         tables: Makes the tables of the results.
-        drawn: Columns of each table that are also plotted. The horizontal axis has one place for
-            each row.
+        drawn: Columns of each table that are also plotted, with one place on the horizontal axis
+            for each row.
         plots: Makes plots in addition to those of `drawn`.
         times_machine: True if the experiment measures computing time. Its runs are then made one
             after the other on this machine.

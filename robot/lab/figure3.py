@@ -1,5 +1,5 @@
-"""Figure 3: each learner is trained on 700 frames of one drive and tested on 700 frames of another,
-without a robot."""
+"""Repeats the paper's figure 3: each learner is trained on 700 frames of one drive and tested on
+700 frames of another, without a robot."""
 
 from __future__ import annotations
 

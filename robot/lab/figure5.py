@@ -1,4 +1,5 @@
-"""Figure 5: cycles a second by number of nodes, including camera and drive, on this machine."""
+"""Repeats the paper's figure 5: cycles per second on this machine by number of nodes, including
+camera and drive."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
 def _tables(runs: Runs) -> list[Table]:
     """Return a table of the release criteria, then a table by rate, one by habit and one by place.
 
-    The tables are about lessons of 90 s. With `--quick` there are no lessons of 90 s.
+    The tables show lessons of 90 s, which `--quick` omits.
     """
     tables = [_gate(runs)]
     for name in ("rate_hz", "habit", "world"):
@@ -178,8 +178,7 @@ def beside_pilot(
 ) -> dict[str, Any]:
     """Return the figures of a robot's minute, and of its pilot's minute from the same start.
 
-    The pilot's longest push is the longest one in its minutes and in the lesson, because the robot
-    may have learned the push there.
+    The pilot's longest push may be one in the lesson, because the robot may have learned it there.
     """
     minutes = [
         drive_by_hand(

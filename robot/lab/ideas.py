@@ -79,7 +79,7 @@ def make_teacher(name: str, moves: tuple[Action, ...]) -> Teacher:
 def make_trial(params: Params) -> Trial:
     """Build a trial of `world`, `learner`, `teacher`, `moves` and `seed`.
 
-    The teacher `sonar` is a program on the robot, so it has no human delays.
+    The teacher `sonar` stands for a program on the robot, so it has no human delays.
     """
     moves, seed = tuple(map(Action, params["moves"])), params["seed"]
     teacher = make_teacher(params["teacher"], moves)

@@ -16,8 +16,8 @@ from pathlib import Path
 
 MISSING = "missing"
 LIBRARIES = ("numpy", "panda3d", "opencv-python-headless", "scikit-learn", "river")
-"""Libraries that affect figures. Installed packages that extend this program affect figures, too;
-`identify` finds them by their entry points."""
+"""Libraries that affect figures. Installed packages that extend this program do so, too; `identify`
+finds them by their entry points."""
 
 
 def identify() -> dict[str, str]:

@@ -142,7 +142,7 @@ def agreement(log: DriveLog) -> float | None:
 
 
 def figures(log: DriveLog) -> dict[str, float]:
-    """Return those figures of a drive that are the same in all experiments."""
+    """Return the figures of a drive that all experiments report."""
     return {
         "longest_push_s": longest_push_s(log),
         "pushing_s_per_min": pushing_s_per_minute(log),

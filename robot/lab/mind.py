@@ -1,5 +1,5 @@
-"""Experiment on a pilot's change of mind. The pilot turns LEFT at walls in a lesson of a minute,
-then RIGHT in two lessons of half a minute each."""
+"""Experiment on pilots who change their minds. The pilot turns LEFT at walls in a lesson of a
+minute, then RIGHT in two lessons of half a minute each."""
 
 from __future__ import annotations
 

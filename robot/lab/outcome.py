@@ -1,4 +1,4 @@
-"""Runs a task for another process, and returns a picklable outcome."""
+"""Runs a task, and returns an outcome that another process can unpickle."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ class Outcome:
 
 
 Contents = Mapping[str, tuple[str, bytes]]
-"""The files that a task's parameters refer to. A key is a parameter's value, and its item is the
-path and the content of the file."""
+"""The files that a task's parameters refer to: maps a parameter's value to the path and the content
+of its file."""
 
 
 def contents_of(task: Task) -> Contents:

@@ -59,7 +59,7 @@ def run_all(
     """Return the results of all tasks, in their order; tasks with a stored result are not run.
 
     Args:
-        jobs: Number of parallel processes on this machine; with 1, tasks run in this process.
+        jobs: Number of parallel processes on this machine; if 1, tasks run in this process.
         backend: `processes`, or `dask` for the cluster whose `scheduler` is named.
         on_done: Called with each task when it is done.
         on_workers: Called with the number of workers, and a sentence about what has changed.

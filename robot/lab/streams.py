@@ -1,4 +1,4 @@
-"""Experiment on streams that have nothing to do with driving: digits, parts of images, text.
+"""Experiment on streams of other examples than driving: digits, parts of images, text.
 
 Each example is predicted, then learned.
 """

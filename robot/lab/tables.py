@@ -23,7 +23,8 @@ results."""
 
 
 def of(name: str, join: Callable[[list[Any]], Cell]) -> Callable[[Sequence[Result]], Cell]:
-    """Return the function that computes the cell of a figure such as `ssd` or `teacher.ssd`."""
+    """Return a function that computes the cell of a figure, such as `ssd` or `teacher.ssd`, from a
+    row's results."""
     return lambda results: join([reduce(getitem, name.split("."), each) for each in results])
 
 

@@ -1,4 +1,5 @@
-"""One independent run as data: function, parameters and seed. Equal tasks yield equal results."""
+"""Describes one independent run by its function, parameters and seed. Equal tasks yield equal
+results."""
 
 from __future__ import annotations
 

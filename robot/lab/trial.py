@@ -28,8 +28,8 @@ FRAME_RATE_HZ = 10.0
 nodes."""
 PATIENT_LINK = LinkGovernorConfig(warn_s=10.0, cap_speed_s=10.0, stop_learning_s=10.0, stop_s=10.0)
 """Limits for delays of the robot's pictures, above which the link governor slows or stops the
-robot. The limits are too high for even a busy machine to reach them, because delays must not affect
-an experiment."""
+robot. The limits are so high that even a busy machine does not reach them, because delays must not
+affect an experiment."""
 
 
 class Trial(StartStop):
@@ -80,10 +80,11 @@ class Trial(StartStop):
         Args:
             mode: In TRAIN the pilot drives, in AUTONOMOUS the robot.
             supervised: False if the pilot only watches and never takes the wheel.
-            until: The drive ends early, after the first tick for which this function returns True.
+            until: Called after each tick; the drive ends early when it returns True.
 
         Raises:
-            Exception: The learner's error, because all later figures would be meaningless.
+            Exception: If the learner raised an error, because all later figures would be
+                meaningless.
             RobotError: If the loop stopped by itself, because the experiment is then invalid.
         """
         log = DriveLog()

@@ -34,7 +34,7 @@ class NoClock(ActionFilter):
 
 
 class NoPace(ActionFilter):
-    """Assumes that all pilots drive at the same pace."""
+    """A pace that does not learn: it assumes that all pilots drive in the same way."""
 
     def on_frame(self, seen: Seen) -> None:
         self.pace = PilotPace(self._kinds)
@@ -62,8 +62,8 @@ class Design:
     is_smooth: bool = True
     """True if the linear part expects similar weights in adjacent cells (`GradientFeatures`)."""
     is_contextual: bool = True
-    """True if the linear part also takes the current move into account; if False, a move under way
-    has inertia instead."""
+    """True if the linear part also takes the current move into account. If False, the filter
+    favours the current move instead."""
     linear_share: float = LINEAR_SHARE
     group_cost: float = GROUP_COST
     n_voters: int = N_VOTERS

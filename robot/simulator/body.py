@@ -44,11 +44,11 @@ def push_out(world: World, pose: Pose) -> tuple[Pose, list[float]]:
     sides.
 
     Returns:
-        The pose, and the bearing of each contact relative to straight ahead.
+        The pose, and for each contact its bearing relative to straight ahead, in radians.
     """
     x_m, y_m = pose.x_m, pose.y_m
     contacts_rad: list[float] = []
-    for _ in range(3):  # in a corner the push from one wall may lead into the other wall
+    for _ in range(3):  # in a corner, the push from one wall may move the body into the other
         normals = _overlaps(world, x_m, y_m)
         if not normals:
             break

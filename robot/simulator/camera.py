@@ -15,12 +15,12 @@ from robot.simulator.renderer import HEIGHT_PX, LARGE_HEIGHT_PX, LARGE_WIDTH_PX,
 from robot.types import Encoding, Frame
 
 _LONGEST_GAP_S = 0.25
-"""Longest step of the world after a pause, in seconds. So the world continues almost from where it
-was, even after the machine was suspended."""
+"""Longest step of the world after a pause, in seconds. So the world hardly jumps, even after the
+machine was suspended."""
 
 _USUAL_FRAMES = 10
-"""The shortest period between pictures is an exponential moving average over about this number of
-pictures."""
+"""The camera averages the shortest period over about this many pictures (an exponential moving
+average)."""
 _PER_TAKING, _PER_TAKING_S = 2, 0.1
 _USUALLY_LATE_S, _PER_LATENESS, _LONGEST_PERIOD_S = 0.01, 8, 0.2
 """When the computer is busy, the camera takes fewer pictures. The shortest period between pictures

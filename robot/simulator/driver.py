@@ -29,8 +29,8 @@ class SimOptions(Options):
 
 
 class SimDriver(Driver):
-    """Drives a `Simulation`. Time passes when the simulated camera's thread or an experiment calls
-    `advance`.
+    """Drives a `Simulation`, whose time passes when the simulated camera's thread or an experiment
+    calls `advance`.
 
     Attributes:
         worlds: The worlds to which the robot can be moved; maps their names to arguments of

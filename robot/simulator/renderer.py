@@ -68,7 +68,7 @@ class _Window:
         self._texture = core.Texture()
         self._buffer.addRenderTexture(self._texture, core.GraphicsOutput.RTMCopyRam)
         self._region = self._buffer.makeDisplayRegion()
-        engine.renderFrame()  # the first frame of a new window is empty
+        engine.renderFrame()  # the first frame of a new window is empty, so draw once
         self._buffer.setActive(False)
 
     def draw(self, camera: Any) -> NDArray[np.uint8]:

@@ -19,11 +19,12 @@ _SONAR_NOISE_M = 0.005
 """Standard deviation of the sonar's noise, in metres."""
 _SONAR_RAYS_RAD = np.linspace(-SONAR_HALF_CONE_RAD, SONAR_HALF_CONE_RAD, 7)
 _LEFT_BUMPER_RAD = math.radians(-10), math.radians(80)
-"""Bearings of the left bumper, relative to straight ahead; the right bumper mirrors it."""
+"""Bearings that the left bumper covers, relative to straight ahead; the right bumper is its mirror
+image."""
 
 
 class Sensed(Protocol):
-    """The robot whose surroundings are sensed (`Simulation`)."""
+    """The robot whose sensors are simulated (`Simulation`)."""
 
     world: World
     pose: Pose

@@ -86,7 +86,7 @@ class Simulation:
         self.contacts_rad = []
         self.action, self.point = Action.STOP, None
         self.pose = self._start_pose()
-        # set after `world`, because `shown_world` reads both on another thread
+        # set after `world`, because another thread reads both in `shown_world`
         self._entered = first_world
 
     @property
@@ -128,8 +128,8 @@ class Simulation:
     def render_large(self) -> NDArray[np.uint8]:
         """Return the view of the last `render` at twice the resolution and without noise.
 
-        The view is for people; its shape is (240, 320, 3), RGB. The call changes neither the random
-        state nor the results of `render`.
+        The view is for people; its shape is (240, 320, 3), RGB. The call does not change the random
+        state, nor the results of `render`.
         """
         if self._renderer is None:
             raise RuntimeError("render_large enlarges the last render: call render first")
@@ -172,8 +172,8 @@ class Simulation:
         )
 
     def _add_grain(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        # Shift one block of noise at random for each picture.
-        # This looks as good as 57,600 new random numbers, and is far faster.
+        # Shift one block of noise by a random amount for each picture. It looks as good as 57,600
+        # new random numbers, and is far faster.
         if self._grain is None:
             rng = np.random.default_rng((self._seed, 3))
             parts = (rng.normal(0.0, _PIXEL_NOISE, picture.size).astype(np.int16) for _ in range(4))

@@ -11,7 +11,7 @@ from robot.simulator.body import RADIUS_M, overlap_with
 from robot.simulator.world import Obstacle, World
 
 _PERSONAL_SPACE_M = 0.03
-"""Distance to the robot below which a thing on a path waits, in metres."""
+"""A thing on a path waits while the robot is nearer than this, in metres."""
 
 
 def move_things(world: World, robot: Pose, dt_s: float) -> World:

@@ -1,6 +1,6 @@
 """A session's event log: an append-only CSV file with one line per event. Pure.
 
-Everything about a session is derived from its log: its state, its rows, the report. The events are
+The log determines everything about a session: its state, its rows and the report. The events are
 described in docs/reference/study.md.
 """
 

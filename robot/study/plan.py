@@ -23,8 +23,8 @@ _MOVES = 'a list of moves such as ["forward", "left"]'
 
 
 PhaseKind = Literal["teach", "correct", "alone"]
-"""`teach`: the pilot drives and the robot learns; `correct`: the robot drives and is corrected;
-`alone`: the robot drives by itself."""
+"""`teach`: the pilot drives and the robot learns; `correct`: the robot drives and the pilot
+corrects it; `alone`: the robot drives without help."""
 
 
 class PlannedPhase(PlanTable):
@@ -37,8 +37,7 @@ class PlannedPhase(PlanTable):
 
     @property
     def mode(self) -> Mode:
-        """The robot's mode during the phase. In any other mode, the time of the phase does not
-        run."""
+        """The robot's mode during the phase. The time of the phase runs only in this mode."""
         return Mode.TRAIN if self.kind == "teach" else Mode.AUTONOMOUS
 
 
@@ -98,7 +97,7 @@ class StudyPlan:
     is_within: bool
     consent: Words
     shows_result: bool
-    """True if participants see their result when they have finished."""
+    """True if participants see their result at the end of the session."""
     conditions: tuple[Condition, ...]
     questions: tuple[Question, ...]
 

@@ -61,8 +61,8 @@ class PlanTable(RawValue):
         return list(fields_of(cls))
 
     def check_together(self) -> None:
-        """Raise ValueError if fields of the table contradict each other. Here, nothing is checked;
-        a subclass overrides this method."""
+        """Raise ValueError if fields of the table contradict each other. The base class checks
+        nothing; a subclass may override this method."""
 
 
 def refuse_unknown(table: Mapping[str, Any], known: Sequence[str], where: str) -> None:
@@ -90,7 +90,7 @@ def _by_language(name: str, value: Any) -> Any:
 
 
 def _check(name: str, value: Any) -> None:
-    """Refuse values that the type of the field allows but a plan does not."""
+    """Refuse values that a plan must not have, although the type of the field allows them."""
     if name == "name" and not _NAME.fullmatch(value):
         raise ValueError(
             f"'name' is {value[:40]!r}; "

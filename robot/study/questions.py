@@ -69,7 +69,7 @@ class Question(PlanTable):
 
 
 SCORES = {"nasa_tlx": "nasa-tlx", "trust": "trust"}
-"""The questionnaire of each column of scores. A score is the mean of the answers to its
+"""Maps each column of scores to its questionnaire. A score is the mean of the answers to this
 questionnaire."""
 
 

@@ -17,7 +17,7 @@ from robot.study.table import Cell
 from robot.types import Action, DrivenBy, Mode
 
 QUESTIONS = "questions"
-"""Value of the columns `phase` and `kind` in the row with a participant's answers."""
+"""The row with a participant's answers has this value in the columns `phase` and `kind`."""
 DRIVE_COLUMNS = (
     *("participant", "slot", "position", "condition", "attempt", "phase", "kind", "is_complete"),
     *("world", "place_checked_by", "learner", "moves", "began_at", "planned_s", "driven_s"),
@@ -42,7 +42,8 @@ def refuse_same_columns(plan: StudyPlan, where: str = "the plan") -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConditionLog:
-    """One participant's last attempt at one condition. All its rows start with `common`."""
+    """One participant's last attempt at one condition. All rows of this attempt start with the
+    values in `common`."""
 
     condition: Condition
     events: Sequence[StudyEvent]

@@ -68,8 +68,8 @@ class StudySession:
 
     @property
     def phase(self) -> PlannedPhase | None:
-        """The phase that the robot drives now or next. None while the session waits for something
-        else, such as answers."""
+        """The current phase, or the phase that comes next; None while the session waits for
+        something else, such as answers."""
         return self.condition.phases[self.phase_index] if self.step is SessionStep.DRIVE else None
 
     @property

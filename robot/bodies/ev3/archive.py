@@ -1,4 +1,4 @@
-"""Packs what is copied to a brick: the agent as one file, or the whole program as a tar.
+"""Packs the files for a brick: the agent as one file, or the whole program as a tar.
 
 The agent's file is a zip, `agent.pyz`, which a brick's Python 3.5 runs directly.
 """

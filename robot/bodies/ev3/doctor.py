@@ -35,7 +35,8 @@ class Finding:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WheelTurn:
-    """One part of the wheel test: each wheel's commanded and measured speed, in degrees/s."""
+    """The result of one part of the wheel test: each wheel's commanded and measured speed, in
+    degrees/s."""
 
     asked_dps: Sequence[float]
     turned_dps: Sequence[float]
@@ -232,7 +233,7 @@ def _camera(facts: BrickFacts) -> Iterator[Finding]:
 def _offers(camera: dict[str, Any]) -> Iterator[Finding]:
     if "fault" in camera:
         yield _judge("camera", camera["fault"], wrong="unplug it and plug it in again")
-    elif offers := camera["offers"]:  # the second device of a camera offers no pictures
+    elif offers := camera["offers"]:  # a camera may have a second device, which offers no pictures
         text = "; ".join(f"{kind} {', '.join(sizes)}" for kind, sizes in offers.items())
         advice = (
             "YUYV" not in offers

@@ -67,7 +67,7 @@ class ChassisOptions(Options):
 
     @property
     def degrees_per_m(self) -> float:
-        """The degrees that a motor turns while the robot drives a metre ahead."""
+        """The angle, in degrees, by which a motor turns while the robot drives a metre ahead."""
         return (-360 if self.reversed_motors else 360) / (math.pi * self.wheel_diameter_m)
 
     def ports(self) -> dict[str, str]:
@@ -81,7 +81,7 @@ class ChassisOptions(Options):
 
 
 class ChassisBody(Protocol):
-    """Interface to the motors, sensors and console of this brick, or of one at a distance."""
+    """Interface to the motors, sensors and console of this brick or of a remote brick."""
 
     def open(self) -> Sequence[float]:
         """Stop the motors; return each wheel's top speed, in degrees a second."""
@@ -111,7 +111,7 @@ class ChassisBody(Protocol):
 def wheels_of(options: ChassisOptions) -> TwoWheels:
     """Return the speeds of the wheels, in degrees a second."""
     straight = options.forward_speed_mps * options.degrees_per_m
-    # A single wheel turns the robot about the other wheel, on a circle of radius track_m.
+    # If only one wheel turns, the robot drives a circle of radius track_m about the other wheel.
     turn = math.radians(options.turn_rate_deg_s) * options.track_m * options.degrees_per_m
     left = {"backward": (-turn, 0.0), "forward": (0.0, turn), "both": (-turn / 2, turn / 2)}
     return TwoWheels(ahead=straight, back=straight, turn=left[options.turn_by], spin=turn / 2)
@@ -135,7 +135,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
         self._reckoning = DeadReckoning(options.track_m)
 
     def wheels_mps(self, action: Action, point: Point | None = None) -> Pair:
-        """Return the speeds of the left and right wheel for a `speed_scale` of 1."""
+        """Return the speeds of the left and right wheel at full speed (a `speed_scale` of 1)."""
         if action is Action.STOP:
             return 0.0, 0.0
         return self._in_m(*self._wheels.at(point or CLASSIC_POINTS[action], self._top_dps))
@@ -220,8 +220,8 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
     def roll(self, action: Action, seconds: float) -> Pair:
         """Drive for some seconds; return the distance that each wheel rolled.
 
-        A command is valid only for a short time, and is repeated until the time is over. So the
-        robot stops if this program ends.
+        The function repeats a command that is valid only for a short time. So the robot stops if
+        this program ends.
         """
         before, end_s = self.rolled_m(), self._clock.now_s() + seconds
         try:

@@ -18,8 +18,8 @@ from robot.bodies.v4l2.device import VideoFrame
 SECRET = "the secret of a fake brick"
 PERIOD_S = 0.1
 AGE_S, AGE_SPREAD_S = 0.095, 0.05
-"""When the fake camera's picture is received, it is at least `AGE_S` seconds old, and at most
-`AGE_SPREAD_S` seconds older, like a picture of a USB camera (Logitech C270) on an EV3."""
+"""A picture of the fake camera is `AGE_S` to `AGE_S + AGE_SPREAD_S` seconds old when it arrives,
+like a picture of a USB camera (Logitech C270) on an EV3."""
 
 
 class FakeCameraReader:
@@ -36,8 +36,8 @@ class FakeCameraReader:
         self._n = 0
 
     def fileno(self) -> int:
-        """Return a descriptor that never becomes readable. The agent gets the pictures by
-        polling."""
+        """Return a descriptor that never becomes readable. The agent polls the fake camera
+        instead."""
         return self._pipe[0]
 
     def poll(self, now_s: float) -> VideoFrame | None:

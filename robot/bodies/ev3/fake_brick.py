@@ -62,7 +62,7 @@ class FakeMotor:
 
     def __init__(self, folder: Path, port: str) -> None:
         self.folder, self.port = folder, port
-        self.command = folder / "command"  # read again and again by the kernel thread
+        self.command = folder / "command"  # the kernel thread reads these files repeatedly
         self.until_s = 0.0
         self.speed = 0
         self.position = 123456.0
@@ -194,7 +194,7 @@ class FakeBrick(StartStop):
         return self.clock.now_s() - started_s
 
     def catch_up(self) -> None:
-        """Wait until the simulated kernel has read everything written so far."""
+        """Wait until the simulated kernel has read all files that were written so far."""
         seen = self._rounds + 2
         self.wait_until(lambda: self._rounds >= seen, 60.0)
 

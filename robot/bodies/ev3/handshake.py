@@ -25,7 +25,7 @@ from robot.bodies.remote.orders import split_address
 from robot.errors import DriveError, told_as
 
 PATIENCE_S = 3.0
-"""Time limit for joining an agent, and for opening its body, in seconds."""
+"""Time limit for joining an agent, and for its opening of motors and sensors, in seconds."""
 
 
 class BrickConnection:

@@ -43,9 +43,9 @@ class IntegerGradientFeatures:
     the histograms of the 3x3 cells around it. A second table contains the square roots of the
     results. The result is the same on every machine.
 
-    The bytes of the histograms are rounded to multiples of 4, because `IntegerRidge` ignores the
-    lower two bits. The grey picture begins with every second pixel of every second line, because
-    these pixels are enough to compare pictures.
+    The histograms' bytes are multiples of 4, because `IntegerRidge` ignores the lower two bits. The
+    grey picture begins with every second pixel of every second line, because these pixels are
+    enough to compare pictures.
     """
 
     name = "integer-gradient"
@@ -153,7 +153,8 @@ def _tables() -> _Tables:
 
 
 def _direction(across: int, down: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the nearest of 8 directions: 0 right, 2 down, 4 left, 6 up, odd numbers between."""
+    """Return the nearest of 8 directions: 0 is right, 2 down, 4 left, 6 up; odd numbers lie
+    between."""
     width, height = abs(across), np.abs(down)
     # tan 22.5 degrees is about 12 / 29
     is_level, is_upright = 29 * height <= 12 * width, 29 * width <= 12 * height

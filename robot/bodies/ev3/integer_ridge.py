@@ -53,7 +53,7 @@ class IntegerRidge(LinearPart):
     images contribute to the steering.
 
     Args:
-        n_features: The number of values used, from 0 to 255 each; a constant is appended.
+        n_features: Number of values that are used, each from 0 to 255; a constant is added to them.
         steps: Number of coordinates that are improved after each frame.
     """
 
@@ -103,7 +103,7 @@ class IntegerRidge(LinearPart):
         z = self._mean_input(x)
         weight = -frames / 2.0 ** self._halvings[0]
         added = np.rint(weight * np.outer(z, z)).astype(np.int64)
-        # rounding could make a sum of products negative
+        # rounding may have made a sum of products negative
         np.maximum(added, -self._products, out=added)
         self._products += added.astype(np.int32)
         self._residual += np.rint(weight * _ONE * np.outer(targets, z)).astype(np.int64)
@@ -129,7 +129,8 @@ class IntegerRidge(LinearPart):
             residual[label] -= change * products[i].astype(np.int64)
 
     def _halve(self) -> None:
-        """Halve the influence of all frames so far; the scores do not change."""
+        """Halve all sums, so that all frames so far count half as much; the scores do not
+        change."""
         moments = self._residual + self._weights.dot(self._products.astype(np.int64))
         self._products >>= 1
         np.fill_diagonal(self._products, self._products.diagonal() + _PENALTY // 2)

@@ -1,7 +1,7 @@
 """The connection to a remote brick: the counterpart of `robot.bodies.ev3.agent`.
 
 One thread owns the connection: it joins, receives, pings ten times a second, and joins again after
-the connection was lost. Commands are sent on the caller's thread and never wait for an answer.
+the connection was lost. A command is sent on its caller's thread, and never waits for an answer.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ SILENCE_S = 0.4
 a second. Each move ends by itself after at most this time."""
 GONE_S = PATIENCE_S + 1.0
 """Time without a report after which a new connection to the brick is made, in seconds. A brick
-opens its motors and sensors in less time than this. A new connection is made because TCP, after a
-minute of silence, retries only once a minute on the old one."""
+opens its motors and sensors in less time than this. On the old connection TCP would retry only once
+a minute after a minute of silence."""
 PING_S = 0.1
 REJOIN_S = 0.5
 
@@ -52,7 +52,7 @@ class BrickLink:
 
     Attributes:
         report: The agent's newest report; empty before the first.
-        buttons: The buttons that were pressed, until the caller takes them.
+        buttons: The buttons that were pressed and that the caller has not taken yet.
     """
 
     def __init__(
@@ -129,13 +129,13 @@ class BrickLink:
         """Send one command. The command is sent even if the brick is silent, because its reports
         may be delayed. Raises DriveError if the connection is lost; then the brick stops by
         itself."""
-        lost = self._lost  # read once, because the thread sets it to None when it connects again
+        lost = self._lost  # read it once: the thread sets it to None when it connects again
         if lost is not None:
             raise DriveError(lost)
         try:
             self._send(do, **rest)
         except OSError as error:
-            self._hang_up()  # after a message that was sent in part, the connection is unusable
+            self._hang_up()  # only a part of the message was sent, so the connection is unusable
             raise DriveError(self._lost_sentence(error)) from error
 
     def answer(self, name: str) -> Any:
@@ -210,8 +210,8 @@ class BrickLink:
         elif "fault" in message:
             self.report = {**self.report, "fault": message["fault"]}
         else:
-            # After a reconnection, the body could not be opened again. No caller waits for an
-            # answer of this kind. Connect once more, which opens the body again.
+            # After a reconnection, the body could not be opened again. No caller waits for this
+            # failure, so connect once more, which opens the body again.
             if self._opens_again and "failed" in message:
                 raise OSError(message["failed"])
             self._opens_again = self._opens_again and "opened" not in message

@@ -14,7 +14,7 @@ from robot.errors import DriveError
 
 
 class RemoteBody:
-    """A body at the other end of a link, with the same methods as `BrickBody`."""
+    """A remote brick's body, with the same methods as `BrickBody`."""
 
     def __init__(self, link: BrickLink, ports: Mapping[str, str]) -> None:
         self._link = link

@@ -112,8 +112,8 @@ ENVIRONMENT = {
 }
 """The environment variables of the server on a brick. The two malloc settings save memory. By
 default, the C library keeps free memory for each thread in an arena; one arena is enough, because
-Python's threads take turns. With a fixed mmap threshold, the learner's snapshots leave no gaps in
-the heap."""
+Python's threads take turns. If the mmap threshold is fixed, the learner's snapshots leave no gaps
+in the heap."""
 _ENV = " \\\n  ".join(f"{name}={value}" for name, value in ENVIRONMENT.items())
 UNIT = f"""\
 [Unit]

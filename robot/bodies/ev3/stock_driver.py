@@ -26,8 +26,8 @@ class StockBody:
     """A brick as a `ChassisBody`: two motors, and the sensors that are plugged in.
 
     A message is sent only after the previous message's answer, so at most one order can be on its
-    way when a connection stalls. If this order is delivered late, it moves the robot for at most
-    0.4 s.
+    way when a connection stalls. If the connection delivers that order late, the robot moves for at
+    most 0.4 s.
     """
 
     def __init__(self, open_line: Callable[[], BrickLine], ports: Mapping[str, str]) -> None:

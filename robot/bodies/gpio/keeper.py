@@ -91,8 +91,8 @@ def outlive(work: Callable[[], None]) -> None:
     itself.
 
     SIGUSR1 kills a child that hangs. The next child claims the pins within milliseconds, and stops
-    the motors. A new start of the whole program would take seconds, in which the motors would keep
-    running.
+    the motors. To start the whole program anew would take seconds, and the motors would keep
+    running meanwhile.
     """
     while child := os.fork():
         signal.signal(signal.SIGUSR1, partial(_kill, child))

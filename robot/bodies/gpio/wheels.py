@@ -84,11 +84,11 @@ class TimedMotors:
         self._set(CLASSIC_POINTS[Action.STOP], 1.0)
 
     def left_ms(self, now_ms: int) -> int | None:
-        """Return the milliseconds until the move must end; None if no motor turns."""
+        """Return the time until the move must end, in milliseconds; None if no motor turns."""
         return None if self._ends_ms is None else max(0, self._ends_ms - now_ms)
 
     def tick(self, now_ms: int) -> None:
-        """End a move whose time is over; to be called before anything else."""
+        """End the move if its time is over. Call this before any other method."""
         if self.left_ms(now_ms) == 0:
             self.stand()
 

@@ -1,9 +1,9 @@
 """Finds names for an environment's actions, which Gymnasium only numbers.
 
-There is no standard. Atari and NES have a method `get_action_meanings()`. MiniGrid and MiniWorld
-have an enumeration `actions`. highway-env has a dictionary in `action_type`, and Stable-Retro a
-list `buttons`. ViZDoom has a list of its game's buttons, and a table with the buttons that each
-action presses.
+No standard says where the names are. Atari and NES have a method `get_action_meanings()`. MiniGrid
+and MiniWorld have an enumeration `actions`. highway-env has a dictionary in `action_type`, and
+Stable-Retro a list `buttons`. ViZDoom has a list of its game's buttons, and a table with the
+buttons that each action presses.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _NOTHING_PRESSED = "noop"
 
 
 def names_of(env: Any, first: int, n: int) -> dict[int, str]:
-    """Return the names of `n` actions by their numbers, which begin at `first`. Return an empty
+    """Return the names of `n` actions, by number; the numbers begin at `first`. Return an empty
     dict if the environment has no names.
 
     If the environment is wrapped, the names come from the outermost wrapper that has names.

@@ -78,7 +78,7 @@ class Number:
 
 
 class ActionForm:
-    """Describes the actions of an action space as lists of numbers.
+    """Describes each action of an action space as a list of numbers.
 
     Attributes:
         numbers: The numbers of an action, in the order of the space's parts.

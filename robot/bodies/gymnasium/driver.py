@@ -107,7 +107,7 @@ class GymnasiumDriver(ConnectedDriver[bool]):
     # On the environment's thread ----------------------------------------------------------------
 
     def advance(self, dt_s: float) -> None:
-        """Let time pass. The environment makes steps only while a move is under way."""
+        """Let time pass. The environment steps only while the robot makes a move."""
         environment = self._opened()
         with self._lock:
             action = self._action if self._left_s > 0.0 else None

@@ -28,7 +28,7 @@ _LEAST_OBSERVED = (120, 160)
 """Minimum height and width of an observation that is shown, in pixels. If an environment
 has smaller observations, the rendering is shown instead."""
 _RENDER_MODES = ("rgb_array", "rgb_array_list", None)
-"""The render modes to try in turn; None for environments without this argument."""
+"""The render modes to try, in this order; None stands for an environment without a render mode."""
 _LARGEST_REWARD = 1e12
 """Upper bound of the magnitude of rewards and scores, so that they can be written as numbers."""
 
@@ -71,7 +71,7 @@ def make(name: str, options: Mapping[str, Any]) -> Any:
     Args:
         name: `CarRacing-v3`; `module:CarRacing-v3` for an environment that a module registers; or
             `module:Class` for an environment that is not registered.
-        options: Options for the environment's constructor.
+        options: Arguments for the environment's constructor.
 
     Raises:
         ConfigurationError: If there is no such environment, or it is not for one player. The error

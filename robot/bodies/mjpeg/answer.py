@@ -56,7 +56,7 @@ class Answer(HTTPResponse):
             raise ConnectionError("the camera closed the connection without an answer")
         picture = _START.search(head)
         end = picture.start() if picture else len(head)
-        if head.lstrip().startswith(b"--"):  # no head: the stream begins immediately
+        if head.lstrip().startswith(b"--"):  # without a head, the pictures begin immediately
             end = 0
         text, self._rest = head[:end].lstrip(), head[end:]
         status = _STATUS.match(text)
@@ -99,8 +99,8 @@ class PictureFinder:
         self._buffer = bytearray()
         self._at = 0
         self._segment_at = 0
-        """Position of the JPEG's last segment. If the JPEG turns out to be damaged, the search for
-        the next picture begins here."""
+        """Position of the JPEG's last segment. If the JPEG is damaged, the search for the next
+        picture begins here."""
         self._is_in_scan = False
         self._type = ""
         self._received = 0
@@ -172,7 +172,7 @@ class PictureFinder:
                 return 0
             if kind == _EOI:
                 return at + 2
-            if kind == 0xFF:  # fill bytes may precede a marker
+            if kind == 0xFF:  # bytes of padding may precede a marker
                 at += 1
                 continue
             if len(buffer) < at + 4:

@@ -156,7 +156,7 @@ class CameraLine:
 
 
 class _Digest(http.AbstractDigestAuthHandler):
-    """Digest authentication with SHA-256, which Python's standard library has only from 3.14 on."""
+    """Digest authentication with SHA-256. Python's standard library has it only from 3.14 on."""
 
     def get_algorithm_impls(
         self, algorithm: str

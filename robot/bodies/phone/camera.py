@@ -29,7 +29,7 @@ class PhoneCamera(WatchedCamera):
     name: ClassVar[str] = "phone"
     options_type: ClassVar[type[Any]] = PhoneOptions
     source: object | None = None
-    """The object that owns the phone's websocket; the object itself sets this attribute."""
+    """The object that owns the phone's websocket, which sets this attribute itself."""
     _captured_s = 0.0
     _reason: str | None = NOBODY
 

@@ -71,7 +71,8 @@ async def find_hub(bluetooth: Any, same: SameDevice, clock: Clock) -> tuple[Foun
 
 
 class HubLine(ReconnectingLink):
-    """Lines to and from the program on a hub: the only hub in range, or the hub with a given name.
+    """Sends lines to the program on a hub and receives its lines. The hub is the only one in range,
+    or the one with a given name.
 
     `bluetooth` is the module `bleak`, or an object with `BleakScanner` and `BleakClient`. If the
     hub is lost, it is searched for again; no other hub replaces it.

@@ -65,10 +65,10 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         self._where = where
         self._report: BodyReport | None = None
         self._device = ""
-        """The name that the robot states for itself; empty if it states none. Once the name is
-        known, no robot with another name is driven."""
+        """The robot's name in its reports; empty if they contain none. Once the name is known, no
+        robot with another name is driven."""
         self._is_other = False
-        """True if another robot answers at the address. Other robots are sent questions, but no
+        """True if another robot answers at the address. Such a robot gets questions, but no
         orders."""
         self._heard_s = 0.0
         self._disobeyed = 0
@@ -89,8 +89,8 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         return self._report is not None and self._report.takes_points
 
     def _encode(self, order: Order, nonce: str) -> bytes:
-        """Encode one order. The base class returns one line of words without a signature. Such
-        orders are only for private connections, on which no other program can send."""
+        """Encode one order. By default, return one line of words without a signature. Such orders
+        are only for private connections, on which no other program can send."""
         return encode_plain_order(order)
 
     def _parse(self, data: bytes) -> BodyReport | None:
@@ -146,7 +146,7 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
 
     def _exchange(self, message: bytes) -> None:
         """Send a message. Wait for a report for at most `REPLY_S`, and store the newest report that
-        has arrived. An error of the connection is only noted; `_check_heard` raises it after
+        has arrived. An error of the connection is only stored; `_check_heard` raises it after
         `GONE_S`."""
         line = self._connection
         if line is None:

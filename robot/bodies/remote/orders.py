@@ -61,8 +61,8 @@ class Order:
 
 
 def encode_order(order: Order, nonce: str, secret: str) -> bytes:
-    """Encode and sign one order. The order's number lets the robot refuse a repetition. The nonce
-    is new after each start of the robot, so that the robot then refuses older orders."""
+    """Encode and sign one order. The order's number lets the robot refuse a repetition. The robot
+    has a new nonce after each start, so it refuses orders from before the start."""
     plain = asdict(order) | {"speed": round(order.speed, 4)}
     if (point := plain.pop("point")) is not None:
         plain |= {"steering": round(point.steering, 4), "throttle": round(point.throttle, 4)}

@@ -33,7 +33,7 @@ def encode_plain_order(order: Order) -> bytes:
 
 
 def parse_plain_order(data: bytes, moves: Container[Action]) -> Order | None:
-    """Parse one order; return None if it is invalid or not for this body."""
+    """Parse one order; return None if it is invalid, or names a move that this body lacks."""
     try:
         name, for_ms, speed, seq, seen_ms, *numbers = data.decode("ascii").split()
         point = Point(*map(float, numbers)) if numbers else None

@@ -65,7 +65,7 @@ class ReconnectingConnection(ABC):
             await self._clock.pause(_AGAIN_S)
 
     def _send_one(self, work: Coroutine[Any, Any, None], key: str = "") -> Future[None]:
-        """Send a message. It is refused while the previous message is still being sent.
+        """Send a message. The message is refused while the previous message is still being sent.
 
         Raises:
             ConnectionError: If the message is refused or the connection was closed. If sending

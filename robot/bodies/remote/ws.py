@@ -22,7 +22,7 @@ class WebsocketLine(ReconnectingLink):
     """A websocket that the robot serves; a silent connection is opened again."""
 
     def __init__(self, host: str, port: int, find: Callable[[], str] | None = None) -> None:
-        """Open the first connection; `find` returns the host for each connection."""
+        """Open the first connection; `find` returns the host to which each connection goes."""
         self._find, self._port = find or (lambda: host), port
         self._socket: Any = None
         self._opens_s = _OPENS_S

@@ -30,8 +30,8 @@ _LOST_S = 3.0
 connection is opened again."""
 _ASK_AGAIN_S = REFUSED_S / 2
 """Time after which refused topics are requested again, in seconds, because the node that caused the
-refusal may have ended. If the node still runs, rosbridge refuses the topics again before the
-earlier refusal expires after `REFUSED_S`."""
+refusal may have ended. If that node still runs, rosbridge refuses the topics again, before the
+earlier refusal expires (`REFUSED_S`)."""
 
 
 class RosBridge(ReconnectingConnection, Topics):
@@ -124,7 +124,7 @@ class RosBridge(ReconnectingConnection, Topics):
         await socket.close()
 
     async def _ask(self, socket: Any) -> None:
-        """Advertise and subscribe. A status message about a topic will contain the topic's `id`."""
+        """Advertise and subscribe. A later status message about a topic contains this `id`."""
         for topic, kind in self._advertised.items():
             await _send(socket, op="advertise", id=f"advertise:{topic}", topic=topic, type=kind)
         for topic, kind in self._subscribed.items():

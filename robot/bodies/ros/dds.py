@@ -49,14 +49,14 @@ FOUND_S = 5.0
 _ASK_EVERY_S = 2
 """Interval of discovery messages to peers, in seconds."""
 _MOST_PROCESSES = 50
-"""Number of ports of each named peer to which discovery messages are sent. Each process of the peer
-has a separate port."""
+"""Discovery messages go to this many ports of each named peer, because each process of the peer has
+a separate port."""
 _LOOK_EVERY_S, _ANSWER_EVERY_S = 0.05, 0.05
-"""One thread waits for messages, for at most `_LOOK_EVERY_S` at a time. Another thread waits for
-acknowledgements, for at most `_ANSWER_EVERY_S` at a time. Both are in seconds."""
+"""Longest waits of two threads, in seconds: of one thread for messages, and of the other thread for
+acknowledgements."""
 _HEARTBEAT = '<HeartbeatInterval min="1 ms" minsched="5 ms" max="20 ms">10 ms</HeartbeatInterval>'
-"""Interval at which acknowledgements are requested. With DDS's default settings, a writer that is
-never idle may wait several seconds before it requests an acknowledgement."""
+"""Interval at which a writer requests acknowledgements. By default, a writer that is never idle may
+wait several seconds before it requests one."""
 _LAST_ANSWER_S = 0.2
 """How long `close` waits for the acknowledgement of the last order, in seconds."""
 _SETTLED_S = 1.0
@@ -76,7 +76,7 @@ _ORDERS = Qos(
     Policy.History.KeepLast(1),
     Policy.Durability.Volatile,
 )
-# A best-effort reader matches every publisher. It does not request lost messages again.
+# A best-effort reader matches every publisher, and does not request lost messages again.
 _NEWEST = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(1), Policy.Durability.Volatile)
 
 
@@ -161,7 +161,7 @@ class Participant:
             return found
 
     def leave(self) -> None:
-        """Release the participant, which ends when its last user has left."""
+        """Release the participant. It ends when its last user has released it."""
         with self._lock:
             self._users -= 1
             if not self._users:
@@ -319,7 +319,7 @@ class DdsTopics(Topics):
         return ""
 
     def _what_is_there(self) -> str:
-        """Return advice for a person if no topic of the wanted name exists."""
+        """Return advice for a person, because no topic has the wanted name."""
         named = sorted({each.topic for each in self._neighbours.endpoints})
         do = "`drivelesson ros-topics` lists what is there"
         if not named:
@@ -362,7 +362,7 @@ class DdsTopics(Topics):
             shared, self._shared = self._shared, None
         if shared is None:
             return
-        self._is_answered(_LAST_ANSWER_S)  # this wait gives DDS time to resend the last stop
+        self._is_answered(_LAST_ANSWER_S)  # wait, so that DDS can resend the last stop
         self._ending.set()
         self._written.set()
         for thread in self._threads:

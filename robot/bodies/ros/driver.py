@@ -41,7 +41,7 @@ _DISPUTED = "disputed"
 robot."""
 _FIRST_SIGN_S = 3.0
 _FRESH_S = 1.0
-"""Age from which a sensor's value is ignored, in seconds."""
+"""A sensor's value is ignored from this age on, in seconds."""
 _STANDS = Point(0.0, 0.0)
 _NO_WATCHDOG = "the robot's watchdog does not answer; is watchdog.py running there?"
 
@@ -158,8 +158,7 @@ class RosDriver(ConnectedDriver[Topics]):
             self._check_heard(connection)
 
     def _sense(self) -> Sensors:
-        """Check that the robot answers and refuses no message; return the values of the sensors'
-        topics."""
+        """Check that the robot answers and refuses no message; return the newest sensor values."""
         self._check_heard(self._connected())
         now_s = self._clock.now_s()
         fresh = {

@@ -1,9 +1,9 @@
 """ROS 2 messages over DDS. On the wire, types are named `pkg::msg::dds_::Name_`, and topics are
 named `rt/...`.
 
-Fields and their order: github.com/ros2/common_interfaces, rcl_interfaces (builtin_interfaces).
-Annotations are evaluated in this module, because cyclonedds 11.0.1 cannot resolve strings such as
-"str".
+Fields and their order: github.com/ros2/common_interfaces, rcl_interfaces (builtin_interfaces). This
+module must not postpone the evaluation of annotations, because cyclonedds 11.0.1 cannot resolve
+strings such as "str".
 """
 
 import functools

@@ -20,7 +20,8 @@ Message = Mapping[str, Any]
 """A message as a mapping of field names to values. Binary data is base64 text over rosbridge, and
 `bytes` over DDS."""
 End = tuple[Message, float]
-"""A message, and the seconds after which it is published unless another message is sent before."""
+"""A message, and a delay in seconds: unless another message is sent before, it is published
+then."""
 OnMessage = Callable[[str, Message], None]
 """Called with topic and message on the transport's thread; must return immediately."""
 
@@ -45,11 +46,10 @@ class Topics(ABC):
     @property
     @abstractmethod
     def refusal(self) -> str:
-        """Describes the message that the receiver refuses, with the reason. Empty if the receiver
-        refuses no message."""
+        """Which message the receiver refuses, and why; empty if it refuses none."""
 
     def refused(self, refusal: str) -> str:
-        """Return the sentence for a refusal."""
+        """Return the sentence about a refusal."""
         return f"{self.where}: {refusal}"
 
     @abstractmethod

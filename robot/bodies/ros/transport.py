@@ -13,8 +13,8 @@ from robot.errors import ConfigurationError, need
 
 ROSBRIDGE, DDS = "rosbridge", "dds"
 MOST_DOMAINS = 232
-"""Largest number of a domain whose ports are valid; a domain's ports begin at 7400 plus 250 times
-its number."""
+"""Largest number of a domain. Its ports begin at 7400 plus 250 times its number, and a larger
+number would make them invalid."""
 _FEATURE = (
     "--transport dds (cyclonedds is available for Windows, macOS and Linux on x86_64, up to Python "
     "3.13; elsewhere use --transport rosbridge)"

@@ -17,7 +17,8 @@ from robot.types import Encoding
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UsbCameraOptions(Options):
-    """The camera, and the requested pictures; the camera chooses the nearest supported size."""
+    """Which camera to open, and the wanted size of its pictures; the camera uses the nearest size
+    that it supports."""
 
     device: str = option(
         "auto", "the camera, such as /dev/video0; needed if several are plugged in"

@@ -25,7 +25,7 @@ CAPTURE, MMAP = 1, 1
 FLAG_ERROR, FLAG_MONOTONIC, CLOCK_MASK = 0x40, 0x2000, 0xE000
 CAN_CAPTURE, CAN_STREAM, DEVICE_CAPS = 0x1, 0x04000000, 0x80000000
 FOURCC = {"yuyv": (b"YUYV",), "jpeg": (b"MJPG", b"JPEG")}
-"""The kernel's names of each encoding; drivers use two names for JPEG."""
+"""The kernel's names of each encoding; JPEG has two names."""
 N_BUFFERS = 2
 
 VideoFrame = NamedTuple("VideoFrame", [("data", bytes), ("taken_s", float)])
@@ -228,8 +228,8 @@ def _offered_sizes(fd: int, code: bytes) -> List[str]:
 
 
 def _offered(fd: int, request: int, asked: bytes) -> Iterator[bytes]:
-    """Yield the entries of a list that the camera driver offers, such as its picture formats.
-    Entries are requested by index until the driver refuses one."""
+    """Yield the entries of one of the camera driver's lists, such as its picture formats. Entries
+    are requested by index until the driver refuses one."""
     for index in range(64):
         try:
             yield fcntl.ioctl(fd, request, struct.pack("=I", index) + asked)

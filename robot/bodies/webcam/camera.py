@@ -22,7 +22,7 @@ JPEG_QUALITY = 80
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OpencvOptions(Options):
-    """The source, and the size to which frames are reduced."""
+    """The camera or film to read, and the size to which its frames are reduced."""
 
     source: str = option(
         AUTO, "number of the camera (needed if several are plugged in), a film's file, or a URL"
@@ -107,7 +107,7 @@ class OpencvCamera(WatchedCamera):
             if is_read:
                 self._take(picture, now_s)
             if not is_read or self._freshness.fault(now_s) is not None:
-                # the watching thread reports the fault, and the caller opens the source again later
+                # the second thread reports the fault, and the caller opens the source again later
                 return
 
     def _take(self, pixels: Any, now_s: float) -> None:

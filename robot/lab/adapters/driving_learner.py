@@ -1,4 +1,5 @@
-"""Offers the driving learner to other programs' loops: it converts pictures and times to moves."""
+"""The driving learner for the loop of another program: it converts pictures and their times to
+moves."""
 
 from __future__ import annotations
 
@@ -105,7 +106,7 @@ class DrivingLearner:
 
         Args:
             move: The person's move.
-            is_correction: True if the learner was driving and the person overruled the learner.
+            is_correction: True if the learner was driving and the person took over.
             point: Steering and throttle, if the person steered proportionally.
 
         Raises:

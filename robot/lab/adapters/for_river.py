@@ -34,7 +34,7 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
     n_voters
         Number of nearest images that vote.
     group_cost
-        Factor by which the cost of merging images of two classes is higher.
+        Factor by which merging images of different classes costs more.
 
     Examples
     --------
@@ -99,7 +99,7 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
             self.learn_one(row, label)
 
     def predict_proba_many(self, X: pd.DataFrame) -> pd.DataFrame:  # noqa: N803
-        # imported here, as in river: a caller that passes data frames has pandas
+        # imported here, as in river, because only callers that pass data frames need pandas
         import pandas as pd
 
         rows = [self.predict_proba_one(row) for row in X.to_dict(orient="records")]

@@ -31,7 +31,7 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     Args:
         max_nodes: Maximum number of images to keep.
         n_voters: Number of nearest images that vote.
-        group_cost: Factor by which the cost of merging images of two classes is higher.
+        group_cost: Factor by which merging images of different classes costs more.
         penalty: Penalty of the linear part's squared coefficients; None means no linear part.
 
     Attributes:
@@ -73,9 +73,9 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         Args:
             X: Features, shape (n, d).
             y: Labels, shape (n,).
-            classes: All classes, given in the first call or in every call. The classes fix the
-                columns of `predict_proba` from the first call on. Without this argument, classes
-                that appear later are inserted in sorted order.
+            classes: All classes, given in the first call or in every call. From the first call on,
+                they fix the columns of `predict_proba`. Without this argument, classes that appear
+                later are inserted in sorted order.
 
         Raises:
             ValueError: If a label is not among `classes`.

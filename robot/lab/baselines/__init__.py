@@ -26,9 +26,9 @@ class Rival:
             the learner's name (5 in `knn-5`), and the number of examples. The second argument is a
             number of neighbours, trees or hidden units, or a penalty.
         library: Module and class, and the extra that installs them.
-        features: The learner's features. A learner whose features are gradients, like the default
-            learner's, also gets the default learner's action filter, for a fair comparison. A
-            learner with grey values or colours gets no filter.
+        features: The learner's features. For a fair comparison, a learner on gradients, as the
+            default learner has, also gets the default learner's action filter. A learner on grey
+            values or colours gets none.
         is_eager: True if the learner is fitted again after every example. If False, the learner is
             fitted again whenever the number of examples has grown by a tenth.
         is_angular: True if the learner learns only the angle, by regression.

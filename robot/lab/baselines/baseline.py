@@ -29,7 +29,7 @@ from robot.types import Point, Prediction
 class Baseline(Stateful, BaseLearner):
     """A learner of another library, for comparison and for teaching.
 
-    The learner's state is its examples. Equal examples yield equal learners, because every
+    The learner's state is its examples. Learners with equal examples are equal, because every
     classifier has a fixed seed. Memory and time grow with every example.
 
     Args:
@@ -166,8 +166,8 @@ class AngleBaseline(Baseline):
 
 
 class AnglePolicy(Policy):
-    """An action filter that steers by the learner's angle instead of the pilot's usual angle for
-    the move."""
+    """An action filter that steers by the angle that the learner predicts, not by the pilot's usual
+    angle for the move."""
 
     def propose(self, frame_id: int, x: Vector, **seen: Any) -> Prediction:
         said, angle = super().propose(frame_id, x, **seen), self._degrees.angle

@@ -112,7 +112,8 @@ class ConvolutionalNetwork:
     def partial_fit(
         self, xs: Floats, ys: NDArray[Any], classes: Sequence[int] | None = None
     ) -> None:
-        """Make one step of Adam on some examples; `ys` are class numbers or plain numbers."""
+        """Make one step of Adam on some examples; `ys` are the numbers of classes, or without a
+        softmax the target values."""
         self.step(xs, ys[:, None] if classes is None else np.eye(len(classes))[ys])
 
     def step(self, xs: Floats, targets: NDArray[Any]) -> None:

@@ -86,7 +86,7 @@ class RotatingSet:
     """ALVINN: after each frame, one pass over a set of recent frames and their variations.
 
     Args:
-        network: A scikit-learn network with `partial_fit`.
+        network: A scikit-learn network that has `partial_fit`.
     """
 
     def __init__(self, network: Any) -> None:

@@ -74,7 +74,7 @@ def _plots(runs: Runs) -> list[Plot]:
 
 
 def _means(results: Sequence[Result], name: str) -> list[float]:
-    """Return the mean of a figure at each stage."""
+    """Return the mean of a figure over the runs, at each stage."""
     stages = zip(*(result["stages"] for result in results), strict=True)
     return [float(np.mean([run[name] for run in own])) for own in stages]
 

@@ -23,8 +23,9 @@ UNSURE = 0.6
 """Confidence below which a robot asks, if it may ask at all. Such a robot also asks whenever
 Drivelesson's own loop would ask."""
 _PATIENCE = 20
-"""Teaching ends at the latest after this number of decisions per example that was missing when it
-began. A limit is needed, because a robot that makes no mistakes gets no corrections."""
+"""Teaching ends at the latest after this number of decisions for each example that the learner
+lacked at the beginning. A limit is needed, because a robot that makes no mistakes gets no
+corrections."""
 _ALONE_SEED = 1_000_000
 TEACHER = "teacher"
 """With this name in place of a learner's name, the scripted teacher itself drives and is scored."""

@@ -47,8 +47,8 @@ class WallFollower:
         return self._turning or Action.FORWARD
 
     def tolerates(self, situation: Situation, action: Action) -> bool:
-        """Return True for the turn that this teacher is making. Return True for FORWARD, too, while
-        there is room ahead."""
+        """Return True for the teacher's current turn, and also for FORWARD while there is room
+        ahead."""
         if action is Action.FORWARD:
             return situation.free_ahead_m > 0.08 and not situation.is_pushing
         return action is self._turning

@@ -1,7 +1,7 @@
 """Human delays and errors: reaction time, tremor and lapses.
 
-The hand carries out each decision `reaction_s` after the pilot made it. A command carries the id of
-the frame that is on the screen when the command is sent.
+The hand carries out each decision `reaction_s` after the pilot made it. A command contains the id
+of the frame that was on the screen when the command was sent.
 """
 
 from __future__ import annotations
@@ -26,14 +26,12 @@ class HumanDelayConfig:
     """Number of slips of the finger to another button, per minute."""
     tremor_s: float = 0.15
     lapses_per_min: float = 1.0
-    """Number of times per minute at which the pilot looks away while holding the same button."""
+    """How often per minute the pilot looks away, and keeps holding the same button."""
     lapse_s: float = 0.8
     looks_hz: float = 10.0
-    """Number of times per second at which the pilot judges the screen; people do so 5 to 10
-    times."""
+    """How often per second the pilot judges the screen; people do so 5 to 10 times."""
     pauses_per_min: float = 0.0
-    """Number of times per minute at which the pilot lets go and thinks; the robot then stands
-    still."""
+    """How often per minute the pilot lets go and thinks, while the robot stands still."""
     pause_s: float = 1.0
 
 
@@ -81,7 +79,8 @@ class HumanDelayModel:
         )
 
     def release(self) -> None:
-        """Release the button immediately, and forget the last decision."""
+        """Release the button immediately, and drop the decision that the hand has not carried out
+        yet."""
         self._wishes.clear()
         self._held = self._point = None
 

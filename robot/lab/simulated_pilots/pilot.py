@@ -73,7 +73,7 @@ class SimulatedPilot:
         return self._hand.send(situation.frame_id, 0.0, situation.at_s)
 
     def _look_until(self, end_s: float) -> None:
-        """At each due time, look at the picture that is then on the screen.
+        """Look at the picture on the screen whenever a look is due.
 
         The times do not depend on the pictures. Suppose that the pilot looks every 0.125 s, and
         that a picture comes every 0.1 s. If each look waited for the next picture, the pilot would

@@ -1,4 +1,4 @@
-"""Describes by a few numbers what a pilot sees on the screen.
+"""Describes what a pilot sees on the screen, by a few numbers.
 
 A person looks at the frame and sees where there is room to drive. A simulated pilot does not look
 at the frame. It gets distances from the simulated world, as they were when the frame was taken.
@@ -25,7 +25,7 @@ FAN_RAD: NDArray[np.float64] = np.radians(np.linspace(-108.0, 108.0, 55))
 """Directions in which the free distance is measured: every 4 degrees, from right to left."""
 _AHEAD = len(FAN_RAD) // 2
 _MARGIN_M = 0.015
-"""Distance that a pilot keeps from things, in metres."""
+"""Distance that a pilot wants to keep from things, in metres."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -91,8 +91,8 @@ class Wanderer:
 
     LONG_TURN_S = 8.0
     """Duration of a turn, in seconds, after which the place counts as narrow: the teacher has then
-    turned by 150 degrees. In a narrow place the teacher drives on at a shorter free distance than
-    elsewhere."""
+    turned by 150 degrees. In a narrow place, less free distance is enough for the teacher to drive
+    on."""
     STUCK_S, STUCK_M = 13.0, 0.15
     """A robot that has stayed within `STUCK_M` metres for `STUCK_S` seconds counts as stuck.
     Turning round on the spot takes less time."""

@@ -19,7 +19,8 @@ from robot.bodies.ev3.agent.wire import (
 )
 
 MAX_UNJOINED = 12
-"""Maximum number of connections that have not joined yet, from all addresses together."""
+"""Maximum number of connections, from all addresses together, that have not proved the secret
+yet."""
 JOIN_S = 1.0
 """Time within which a client must prove that it knows the secret, in seconds."""
 ACCEPT_PAUSE_S = 0.2
@@ -112,8 +113,8 @@ class CallerLimiter:
         self._closed_until_s = 0.0
 
     def is_open(self, now_s: float) -> bool:
-        """Return whether to accept connections now: not for a short time after an error of
-        `accept`, because the same error would follow immediately."""
+        """Return False for a short time after an error of `accept`, because the same error would
+        follow immediately."""
         return now_s >= self._closed_until_s
 
     def accept(self, now_s: float) -> None:
@@ -140,7 +141,8 @@ class CallerLimiter:
 
     def _make_room(self, why: str) -> None:
         """Drop one connection that has not joined: the oldest one of the address that has the most
-        such connections. So an address that opens many connections loses only its own."""
+        such connections. So an address that opens many connections loses only its own
+        connections."""
         unjoined = [caller for caller in self.callers if not caller.has_joined]
         names = [caller.name for caller in unjoined]
         if unjoined:

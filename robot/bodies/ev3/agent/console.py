@@ -61,7 +61,7 @@ class Console:
             try:
                 event = os.read(self._keys, KEY_EVENT.size)
             except OSError:
-                break  # all events of the buttons have been read
+                break  # there are no more events of the buttons
             if len(event) < KEY_EVENT.size:
                 break
             second, micro, kind, code, value = KEY_EVENT.unpack(event)
@@ -85,7 +85,7 @@ class Console:
             self._back_since_s = None
 
     def show(self, mode: str, address: str) -> None:
-        """Show mode and address on the screen, and the mode by the lights, if the brick has
+        """Show mode and address on the screen, and the mode by the lights; does nothing without
         them."""
         text = "Drivelesson\r\n\n{}\r\n\n{}\r\n".format(mode, address)
         if text == self._shown:
@@ -103,7 +103,7 @@ class Console:
                 if screen.isatty():
                     self._bring_to_front(screen.fileno())
         except OSError:
-            pass  # this is not a brick, or access is not permitted
+            pass  # this is not a brick, or the program may not open the device
 
     def _bring_to_front(self, screen: int) -> None:
         state = fcntl.ioctl(screen, VT_GETSTATE, bytes(6))

@@ -11,8 +11,8 @@ RESET_TRIES = 50
 
 
 class MotorPair:
-    """The left and the right motor, addressed by their ports. A motor that was unplugged is found
-    again.
+    """The left and the right motor, addressed by their ports. A motor that was unplugged and
+    plugged in again is found again.
 
     `clock` has the functions of the module `time`.
     """
@@ -148,7 +148,7 @@ class MotorPair:
             raise self._lost(error) from error
 
     def close(self) -> None:
-        """Close the devices. The next `run` finds the motors again."""
+        """Close the motors; the next `run` finds them again."""
         for motor in self._ports:
             motor.close()
         self._ports, self._speeds, self._time_ms = [], [None, None], 0

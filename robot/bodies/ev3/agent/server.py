@@ -20,8 +20,8 @@ SILENCE_S = 1.5
 seconds."""
 STALE_S = 0.4
 """Each move contains the time of the newest report that the controller had received, by the brick's
-clock. If more than `STALE_S` seconds have passed since then, the agent drops the move. Reports are
-0.1 s apart, which accounts for up to 0.1 s of this delay. The network accounts for the rest."""
+clock. If more than `STALE_S` seconds have passed since then, the agent drops the move. Up to 0.1 s
+of this delay comes from the reports, which are 0.1 s apart, and the rest from the network."""
 REPORT_S = 0.1
 
 
@@ -116,7 +116,7 @@ class Agent:
                     self._obey(caller, command)
                 except DriveError as error:
                     caller.send({"failed": str(error)})
-            elif command is moves[-1]:  # of several waiting moves only the last is obeyed
+            elif command is moves[-1]:  # obey only the last of several waiting moves
                 self._move(caller, command, now_s)
         caller.received_s = now_s
 
@@ -175,7 +175,7 @@ class Agent:
         body = self._body
         if body is None:
             return
-        if command["do"] == "stop":  # a stop is obeyed even if it arrives late
+        if command["do"] == "stop":  # obey a stop even if it arrives late
             body.stop()
             return
         if not 0.0 <= now_s - float(command["after"]) <= STALE_S:
@@ -201,8 +201,8 @@ class Agent:
                 self._drop(caller, "it fell silent")
 
     def _send_picture(self, now_s: float) -> None:
-        """Send the newest picture if the controller has received the previous one; all pictures
-        between the two are dropped."""
+        """Send the newest picture if the controller has received the previous one; drop all
+        pictures between the two."""
         if self._reader is None or self._controller is None:
             return
         picture = self._reader.poll(now_s)

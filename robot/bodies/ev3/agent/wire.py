@@ -3,9 +3,9 @@ Pure.
 
 A message consists of one byte for its kind, four bytes for its length, and JSON or a picture. Agent
 and controller prove that they know the shared secret, by an HMAC-SHA256 over the nonces of both.
-After both proofs each message ends in a message authentication code (MAC), whose key is used only
-for this connection and direction. The MAC covers the message and a counter that both sides keep. So
-nobody else can send, replay, drop or reorder messages unnoticed, on this connection or a later one.
+After both proofs each message ends in a message authentication code (MAC); each connection and
+direction has its own key. The MAC covers the message and a counter that both sides keep. So nobody
+else can send, replay, drop or reorder messages unnoticed, on this connection or a later one.
 """
 
 import hmac

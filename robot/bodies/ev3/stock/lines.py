@@ -117,7 +117,7 @@ def open_line(
         kind: `wifi`, `bluetooth` or `usb`.
         brick: The serial number, which is the Bluetooth address, to choose among several bricks.
         beacon_port: The port at which bricks on Wi-Fi announce themselves.
-        clock: Times the wait for announcements.
+        clock: The clock by which the wait for announcements is timed.
 
     Raises:
         DriveError: If there is no brick; the error says what to check.
@@ -211,8 +211,8 @@ def choose_brick(heard: Iterable[tuple[float, Beacon | None]], wanted: str = "")
     itself.
 
     If no brick was named, all bricks must announce themselves before one is chosen. All bricks
-    announce themselves at the same interval. So when the first brick announces itself again, all
-    others have been heard, and the search ends.
+    announce themselves at the same interval, so all have been heard when the first one announces
+    itself again. The search then ends.
 
     Args:
         heard: Announcements with their times, in seconds. A computer with two connections to the
