@@ -74,7 +74,7 @@ def configure_export(parser: argparse.ArgumentParser) -> None:
 
 def configure_import(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add("path", type=Path)
+    add("path", type=Path, help="file, archive or folder of recordings")
     add("--name", help="name of the episode")
     text = "larger steering counts as a turn, 0 to 1 (default: %(default)s)"
     add("--threshold", type=float, default=DEFAULT_THRESHOLD, help=text)

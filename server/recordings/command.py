@@ -94,7 +94,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     restore = add("restore", restore_episode, "restore deleted recordings", of_one=False)
     restore.add_argument("key", nargs="?", metavar="WORD", help="the word that `delete` printed")
     add("compact", compact, "apply the edits to the recorded file itself")
-    add("title", set_title, "give a recording a title").add_argument("title")
+    titled = add("title", set_title, "give a recording a title")
+    titled.add_argument("title", help="the title; an empty text removes it")
     add("protect", protect, "protect a recording, so that the page never suggests deleting it")
     add("unprotect", protect, "remove the protection of a recording")
     for point in points(VERBS):

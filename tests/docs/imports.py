@@ -13,11 +13,12 @@ _HEAD = """# Forms that can be imported
 
 `make docs` writes this page from the program; do not edit it by hand.
 
-`drivelesson episodes import PATH` imports a file, an archive, or a folder with its subfolders. It
-tries these forms in this order ([how to use it](../howto/episodes.md#import)). On this page,
+`drivelesson episodes import PATH` ([how to use it](../howto/episodes.md#import)) imports a file, an
+archive, or a folder with its subfolders, in the first of the forms below that fits. On this page,
 steering and throttle go from -1 to 1; right and ahead are positive. The command imports steering
 beyond `--threshold` as a turn, and makes no examples of pictures on which the car stands still or
-drives backward. A robot that has two wheels, or is driven by velocities, may also turn on the spot.
+drives backward. Data with the speeds of two wheels, or with velocities, may also contain turns on
+the spot.
 """
 
 
