@@ -11,6 +11,7 @@ import math
 
 from robot.coaching.gallery import LearnedImage, images
 from robot.control.loop import ControlLoop
+from robot.policy.policy import Policy
 
 _REMEMBERED = 512
 """Maximum number of cached images that the learner has since merged into others."""
@@ -19,33 +20,27 @@ _REFRESH_S = 0.4
 
 
 class Gallery:
-    """The learned images of one robot, for the routes.
-
-    Attributes:
-        newest: The highest id of an image that any prediction named; -1 before the first.
-        is_stale: True if the learner has changed since the images were fetched.
-    """
+    """The learned images of one robot, for the routes."""
 
     def __init__(self, loop: ControlLoop) -> None:
-        self.newest = -1
-        self.is_stale = True
         self._loop = loop
+        self._policy: Policy | None = None
         self._images: list[LearnedImage] = []
         self._seen: dict[int, LearnedImage] = {}
-        self._fetched_s = -math.inf
-
-    def forget(self) -> None:
-        """Forget all images, because a new learner numbers its images from the start again."""
-        self._seen, self.newest = {}, -1
+        self._n_seen = 0
+        self._fetched_s, self._fetched_changes = -math.inf, -1
 
     async def images(self, *, fresh: bool = False) -> list[LearnedImage]:
         """Return the learned images; `fresh` skips the cache."""
-        now_s = self._loop.clock.now_s()
-        if fresh or (self.is_stale and now_s - self._fetched_s > _REFRESH_S):
-            self.is_stale, self._fetched_s = False, now_s
-            history = self._loop.history
-            request = self._loop.submit(lambda: images(history.policy))
-            self._images = await asyncio.wrap_future(request)
+        now_s, changes = self._loop.clock.now_s(), self._loop.history.changes
+        is_stale = changes != self._fetched_changes
+        if fresh or (is_stale and now_s - self._fetched_s > _REFRESH_S):
+            self._fetched_s, self._fetched_changes = now_s, changes
+            policy, self._n_seen, self._images = await asyncio.wrap_future(
+                self._loop.submit(self._fetch)
+            )
+            if policy is not self._policy:  # a new learner numbers its images from the start again
+                self._policy, self._seen = policy, {}
             shown = {image.node_id: image for image in self._images}
             before = [one for one in self._seen.items() if one[0] not in shown]
             self._seen = dict(before[-max(_REMEMBERED, len(shown)) :]) | shown
@@ -61,6 +56,10 @@ class Gallery:
         await self.images()
         if node not in self._seen:
             await self.images(fresh=True)
-        if node not in self._seen and 0 <= node <= self.newest:
+        if node not in self._seen and 0 <= node < self._n_seen:  # ids are numbers of examples
             return max(self._images, key=lambda image: image.last_used, default=None)
         return self._seen.get(node)
+
+    def _fetch(self) -> tuple[Policy, int, list[LearnedImage]]:
+        policy = self._loop.history.policy
+        return policy, policy.n_seen, images(policy)
