@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -16,9 +17,9 @@ class CoachingExtension(Extension):
     """Tracks the training for the page."""
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
-        self._loop = services.robot.loop
+        self._loop, self._broadcast = services.robot.loop, services.hub.broadcast
         self.progress = Progress(self._loop, services.persistence)
-        self._subscriptions: list[Callable[[], None]] = []
+        self._ends: list[Callable[[], object]] = []
 
     @property
     def routers(self) -> Sequence[APIRouter]:
@@ -31,11 +32,14 @@ class CoachingExtension(Extension):
         return routes.router, gallery_routes.router, word_routes.router
 
     def start(self) -> None:
-        self._subscriptions = [self._loop.subscribe(one) for one in self.progress.listeners]
+        self._ends = [self._loop.subscribe(one) for one in self.progress.listeners]
+        if (event_loop := self._broadcast.event_loop) is not None:
+            following = asyncio.run_coroutine_threadsafe(self.progress.follow(), event_loop)
+            self._ends.append(following.cancel)
 
     def stop(self) -> None:
-        for unsubscribe in self._subscriptions:
-            unsubscribe()
+        for end in self._ends:
+            end()
 
     def note_carried(self) -> None:
         self.progress.trail.begin()

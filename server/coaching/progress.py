@@ -1,6 +1,6 @@
 """The training progress that the page shows: the curve of agreement over the examples.
 
-The control loop's thread records each tick, and the routes read the curve.
+The server's event loop notes the agreement twice a second, and the routes read the curve.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from robot.coaching.lesson import Lesson
 from robot.coaching.trail import Trail
 from robot.control.loop import ControlLoop
-from robot.control.state import Tick
-from robot.policy.events import Replaced, Taught, Undone
+from robot.policy.policy import Policy
 from server.coaching.gallery import Gallery
 from server.persistence import Persistence
 
 MARK_EVERY = 10
-"""Examples between two points of the curve."""
+"""Least number of examples between two points of the curve."""
+_SAMPLE_EVERY_S = 0.5
 _MARKS, _POINTS = 2000, 200
 
 
@@ -70,42 +70,44 @@ class _Curve:
 
 
 class Progress:
-    """Tracks one robot's training. The extension subscribes `listeners` to the loop's ticks."""
+    """Tracks one robot's training. The extension subscribes `listeners` to the loop's ticks, and
+    runs `follow` on the server's event loop."""
 
     def __init__(self, loop: ControlLoop, persistence: Persistence | None = None) -> None:
         self._loop = loop
         self._persistence = persistence
         self.lesson = Lesson()
         self.trail = Trail()
-        self.listeners = self.lesson.note, self.trail.note, self.note
+        self.listeners = self.lesson.note, self.trail.note
+        self._policy: Policy | None = None
         self._marks = _Curve()
+        self._before = 0  # the number of examples before the first that the curve covers
         self.gallery = Gallery(loop)
 
-    def note(self, tick: Tick) -> None:
-        """Record one tick. Only the loop's thread may call it."""
-        if tick.prediction is not None and tick.prediction.node is not None:
-            self.gallery.newest = max(self.gallery.newest, tick.prediction.node)
-        if not tick.history_events:
-            return
-        self.gallery.is_stale = True
-        n_examples = self._loop.history.policy.n_seen
-        for event in tick.history_events:
-            if isinstance(event, Replaced):
-                self._marks = _Curve()
-                self.gallery.forget()
-            elif isinstance(event, Undone):
-                self._marks = self._marks.until(n_examples)
-            elif isinstance(event, Taught):
-                self._mark(n_examples, tick.agreement)
+    async def follow(self) -> None:
+        """Note the state of the loop every `_SAMPLE_EVERY_S`, for ever."""
+        while True:
+            self.note()
+            await self._loop.clock.pause(_SAMPLE_EVERY_S)
 
-    def _mark(self, n_examples: int, agreement: float | None) -> None:
-        last = self._marks[-1].n_examples if self._marks else 0
-        if agreement is None or n_examples - last < MARK_EVERY:
+    def note(self) -> None:
+        """Add the present agreement to the curve, if enough examples were taught since the last
+        point. An undo removes points; another policy begins a new curve."""
+        policy, state = self._loop.history.policy, self._loop.state
+        n_examples, marks = sum(state.taught.values()), self._marks
+        if policy is not self._policy:
+            self._policy, self._marks, self._before = policy, _Curve(), policy.n_seen
             return
-        run = self._persistence.run if self._persistence is not None else None
-        if len(self._marks) >= _MARKS + _POINTS:
-            self._marks = self._marks.part(_POINTS, len(self._marks))
-        self._marks.add(Mark(n_examples, agreement, self._loop.clock.wall_s(), run))
+        last = marks[-1].n_examples if marks else self._before
+        if n_examples < last:
+            self._marks, self._before = marks.until(n_examples), min(self._before, n_examples)
+        elif state.agreement is not None and n_examples - last >= MARK_EVERY:
+            run = self._persistence.run if self._persistence is not None else None
+            if len(marks) >= _MARKS + _POINTS:
+                self._before = marks[_POINTS - 1].n_examples
+                self._marks = marks.part(_POINTS, len(marks))
+            wall_s = self._loop.clock.wall_s()
+            self._marks.add(Mark(n_examples, state.agreement, wall_s, run))
 
     def history(self) -> list[Mark]:
         """Return at most `_POINTS` marks that are spread over the whole training, oldest first."""
@@ -115,9 +117,5 @@ class Progress:
 
     def mark_of(self, example: int) -> Mark | None:
         """Return the mark that covers an example; None if it was taught in an earlier run."""
-        marks = self._marks
-        count, at = len(marks), marks.place(example)
-        if example < 1 or at >= count:
-            return None
-        is_covered = at > 0 or marks[0].n_examples - example < MARK_EVERY
-        return marks[at] if is_covered else None
+        marks, at = self._marks, self._marks.place(example)
+        return marks[at] if example > self._before and at < len(marks) else None

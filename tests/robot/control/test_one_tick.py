@@ -25,7 +25,7 @@ pytest.importorskip("panda3d")
 from robot.simulator.camera import SimCamera, SimCameraOptions
 from robot.simulator.driver import SimDriver, SimOptions
 
-MODULES, CHANGES, LINES = 27, 73, 5_950
+MODULES, CHANGES, LINES = 26, 72, 5_820
 """Measured; asked for are at most 26, 75 and 4,500."""
 LOOSE = 1.05
 ROOTS = Path(robot.__file__).parent, Path(server.__file__).parent
