@@ -178,7 +178,7 @@ def _add_routes(
         await robot.refresh()
         return robot.describe()
 
-    models = ClassModels(lambda: list(board.robots.values()), clock)
+    models = ClassModels(board.shown, clock)
 
     @app.get("/api/models")
     async def last_order() -> dict[str, Any]:
@@ -272,8 +272,10 @@ async def _tell(websocket: WebSocket, board: Board, onlooker: BoardViewer, clock
         onlooker.due.clear()
         if onlooker.changed:
             numbers, onlooker.changed = sorted(onlooker.changed), set()
-            robots = [board.robots[number].describe() for number in numbers]
-            await websocket.send_json({"type": "robots", "robots": robots})
+            shown = {robot.number: robot for robot in board.shown()}
+            robots = [shown[number].describe() for number in numbers if number in shown]
+            gone = [number for number in numbers if number not in shown]
+            await websocket.send_json({"type": "robots", "robots": robots, "gone": gone})
         if onlooker.strangers_changed:
             onlooker.strangers_changed = False
             await websocket.send_json({"type": "strangers", **board.strangers.describe()})

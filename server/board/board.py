@@ -10,6 +10,7 @@ from typing import Any
 from robot.clock import Clock
 from robot.errors import NotFoundError
 from server.board.class_key import ClassKey
+from server.board.moved_robots import MovedRobots
 from server.board.robot_link import RobotLink
 from server.board.stopping import Stopping
 from server.board.teacher_session import TeacherSession
@@ -40,8 +41,9 @@ class Board:
     """The robots of one class. Everything runs on one event loop.
 
     Attributes:
-        robots: The robots of the class by number: those that the teacher listed, and those that
-            have proved that they know the key. No robot is ever removed.
+        robots: The links to the robots of the class by number: to those that the teacher listed,
+            and to those that have proved that they know the key. No link is ever removed: the link
+            to the old address of a robot that has moved gets a higher number than the new one.
         strangers: The other robots that the network announces.
         code: The token on the printed cards, for phones that cannot scan.
     """
@@ -57,6 +59,8 @@ class Board:
         self._meet = partial(TeacherSession, key=key, transport=transport)
         self._picture_every_s = picture_every_s
         self.robots: dict[int, RobotLink] = {}
+        self._moved = MovedRobots()
+        self._noted: dict[RobotAddress, object] = {}
         self.strangers = UnverifiedRobots(self._meet, clock, self.add, self._note_strangers)
         self._tasks: list[asyncio.Task[None]] = []
         self._onlookers: list[BoardViewer] = []
@@ -104,19 +108,27 @@ class Board:
             raise NotFoundError(f"there is no robot {number} on this board")
         return self.robots[number]
 
-    def _chosen(self, number: object) -> list[RobotLink]:
-        return list(self.robots.values()) if number is None else [self.robot(number)]
+    def shown(self) -> list[RobotLink]:
+        """Return the links that have a card: all except those to old addresses of moved robots."""
+        return [robot for robot in self.robots.values() if self._successor(robot) is None]
 
     def describe(self) -> list[dict[str, Any]]:
-        return [robot.describe() for robot in self.robots.values()]
+        return [robot.describe() for robot in self.shown()]
 
     def stop(self, number: object = None) -> None:
-        """Stop one robot, or all of them, immediately; raises NotFoundError if there is none."""
-        robots = self._chosen(number)
+        """Stop one robot, or all of them, immediately; raises NotFoundError if there is none.
+
+        A robot is stopped at its old addresses, too, in case another robot answers there.
+        """
+        robots = list(self.robots.values())
+        if number is not None:
+            chosen = self.robot(number)
+            robots = [one for one in robots if one is chosen or self._successor(one) is chosen]
         if robots:
             self.at_leisure.clear()
+        now_s = self._clock.now_s()
         for robot in robots:
-            robot.stop.press()
+            robot.stop.press(now_s)
 
     def release(self, stops: Mapping[int, str]) -> None:
         """Release stopped robots, except those that were stopped again in the meantime.
@@ -155,12 +167,38 @@ class Board:
         for robot in self.robots.values():
             robot.show(self._picture_every_s if robot.number in watched else None)
 
+    def _successor(self, robot: RobotLink) -> RobotLink | None:
+        return self._moved.successor(self.robots.values(), robot)
+
     def _note_news(self, robot: RobotLink) -> None:
-        if not any(other.stop.stage is Stopping.ASKED for other in self.robots.values()):
+        self._moved.note(robot)
+        if (link := (robot.id, robot.status, robot.joined_s)) != self._noted.get(robot.address):
+            self._noted[robot.address] = link
+            self._recognise()
+        if not any(map(self._delays_news, self.robots.values())):
             self.at_leisure.set()
         for page in self._onlookers:
             page.changed.add(robot.number)
             page.due.set()
+
+    def _delays_news(self, robot: RobotLink) -> bool:
+        return robot.stop.stage is Stopping.ASKED and self._successor(robot) is None
+
+    def _recognise(self) -> None:
+        """Give each robot that has moved the card and the stop of its old link."""
+        for old in list(self.robots.values()):
+            new = self._successor(old)
+            if new is None:
+                continue
+            if old.stop.stage is not None and old.stop.pressed_s > new.stop.pressed_s:
+                new.stop.press(old.stop.pressed_s)
+            if old.number < new.number:
+                old.number, new.number = new.number, old.number
+                self.robots[old.number], self.robots[new.number] = old, new
+                self._choose_pictures()
+            for page in self._onlookers:
+                page.changed |= {old.number, new.number}
+                page.due.set()
 
     def _note_strangers(self) -> None:
         for page in self._onlookers:

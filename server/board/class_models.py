@@ -30,7 +30,7 @@ PATIENCE_S = 20.0
 _STOP_S, _LOOK_S = 3.0, 0.05
 _MOST_UNDONE = 10
 _LONGEST_NAME = 40
-Undo = Callable[[], Awaitable[None]]
+Undo = Callable[[RobotLink], Awaitable[None]]
 
 
 class ClassOrder(StrEnum):
@@ -161,7 +161,7 @@ class ClassModels:
                 new = name_in(await robot.ask("POST", "/api/models", {}))
             lessons = await _lessons(robot, new)
 
-            async def go_back() -> None:
+            async def go_back(robot: RobotLink) -> None:
                 again = f"{_model(before)}/load" if before else "/api/models"
                 await robot.ask("POST", again, {})
                 if await _lessons(robot, new) == lessons:  # nobody has taught the new model
@@ -171,7 +171,7 @@ class ClassModels:
             if is_empty and before:
                 deleted = (await robot.ask("DELETE", _model(before))).json()
 
-                async def restore() -> None:
+                async def restore(robot: RobotLink) -> None:
                     nonlocal before
                     words = {"undo": deleted.get("undo")}
                     before = name_in(await robot.ask("POST", "/api/models/restore", words))
@@ -180,7 +180,7 @@ class ClassModels:
             if order is ClassOrder.HAND_OVER:
                 signed_out = (await robot.ask("DELETE", "/api/class/phones")).json()
 
-                async def sign_in() -> None:
+                async def sign_in(robot: RobotLink) -> None:
                     await robot.ask("POST", "/api/class/phones", {"undo": signed_out.get("undo")})
 
                 steps.append(sign_in)
@@ -197,7 +197,7 @@ class ClassModels:
         wanted = {"name": f"{name[:_LONGEST_NAME]} {now:%Y-%m-%d %H.%M}"}
         copy = name_in(await robot.ask("POST", f"{_model(name)}/copy", wanted))
 
-        async def remove() -> None:
+        async def remove(robot: RobotLink) -> None:
             await robot.ask("DELETE", _model(copy))
 
         steps.append(remove)
@@ -208,7 +208,7 @@ class ClassModels:
         if done.order is not ClassOrder.KEEP:
             await self._stop(robot)
         while steps:
-            await steps[-1]()
+            await steps[-1](robot)
             steps.pop()
         return RobotOutcome(robot.number, robot.name, "undone")
 
@@ -216,8 +216,9 @@ class ClassModels:
         """Stop a robot, unless it is stopped; only the teacher can release it."""
         if robot.state.get("mode") == "stopped":
             return
-        robot.stop.press()
-        until_s = self._clock.now_s() + _STOP_S
+        now_s = self._clock.now_s()
+        robot.stop.press(now_s)
+        until_s = now_s + _STOP_S
         while robot.stop.stage is not Stopping.STOPPED:
             if self._clock.now_s() > until_s:
                 raise UnreachableError("the robot did not stop, so nothing was changed")

@@ -17,6 +17,7 @@ import re
 import secrets
 from collections import deque
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from robot.errors import ConfigurationError
@@ -38,6 +39,7 @@ LOCKS: dict[str, tuple[str, ...]] = {
     "recordings": ("/api/episodes",),
 }
 """The locks that a teacher can set. Each lock forbids changes at its paths and below them."""
+_SERIAL = Path("/sys/firmware/devicetree/base/serial-number")
 _NONCE = re.compile(r"[0-9a-f]{32}")
 _READS = ("GET", "HEAD", None)
 _SESSIONS = 8
@@ -46,7 +48,14 @@ _USED = 64
 
 
 class Classroom:
-    """The teacher's sessions and the locks of one robot; the locks are saved if there is a file."""
+    """The teacher's sessions, the locks and the id of one robot; locks and id are saved if there is
+    a file.
+
+    Attributes:
+        id: Stays the same when the robot restarts or its address changes, so that the board
+            recognises the robot. Without a file, the id is new at each start.
+        run: A random text that is new at each start.
+    """
 
     def __init__(self, key: ClassKey, file: Path | None = None) -> None:
         self._key = key
@@ -55,7 +64,16 @@ class Classroom:
         self._own_secret = secrets.token_bytes(32)
         self._sessions: deque[str] = deque(maxlen=_SESSIONS)
         self._used: deque[str] = deque(maxlen=_USED)
-        self.locks = _load(file)
+        self.run = secrets.token_hex(8)
+        self.locks, saved = _load(file)
+        self._saved_id = saved or secrets.token_hex(8)
+        text = f"{self._saved_id} {_board_serial()}".encode()
+        self.id = hashlib.sha256(text).hexdigest()[:16]
+        if saved is None and file is not None:
+            try:
+                self._write(self.locks)
+            except OSError as error:  # the robot can start although its id is not saved
+                log.warning("the robot's id was not saved: %s", error)
 
     def challenge(self, board_nonce: str, endpoint: str, now_s: float) -> tuple[str, str]:
         """Return a random number for the board, and the proof that this robot knows the key.
@@ -105,9 +123,13 @@ class Classroom:
         locks = frozenset(names)
         if not locks <= LOCKS.keys():
             raise ConfigurationError(f"'locks' may contain only these: {', '.join(LOCKS)}")
-        if self._file is not None:
-            write_whole(self._file, json.dumps({"locks": sorted(locks)}).encode())
+        self._write(locks)
         self.locks = locks
+
+    def _write(self, locks: frozenset[str]) -> None:
+        if self._file is not None:
+            saved = {"locks": sorted(locks), "id": self._saved_id}
+            write_whole(self._file, json.dumps(saved).encode())
 
     def is_locked(self, path: str, method: str | None) -> bool:
         """True if a lock forbids such a request to everybody except the teacher."""
@@ -118,15 +140,25 @@ class Classroom:
         )
 
 
-def _load(file: Path | None) -> frozenset[str]:
-    """Read the locks; if the file is damaged, everything is locked until the teacher unlocks it."""
+def _load(file: Path | None) -> tuple[frozenset[str], str | None]:
+    """Read the locks and the id; the id is None if there is none yet. If the file is damaged,
+    everything is locked until the teacher unlocks it, and the id is empty."""
     if file is None:
-        return frozenset()
+        return frozenset(), None
     try:
-        names = json.loads(read_regular(file, 1 << 16))["locks"]
-        return frozenset(str(name) for name in names) & frozenset(LOCKS)
+        saved = json.loads(read_regular(file, 1 << 16))
+        locks = frozenset(str(name) for name in saved["locks"]) & frozenset(LOCKS)
+        return locks, str(saved["id"]) if "id" in saved else None
     except FileNotFoundError:
-        return frozenset()
+        return frozenset(), None
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         log.warning("locks unreadable, all is locked file=%s error=%r", file, str(error))
-        return frozenset(LOCKS)
+        return frozenset(LOCKS), ""
+
+
+def _board_serial() -> str:
+    """Return the serial number of a single-board computer, or an empty text. The number tells apart
+    robots whose SD cards are copies of one card."""
+    with suppress(OSError):
+        return read_regular(_SERIAL, 256).decode("ascii", "replace")
+    return ""

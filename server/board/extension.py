@@ -76,13 +76,15 @@ async def join(request: Request, body: ClassJoin) -> dict[str, str]:
 
 @router.get("", dependencies=[ONLY_TEACHER])
 async def describe_class(request: Request) -> dict[str, Any]:
-    """Return the robot's name, colour, locks and model, and the data that its pilots show."""
-    services = services_of(request)
+    """Return the robot's id, name, colour, locks and model, and the data that its pilots show."""
+    services, classroom = services_of(request), _classroom(request)
     identity, persistence = services.identity.now, services.persistence
     return {
+        "id": classroom.id,
+        "run": classroom.run,
         "name": identity.name,
         "colour": identity.colour,
-        "locks": sorted(_classroom(request).locks),
+        "locks": sorted(classroom.locks),
         "model": persistence.autosave.name if persistence is not None else None,
         "shown": services.shown(),
         "needs_pairing": not services.gateway.admits_all,

@@ -11,6 +11,7 @@ import asyncio
 import contextlib
 import json
 import logging
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -85,7 +86,22 @@ class RobotLink:
         self._hurry = asyncio.Event()
         self._was_there, self._is_starting = False, True
         self._added_s = clock.now_s()
-        self._heard_s = 0.0
+        self.joined_s = self.heard_s = -math.inf
+        """When the last connection was opened, and when the robot was last heard, on the clock."""
+
+    @property
+    def id(self) -> str | None:
+        """The robot's id, which stays the same under another address; None if it is not known."""
+        return self._text("id")
+
+    @property
+    def run_id(self) -> str | None:
+        """The id of the robot's process; None if it is not known."""
+        return self._text("run")
+
+    def _text(self, field: str) -> str | None:
+        value = self.about.get(field)
+        return value if isinstance(value, str) else None
 
     def describe(self) -> dict[str, Any]:
         place = self._session.place.address if self._session.place is not None else self.address
@@ -124,7 +140,9 @@ class RobotLink:
             self._rate_changed.set()
 
     async def refresh(self) -> None:
-        self.about = (await self.ask("GET", "/api/class")).json()
+        answer = await self.ask("GET", "/api/class")
+        self.heard_s = self._clock.now_s()
+        self.about = answer.json()
         self.name = str(self.about.get("name", self.name))
         self._on_news(self)
 
@@ -177,7 +195,7 @@ class RobotLink:
             self.stop.channel, self._was_there = channel, True
             self._is_starting = False
             self.status, self.detail = Status.THERE, ""
-            self._heard_s = self._clock.now_s()
+            self.joined_s = self.heard_s = self._clock.now_s()
             self._on_news(self)
             await first_of(self._hear(channel), self._ping(channel), self._look(), self._invite())
 
@@ -188,7 +206,7 @@ class RobotLink:
     async def _hear(self, channel: Any) -> None:
         while True:
             message = parse_object(await channel.recv())
-            self._heard_s = self._clock.now_s()
+            self.heard_s = self._clock.now_s()
             kind = message.get("type")
             if kind == "state":
                 self._note_state(message)
@@ -226,7 +244,7 @@ class RobotLink:
             async with within(SILENCE_S):
                 await channel.send(json.dumps(words))
             await self._clock.pause(PING_EVERY_S)
-            if self._clock.now_s() - self._heard_s > SILENCE_S:
+            if self._clock.now_s() - self.heard_s > SILENCE_S:
                 raise UnreachableError("the robot no longer answers")
 
     async def _invite(self) -> None:

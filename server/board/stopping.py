@@ -9,6 +9,7 @@ import asyncio
 import contextlib
 import json
 import logging
+import math
 import secrets
 from collections.abc import Callable, Coroutine
 from enum import StrEnum
@@ -40,6 +41,7 @@ class RobotStop:
         stage: The current stage; None if no stop was requested, or the last one was released.
         channel: The open connection to the robot; None while there is none.
         number: The number of the newest STOP that the robot has reported; None if there is none.
+        pressed_s: When STOP was last pressed, on the clock.
         is_release_refused: True if the last release was for an older STOP than the newest.
     """
 
@@ -50,6 +52,7 @@ class RobotStop:
         self.channel: Any = None
         self.number: int | None = None
         self.is_release_refused = False
+        self.pressed_s = -math.inf
         self._press = ""
         self._number_before: int | None = None
         """The value of `number` when this stop was requested."""
@@ -74,9 +77,10 @@ class RobotStop:
         board, and with each new STOP that the robot reports."""
         return f"{self._press}.{self.number}"
 
-    def press(self) -> None:
+    def press(self, now_s: float) -> None:
         """Stop the robot now, or as soon as the robot can be reached."""
         self._press, self.is_release_refused = secrets.token_hex(4), False
+        self.pressed_s = now_s
         if self.channel is not None:
             self._start(self.send(self.channel))
         if not self.is_under_way:

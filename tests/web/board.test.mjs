@@ -72,6 +72,15 @@ test('a board that was started again is believed: what it does not know has no S
   assert.deepEqual([gone, [...link.robots.keys()]], [[2], [1, 3]]);
 });
 
+test('the second card of a robot that has moved disappears', () => {
+  const link = new ClassLink('ws://board/ws/board');
+  const gone = [];
+  link.addEventListener('gone', ({ detail }) => gone.push(...detail));
+  link.hear(JSON.stringify({ type: 'robots', robots: [{ number: 1 }, { number: 2 }], gone: [] }));
+  link.hear(JSON.stringify({ type: 'robots', robots: [{ number: 1 }], gone: [2] }));
+  assert.deepEqual([gone, [...link.robots.keys()]], [[2], [1]]);
+});
+
 /** A page of the board whose line and requests are a test's; `open` begins a line, and `tell` is news on it. */
 function paged(t) {
   const said = [], lines = [], asked = [], answers = [];

@@ -38,8 +38,8 @@ const ALL = 'all';
 
 /**
  * Events: `news` when robots have changed; `strangers` when robots without a proof of the key have changed;
- * `gone` with the numbers of robots that a restarted board does not know; `pictures` with a map of numbers to
- * pictures; `link`.
+ * `gone` with the numbers of cards whose robots have another card now, or that a restarted board does not know;
+ * `pictures` with a map of numbers to pictures; `link`.
  */
 export class ClassLink extends EventTarget {
   /** @param {string} url */
@@ -104,7 +104,7 @@ export class ClassLink extends EventTarget {
   /** @param {string} text */
   hear(text) {
     this.trust();
-    const { type, robots = [], ...words } = JSON.parse(text);
+    const { type, robots = [], gone = [], ...words } = JSON.parse(text);
     for (const robot of robots) {
       this.robots.set(robot.number, robot);
       this.told.add(robot.number);
@@ -112,12 +112,12 @@ export class ClassLink extends EventTarget {
     this.settle(robots);
     const [name, detail] = type === 'strangers' ? [type, words] : ['news', robots];
     this.dispatchEvent(new CustomEvent(name, { detail }));
-    if (type === 'strangers') this.forget(); // the board sends this message after it has reported all robots
+    this.forget(gone);
+    if (type === 'strangers') this.forget([...this.robots.keys()].filter((number) => !this.told.has(number))); // the board sends this message after it has reported all robots
   }
 
-  /** Forget robots that the board does not know, because it cannot stop them. */
-  forget() {
-    const gone = [...this.robots.keys()].filter((number) => !this.told.has(number));
+  /** Forget robots that have moved to another card, or that the board does not know and cannot stop. @param {number[]} gone */
+  forget(gone) {
     for (const number of gone) this.robots.delete(number);
     if (gone.length) this.dispatchEvent(new CustomEvent('gone', { detail: gone }));
   }

@@ -104,6 +104,7 @@ link.addEventListener('pictures', async (event) => {
 
 link.addEventListener('gone', (event) => {
   for (const number of /** @type {CustomEvent<number[]>} */ (event).detail) {
+    if (panel.subject === number) panel.close();
     cards.get(number)?.element.remove();
     cards.delete(number);
   }

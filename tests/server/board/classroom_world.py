@@ -66,7 +66,10 @@ class Pupil(ServedWorld):
 
     def restart(self) -> None:
         """Forget all sessions, like a restarted server, whose hub the test starts."""
+        before = self.classroom
         self._begin("Anew", KEY)
+        if before is not None and self.classroom is not None:
+            self.classroom.id = before.id
         self.__dict__["app"] = create_app(self.services)
         for socket in self._sockets:
             socket.cut()

@@ -149,7 +149,7 @@ def test_later_teaching_survives_an_undo_which_can_be_repeated_for_absent_robots
 def test_a_robot_that_drives_is_stopped_first_and_one_that_does_not_stop_is_left_alone(group):
     group.server.teach(12)
     link, press = group.link, group.link.stop.press
-    link.state, link.stop.press = {"mode": "train"}, lambda: None
+    link.state, link.stop.press = {"mode": "train"}, lambda now_s: None
     outcome, *_ = group.give(ClassOrder.RESET)
     assert outcome["did"] == "away" and "did not stop" in outcome["detail"]
     assert group.lessons == 12

@@ -72,11 +72,14 @@ def test_a_key_is_made_once_and_is_readable_only_by_its_owner(tmp_path):
             read_class_key(file)
 
 
-def test_locks_survive_a_restart_and_an_unknown_one_is_refused(tmp_path):
+def test_locks_and_id_survive_a_restart_and_an_unknown_lock_is_refused(tmp_path):
     file = tmp_path / "class.json"
-    assert Classroom(KEY, file).locks == frozenset()
+    first = Classroom(KEY, file)
+    assert first.locks == frozenset()
     Classroom(KEY, file).lock(["models", "gallery"])
-    assert json.loads(file.read_text()) == {"locks": ["gallery", "models"]}
+    assert json.loads(file.read_text())["locks"] == ["gallery", "models"]
+    again, other = Classroom(KEY, file), Classroom(KEY, tmp_path / "other.json")
+    assert again.id == first.id != other.id and again.run != first.run
     unknown: list[Sequence[str]] = [["doors"], ["models", ""], "models"]
     for names in unknown:
         with pytest.raises(ConfigurationError, match="settings"):
