@@ -126,7 +126,7 @@ class Cycle:
         self._steady = SteadyFault()
         self._last_mode = Mode.TRAIN
         self.listeners: dict[object, tuple[Callable[[Tick], None], bool]] = {}
-        self._stirred_s = clock.now_s()
+        self._stirred_s, self._is_resting = clock.now_s(), False
         self.state = Tick(now_s=clock.now_s(), decision=self.gate.stand(), cycles=-1)
         self.state = self._summed_up(self.state)
         camera.listen(self._hear_camera)
@@ -154,6 +154,7 @@ class Cycle:
                     is_intervention=self.gate.mode is Mode.AUTONOMOUS,
                     may_learn=link.may_learn,
                 )
+            self._rest_or_not(now_s)
         except Exception as error:  # outermost handler: on any error, stop first
             self._break_down(error)
             decision, sent = self.gate.stand(), Action.STOP
@@ -241,6 +242,7 @@ class Cycle:
             self._fault = None
         is_moving = may_move and not self._camera.world_waits
         if not self.rest_every_s:
+            self._is_resting = False
             times_s = self.world_s(frame.captured_s), self.world_s(delivered_s)
             self.timing.note(*times_s, is_moving=is_moving)
         return frame
@@ -320,8 +322,7 @@ class Cycle:
             for listener, modes_only in tuple(self.listeners.values()):
                 if not (modes_only and is_same):
                     listener(self.state)
-            self._rest_or_not(tick.now_s)
-        except Exception as error:  # an error of a listener or the camera also stops the robot
+        except Exception as error:  # an error of a listener also stops the robot
             self._break_down(error)
         finally:
             self.mailbox.answer()
@@ -340,6 +341,7 @@ class Cycle:
             cycle_hz=self.timing.rate_hz,
             frame_id=frame.frame_id if frame else None,
             frame_captured_s=frame.captured_s if frame else None,
+            is_resting=self._is_resting,
             agreement=learning.agreement.share,
             agreement_frames=learning.agreement.n_examples,
             emergency=self.gate.emergency,
@@ -360,7 +362,7 @@ class Cycle:
             self._stirred_s = now_s
         every_s = self.enough_every_s if now_s - self._stirred_s >= _RESTS_AFTER_S else 0.0
         if every_s != self.rest_every_s:
-            self.rest_every_s = every_s
+            self.rest_every_s, self._is_resting = every_s, True
             self.timing.pause()  # the gap between two pictures is not the camera's period
             with self.camera_errors.named("rest"):
                 self._camera.rest(every_s)

@@ -68,11 +68,6 @@ class ControlLoop:
         return self._cycle.error
 
     @property
-    def is_resting(self) -> bool:
-        """True while the robot stands still and takes fewer pictures because no more are needed."""
-        return self._cycle.rest_every_s > 0.0
-
-    @property
     def speed_share(self) -> float:
         """Share of full speed that a person allows, in (0, 1]."""
         return self._cycle.speed_share

@@ -75,8 +75,9 @@ class Tick:
     """The events of one tick, and the state of the loop at its end.
 
     `frame` is set if there is a new frame; `frame_id` and `frame_captured_s` belong to the newest
-    frame. `source_age_s` is explained in `Camera`. `commands` are the commands that the gate
-    accepted; `refused` holds the commands that were too old or named no frame.
+    frame. `is_resting` is True while fewer frames are taken, because nobody needs more, and then
+    until the next frame. `source_age_s` is explained in `Camera`. `commands` are the commands that
+    the gate accepted; `refused` holds the commands that were too old or named no frame.
     """
 
     now_s: float
@@ -95,6 +96,7 @@ class Tick:
     frame_id: int | None = None
     frame_captured_s: float | None = None
     source_age_s: float | None = None
+    is_resting: bool = False
     emergency: bool = False
     fault: str | None = None
     stops: Mapping[StopReason, int] = field(default_factory=dict)

@@ -135,6 +135,7 @@ class SimCamera(WorldCamera[SimDriver]):
             if self._ending.is_set():
                 return
             now_s, every_s = self.clock.now_s(), self._every_s
+            due_s = min(due_s, now_s)  # a rest ends before its next step is due
             self._body.advance(min(now_s - last_s, _LONGEST_GAP_S))
             last_s = now_s
             if every_s:

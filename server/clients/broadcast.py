@@ -41,8 +41,8 @@ class Broadcast:
         self.nonces = NonceLedger(robot.loop.config.gate.command_timeout_s)
         self.event_loop: asyncio.AbstractEventLoop | None = None
         self._needed_every_s, self._is_watched = 0.0, False
-        encoder, for_the_eye = Encoder(config.jpeg_quality), robot.for_the_eye
-        self.video = VideoHub(encoder, robot.clock, for_the_eye, self.note_need)
+        encoder = Encoder(config.jpeg_quality)
+        self.video = VideoHub(encoder, robot.clock, robot.for_the_eye, self.note_need)
         self._previous_pilots: Decision | None = None
         self._urgent_sent: object = None
         self.published_s = 0.0
@@ -74,7 +74,8 @@ class Broadcast:
 
     def _hear(self, tick: Tick) -> None:
         """Note one tick; runs on the control loop's thread."""
-        self._frame = tick.frame or self._frame
+        if tick.frame:
+            self._frame = tick.frame
         if tick.refused:
             self.soon(self._tell_refused, tick.refused)
         is_wanted = (tick.frame and self._is_watched) or (self.clients and self._is_due(tick))
@@ -105,9 +106,8 @@ class Broadcast:
         return (
             decision.action if is_pilots else None,  # a program waits for the result of its command
             *(decision.mode, decision.driven_by, decision.stop_reason, decision.asks_pilot),
-            *(state.link.level, state.emergency, state.fault),
-            self._emergency.held_by,
-            self._emergency.number,
+            *(state.link.level, state.emergency, state.fault, state.is_resting),
+            *(self._emergency.held_by, self._emergency.number),
         )
 
     def publish_new_pilot(self) -> None:
@@ -116,14 +116,13 @@ class Broadcast:
         self.publish_state()
 
     def publish_state(self) -> None:
-        now_s, owner, loop = self._clock.now_s(), self._lease.owner, self._loop
-        newest = loop.state
+        now_s, owner, newest = self._clock.now_s(), self._lease.owner, self._loop.state
         self._urgent_sent, self.published_s = self._urgent(newest), now_s
         if not self.clients:
             return
         held_by = self._emergency.held_by
         state = {
-            **describe_state(newest, now_s * 1000, is_resting=loop.is_resting),
+            **describe_state(newest, now_s * 1000),
             "nonce": self.nonces.issue(now_s),
             "pilot": owner,
             "wheel_asked": self._lease.is_asked,
@@ -142,9 +141,8 @@ class Broadcast:
                 client.send_state(texts[is_pilot])
 
     def show_newest(self) -> None:
-        """Pass the newest frame to the video, unless nobody watches."""
-        is_old = self._loop.is_resting and not self.video.viewers
-        if self._frame is not None and self._frame is not self.video.newest and not is_old:
+        """Pass the newest frame to the video."""
+        if self._frame is not None and self._frame is not self.video.newest:
             self.video.show(self._frame, self.nonces.issue(self._clock.now_s()))
 
     def note_need(self) -> None:
@@ -154,6 +152,8 @@ class Broadcast:
         every_s = 0.0 if is_shown else self.video.needed_every_s
         if every_s != self._needed_every_s and self.event_loop is not None:
             self._needed_every_s = every_s
+            if self._loop.state.is_resting:  # the last frame is old
+                self._frame = self.video.newest = None
             self._loop.need_picture_every(every_s)
 
     def announce(self, name: str, **fields: object) -> None:

@@ -72,19 +72,18 @@ class Hub:
         """Add a client of a person; it gets the wheel if it may drive and the wheel is free."""
         now_s = self._clock.now_s()
         client = Client(f"c{next(self._ids)}", role, person, self._limits, self.refused)
-        client.send(
-            encode_message(
-                "hello",
-                protocol=protocol.PROTOCOL_VERSION,
-                client=client.id,
-                role=role.value,
-                robot=self.identity.now.name,
-                moves=list(self._loop.state.moves),
-                server_ms=now_s * 1000,
-                **describe_body(self._driver),
-                **describe_devices(self._driver, self._camera),
-            )
+        hello = encode_message(
+            "hello",
+            protocol=protocol.PROTOCOL_VERSION,
+            client=client.id,
+            role=role.value,
+            robot=self.identity.now.name,
+            moves=list(self._loop.state.moves),
+            server_ms=now_s * 1000,
+            **describe_body(self._driver),
+            **describe_devices(self._driver, self._camera),
         )
+        client.send(hello)
         self.broadcast.add(client)
         if role.may_drive and self.lease.join(client.id, now_s):
             self._pilot_changed()

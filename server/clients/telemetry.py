@@ -19,13 +19,13 @@ SOON_S = 0.05
 only the pictures of a slow camera had nonces, a Wi-Fi pause would look like an absent pilot."""
 
 
-def describe_state(state: Tick, now_ms: float, *, is_resting: bool = False) -> dict[str, Any]:
+def describe_state(state: Tick, now_ms: float) -> dict[str, Any]:
     """Return the fields of a `state` message; it has no frame while the robot rests."""
     decision, camera, sensors = state.decision, state.camera, state.sensors
-    captured_s, source_s = state.frame_captured_s, state.source_age_s
+    captured_s = None if state.is_resting else state.frame_captured_s
+    source_s = state.source_age_s
     # the delay that the brick and its connection add to that of the camera
     brick_s = None if source_s is None else max(0.0, camera.delivery_age_s - source_s)
-    age_ms = None if captured_s is None or is_resting else round(now_ms - captured_s * 1000, 1)
     fields = {
         "server_ms": round(now_ms, 1),
         "mode": decision.mode,
@@ -37,8 +37,8 @@ def describe_state(state: Tick, now_ms: float, *, is_resting: bool = False) -> d
         "emergency": state.emergency,
         "asks_pilot": decision.asks_pilot,
         "fault": state.fault,
-        "frame": None if is_resting else state.frame_id,
-        "frame_age_ms": age_ms,
+        "frame": None if state.is_resting else state.frame_id,
+        "frame_age_ms": None if captured_s is None else _milliseconds(now_ms / 1000 - captured_s),
         "link": state.link.level,
         "busy": state.link.is_busy,
         "camera": {

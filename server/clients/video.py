@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -201,14 +202,14 @@ class VideoHub:
         own = (viewer for viewer in self._viewers if viewer.person == person)
         return max((one.drawn_id for one in own if one.drawn_id is not None), default=None)
 
-    def watch(self, watcher: Callable[[], None]) -> Callable[[], None]:
-        """Count a viewer that reads `newest` by itself. `watcher` is called for each new frame, and
-        must return quickly. Return a function that removes the viewer."""
+    @contextmanager
+    def watched(self, watcher: Callable[[], None]) -> Iterator[None]:
+        """Count a viewer that reads `newest` by itself, for the time of a `with` block. `watcher`
+        is called for each new frame, and must return quickly."""
         self._watchers.append(watcher)
         self._on_viewers()
-
-        def end() -> None:
+        try:
+            yield
+        finally:
             self._watchers.remove(watcher)
             self._on_viewers()
-
-        return end

@@ -77,8 +77,7 @@ async def frames_of(
     that reads slowly misses frames, and then gets the newest.
     """
     shown, last_id, n_bytes = asyncio.Event(), 0, 0
-    end = video.watch(shown.set)
-    try:
+    with video.watched(shown.set):
         while True:
             frame = video.newest
             if frame is None or frame.frame_id == last_id:
@@ -91,8 +90,6 @@ async def frames_of(
                 video.frames_sent += 1
                 n_bytes = len(jpeg)
                 yield jpeg
-    finally:
-        end()
 
 
 def _is_browser(request: Request) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 
 from fastapi import APIRouter, HTTPException, Request, WebSocket
 from fastapi.responses import Response
@@ -64,11 +65,16 @@ async def video(websocket: WebSocket) -> None:
 
 
 @router.get("/picture.jpg", include_in_schema=False)
-def picture(request: Request) -> Response:
-    """Return the newest picture, for pages whose network blocks websockets."""
-    services = services_of(request)
-    frame = services.robot.camera.latest()
+async def picture(request: Request) -> Response:
+    """Return the newest picture, for pages without a websocket; a robot at rest takes a new one."""
+    broadcast, shown = services_of(request).hub.broadcast, asyncio.Event()
+    with broadcast.video.watched(shown.set):
+        broadcast.show_newest()
+        if broadcast.video.newest is None:
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(shown.wait(), 1.0)
+        frame = broadcast.video.newest
     if frame is None:
         raise HTTPException(503, "The camera has given no picture yet.")
-    jpeg = services.hub.broadcast.video.encoder.encode_jpeg(frame)
+    jpeg = broadcast.video.encoder.encode_jpeg(frame)
     return Response(jpeg, media_type="image/jpeg", headers={"cache-control": "no-store"})

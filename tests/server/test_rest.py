@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import httpx
 import pytest
 
 from robot.devices.rig import Rig
@@ -13,7 +14,7 @@ from robot.types import Mode
 from server.protocol import encode_acknowledgement, parse_picture
 
 from .virtual import Socket
-from .virtual_server import VirtualServer, connect
+from .virtual_server import VirtualPilot, VirtualServer, connect
 
 pytest.importorskip("panda3d")
 
@@ -35,7 +36,7 @@ def server() -> Iterator[VirtualServer]:
 @pytest.fixture
 def resting(server: VirtualServer) -> VirtualServer:
     server.forward(3.0)
-    assert server.rig.loop.is_resting
+    assert server.rig.loop.state.is_resting
     return server
 
 
@@ -53,11 +54,27 @@ def test_an_unwatched_robot_takes_no_pictures_and_rarely_ticks(resting: VirtualS
 
 
 def test_a_viewer_gets_no_old_picture_and_soon_a_new_one(resting: VirtualServer) -> None:
-    came_s = resting.clock.now_s()
-    with connect(resting.ws("/ws/video")) as viewer:
-        picture = parse_picture(viewer.recv(FRESH_S))  # type: ignore[arg-type]
-    assert picture.captured_s >= came_s
-    assert resting.clock.now_s() - came_s <= FRESH_S
+    with resting.pilot() as pilot:  # a page whose next state is due when the viewer comes
+        pilot.send(type="idle")
+        resting.forward(5.0)
+        came_s = resting.clock.now_s()
+        with connect(resting.ws("/ws/video")) as viewer:
+            picture = parse_picture(viewer.recv(FRESH_S))  # type: ignore[arg-type]
+        assert picture.captured_s >= came_s
+        assert resting.clock.now_s() - came_s <= FRESH_S
+
+
+def test_a_page_that_asks_for_single_pictures_gets_new_ones(resting: VirtualServer) -> None:
+    came_s, latest = resting.clock.now_s(), resting.rig.camera.latest
+    with httpx.Client(base_url=resting.address) as page:
+        for _ in range(3):
+            jpeg, newest = page.get("/picture.jpg").content, latest()
+            assert (
+                newest is not None and newest.data == jpeg and newest.captured_s >= came_s - FRESH_S
+            )
+            assert resting.clock.now_s() - came_s <= FRESH_S
+            resting.forward(0.5)
+            came_s = resting.clock.now_s()
 
 
 def test_a_viewer_with_one_picture_a_second_costs_one_and_changes_no_rate(
@@ -96,19 +113,23 @@ def test_a_page_without_a_picture_leaves_the_robot_at_rest(resting: VirtualServe
         assert spent(resting, 1.0)[0] >= 28
 
 
+@pytest.mark.parametrize("sees", [False, True])
+@pytest.mark.parametrize("rested_s", [5.0, 5.013, 5.026, 5.039])
 def test_a_pilot_starts_at_once_and_the_rest_does_not_count_as_the_cameras_period(
-    resting: VirtualServer,
+    resting: VirtualServer, rested_s: float, sees: bool
 ) -> None:
-    resting.forward(5.0)
+    """The first state once waited for its interval: up to 150 ms, by when the pilot came."""
+    resting.forward(rested_s)
     came_s = resting.clock.now_s()
-    with resting.pilot() as pilot:
+    with VirtualPilot(resting, sees=sees) as pilot:
         assert pilot.page.state["frame_age_ms"] <= 1000 * FRESH_S
+        assert resting.clock.now_s() - came_s <= FRESH_S
         pilot.mode("train")
         pilot.hold("left")
         pilot.wait_for_state(action="left")
         resting.forward(1.0)
         state = resting.rig.loop.state
-        assert state.decision.mode is Mode.TRAIN and not resting.rig.loop.is_resting
+        assert state.decision.mode is Mode.TRAIN and not state.is_resting
         assert state.camera.period_s == pytest.approx(1 / 30, rel=0.1)
         assert state.camera.speed_scale == 1.0
     assert resting.clock.now_s() - came_s < 5.0
