@@ -66,12 +66,13 @@ def pytest_collection_modifyitems(session: pytest.Session, items: list[pytest.It
 
 
 def pytest_sessionstart() -> None:
-    """Search for no garbage during the collection of tests: it makes what exists until the end."""
+    """Turn off garbage collection while pytest collects tests, because the collected objects exist
+    until the end."""
     gc.disable()
 
 
 def pytest_collection_finish() -> None:
-    """Exclude what exists until the end from garbage collection."""
+    """Exclude the collected tests from garbage collection, because they exist until the end."""
     gc.collect()
     gc.freeze()
     gc.enable()
@@ -87,7 +88,7 @@ def _own_data_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]
 
 @pytest.fixture(scope="session", autouse=True)
 def _own_folder_for_inner_runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """A pytest that a test starts shares no folder with the pytest of another worker.
+    """If a test starts pytest, this pytest shares no folder with that of another worker.
 
     Each pytest removes old temporary folders when it ends. Two that do so in one folder at the
     same time warn of an unclosed `scandir`, and a warning is an error here (pytest 9).
@@ -99,7 +100,8 @@ def _own_folder_for_inner_runs(tmp_path_factory: pytest.TempPathFactory) -> Iter
 
 @pytest.fixture(scope="session", autouse=True)
 def _authorities_are_read_once() -> Iterator[None]:
-    """Each `httpx.get` would read all TLS authorities again: 30 ms, most of a virtual request."""
+    """Cache the TLS context, because otherwise each `httpx.get` spends 30 ms, most of a virtual
+    request, on reading all authorities."""
     before, trust = httpx.HTTPTransport.__init__, ssl.create_default_context()
 
     def begin(transport: httpx.HTTPTransport, verify: Any = True, **options: Any) -> None:

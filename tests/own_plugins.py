@@ -1,4 +1,4 @@
-"""The plugins that come with this program, whatever other plugins are installed."""
+"""Restricts tests to the plugins of this program, whatever other plugins are installed."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class Progress:
         self._total = self._left.total()
 
     def pytest_report_teststatus(self, report: pytest.TestReport) -> tuple[str, str, str] | None:
-        """Count an outcome, without printing a dot for it."""
+        """Count an outcome; pytest prints no dot for it."""
         is_one = report.when == "call" or (report.when == "setup" and not report.passed)
         if report.when == "teardown" and report.passed:
             return None

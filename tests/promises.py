@@ -1,4 +1,4 @@
-"""Which promise is tested at which level, and where: `python -m tests.promises [WORD ...]`.
+"""Lists which promise is tested at which level, and where: `python -m tests.promises [WORD ...]`.
 
 A test's name is its promise. Its level follows from what it runs:
 
@@ -38,7 +38,7 @@ class Promise:
 
 
 def promises(root: Path = HERE) -> Iterator[Promise]:
-    """Generate every promise, in the order of files and lines."""
+    """Yield the promise of each test, in the order of files and lines."""
     for path in sorted(root.rglob("test_*.py")):
         if "node_modules" not in path.parts:
             yield from sorted(_of(path, path.relative_to(root.parent).as_posix()))

@@ -1,7 +1,8 @@
 """`make test-stalls`: runs the real-time tests while the machine is paused at random.
 
 A laptop that wakes up pauses like this, and so does a shared machine. All processes of the run are
-paused for some seconds and then continue. A test may take longer for that, but it must not fail.
+paused for some seconds and then continue. A test may take longer because of this, but must not
+fail.
 """
 
 from __future__ import annotations

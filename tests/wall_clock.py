@@ -36,8 +36,8 @@ def is_exempt(file: str, name: str) -> bool:
     """True for a test that may use the wall clock without a mark.
 
     Args:
-        file: Below tests/, as in `robot/test_errors.py`.
-        name: Of the test, with its parameters.
+        file: The test's path below tests/, as in `robot/test_errors.py`.
+        name: The test's name, with its parameters.
     """
     if file.startswith(BROWSERS):
         return True

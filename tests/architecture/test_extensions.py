@@ -48,12 +48,13 @@ def packages_of(extensions: set[str]) -> set[str]:
 
 
 REMOVALS = [{e} for e in EXTENSIONS] if IS_FULL else [{*EXTENSIONS[i::4]} for i in range(4)]
-"""What is removed at one time: in CI each extension by itself, otherwise four groups, which take a
-quarter of the time."""
+"""The extensions that are removed together: in CI each one alone, otherwise four groups, which take
+a quarter of the time."""
 
 
 def place(source: str, target: str) -> None:
-    """Link a file, or copy it to another disk: each tree has a thousand."""
+    """Link a file, or copy it if the folder is on another disk; linking is faster, and each tree
+    has a thousand files."""
     try:
         os.link(source, target)
     except OSError:
@@ -63,7 +64,8 @@ def place(source: str, target: str) -> None:
 def copy_without(extensions: set[str], folder: Path, *names: str) -> None:
     """Copy the tree without extensions."""
     gone = packages_of(extensions)
-    ignored = shutil.ignore_patterns("node_modules", "*.webp")  # compiled modules save a second
+    # linking the compiled modules saves a second
+    ignored = shutil.ignore_patterns("node_modules", "*.webp")
     for name in names:
         shutil.copytree(ROOT / name, folder / name, ignore=ignored, copy_function=place)
     for package in gone:
@@ -76,7 +78,7 @@ def copy_without(extensions: set[str], folder: Path, *names: str) -> None:
         lines = named.read_text("utf-8").splitlines(keepends=True)
         rooms = [page for each in extensions for page in WEB.get(each, ())]
         gone_lines = {f"import './{room.removeprefix('js/')}/extension.js';\n" for room in rooms}
-        named.unlink()  # it is the tree's own file
+        named.unlink()  # the tree has its own version of this file
         named.write_text("".join(line for line in lines if line not in gone_lines), "utf-8")
     text = (ROOT / "pyproject.toml").read_text("utf-8")
     taken = "|".join(map(re.escape, sorted(gone)))

@@ -1,4 +1,4 @@
-"""The program that a person would start: some short lessons, here or on a cluster."""
+"""Runs some short lessons, on this machine or on a cluster, as a person would start them."""
 
 from __future__ import annotations
 

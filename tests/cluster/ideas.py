@@ -1,4 +1,4 @@
-"""Ideas of a person that fail: each is a learner."""
+"""Learners that a person might write, and that fail."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class NotPicklableError(Exception):
 
 
 class Odd(BaseLearner):
-    """A learner whose error cannot travel."""
+    """A learner whose error cannot be unpickled in another process."""
 
     def learn_one(self, x: Any, y: Any) -> None:
         raise NotPicklableError("odd", 2)

@@ -120,7 +120,7 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
         "each time its worker was lost", {"learner": "ideas.py:Deadly", "workers": ["nanny"]}
     ),
 }  # fmt: skip
-"""What the client says at its end, or that its results are equal."""
+"""Return the last words of the client, or that its results are equal."""
 
 
 @only_full

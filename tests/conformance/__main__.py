@@ -66,7 +66,7 @@ def check_mcap_in_python(home: Path, samples: Samples) -> Iterator[Result]:
 
 
 def check_mcap_in_javascript(home: Path, samples: Samples) -> Iterator[Result]:
-    """The same in JavaScript."""
+    """Read a recording by the JavaScript library of MCAP."""
     npm = _program("npm", "node")
     home.mkdir(parents=True, exist_ok=True)
     shutil.copy(HERE / "in_mcap.mjs", home)

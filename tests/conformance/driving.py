@@ -51,7 +51,7 @@ def taught(address: str) -> int:
 
 
 def tries(python: Path, out: Path, samples: Samples) -> Iterator[Tried]:
-    """Yield what is tried, in order; each returns what a person should know, or fails."""
+    """Yield the tests, in order; each returns a report for people, or fails."""
     here = Path(sys.executable)
     with (
         served(here, out / "led") as leader,

@@ -23,8 +23,8 @@ from tests.server.virtual import ServedWorld, virtually
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Samples:
-    """One drive as a recording, a tub, a dataset of two episodes and a film; a second, different
-    lesson as a dataset and as a plain dataset; and `/metrics`."""
+    """Write one drive as a recording, a tub, a dataset of two episodes and a film; write another
+    lesson as a dataset and as a plain dataset; and write the text of `/metrics`."""
 
     recording: Path
     lesson: Path
@@ -62,7 +62,7 @@ def make_samples(folder: Path) -> Samples:
 
 
 def metrics_of_a_robot() -> str:
-    """Return `/metrics` of a robot that does everything."""
+    """Return the text of `/metrics`, from a robot that has all metrics."""
 
     async def scenario(world: ServedWorld) -> str:
         pilot = await world.pilot(sees=True)

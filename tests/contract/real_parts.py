@@ -41,7 +41,7 @@ from tests.standins.rosbridge import RosBridgeServer
 from tests.standins.ws_robot import WsRobot
 
 _ASKED_AT_MOST = 20
-"""A body that sends nothing any more once its connection is cut."""
+"""A body that sends nothing after its connection was cut."""
 
 
 def on_a_busy_machine(
@@ -54,7 +54,8 @@ def on_a_busy_machine(
 def one_that_reports(
     driver: ReportingDriver, is_moving: Callable[[], bool], cut_link: Callable[[], None]
 ) -> DriverCase:
-    """The same for a body that reports the last order it obeyed; only its later motion counts."""
+    """Return a case for a body that reports the last order that it obeyed; only motion after this
+    report counts."""
 
     def moves_now() -> bool:
         for _ in range(_ASKED_AT_MOST):
@@ -125,7 +126,8 @@ def ros_driver() -> Iterator[DriverCase]:
 
 @contextmanager
 def dds_driver() -> Iterator[DriverCase]:
-    """The same over DDS; the robot is another participant."""
+    """A ROS base over DDS that never stops by itself, behind our watchdog; the robot is another
+    participant."""
     from tests.standins.dds_robot import DdsRobot, own_domain
 
     domain = own_domain()
@@ -186,7 +188,7 @@ SMOKE = (
     DriverContract.test_it_leaves_nothing_behind,
     DriverContract.test_a_body_whose_line_is_cut_stands_and_the_driver_says_so,
 )
-"""For bodies that keep the whole contract in virtual time."""
+"""Checks for real parts of bodies that keep the whole contract in virtual time."""
 CAMERA_SMOKE = (
     CameraContract.test_frames_count_up_and_are_stamped_by_the_clock,
     CameraContract.test_it_leaves_no_thread_behind,
@@ -200,7 +202,7 @@ def check_driver_on_its_real_line(name: str) -> None:
     """Check a driver against the contract, in the one test that starts its real part."""
     is_short = name in DRIVERS or (name == "ros over DDS" and not IS_FULL)
     for check in SMOKE if is_short else WHOLE:
-        # A check that does not apply to this body must not skip what its test checks afterwards.
+        # If a check does not apply to this body, the test must go on with the next check.
         with REAL_DRIVERS[name]() as case, contextlib.suppress(pytest.skip.Exception):
             check(DriverContract(), case)
 

@@ -19,7 +19,7 @@ STANDS = Point(0.0, 0.0)
 
 
 class LateDriver(ConnectedDriver[VirtualClock]):
-    """Its orders arrive late; one of its methods has a name that many authors would use."""
+    """A driver whose orders arrive late, with a method name that many authors would use."""
 
     name, default_camera, is_remote, takes_points = "late", "phone", True, True
     is_cut, ramp_s = False, 0.0

@@ -50,7 +50,7 @@ def teach(policy: Policy, examples: int, first: int = 0) -> None:
 
 @pytest.fixture
 def each_is_learned(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Learn repeated views too; `Repeats` has tests of its own."""
+    """Make the policy learn repeated views, too; `Repeats` has tests of its own."""
     monkeypatch.setattr(Repeats, "on_example", lambda self, lesson: None)
 
 

@@ -83,7 +83,8 @@ def _row(action: argparse.Action) -> tuple[str, str, str]:
     default = action.default
     is_told = default not in (None, False, argparse.SUPPRESS) and "default" not in str(action.help)
     shown = f"`{default}`" if is_told and not isinstance(default, Path) else ""
-    is_place = isinstance(default, Path) and default.is_absolute()  # only on this machine
+    # a path that exists only on this machine
+    is_place = isinstance(default, Path) and default.is_absolute()
     told = "see storage.md" if is_place else str(default)
     text = (action.help or "").replace("%(default)s", told).replace("%%", "%")
     return f"`{name.strip()}`", shown, _cell(text, action.choices)
@@ -95,7 +96,8 @@ def _plugin_row(option: Option) -> tuple[str, str, str]:
 
 
 def _cell(text: str, choices: Iterable[object] | None = None) -> str:
-    """Return one cell: the text, and the possible values if the text does not name all of them."""
+    """Return the cell of one option: its help, and its possible values if the help does not name
+    all of them."""
     values = [str(choice) for choice in choices or ()]
     if not all(value in text for value in values):
         text = "; ".join(filter(None, (text, f"one of {', '.join(values)}")))

@@ -53,7 +53,8 @@ def test_every_relative_link_leads_somewhere() -> None:
 
 
 def test_every_command_that_a_page_names_exists() -> None:
-    ours = [page for page in CURRENT if "examples" not in page.parts]  # they have own options
+    # these commands have options of their own
+    ours = [page for page in CURRENT if "examples" not in page.parts]
     unknown = {str(page): commands.unknown(page.read_text("utf-8")) for page in ours}
     assert {page: names for page, names in unknown.items() if names} == {}
     assert commands.unknown("`drivelesson serve --fly 3`, `make run`") == [
@@ -111,7 +112,7 @@ def test_every_default_of_the_tables_is_the_programs() -> None:
 
 
 def test_every_mark_of_a_number_is_closed_and_begins_no_line() -> None:
-    """At the beginning of a line it would begin a block of HTML, and end the paragraph."""
+    """A marker at the beginning of a line would begin a block of HTML and end the paragraph."""
     for page in PAGES:
         text = page.read_text("utf-8")
         assert not re.search("^<!--=", text, re.M), page

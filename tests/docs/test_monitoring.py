@@ -18,9 +18,10 @@ _NAME = re.compile(r"\bdrivelesson_\w+")
 
 @pytest.fixture(scope="module")
 def names() -> set[str]:
-    """The names in `/metrics` of a robot that does everything."""
+    """The names in the `/metrics` of a robot that has all metrics."""
     text = metrics_of_a_robot()
-    return {*_NAME.findall(text), "drivelesson_learner_seconds_sum"}  # once it has learned
+    # this metric exists only after the robot has learned
+    return {*_NAME.findall(text), "drivelesson_learner_seconds_sum"}
 
 
 @pytest.mark.parametrize("file", ["dashboard.json", "alerts.yml"])

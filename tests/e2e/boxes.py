@@ -21,7 +21,7 @@ def faults(page: Any, measure: str = MEASURE, usual: tuple[str, ...] = ()) -> li
     """List the truncated or overlapping elements that stay so; a busy machine lays out late.
 
     Args:
-        page: As it is now.
+        page: The page as it is now.
         measure: A function of the page, which returns a list.
         usual: Parts of descriptions of faults that are not faults on this page.
     """
@@ -60,7 +60,7 @@ def in_language(browser: Any, language: str) -> Any:
 def speak_longer(context: Any) -> None:
     """Have the page use a language half as long again as English, with tall letters.
 
-    It may fill a button's padding, which no real language may.
+    Its words may fill a button's padding, which those of a real language may not.
     """
     context.add_init_script("window.isMadeUp = true")
 

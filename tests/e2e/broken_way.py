@@ -37,7 +37,8 @@ class BrokenWay:
 
     @fault.setter
     def fault(self, fault: str) -> None:
-        """Break it, or restore it with the empty text; open connections are affected, too."""
+        """Break the path by a fault, or restore it if the text is empty; the fault also affects
+        open connections."""
         self._loop.do(self._become(fault))
 
     async def _become(self, fault: str) -> None:
@@ -58,7 +59,8 @@ class BrokenWay:
 
     @contextlib.asynccontextmanager
     async def _open(self, writer: Any) -> Any:
-        """Keep a connection among those that a fault may cut, and close it in the end."""
+        """Register a connection, so that a fault can cut it, and close it at the end of the
+        block."""
         self._writers.add(writer)
         try:
             yield

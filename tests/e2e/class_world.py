@@ -48,7 +48,8 @@ class LiveClass:
 def running_class(
     folder: Path, robots: int = 3, away: int = 0, *, simulated: bool = False, tls: int = 0
 ) -> Iterator[LiveClass]:
-    """Serve this number of robots and their board; `away` more are on its list and do not answer.
+    """Serve this number of robots and their board, whose list has `away` more robots that do not
+    answer.
 
     The first `tls` robots are served over https.
     """

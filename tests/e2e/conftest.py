@@ -77,7 +77,7 @@ def rover(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
 
 
 class _OnePage:
-    """The only page that is open on the rover, so that it has the wheel."""
+    """The only page that is open at the rover, so that this page has the wheel."""
 
     def __init__(self) -> None:
         self.page: Any = None
@@ -110,7 +110,8 @@ def _one_page() -> Iterator[_OnePage]:
 def rovers_page(
     request: pytest.FixtureRequest, chromium: Any, rover: World, _one_page: _OnePage
 ) -> Iterator[Callable[[dict[str, int]], Any]]:
-    """Returns the file's one page on the rover; after a failure the next one is new."""
+    """Returns the one page at the rover that the tests of a file share; after a failure the next
+    page is new."""
     failed = request.session.testsfailed
     yield lambda viewport: _one_page.get(chromium, rover, viewport)
     if request.session.testsfailed > failed:

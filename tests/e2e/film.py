@@ -20,7 +20,7 @@ _ASKED_SHARE = 0.1
 
 
 def take_film(browser: Any, folder: Path) -> None:
-    """Write `ten-seconds.webp`. A busy machine may stop the robot meanwhile; then the film begins
+    """Write `ten-seconds.webp`. If a busy machine stops the robot meanwhile, the film begins
     again."""
     for _ in range(5):
         with passing_world("box") as world:
@@ -29,8 +29,8 @@ def take_film(browser: Any, folder: Path) -> None:
 
 
 def _film(browser: Any, world: World, path: Path) -> bool:
-    """Film ten seconds of the drive screen: taught, handed over, corrected. True if the film is
-    complete and the robot hardly asked."""
+    """Film ten seconds of the drive screen, in which the pilot teaches, hands over and corrects.
+    Return True if the film is complete and the robot hardly asked for help."""
     context = browser.new_context(
         viewport=PHONE, has_touch=True, is_mobile=True, reduced_motion="no-preference"
     )

@@ -16,7 +16,8 @@ SET_HIDDEN = """(hidden) => {
   Object.defineProperty(document, 'hidden', { get: () => hidden, configurable: true });
   document.dispatchEvent(new Event('visibilitychange'));
 }"""
-"""Treats the page as a browser does when another tab is chosen, or a call comes."""
+"""A script that treats the page as a browser does when the person chooses another tab, or gets a
+call."""
 Way = tuple[float, float]
 """Distance from a control's middle to the right and upwards, as shares of its width and height."""
 MIDDLE: Way = (0.0, 0.0)
@@ -77,7 +78,7 @@ def teach(
     deadline_s = time.monotonic() + 100
     while world.lessons < lessons and not until():
         assert time.monotonic() < deadline_s, f"only {world.lessons} lessons came through"
-        if world.mode is Mode.STOPPED:  # a busy machine was late, and the robot stopped for it
+        if world.mode is Mode.STOPPED:  # the machine was busy and late, so the robot stopped
             if held:
                 fingers.lift()
             held = None
@@ -136,7 +137,8 @@ def choose(page: Any, world: World, mode: Mode) -> None:
         assert time.monotonic() < deadline_s, f"does not stay in {mode.value}: {world}"
         if world.mode is not mode and button.is_enabled():
             button.click()
-        with contextlib.suppress(Exception):  # stopped at once, or late
+        # the robot was stopped at once, or the request was late
+        with contextlib.suppress(Exception):
             shown.wait_for(timeout=1000)
         page.wait_for_timeout(20)
 
@@ -178,7 +180,7 @@ def _held(page: Any) -> str | None:
 def hold_until(
     world: World, fingers: Fingers, move: str, done: Callable[[], bool], within_s: float = 100.0
 ) -> None:
-    """Hold a direction, as `press_until` does."""
+    """Hold a direction until a condition holds, as `press_until` does."""
     press_until(fingers.page, world, lambda: fingers.press(pad(move)), fingers.lift, done, within_s)
 
 
@@ -194,14 +196,14 @@ def drive_on(page: Any, world: World, *, until: Callable[[], bool], within_s: fl
 
 
 def turned_rad(world: World, seconds: float = 0.4) -> float:
-    """Return the angle by which the robot turns to the left in some time."""
+    """Return the angle by which the robot turns to the left within some time."""
     before = world.pose.heading_rad
     time.sleep(seconds)
     return math.remainder(world.pose.heading_rad - before, math.tau)
 
 
 def turning(world: World) -> Callable[[], bool]:
-    """Return a function that says whether the robot has really turned since now."""
+    """Return a function that says whether the robot has turned since this call."""
     before = world.pose.heading_rad
     return lambda: abs(world.pose.heading_rad - before) > 0.03
 

@@ -57,7 +57,7 @@ _TEXT = """() => {
 
 @dataclass(slots=True)
 class Story:
-    """The result of one newcomer; times in seconds since the page was opened."""
+    """The result of one newcomer. Times are in seconds since the page was opened."""
 
     habit: str
     screen: str
@@ -68,7 +68,7 @@ class Story:
     done_s: float | None = None
     corrections: int = 0
     longest_push_s: float = 0.0
-    """While the robot drove by itself."""
+    """The time for which the robot pushed while it drove by itself."""
 
     @property
     def is_done(self) -> bool:
@@ -123,7 +123,7 @@ class Newcomer:
         return self.story
 
     def _go_on(self) -> None:
-        """If it is time to read, read; then drive for a moment."""
+        """Read the page if it is time to read, then drive for a moment."""
         if self.now_s - self._read_s > READ_EVERY_S:
             self._read()
         self._drive()
@@ -163,7 +163,7 @@ class Newcomer:
 
     def _tap(self, selector: str) -> None:
         self._hold(None)  # browsers send no click for a second finger
-        with contextlib.suppress(Exception):  # it may disappear before the finger arrives
+        with contextlib.suppress(Exception):  # the control may disappear before the finger arrives
             self._fingers.press(selector, finger=2)
             self._fingers.lift(finger=2)
 
@@ -249,7 +249,7 @@ def run(story: Story, world_name: str) -> Story:
 
 
 def main() -> int:
-    """Run them one after the other; 0 if at most one in twelve fails."""
+    """Run the newcomers one after the other; return 0 if at most one in twelve fails."""
     parser = argparse.ArgumentParser(prog="python -m tests.e2e.newcomers", description=__doc__)
     parser.add_argument("--habits", default=",".join(HABITS), help="comma-separated")
     parser.add_argument("--world", default="box")

@@ -1,5 +1,5 @@
-"""A real nginx or Caddy in front of robots, with the configuration of the docs; nginx also
-plain."""
+"""A real nginx or Caddy in front of robots, with the configuration of the docs; nginx also without
+it."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def site_of_the_docs(port: int, robots: Sequence[int], folder: Path, *, tls: boo
 
 @contextlib.contextmanager
 def running_nginx(folder: Path, site: str, port: int) -> Iterator[None]:
-    """Serve a site inside the block."""
+    """While the `with` block runs, serve a site."""
     folder.mkdir()
     config = folder / "nginx.conf"
     config.write_text(_AROUND.replace("SITE", site).replace("FOLDER", str(folder)))

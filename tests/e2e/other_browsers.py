@@ -38,7 +38,7 @@ class OtherBrowser(Protocol):
         """Return the value of an expression; a string, number, boolean or null."""
 
     def perform(self, actions: list[dict[str, Any]]) -> None:
-        """Have the fingers act as WebDriver describes."""
+        """Have the fingers carry out actions, in the form that WebDriver describes."""
 
 
 def missing(name: str) -> str | None:

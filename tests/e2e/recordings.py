@@ -50,8 +50,8 @@ def put_recording(world: World) -> None:
 
 
 def drive(world: World, examples: int) -> None:
-    """Drive without a page until enough was taught; begin again after each stop on a busy
-    machine."""
+    """Drive without a page until the robot has enough examples; begin again after each stop by a
+    busy machine."""
     loop, clock = world.rig.loop, world.rig.clock
     latest_s = clock.now_s() + 60.0
     while world.lessons < examples:

@@ -169,7 +169,7 @@ def _take_screens(page: Any, world: World, shoot: Shoot) -> None:
 
 
 def _take_away(browser: Any, world: World, folder: Path) -> None:
-    """The network ends while the robot drives."""
+    """The drive screen when the network ends while the robot drives."""
     for ending, context in _contexts(browser):
         proxy = BrokenWay(int(world.address.rsplit(":", 1)[1]))
         page = open_page(context, proxy.address)
@@ -305,7 +305,8 @@ PARTS: dict[str, Callable[[Any, Path], None]] = {
     "study": _take_trial,
     "participants": _take_participants,
 }
-"""The parts that can be taken separately: python -m tests.e2e.screenshots FOLDER office class."""
+"""The sets of pictures that can be taken separately: python -m tests.e2e.screenshots FOLDER office
+class."""
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
-"""A page whose path to its robot breaks, and two pages of one robot: it stops, and both are told
-the truth.
+"""If a page's path to its robot breaks, the robot stops, and the page and a second page tell the
+truth.
 
 tests/faults checks how soon it stops, and tests/web/way.test.mjs which sentence belongs to which
 fault.
@@ -41,7 +41,7 @@ def way(world: World) -> Iterator[BrokenWay]:
 
 @pytest.fixture
 def far_phone(chromium: Any, way: BrokenWay) -> Iterator[Any]:
-    """The page on a phone, at the other end of the way."""
+    """The page on a phone, behind the network that a test can break."""
     context = new_context(chromium, PHONE, locale="en")
     yield open_page(context, way.address)
     context.close()
@@ -61,7 +61,8 @@ def test_the_robot_stops_if_the_pages_main_thread_hangs(phone: Any, world: World
         drive(phone, world)
         debugger = phone.context.new_cdp_session(phone)
         debugger.send("Debugger.enable")
-        debugger.send("Debugger.pause")  # at the next line that it runs, which is near a heartbeat
+        # the page is paused at the next line that it runs, which is near a heartbeat
+        debugger.send("Debugger.pause")
         wait_until_standing(world)
         reason = world.rig.loop.state.decision.stop_reason
         debugger.send("Debugger.resume")
@@ -111,7 +112,7 @@ def test_a_stop_pressed_while_the_robot_is_out_of_reach_is_obeyed(
 def test_blocked_websockets_are_named_and_pictures_come_by_requests(
     far_phone: Any, way: BrokenWay
 ) -> None:
-    """The first is a network that blocks them, the second a gateway without a robot."""
+    """The first fault is a network that blocks websockets, the second a gateway without a robot."""
     words = sentences("en")
     way.fault = "websockets blocked"
     far_phone.locator(".notice p", has_text=words["way.blocked.stands"]).wait_for()

@@ -1,6 +1,6 @@
 """`drivelesson class` as a teacher starts it, from the code on paper to Ctrl-C.
 
-What is kept for the next day is tested in tests/server.
+tests/server tests which data the class keeps for the next day.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A recording is shown on its time axis and edited, step by step, on a phone.
 
-What an edit does to a recording is tested in tests/robot/recordings and tests/server/recordings.
+tests/robot/recordings and tests/server/recordings test what an edit does to a recording.
 """
 
 from __future__ import annotations

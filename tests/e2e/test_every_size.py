@@ -56,7 +56,7 @@ def everywhere(
 
 @pytest.fixture(scope="module")
 def taught(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
-    """A recorded robot that was taught a little; the pages here only show it."""
+    """A robot that was taught a little, with a recording; the tests of this file only show it."""
     folder = tmp_path_factory.mktemp("taught")
     with running_world(folder, world="office", frame_rate_hz=30.0) as running:
         drive(running, 60)
@@ -165,7 +165,8 @@ _IN_EACH_STATE = """async () => {
   }
   return found;
 }""".replace("MEASURE", MEASURE)
-"""Lists the faults of both views and both panels at one size: a new size costs more than these."""
+"""Lists the faults of both views and both panels at one size, because changing the size takes
+longer than changing the view."""
 _IN_EACH_LESSON = """async () => {
   const found = [];
   for (const part of ['teach-it', 'fool-it', 'fair-data']) {
@@ -213,5 +214,5 @@ def test_the_board_has_room_everywhere_and_no_stop_moves(
 
 
 def _faults_of_a_document(page: Any, measure: str = MEASURE) -> list[str]:
-    """Return the faults of a page that commands no robot and scrolls as a whole."""
+    """Return the layout faults of a page that scrolls as a whole and cannot drive a robot."""
     return faults(page, measure, ("STOP is not on the screen", "below the window"))

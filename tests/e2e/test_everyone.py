@@ -107,8 +107,8 @@ MOVING = """() => [...document.querySelectorAll('*')].filter((e) =>
 def test_all_screens_cost_little_come_from_the_robot_alone_and_hold_still(
     chromium: Any, rover: World
 ) -> None:
-    """The budget does not count pictures and answers, whose sizes depend on what was taught;
-    tests/web/test_bundle.py checks that of the first visit."""
+    """The budget does not count pictures and answers, whose sizes depend on what was taught.
+    tests/web/test_bundle.py checks the budget of the first visit."""
     context = new_context(chromium, PHONE)
     page = context.new_page()
     asked: list[str] = []
@@ -142,7 +142,7 @@ def test_all_screens_cost_little_come_from_the_robot_alone_and_hold_still(
             show(page, screen)
     every = sum(sizes.values())
     assert 0 < first < every < MOST_BYTES
-    show(page, "study")  # only fetched by people who run one
+    show(page, "study")  # only people who run a study fetch these files
     assert 0 < sum(sizes.values()) - every < MOST_BYTES_STUDY
     ours = (rover.address, rover.address.replace("http", "ws"), "data:")
     assert [url for url in asked if not url.startswith(ours)] == []
@@ -151,7 +151,8 @@ def test_all_screens_cost_little_come_from_the_robot_alone_and_hold_still(
 
 
 def hears(page: Any, told: str) -> None:
-    """Check that these are read out, in this order and with these states, among others."""
+    """Check that a screen reader reads out these names, in this order and with these states; it may
+    read others in between."""
     from playwright.sync_api import expect
 
     expect(page.locator("body")).to_match_aria_snapshot(told, timeout=60_000)

@@ -1,6 +1,6 @@
 """A phone becomes the robot's eye in Chromium, whose fake camera plays a film.
 
-When its page sends STOP, and what its keys do, is tested in Node (tests/web/eye-page.test.mjs).
+tests/web/eye-page.test.mjs tests in Node when the eye's page sends STOP, and what its keys do.
 """
 
 from __future__ import annotations

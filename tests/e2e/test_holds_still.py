@@ -63,7 +63,8 @@ def test_the_drive_screen_holds_still(
     # The celebration's jump is not measured, because the figure is not a control.
     context = in_language(chromium, language)
     page = open_page(context, standing.address)
-    for screen in ("study", "challenge", "drive"):  # with this the page fetches their sentences
+    # with this field the page fetches the sentences of studies
+    for screen in ("study", "challenge", "drive"):
         show(page, screen)
     words = sentences(language)
     wrong: list[str] = []
@@ -126,7 +127,7 @@ WRONGLY_HIT = """(n) => {
 
 
 def test_no_label_of_a_move_lies_over_another_move(chromium: Any, standing: World) -> None:
-    """A finger on it would drive that robot."""
+    """A finger on this page would drive the robot of the file's other tests."""
     context = in_language(chromium, "en")
     page = open_page(context, standing.address)
     for size in (PHONE, LANDSCAPE, {"width": 320, "height": 568}):

@@ -1,4 +1,5 @@
-"""The form of the newcomers' script; their drives take minutes (python -m tests.e2e.newcomers)."""
+"""The newcomers' script still fits the page. The drives themselves take minutes (python -m
+tests.e2e.newcomers)."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ STEP_S = 60.0
 
 
 class Hand:
-    """A finger on another browser's page; a mouse if the browser has no touch."""
+    """A finger on the page in Firefox or WebKit, or a mouse if the browser has no touch."""
 
     def __init__(self, page: OtherBrowser) -> None:
         self._page = page
@@ -105,7 +105,7 @@ def test_teach_drive_and_stop(name: str, world: World) -> None:
 
 
 def _choose(page: OtherBrowser, hand: Hand, world: World, mode: Mode) -> None:
-    """Tap a mode, and again after each stop, because a busy machine is late."""
+    """Tap a mode, and tap it again after each stop, because a busy machine may stop the robot."""
     deadline_s = time.monotonic() + STEP_S
     while world.mode is not mode:
         assert time.monotonic() < deadline_s, f"the robot does not stay in mode {mode.value}"
@@ -114,7 +114,7 @@ def _choose(page: OtherBrowser, hand: Hand, world: World, mode: Mode) -> None:
 
 
 def _teach(hand: Hand, world: World, move: Action, lessons: int) -> None:
-    """Hold a move until enough was learned, and again after each stop."""
+    """Hold a move until the robot has learned enough; hold it again after each stop."""
     deadline_s = time.monotonic() + STEP_S
     while world.lessons < lessons:
         assert time.monotonic() < deadline_s, f"holding {move} taught {world.lessons} of {lessons}"

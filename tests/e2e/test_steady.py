@@ -70,7 +70,7 @@ HOLD = """() => {
 
 def answers(page: Any, order: str, wanted: str = "") -> set[str]:
     """Let the answers arrive one by one until the wanted content is shown and no request is
-    pending; nothing may move meanwhile. Return the names of what the page shows.
+    pending; nothing may move meanwhile. Return the names of the elements that the page shows.
     """
     came = page.evaluate("([order, wanted]) => release(order, wanted)", [order, wanted])
     assert came["moved"] == []
@@ -94,7 +94,7 @@ def test_a_recording_opens_and_is_named_without_moving_a_button(
 ) -> None:
     page, episodes = rovers_phone, shelf.persistence.part(Recordings).episodes
     [episode_id] = episodes.ids()
-    episodes.set_title(episode_id, "Kitchen")  # as high as the other name
+    episodes.set_title(episode_id, "Kitchen")  # as high as the recording's name
     page.evaluate(HOLD)
     page.evaluate("location.hash = 'home'")
     page.wait_for_selector("home-screen", state="attached")
@@ -119,7 +119,8 @@ def test_a_screen_is_shown_even_if_the_robot_does_not_answer(rovers_phone: Any) 
 
 
 def test_the_map_moves_no_button_when_it_comes(chromium: Any, world: World) -> None:
-    """It is fetched after the first picture, when a hand may be on its way to the pad."""
+    """The page fetches this file after the first picture, when a hand may be on its way to the
+    pad."""
     context = new_context(chromium, DESKTOP)
     on_its_way: list[Any] = []
     context.route("**/*-screens.js", lambda route: on_its_way.append(route))

@@ -157,7 +157,8 @@ def test_stop_is_pressed_in_every_way(
     for name in list(WAYS)[:4] if is_touch else list(WAYS)[4:]:
         page = rovers_page(viewport)
         fingers = Fingers(page)
-        steer_by(page, "stick" if "stick" in name else "moves")  # for the next page, too
+        # this setting holds for the next page, too
+        steer_by(page, "stick" if "stick" in name else "moves")
         if "slides" in name:
             choose(page, rover, Mode.TRAIN)
         WAYS[name](page, fingers)
@@ -170,4 +171,4 @@ def test_stop_finds_its_way_without_a_websocket(rovers_phone: Any, rover: World)
     rovers_phone.evaluate("document.querySelector('drive-pad').page.connection.say = () => false")
     rovers_phone.locator("drive-pad .stop").tap()
     wait_until(lambda: rover.rig.loop.state.emergency, "it asks over HTTP")
-    rovers_phone.reload()  # it has a websocket again
+    rovers_phone.reload()  # the page has a websocket again

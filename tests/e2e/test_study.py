@@ -36,7 +36,8 @@ def frame_rate_hz() -> float:
 
 
 WAITING, SLOW, FAST = 0.01, 2.0, 8.0
-"""Seconds of a phase per second: until enough was taught, while the robot drives, and otherwise."""
+"""How fast a phase's clock runs: until the robot was taught enough, while the robot drives, and
+otherwise."""
 EXAMPLES = 20
 PLAN = """
 title = "Short or long teaching"
@@ -106,7 +107,8 @@ def test_a_study_from_the_plan_to_its_table(
     the_result_is_drawn(phone)
     phone.get_by_role("button", name="Next participant").click()
     phone.get_by_role("heading", name="Participants", exact=True).wait_for()
-    phone.evaluate((npm_modules / "axe-core" / "axe.min.js").read_text())  # it was loaded again
+    # the page was loaded again
+    phone.evaluate((npm_modules / "axe-core" / "axe.min.js").read_text())
     it_fits_and_is_accessible(phone)
     assert httpx.get(f"{world.address}/api/models").json()["models"] == before["models"]
 
@@ -146,7 +148,7 @@ def a_plan_is_refused_mended_and_made(page: Any, plan: Path) -> None:
 
 
 def the_phases_are_driven(page: Any, world: World) -> None:
-    """Teach, then let it drive, as the phases ask for."""
+    """Teach, and then let the robot drive, as the session's phases request."""
     session = conductor_of(world).session
     assert session is not None
     page.locator(".notice", has_text="tap “Teach”").wait_for()
@@ -162,7 +164,8 @@ def the_phases_are_driven(page: Any, world: World) -> None:
 
 
 def the_questions_are_answered(page: Any, world: World, *, by_keyboard: bool) -> dict[str, Any]:
-    """Answer by the keyboard, or by touch and with a reload in between; return the answers."""
+    """Answer the questions, either by keyboard, or by touch with a reload in between; return the
+    answers."""
     send = page.get_by_role("button", name="Send the answers")
     send.wait_for()
     if by_keyboard:

@@ -52,7 +52,8 @@ def params_of(world: World) -> dict[str, Any]:
 
 
 def the_images_are_those_of_the_model_in_use(page: Any, world: World) -> None:
-    """The images of another model have the same numbers, and the browser keeps what it has seen."""
+    """The images of another model have the same numbers, and the browser caches images by their
+    address."""
     show(page, "gallery")
     page.locator(".card").first.wait_for()
     shown = page.evaluate(SHOWN)

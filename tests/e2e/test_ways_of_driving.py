@@ -100,7 +100,7 @@ def test_enter_holds_a_focused_button_for_as_long_as_it_is_down(desktop: Any, wo
     wait_until(lambda: world.action is Action.STOP, "it is let go of")
     said = desktop.evaluate("said.filter(([held]) => !held)")
     assert said[0] == [None, "keyup"], "held from the first press to the release"
-    desktop.reload()  # it says what it always says
+    desktop.reload()  # the page shows its usual text
 
 
 def _a_call_comes(page: Any, fingers: Fingers) -> None:
@@ -135,9 +135,9 @@ LETTING_GO: dict[str, tuple[str, Callable[[Any, Fingers], None]]] = {
         lambda page, fingers: page.evaluate("location.hash = 'home'"),
     ),
 }
-"""The ends of a hold, and the event in which the page reports each."""
+"""The ways in which a hold ends, each with the event in which the page reports it."""
 OWN = ("the finger is lifted", "the touch is cancelled", "the screen turns")
-"""Buttons and stick handle these by code of their own, and the others by the page's."""
+"""Buttons and the stick handle these ends in their own code, and the page handles all others."""
 NOTE_SAID = """() => {
   window.said = [];
   const { connection } = document.querySelector('app-bar').page;
@@ -190,7 +190,7 @@ def what_is_still_held_must_be_held_anew(
         phone.wait_for_timeout(600)  # two presses of STOP within half a second count as one
     choose(phone, world, Mode.TRAIN)
     if "slides off" not in name:
-        for at in ((0.1, 0.1), (0.0, 0.0), (-0.8, 0.1)):  # as a finger does that lies on
+        for at in ((0.1, 0.1), (0.0, 0.0), (-0.8, 0.1)):  # as a finger that lies on the button does
             fingers.slide(pad("left") if by == "moves" else stick(), at=at)
     phone.wait_for_timeout(200)
     assert phone.evaluate("said.at(-1)[0]") is None, f"{name}: it is held without a new touch"
@@ -218,14 +218,14 @@ def test_a_stick_steers_as_far_as_it_is_pushed_and_the_picture_shows_it(
     hold((-0.5, 0.7), lambda: world.lessons > wanted and shown.count() >= 2)
     for way, action in {(0.3, 0.9): Action.RIGHT, (0.0, 0.9): Action.FORWARD}.items():
         hold(way, lambda w=way, a=action: near(world, w[0]) and world.action is a)
-    hold((1.5, 0.4), lambda: near(world, 1.0))  # over the edge it is held to its end
+    hold((1.5, 0.4), lambda: near(world, 1.0))  # a thumb beyond the edge holds the stick at its end
     fingers.slide(stick(), at=(0.02, 0.0))
     wait_until(lambda: world.action is Action.STOP, "a thumb that rests drives nowhere")
     fingers.lift()
 
 
 def near(world: World, steering: float) -> bool:
-    """True if the robot is driven about this far to one side."""
+    """True if the pilot steers the robot about this far to one side."""
     point = world.rig.loop.state.decision.point
     return point is not None and abs(point.steering - steering) < 0.25
 
@@ -263,7 +263,7 @@ PADS = """() => {
 def test_a_game_pad_drives_until_it_is_unplugged_and_its_button_stops(
     desktop: Any, world: World
 ) -> None:
-    """What each pad means is tested in Node (tests/web/pads.test.mjs)."""
+    """tests/web/pads.test.mjs tests in Node what the inputs of each pad mean."""
     desktop.evaluate(PADS)
     choose(desktop, world, Mode.TRAIN)
     rest, ahead = (partial(desktop.evaluate, f"plug(0, [0, {way}, 0, 0])") for way in (0, -1))
@@ -342,7 +342,7 @@ def test_a_robot_that_drives_itself_stops_when_its_page_is_hidden(phone: Any, wo
     phone.evaluate(SET_HIDDEN, True)
     wait_until_standing(world)
     assert "out of sight" in phone.locator(".notice").inner_text()
-    phone.reload()  # it is in sight again
+    phone.reload()  # the page is visible again
 
 
 def test_arrows_move_between_modes_and_drive_nothing_and_space_keeps_the_focus(
@@ -367,7 +367,7 @@ def test_arrows_move_between_modes_and_drive_nothing_and_space_keeps_the_focus(
 def test_space_stops_a_robot_that_may_move_whatever_has_the_focus(
     desktop: Any, world: World, control: str
 ) -> None:
-    """Which key stops in which control is tested in Node (tests/web/keys.test.mjs)."""
+    """tests/web/keys.test.mjs tests in Node which key stops the robot in which control."""
     choose(desktop, world, Mode.TRAIN)
     desktop.evaluate(
         """(html) => {

@@ -32,8 +32,9 @@ BOTH = (Action.FORWARD, Action.LEFT)
 
 
 def learned(world: World) -> float:
-    """Return the share of the taught examples for which their own move is proposed now: the mean
-    of both moves, so a robot that always proposes one of them has a half.
+    """Return the share of the taught examples for which the robot now proposes the taught move. It
+    is the mean of the shares of both moves, so a robot that always proposes the same move reaches a
+    half.
 
     The agreement on the page varies with the path, because it is that of the newest examples, each
     before it was learned.

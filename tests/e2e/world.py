@@ -36,7 +36,7 @@ CHROMIUMS = (
     "/usr/bin/chromium",
     "/usr/bin/chromium-browser",
 )
-"""Paths of Chromium. The first one has no windows, and uses a third less CPU."""
+"""Paths of Chromium. The first program shows no windows, and uses a third less CPU time."""
 PATIENCE_MS = 90_000
 """Timeout if a test names none; it must not judge the speed of a machine."""
 CHROMIUM_FLAGS = [
@@ -123,8 +123,8 @@ def running_world(folder: Path, config: Config | None = None, **options: Any) ->
 
 @contextlib.contextmanager
 def passing_world(name: str) -> Iterator[World]:
-    """Serve a simulated robot for the docs' pictures, with the rate of a real camera. It keeps
-    nothing after the block."""
+    """Serve a simulated robot for the docs' pictures, with the rate of a real camera. Nothing of
+    the robot stays after the block."""
     with (
         tempfile.TemporaryDirectory() as kept,
         running_world(Path(kept), world=name, frame_rate_hz=10.0) as world,
@@ -140,7 +140,7 @@ def find_chromium() -> str:
 
 
 _PLAYWRIGHTS: list[Any] = []
-"""The library, if it runs in this process, because there may be only one."""
+"""Playwright, if it already runs in this process, because a process can run it only once."""
 
 
 @contextlib.contextmanager

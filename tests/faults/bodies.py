@@ -45,7 +45,8 @@ DRIVES = 50
 """Number of drives measured for the page."""
 _STEP_S = 0.004
 _MEMORY = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
-"""The folder of a brick's files, which on a brick are not on a disk either."""
+"""A folder in memory for a brick's files, because the files of a real brick are not on a disk
+either."""
 
 
 @dataclass(frozen=True)
@@ -194,7 +195,7 @@ def unplug_motors(driver: Ev3Driver, brick: FakeBrick, *sides: int) -> None:
 
 @contextmanager
 def _ev3(seed: int) -> Iterator[TimedBody]:
-    """The server runs on the brick."""
+    """A brick on which the server itself runs."""
     clock = VirtualClock(100.0)
     with brick_in_memory(clock) as brick:
         driver = Ev3Driver(Ev3Options(brick_root=str(brick.root)), clock)
@@ -244,7 +245,7 @@ def stood_after_s(name: str, fault: str, seed: int, *, proportional: bool = Fals
     A body without proportional steering drives the moves that the points count as.
 
     Raises:
-        AssertionError: If it never moved before, or moves again afterwards.
+        AssertionError: If the body never moved before the fault, or moves again after it stood.
     """
     chance = random.Random(seed)
     with BODIES[name][0](seed) as body:
@@ -277,7 +278,7 @@ def stood_after_s(name: str, fault: str, seed: int, *, proportional: bool = Fals
         dict(zip(FAULTS, (body.lose, body.hang_up, body.freeze), strict=True))[fault]()
         began_s, last_s = body.clock.now_s(), 0.0
         for _ in range(400):
-            # The server continues without effect.
+            # The server goes on sending, without effect.
             if fault == "link lost" and chance.random() < 0.04:
                 send(meant)
             if _pass(body, _STEP_S):
@@ -286,7 +287,7 @@ def stood_after_s(name: str, fault: str, seed: int, *, proportional: bool = Fals
 
 
 def _pass(body: TimedBody, seconds: float) -> bool:
-    """Let time pass; return whether the body moved at its end."""
+    """Let time pass; return whether the body moved at the end of this time."""
     end_s = body.clock.now_s() + seconds
     while body.clock.now_s() < end_s:
         body.clock.sleep(min(_STEP_S, end_s - body.clock.now_s()))

@@ -1,6 +1,6 @@
 """Measures every fault in every mode, and writes the tables of docs/reference/faults.md.
 
-`python -m tests.faults.page` measures all figures again; `make docs` keeps them.
+`python -m tests.faults.page` measures all figures again; `make docs` keeps the measured figures.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ def worst_ms(cell: Cell, n_seeds: int) -> float:
 def measure(n_seeds: int) -> dict[Cell, float]:
     """Return the worst time of this number of drives for each cell.
 
-    A drive leaves few reference cycles, and collecting them would take a seventh of its time.
+    Garbage collection is off, because a drive leaves few reference cycles, and searching for them
+    takes a seventh of the time.
     """
     with ProcessPoolExecutor(initializer=gc.disable) as pool:
         return dict(zip(_CELLS, pool.map(worst_ms, _CELLS, repeat(n_seeds)), strict=True))

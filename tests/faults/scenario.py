@@ -20,7 +20,7 @@ from tests.server.virtual import Pilot, ServedWorld
 _PICTURE = bytes(5000)
 """The size of a JPEG of 160x120; its content does not matter."""
 POINTS = {"forward": Point(0.15, 0.4), "left": Point(-0.6, 0.45)}
-"""The point of each move, for the pilot and for the learner."""
+"""The steering and throttle of each move, for the pilot and for the learner."""
 _WATCHED_S = 0.15
 """Time after the end of a fault for which the robot must stand still."""
 
@@ -74,7 +74,7 @@ class FaultWorld(ServedWorld):
         return self.driver.now == move and self.driver.point == point
 
     async def settle(self, seed: int) -> None:
-        """Start again: without faults, with the random numbers of `seed`."""
+        """Start the drive anew, without faults, with the random numbers of `seed`."""
         self.dice.seed(seed)
         self.camera.rate_hz = self.dice.uniform(10.0, 30.0)
         self.camera.age_s = self.dice.uniform(0.0, 0.04)
@@ -94,10 +94,10 @@ class FaultWorld(ServedWorld):
         await self.forward(self.dice.uniform(0.0, 0.2))
 
     async def live_through(self, fault: Fault, mode: str, seed: int) -> Outcome:
-        """Drive, have a fault begin and end: the robot must stand, and go on standing.
+        """Drive, and have a fault begin and end; the robot must stop, and stay stopped.
 
         Raises:
-            AssertionError: If it does not.
+            AssertionError: If the robot does not.
         """
         what = f"{fault.name}, {mode}, seed {seed}"
         await self.settle(seed)
@@ -123,7 +123,8 @@ class FaultWorld(ServedWorld):
         """Drive while faults begin one after the other, and end one after the other.
 
         Raises:
-            AssertionError: If the robot does not stand in time after the last, or moves again.
+            AssertionError: If the robot does not stand in time after the last fault began, or moves
+                again.
         """
         await self.settle(plan.seed)
         await self.drive(plan.mode)
@@ -240,7 +241,7 @@ class Fault:
 
     @property
     def title(self) -> str:
-        """The fault's name in the docs, which says from when its time counts."""
+        """The fault's name in the docs; it says from which moment the time counts."""
         return f"{self.name}{self.note}"
 
 

@@ -18,7 +18,7 @@ SEEDS = size("SEEDS", 6, 1_000)
 
 
 def _set(part: str, **values: object) -> Change:
-    """Return a change of some attributes of a part of the world."""
+    """Return a fault that changes some attributes of a part of the world."""
 
     def change(world: FaultWorld) -> None:
         for name, value in values.items():
@@ -44,7 +44,7 @@ def _hide(world: FaultWorld) -> None:
 
 
 def _speak_late(world: FaultWorld) -> None:
-    """Old messages arrive after the robot was told to stop."""
+    """A fault in which old messages arrive after the robot was told to stop."""
     world.page.is_silent = True
     world.page.hold(None)
     world.page.mode("stopped")

@@ -1,6 +1,6 @@
 """Faults in virtual time, alone or together: the robot stops, reports why, and stays stopped.
 
-An ordinary phone must never trip it: the same limits must meet both.
+The same limits must never stop the robot of an ordinary phone.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def test_the_robot_stops_in_time_at_any_moment_of_a_fault(name: str, mode: str, 
 PROMPT = [fault for fault in FAULTS if not fault.counts_from and not fault.counts_from_last_message]
 PLANS = max(SEEDS, 50)
 A_WORLD = 25
-"""Number of plans that share a robot; each starts it again."""
+"""Number of plans that share a robot; each plan starts the robot anew."""
 
 
 def make_plan(seed: int) -> Plan:
@@ -62,7 +62,7 @@ once."""
 GONE = ("the tab is closed", "the browser is killed", "the page hangs, or its tab is suspended",
         "the network falls silent")  # fmt: skip
 ENDS = size("ENDS", 3, 10)
-"""Number of drives of each kind that end with the pilot gone."""
+"""Number of drives of each kind at whose end the pilot disappears."""
 
 
 async def on_wifi(world: FaultWorld, rate_hz: float, age_s: float, seed: int) -> None:

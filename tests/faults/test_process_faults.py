@@ -33,7 +33,7 @@ def test_a_frozen_server_moves_nothing_afterwards_and_no_server_holds_up_its_end
 def a_frozen_server_lets_the_body_stop_and_does_not_move_it_again() -> None:
     """The body ends each move by itself after `ACTION_TIMEOUT_S`, as every driver's tests show.
 
-    It remains to show that no move was sent after the freeze.
+    So this test only has to show that no move was sent after the freeze.
     """
     assert ACTION_TIMEOUT_S <= 0.5
     with ServerUnderTest("drivelesson", 30.0) as subject, _pilot(subject.port) as pilot:
@@ -48,7 +48,8 @@ def a_frozen_server_lets_the_body_stop_and_does_not_move_it_again() -> None:
             notes = subject.ask()
             assert notes["moved_s"] < resumed_s, "told to move after the freeze"
             assert notes["mode"] == "stopped"
-            # the loop's late tick, or messages that waited: whichever thread runs first
+            # either the loop's late tick or the waiting messages stop the robot, depending on which
+            # thread runs first
             assert notes["stop_reason"] in ("loop_fault", "link_slow")
 
 

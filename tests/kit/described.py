@@ -34,7 +34,8 @@ def described_routes(spec: dict[str, Any]) -> list[Described]:
 
 
 def readable_addresses(spec: dict[str, Any], names: Iterable[str]) -> Iterator[str]:
-    """Yield every address that is read and ends, with each name first and "1" behind it."""
+    """Yield every address of a finite GET request, with each of the names as its first parameter
+    and "1" as the others."""
     for route in described_routes(spec):
         if route.method == "GET" and route.path != "/video.mjpg":
             for name in sorted({*names, "1"}) if "{" in route.path else [""]:

@@ -1,4 +1,5 @@
-"""A disk below one folder that can fail or fill up, or be looked at at each call."""
+"""A simulated disk below one folder: it can fail or fill up, and a test can inspect it before each
+call."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ def grey_jpeg(index: int) -> bytes:
 
 @functools.cache
 def noisy_blocks(scene: int, noise: int = 0) -> NDArray[np.uint8]:
-    """Return one of any number of grey scenes, with some noise: shape (120, 160, 3)."""
+    """Return a noisy grey scene, shape (120, 160, 3); each number has another scene."""
     blocks = np.random.default_rng(scene).integers(0, 200, (12, 16))
     pixels = np.kron(blocks, np.ones((10, 10)))[:, :, None].repeat(3, axis=2)
     seen = np.random.default_rng(1000 + noise).integers(0, 20, pixels.shape)

@@ -1,4 +1,4 @@
-"""What CI has, and another machine may lack."""
+"""Skips tests that need software that a machine may lack; CI has all of it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def missing(what: str, how: str) -> NoReturn:
-    """Skip the test visibly, or fail it in CI."""
+    """Skip the test and show why, or in CI let it fail."""
     if os.environ.get("CI") == "true":
         pytest.fail(f"CI needs {what}: {how}")
     pytest.skip(f"{what.upper()} IS MISSING: {how}")

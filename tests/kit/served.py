@@ -1,4 +1,4 @@
-"""A server as people start it: a process of its own."""
+"""Starts a server as people do, in a separate process."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def served(python: Path, folder: Path, *words: str, **environ: str) -> Iterator[
 
     Args:
         python: The interpreter.
-        folder: For the server's data and errors.
+        folder: The folder for the server's data and errors.
         words: Options of the command line.
         environ: Further variables of its environment.
 

@@ -20,7 +20,7 @@ def size(name: str, small: int, full: int) -> int:
 
     Args:
         name: In capitals, as in the environment.
-        small: In `make test`.
+        small: The size in `make test`.
         full: In CI.
     """
     return int(os.environ.get(f"DRIVELESSON_{name}", full if IS_FULL else small))

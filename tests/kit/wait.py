@@ -17,9 +17,9 @@ def wait_until(
     Args:
         is_so: The condition. It is called again after 5 ms, and in real time less and less often,
             down to every 50 ms, because asking a page or a server costs more than waiting.
-        what: The event that is waited for; the error names it.
-        within_s: The longest time. In real time it only ends a test that hangs, because a busy
-            machine is no reason to fail.
+        what: What the test waits for, as a phrase for the error.
+        within_s: The longest time. In real time, this limit only ends a test that hangs, because a
+            test must not fail on a busy machine.
         clock: The clock of the wait.
 
     Raises:

@@ -64,11 +64,12 @@ _PATIENCE_S = 1200
 """Time limits of a mutant that hangs, which counts as noticed: of CPU time, or of the clock if it
 only waits."""
 _UNUSED = 99
-"""The status of a run in which nothing imported the mutant, which says nothing about the tests."""
+"""Exit status of a run in which no test imported the mutant, so that the run says nothing about the
+tests."""
 
 
 def main() -> int:
-    """Run it; the result is a report, never a failure."""
+    """Run all mutants; the result is a report, never a failure."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("modules", nargs="*", default=list(SUBJECTS))
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)

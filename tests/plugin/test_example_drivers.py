@@ -22,7 +22,7 @@ from tests.plugin.environment import imported
 EXAMPLES = Path(__file__).parents[2] / "docs/examples"
 LIBRARIES = {"rover": "pymavlink", "thymio": "tdmclient"}
 QUICK = "every_move or ends_by_itself or is_cut or right_is"
-"""Four of the checks, for make test."""
+"""Some of the contract's checks, which `make test` runs."""
 
 
 @pytest.mark.realtime
@@ -91,7 +91,7 @@ def check_arming_is_asked_for_and_a_refusal_is_in_the_rover_s_words(kit: Any, mo
             ):
                 driver.send_action(Action.FORWARD)
             driver.send_action(Action.STOP)
-            body.is_armed = True  # by its owner; the next heartbeat reports the switch
+            body.is_armed = True  # switched by its owner; the next heartbeat reports this
             wait_until(lambda: driver.sense() and driver.device == "ArduPilot, armed")
             driver.send_action(Action.FORWARD)
             wait_until(lambda: body.drives().throttle > 0)

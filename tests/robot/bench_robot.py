@@ -43,9 +43,9 @@ class BenchCamera(Camera):
     def stop(self) -> None: ...
 
     def show(self, scene: int, captured_s: float | None = None) -> Frame:
-        """Publish a picture of one of endlessly many scenes; equal numbers give equal pictures.
+        """Publish the picture of the scene with this number; equal numbers have equal pictures.
 
-        `captured_s` is when it was taken; None: now.
+        `captured_s` is the time at which the picture was taken; None means now.
         """
         pixels = np.random.default_rng(scene).integers(0, 256, (8, 8, 3), dtype=np.uint8)
         picture = pixels.repeat(15, axis=0).repeat(20, axis=1)
@@ -72,7 +72,7 @@ class BenchCamera(Camera):
 
 
 class BenchDriver(FakeDriver):
-    """Notes its orders and displays; can be made to fail."""
+    """Records its orders and what it shows; a test can make it fail."""
 
     name: ClassVar[str] = "bench"
     default_camera: ClassVar[str] = "bench"

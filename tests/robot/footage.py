@@ -18,8 +18,8 @@ def write_footage(
     Args:
         path: Its folder is made if there is none.
         n_frames: Their labels are forward, left and right in turn.
-        seed: Of the noise.
-        period_s: Between two pictures.
+        seed: The seed of the noise.
+        period_s: The time between two pictures.
         changes: Other arrays, by name; None: without this array.
     """
     noise = np.random.default_rng(seed)

@@ -203,7 +203,8 @@ def test_the_extra_that_an_error_names_brings_the_library() -> None:
 
 
 def test_beside_robot_framework_importing_and_starting_end_in_a_sentence(tmp_path: Path) -> None:
-    """Its package is called `robot`, too, and either may have been installed last."""
+    """Robot Framework's package is called `robot`, too, and either package may have been installed
+    last."""
     for package in ("robot", "server"):
         shutil.copytree(ROOT / package, tmp_path / package)
 
@@ -212,7 +213,7 @@ def test_beside_robot_framework_importing_and_starting_end_in_a_sentence(tmp_pat
         command = [sys.executable, "-S", *words]
         return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
 
-    (tmp_path / "robot/running").mkdir()  # as Robot Framework has it
+    (tmp_path / "robot/running").mkdir()  # the form that Robot Framework's package has
     said = run("-c", "import robot").stderr
     assert "ImportError: Robot Framework and Drivelesson" in said.splitlines()[-1]
     done = run("-m", "server")

@@ -1,4 +1,4 @@
-"""Any name can be a move, and the driver's declaration of the move goes with it, also into
+"""Any name can be a move, and the driver's declaration accompanies the move, also into
 recordings."""
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ class Browser:
         """Load the page, and everything that it needs until it shows a picture.
 
         Raises:
-            Exception: Of whatever fails first.
+            Exception: The error of whatever fails first.
         """
         options: dict[str, Any] = {"base_url": self.address, "headers": {"Cookie": self.cookie}}
         options |= {"verify": self.trust or False, "limits": LINES, "timeout": PATIENCE_S}

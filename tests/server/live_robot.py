@@ -164,7 +164,8 @@ class Pilot:
     def wait_for_state_with(
         self, wanted: Callable[[dict[str, Any]], bool], within_s: float = STANDING_AFTER_S
     ) -> dict[str, Any]:
-        """Return the newest state if it is wanted, else the first later one that is."""
+        """Return the newest state if it meets the condition, else the first later state that
+        does."""
         return self.wait_for(
             lambda m: m["type"] == "state" and wanted(m),
             within_s,

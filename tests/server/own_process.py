@@ -52,7 +52,7 @@ def own_process(folder: Path, *more: str) -> Iterator[OwnProcess]:
     """While the `with` block runs, serve the simulated robot on a free port, without limits.
 
     Args:
-        folder: Its data folder.
+        folder: The server's data folder.
         more: Further options.
     """
     pytest.importorskip("panda3d")

@@ -4,7 +4,7 @@ Each route that writes runs on a robot in virtual time. Its disk refuses one cal
 one on. The folder is copied when the answer arrives, as a kill would leave it, and a new start
 reads the copy. Unless the answer is a refusal or has `kept` false, the copy must contain what it
 contains with a sound disk. A copy at any earlier call of the disk must contain what was there
-before or what is there after. Commands on a full disk: cli/test_main.py.
+before or what is there after. cli/test_main.py tests commands on a full disk.
 """
 
 from __future__ import annotations
@@ -218,7 +218,7 @@ def test_a_kill_during_a_change_loses_nothing_that_was_there_before_or_is_there_
     for copy in random.Random(1).sample(copies, min(CASES, len(copies))):
         for thing, held in holds(copy, asked.secrets).items():
             wanted = (before[thing], after[thing])
-            if thing in ("models", "episodes"):  # there may be a copy, whole, of what was changed
+            if thing in ("models", "episodes"):  # there may be a complete copy of the changed item
                 assert any(Counter(held) >= Counter(one) for one in wanted), (thing, copy.name)
             else:
                 assert held in wanted, (thing, copy.name)

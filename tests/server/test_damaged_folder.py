@@ -391,7 +391,7 @@ def test_a_folder_is_known_again_on_another_disk_and_refused_only_while_it_is_go
         with pytest.raises(OSError, match="data folder is gone"):
             write_whole(file, b"x")
         root.rmdir()
-        root.mkdir()  # the same stick, with another device number
+        root.mkdir()  # the same USB stick, with another device number
         (root / MARK).write_bytes((away / MARK).read_bytes())
         assert presence.is_there() and presence.is_there()
         write_whole(file, b"x")
@@ -399,4 +399,4 @@ def test_a_folder_is_known_again_on_another_disk_and_refused_only_while_it_is_go
         assert not presence.is_there()
     finally:
         presence.end_watch()
-    write_whole(file, b"x")  # nobody watches it now
+    write_whole(file, b"x")  # nobody watches the folder now

@@ -128,6 +128,6 @@ def test_no_stored_value_makes_an_address_fail(lively: Path, tmp_path: Path, see
                 failed[address] = answer.text[:200]
             elif answer.headers.get("content-type", "").startswith("application/json"):
                 json.loads(answer.text, parse_constant=seen.append)
-                if seen:  # which no browser reads
+                if seen:  # no browser reads this number
                     failed[address] = seen.pop()
     assert not failed, [str(path.relative_to(root)) for path in files[seed % len(files) :][:1]]

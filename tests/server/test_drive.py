@@ -78,7 +78,8 @@ def test_when_the_pilot_leaves_the_other_client_gets_the_wheel_and_the_robot_sta
 
 
 def test_the_last_of_several_connections_of_a_page_gets_the_wheel(server: VirtualServer) -> None:
-    """After a silence of the network, a page has tried several; they close in any order."""
+    """After a silence of the network, a page has opened several connections, which close in any
+    order."""
     with server.pilot() as first, server.pilot() as second, server.pilot() as last:
         first.wait_for_state(you_are_pilot=True)
         first.vanish()
@@ -88,7 +89,8 @@ def test_the_last_of_several_connections_of_a_page_gets_the_wheel(server: Virtua
 
 
 def test_the_pilot_sees_a_request_for_the_wheel_while_somebody_waits(server: VirtualServer) -> None:
-    """Before, the next pilot did not see the request, and nobody saw that the requester left."""
+    """In an earlier version, the next pilot did not see the request, and nobody saw that the
+    requester left."""
     with server.pilot() as first, server.pilot() as second:
         with server.pilot() as third:
             for asks in (second, third):
@@ -182,7 +184,8 @@ def test_vanished_pages_leave_nothing_behind(server: VirtualServer) -> None:
 async def test_a_client_that_keeps_reconnecting_does_not_increase_the_rate_of_states(
     world: ServedWorld,
 ) -> None:
-    """Before, a pupil with eight pages caused five hundred states a second for all clients."""
+    """In an earlier version, a pupil with eight pages caused five hundred states a second for all
+    clients."""
 
     pilot, pupil = await world.pilot(), await world.pilot()
     before = len(pilot.messages)
@@ -213,7 +216,8 @@ async def test_repeated_requests_for_the_wheel_do_not_flood_the_pilots_page(
 
 @in_virtual_time(Config(web=WEB, limits=Limits(refused_before_closing=20)))
 async def test_a_pilot_on_a_slow_link_is_not_disconnected(world: ServedWorld) -> None:
-    """Before, a client that pressed start once a second was disconnected after five minutes."""
+    """In an earlier version, a client that pressed start once a second was disconnected after five
+    minutes."""
 
     pilot = await world.pilot(sees=True)
     world.link.conditions = LinkConditions(delay_s=0.16, jitter_s=0.05)
@@ -273,7 +277,7 @@ async def test_a_late_computer_slows_down_before_it_stops_and_says_so(world: Ser
         said, until_s = [], world.clock.now_s() + for_s
         while world.clock.now_s() < until_s:
             world.clock._now_s += late_s  # nobody runs, ...
-            await asyncio.sleep(1e-6)  # ... and then everything that is due
+            await asyncio.sleep(1e-6)  # then everything that is due runs
             await asyncio.sleep(world.dice.uniform(0.1, 0.3))
             said.append((world.loop.state.link.is_busy, world.loop.state.decision.speed_scale))
         return said

@@ -66,13 +66,14 @@ def drive_message(dice: random.Random) -> str | bytes:
 def untouched(server: OwnProcess) -> Iterator[None]:
     """Fail if the loop stops, or if an error was logged.
 
-    Its speed under load is a report: `drivelesson bench link` prints the loop's rate.
+    The loop's speed under load is not tested here: `drivelesson bench link` prints the loop's rate.
     """
     yield
     said = [line for line in server.errors if " ERROR " in line or "Traceback" in line]
     assert said == []
     before = server.metric("loop_turns_total")
-    while server.metric("loop_turns_total") < before + 10:  # or the test's own time limit ends it
+    # otherwise the test's own time limit ends this loop
+    while server.metric("loop_turns_total") < before + 10:
         time.sleep(0.05)
 
 

@@ -1,6 +1,6 @@
 """Nonsense values at every described route: a 4xx with a sentence, never 5xx, no crash.
 
-That its memory stays small, and malformed models: test_fuzz.py.
+test_fuzz.py tests memory, and malformed models.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ def test_no_hostile_query_or_body_makes_a_route_fail(robot: Robot) -> None:
 
 @pytest.mark.parametrize("kind", ["application/x-www-form-urlencoded", "text/plain"])
 def test_a_body_that_does_not_say_that_it_is_json_is_told_how_to(robot: Robot, kind: str) -> None:
-    """As `curl -d` sends it."""
+    """Send the body as `curl -d` does."""
     routes = [route for route in robot.routes if route.fields]
     answers = [robot.ask(route.method, route.at(), b"{}", kind) for route in routes]
     assert [answer for answer in answers if answer.is_success] == []

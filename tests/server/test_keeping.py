@@ -1,6 +1,6 @@
 """A real process and its folder: everything taught is there again, however the process ended.
 
-Other damage of a folder is in test_damaged_folder.py.
+test_damaged_folder.py tests other damage to a folder.
 """
 
 from __future__ import annotations
@@ -43,8 +43,9 @@ def test_taught_examples_survive_every_kind_of_end(
 ) -> None:
     a_second_server_leaves_the_folder_of_the_first_alone(tmp_path / "shared")
     ends = [signal.SIGTERM, signal.SIGINT]
-    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # otherwise `nohup` runs this test
-        ends.append(signal.SIGHUP)  # a window was closed
+    # if it is ignored, `nohup` runs this test
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        ends.append(signal.SIGHUP)  # as if a terminal's window was closed
     for end in ends if IS_FULL else ends[:1]:
         it_ends_with_everything_saved_and_goes_on_from_there(tmp_path / end.name, end)
     it_starts_on_a_ruin_and_says_what_it_moved(tmp_path / "ruin")

@@ -106,7 +106,7 @@ def test_random_orders_are_driven_and_the_returned_actions_were_done(server: Liv
             done = line.drive(asked)
             if line.state["mode"] == "train":
                 wait_until(functools.partial(since, before, done), f"{done} after {asked}")
-            else:  # a busy machine made it stand
+            else:  # a busy machine stopped the robot
                 assert done == (0.0, 0.0)
                 line.begin()
         refused = server.hub.refused
@@ -177,7 +177,8 @@ def what_the_server_refuses_is_read_and_said_once_a_second(
     caplog.clear()
     with line_to(server) as line:
         line.begin()
-        line.points["spin_left"] = (-1.0, 0.0)  # accepted when we joined, but not any more
+        # this proof was fresh when we joined, but is too old now
+        line.points["spin_left"] = (-1.0, 0.0)
         assert line.drive(asks(-1.0, 0.0)) == (0.0, 0.0)
         for _ in range(20):
             line._send(type="drive", held="no_move")

@@ -1,6 +1,6 @@
-"""Real sockets and threads, with and without TLS: the parts work, at whatever speed.
+"""Real sockets and threads work, with and without TLS; no test judges their speed.
 
-See test_drive.py and test_security.py.
+Further tests are in test_drive.py and test_security.py.
 """
 
 from __future__ import annotations

@@ -129,7 +129,7 @@ class PeopleAtOneRobot(RuleBasedStateMachine):
                 self.server.address + "/api/stop", headers=self.cookies[person], timeout=60
             )
             if person == "greedy" and answer.status_code == 401:
-                return  # evicted by newer sessions of the same person
+                return  # newer sessions of the same person have evicted it
             assert answer.status_code == 200, f"the {person}'s STOP: {answer.status_code}"
         self._is_obeyed(f"the {person}'s")
 

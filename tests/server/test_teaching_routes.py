@@ -39,7 +39,7 @@ def ask(server: VirtualServer, method: str, path: str, **options: Any) -> httpx.
 def gallery(server: VirtualServer) -> dict[int, dict[str, Any]]:
     images = ask(server, "GET", "/api/gallery").json()["images"]
     for image in images:
-        del image["last_used"]  # continues while the robot drives
+        del image["last_used"]  # the timer continues while the robot drives
     return {image["node"]: image for image in images}
 
 

@@ -106,7 +106,7 @@ class ServedWorld(VirtualRobot):
         await super().__aexit__(*error)
 
     async def pilot(self, *, sees: bool = False) -> Pilot:
-        """Open a page; if it sees, it knows the robot's state when this returns."""
+        """Open a page. If it sees pictures, it knows the robot's state when this method returns."""
         pilot = Pilot(self, sees=sees)
         await self.until(lambda: bool(pilot.state.get("frame")), what="the first state")
         return pilot
@@ -192,7 +192,7 @@ class Socket:
 
     @property
     def is_closed(self) -> bool:
-        """True once nothing more can arrive."""
+        """True once no more messages can arrive."""
         return self.close_code is not None or self.task.done()
 
     async def _send(self, message: dict[str, Any]) -> None:

@@ -77,7 +77,8 @@ class VirtualServer:
         self.dice = random.Random(1)
         self.link = Link(self.dice)
         self.fault = "none"
-        """How a board's network fails on the way to this robot; see `classroom_world.FAULTS`."""
+        """The fault of the board's network on the way to this robot; see
+        `classroom_world.FAULTS`."""
         self._sockets: list[Socket] = []
         self._stack = contextlib.ExitStack()
 
@@ -187,7 +188,8 @@ class VirtualServer:
     async def until(
         self, condition: Callable[[], bool], within_s: float = 5.0, what: str = ""
     ) -> float:
-        """Do the same within a coroutine, in which a condition cannot send requests."""
+        """Let time pass within a coroutine until a condition holds; the condition cannot send
+        requests."""
         start_s = self.clock.now_s()
         await self.clock.pause(0)
         while not condition():
@@ -196,7 +198,7 @@ class VirtualServer:
         return self.clock.now_s() - start_s
 
     def poke(self) -> None:
-        """Nothing needs this here, because `until` checks again by itself."""
+        """Does nothing: `until` checks again by itself."""
 
     # Requests ----------------------------------------------------------------------------------
 

@@ -29,7 +29,7 @@ class Class:
     Attributes:
         board: The board's address.
         port: The board's port; the robots have the next ones.
-        robots: What the board said of each robot when all were there.
+        robots: The board's data of each robot when all robots were there.
     """
 
     def __init__(self, folder: Path, robots: int) -> None:
@@ -57,7 +57,7 @@ class Class:
         return False
 
     def now(self) -> list[dict[str, Any]]:
-        """Return what the board says of each robot."""
+        """Return the board's data of each robot."""
         return list(httpx.get(f"{self.board}/api/robots", timeout=30).json()["robots"])
 
     def pupils(self) -> list[Pilot]:
@@ -99,7 +99,7 @@ class Class:
         return self
 
     def __exit__(self, *exc: object) -> None:
-        """End it by Ctrl-C."""
+        """End the class by Ctrl-C."""
         began_s = time.monotonic()
         self.process.send_signal(signal.SIGINT)
         self.process.wait(120)

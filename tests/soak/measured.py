@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 _SKIPPED_S = 300.0
-"""What happens before does not count, in seconds; of a shorter run a quarter."""
+"""Measurements count from this time on, in seconds; in a shorter run, from a quarter of it on."""
 
 
 def measure_process(pid: int, memory: str = "Rss") -> dict[str, float]:
     """Return resident (Rss) or proportional (Pss) MB, handles, threads and CPU s of a process.
 
     Raises:
-        OSError: If it has ended.
+        OSError: If the process has ended.
     """
     place = Path(f"/proc/{pid}")
     used = (place / "stat").read_text().rpartition(")")[2].split()
@@ -96,7 +96,7 @@ class Growth:
         return slice(sum(at_s < skipped_s for at_s in self._times_s), None)
 
     def gain(self, name: str) -> float:
-        """Return by how much a figure grew, from what counts on."""
+        """Return by how much a figure grew since the measurements count."""
         kept = self._rows[self._kept()]
         return kept[-1][name] - kept[0][name]
 

@@ -60,7 +60,7 @@ class Served:
         return measure_process(self.process.pid) | disk
 
     def stop(self) -> float:
-        """End it as a system does; return the time that takes, in seconds."""
+        """End the server as a system does; return the time that this takes, in seconds."""
         began_s = time.monotonic()
         self.process.send_signal(signal.SIGTERM)
         self.process.wait(60)

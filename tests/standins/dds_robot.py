@@ -39,7 +39,7 @@ def own_domain() -> int:
 
 
 class DdsRobot:
-    """After `frozen` it receives and sends nothing more.
+    """Once `frozen`, the robot receives and sends nothing more.
 
     Args:
         domain: The robot's domain; in the process of the program under test, the robot is one more
@@ -89,7 +89,7 @@ class DdsRobot:
 
     @property
     def drives(self) -> Point:
-        """The last order to its base: a turn to the right, and the speed ahead."""
+        """The last order to the robot's base: a turn to the right, and the speed ahead."""
         if not self.cmd_vel:
             return Point(0.0, 0.0)
         return Point(-self.cmd_vel[-1]["angular"]["z"], self.cmd_vel[-1]["linear"]["x"])

@@ -19,7 +19,7 @@ LARGE, TOUCH, ULTRASONIC, NOTHING = 7, 16, 30, 126
 
 
 class Motor:
-    """Turns at a percentage until its time is over."""
+    """A motor that turns at a percentage until its time is over."""
 
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
         self._now_s = now_s

@@ -101,7 +101,7 @@ class FirmwareRobot:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             probe.connect(("127.0.0.1", self.port))
             probe.settimeout(0.1)
-            for _ in range(200):  # wait until it has started
+            for _ in range(200):  # wait until the firmware has started
                 try:
                     probe.send(b"{}")
                     probe.recv(600)

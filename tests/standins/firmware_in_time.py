@@ -1,7 +1,7 @@
 """The sample firmware and the hub's program in virtual time, run by this Python.
 
-Their modules `machine`, `network` and `pybricks` are those that Debian's micropython gets in other
-tests, on the virtual clock; here thousands of moments can be tested.
+Their modules `machine`, `network` and `pybricks` are the same as in other tests with Debian's
+micropython, but use the virtual clock. So thousands of moments can be tested.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class RunningProgram:
 
     Args:
         clock: The clock of the program, the wheels and the messages.
-        seed: Decides how long each message takes.
+        seed: Seed of the random time that each message takes.
     """
 
     def __init__(self, clock: VirtualClock, seed: int) -> None:

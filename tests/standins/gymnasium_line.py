@@ -14,7 +14,7 @@ class Line(gymnasium.Env[Any, Any]):
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 10}
     compute: ClassVar[Callable[[], None]] = staticmethod(lambda: None)
-    """Called at each step; a test lets time pass in it."""
+    """Called at each step, so that a test can let time pass."""
 
     def __init__(
         self,

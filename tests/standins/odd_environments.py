@@ -86,7 +86,7 @@ NO_PICTURES: dict[str, Any] = {
 
 
 class _Legacy(spaces.Discrete):
-    """A kind of numbered actions that only one package has."""
+    """A space of numbered actions that only one package uses."""
 
 
 ACTIONS: dict[str, Callable[[], Any]] = {

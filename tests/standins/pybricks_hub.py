@@ -106,7 +106,7 @@ class FakeHub:
             self.report_status()
 
     def send_signal(self, how: signal.Signals) -> None:
-        """Let the program hang or go on, while the firmware goes on."""
+        """Make the hub's program hang or continue, while its firmware runs on."""
         assert self.process is not None
         self.process.send_signal(how)
 
@@ -172,7 +172,7 @@ class FakeHub:
 
 
 class BleakError(Exception):
-    """Replaces bleak's own class."""
+    """Replaces the class of the same name in bleak."""
 
 
 class _Client:

@@ -55,8 +55,8 @@ _PACKAGES = {Twist: "geometry_msgs", TwistStamped: "geometry_msgs", Header: "std
 
 
 class WatchdogNode:
-    """The running node: `take` gives it an order, and `publish` is called with all that it
-    publishes.
+    """The running node: Runs the watchdog: `take` gives it an order, and `publish` is called with
+    everything that it publishes.
 
     Args:
         clock: The node's clock.
@@ -82,11 +82,11 @@ class WatchdogNode:
         self._thread.join()
 
     def take(self, message: dict[str, Any]) -> None:
-        """Give it an order in JSON form."""
+        """Give the node an order in JSON form."""
         self.hear("/drivelesson/cmd_vel", message)
 
     def hear(self, topic: str, message: dict[str, Any]) -> None:
-        """Give it a message of a topic to which it subscribes."""
+        """Give the node a message of a topic to which it subscribes."""
         kind, take = self.subscribed[topic]
         told = _twist(message)
         if kind is TwistStamped:

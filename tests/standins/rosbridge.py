@@ -27,8 +27,8 @@ SETTLED = "/settled"
 
 
 class RosBridgeServer:
-    """While `frozen`, it receives and sends nothing, not even pongs. `cmd_vel` has all velocities
-    so far, and `told` all messages by topic."""
+    """While `frozen`, the rosbridge receives and sends nothing, not even pongs. `cmd_vel` has all
+    velocities so far, and `told` all messages by topic."""
 
     def __init__(self) -> None:
         self.frozen = threading.Event()
@@ -54,7 +54,7 @@ class RosBridgeServer:
 
     @property
     def drives(self) -> Point:
-        """The motion of its base: a turn to the right, and the speed ahead."""
+        """The motion of the robot's base: a turn to the right, and the speed ahead."""
         if not self.cmd_vel:
             return Point(0.0, 0.0)
         twist = self.cmd_vel[-1].get("twist", self.cmd_vel[-1])

@@ -15,7 +15,7 @@ from tests.kit.loops import LoopThread
 
 
 class WsRobot:
-    """Moves until its time is over; while `silent`, it answers nobody.
+    """A robot that moves until the time of its move is over; while `silent`, it answers nobody.
 
     `repeats` is the number of times that the next answer is sent again, like late answers.
     """
@@ -69,7 +69,8 @@ class WsRobot:
         is_deaf = False
         async for message in socket:
             is_deaf = is_deaf or self.silent.is_set()
-            if is_deaf:  # for good: a client that wants an answer must connect again
+            # the connection is closed for good: a client that wants an answer must connect again
+            if is_deaf:
                 continue
             self._obey(message.encode())
             ms = int(time.monotonic() * 1000)

@@ -15,7 +15,7 @@ QUICK = "not slow and not browser"
 
 
 def suite(words: list[str]) -> int:
-    """Run the quick part of the suite there; return the exit status."""
+    """Run the quick part of the suite under Wine; return the exit status."""
     options = ["-q", "-p", "no:cacheprovider", "-p", "tests.windows.skips", "-m", QUICK]
     is_named = any(Path(ROOT, word.partition("::")[0]).exists() for word in words)
     # Wine cannot write to a file that was opened here, so the output comes through a pipe.

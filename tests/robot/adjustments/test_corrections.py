@@ -44,7 +44,7 @@ def hung(pixels: np.ndarray, mounting: CameraCorrection) -> np.ndarray:
 
 @pytest.mark.parametrize("mounting", WAYS, ids=str)
 def test_a_camera_publishes_what_an_upright_one_does_however_it_is_mounted(mounting):
-    """So the learner gets the same pictures, and learns and drives the same."""
+    """If the pictures are equal, the robot learns and drives equally."""
     scene = RNG.integers(60, 200, (3, 4, 3), np.uint8).repeat(16, axis=0).repeat(16, axis=1)
     camera, seen = FakeCamera(VirtualClock()), hung(scene, mounting)
     camera.mounting = mounting
@@ -73,7 +73,7 @@ def test_raw_pictures_of_a_usb_camera_keep_their_brightness(mounting):
 
 @crossed(mounting=WAYS[1:], encoding=list(Encoding), sides=[(7, 6), (1, 1), (6, 5), (0, 0)])
 def test_a_damaged_picture_is_passed_on_unturned(mounting, encoding, sides):
-    """Its reader reports the damage, and the camera's thread does not end."""
+    """The reader of a damaged picture reports the damage, and the camera's thread goes on."""
     width, height = sides
     for data in (b"", b"no picture", b"\xff\xd8\xff" + bytes(40)):
         taken = make_frame(data, encoding, width, height)
@@ -126,7 +126,7 @@ def test_each_of_the_eight_ways_to_wire_two_motors_has_one_correction():
 
 @pytest.mark.parametrize("motor_board", ["two-pwm", "phase-enable"])
 def test_motors_can_be_reversed_while_the_board_is_connected(motor_board):
-    """The pins of gpiozero's mock, which another process takes meanwhile."""
+    """The mock pins of gpiozero; another process takes them meanwhile."""
     pytest.importorskip("gpiozero", reason="an extra, and not of Debian 12's versions")
     from tests.standins.gpio import MockPins
 

@@ -1,4 +1,4 @@
-"""Orders over a real connection: on a busy machine an order or its answer may be late."""
+"""Sends orders over a real connection, where a busy machine may delay an order or its answer."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from robot.types import Action
 
 
 def error_while_driving(driver: Driver, within_s: float = 60.0, but: str = "") -> str:
-    """Drive as the loop does; return the first error that does not say `but`, or nothing."""
+    """Drive as the loop does; return the first error whose text does not contain `but`, or an empty
+    text."""
     end_s = time.monotonic() + within_s
     while time.monotonic() < end_s:
         try:

@@ -1,4 +1,5 @@
-"""The cameras of a phone, of a Raspberry Pi and of OpenCV: what they show, and what they say."""
+"""The pictures and the error messages of the cameras of a phone, of a Raspberry Pi and of
+OpenCV."""
 
 from __future__ import annotations
 

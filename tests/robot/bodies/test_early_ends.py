@@ -1,4 +1,4 @@
-"""Ends of the program as the motors start, distinguished from updates and from power cuts at
+"""The program counts its ends just after the motors started, but no updates and no power cuts at
 rest."""
 
 from __future__ import annotations

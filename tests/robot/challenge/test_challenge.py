@@ -57,7 +57,7 @@ FEWER: dict[str, list[Part]] = {
     "back in a wide curve": [(7.5, 1.0, 0.0), (7.5, -1.0, 0.3)],
     "narrow lanes": [*lane(1.0), *lane(-1.0)],
 }
-"""Drives that look a little like a course; they may score, but clearly less than a course."""
+"""Drives that resemble a course a little; they may score, but clearly less than a course."""
 HONEST_BOX = [(3.5, 1.0, 0.0), (QUARTER_S, 0.2, 1.0)]
 """Rounds of the smallest box, 1.15 m wide, as an average robot drives them."""
 

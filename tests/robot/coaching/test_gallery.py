@@ -1,4 +1,5 @@
-"""The parts by which an image decides, and the images that the gallery remembers."""
+"""The gallery shows which parts of an image made a view match it, and when each image was last
+used."""
 
 from __future__ import annotations
 
@@ -66,7 +67,7 @@ def test_only_the_parts_that_the_deciding_image_alone_shares_are_marked(name, se
 
     for which, label in enumerate(MOVES):
         policy.learn(view(which), label)
-    # A part of bare ground is alike in all images, so it explains nothing.
+    # A part that shows only bare ground is alike in all images, so it explains nothing.
     bare = [
         (r, c)
         for r, c in product(range(CELL_ROWS), range(CELL_COLUMNS))

@@ -1,4 +1,4 @@
-"""Ready means ready: what counts, what resets it, and that each gap has a location."""
+"""When the robot counts as ready, what resets this, and that each gap has a location."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ def tick_at(pose, by=DrivenBy.ROBOT, *, mode=Mode.AUTONOMOUS, asks=False, bumped
 
 @pytest.mark.parametrize("seed", seeds(8, 30))
 def test_a_client_that_asks_now_and_then_knows_the_whole_way(seed):
-    """It assembles the answers, like the page."""
+    """A client that joins the answers to a trail, as the page does."""
     chance, trail = random.Random(seed), Trail()
     first, points = 0, []
     x_m = heading_rad = since_replaced = 0

@@ -123,7 +123,8 @@ class Drive:
     stops: list[StopReason | None] = field(default_factory=list)
 
     def moving(self, speed_scale: float = 0.0) -> float:
-        """Return the share of time in which the robot drove at least at this share of its speed."""
+        """Return the share of the time in which the robot drove at this share of full speed or
+        faster."""
         scales = [tick.decision.speed_scale for tick in self.ticks if tick.sent is FORWARD]
         return sum(scale >= speed_scale for scale in scales) / len(self.ticks)
 

@@ -43,13 +43,13 @@ def test_restrictions_are_lifted_one_by_one_and_only_after_a_while():
 def test_only_a_delay_well_below_the_threshold_lifts_a_restriction():
     governor = LinkGovernor()
     governor.note_age(0.21, 0.0)
-    for tenth in range(1, 60):  # below 0.2, but not by enough
+    for tenth in range(1, 60):  # below 0.2, but not far enough below
         governor.note_age(0.19, tenth / 10)
     assert governor.level is LinkLevel.SLOW
     for tenth in range(60, 70):
         governor.note_age(0.16, tenth / 10)
     assert governor.level is LinkLevel.SLOW, "0.9 s are not long enough"
-    governor.note_age(0.19, 7.0)  # and now the time starts again
+    governor.note_age(0.19, 7.0)  # the time before the level may fall starts again
     for tenth in range(71, 81):
         governor.note_age(0.16, tenth / 10)
     assert governor.level is LinkLevel.SLOW

@@ -286,7 +286,7 @@ def test_a_pilot_whose_phone_shows_a_picture_half_a_second_old_drives_no_more():
         robot.clock.advance(0.05)
         robot.camera.show(1)
         robot.hold(F, seen.frame_id, frame_age_s=0.05 * tick, phone_s=0.05 * tick)
-        decision = robot.tick().decision  # holds until the next tick
+        decision = robot.tick().decision  # the correction holds until the next tick
         assert decision.mode is (Mode.TRAIN if tick < 10 else Mode.STOPPED), tick
     assert decision.stop_reason is StopReason.LINK_SLOW
     assert robot.loop.state.fault is None

@@ -23,7 +23,7 @@ MOVING = (Mode.TRAIN, Mode.AUTONOMOUS)
 
 
 def leave(robot: BenchRobot) -> None:
-    robot.hold(F)  # what waits is not carried out either
+    robot.hold(F)  # a waiting request is not carried out either
     robot.loop.empty_command()
 
 
@@ -154,7 +154,7 @@ def test_the_links_history_starts_anew_with_another_pilot():
     robot.tick()
     robot.clock.advance(0.27)
     robot.hold(F, frame_id=seen.frame_id)
-    robot.start(Mode.TRAIN)  # overtakes the command, which still measures the link
+    robot.start(Mode.TRAIN)  # this request overtakes the command, which still measures the link
     assert robot.loop.state.link.level is LinkLevel.CAPPED
     robot.hold(F, frame_id=seen.frame_id)
     robot.loop.empty_command()
@@ -197,7 +197,7 @@ def test_requests_run_once_in_order_an_urgent_one_first_and_answer_their_asker()
     box, ran = Mailbox(), []
     first = box.put(lambda: ran.append("first"))
     second = box.put(lambda: "answer")
-    outer = box.put(lambda: box.put(lambda: 1 // 0))  # makes another, which fails
+    outer = box.put(lambda: box.put(lambda: 1 // 0))  # makes another request, which fails
     given_up = box.put(lambda: ran.append("given up"))
     assert given_up.cancel()
     box.put(lambda: ran.append("urgent"), is_urgent=True)

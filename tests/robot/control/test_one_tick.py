@@ -68,7 +68,7 @@ def test_one_taught_tick_runs_through_few_modules(served):
             finally:
                 sys.setprofile(None)
                 if loop.state.frame is None or loop.state.taught == taught:
-                    called.clear()  # not a taught tick
+                    called.clear()  # this tick taught nothing
                 else:
                     loop.tick = tick
 

@@ -1,4 +1,5 @@
-"""What cameras are built from: threads, pictures of any size, and the identity of a USB camera."""
+"""The parts of which cameras are built: threads, checks of pictures, and the identity of a USB
+camera."""
 
 from __future__ import annotations
 
@@ -44,7 +45,7 @@ def test_a_picture_keeps_its_age_on_any_clock_and_never_seems_younger(
     machine: VirtualClock, ahead_s: float
 ) -> None:
     class Slow(VirtualClock):
-        """The thread is held up right after each reading."""
+        """A clock after each of whose readings the thread is held up."""
 
         def now_s(self) -> float:
             read_s = machine.now_s() + ahead_s
@@ -131,7 +132,7 @@ def test_a_lossless_jpeg_is_reported_once_and_not_with_each_picture() -> None:
     lossless = usual.replace(b"\xff\xc0", b"\xff\xc3", 1)
     with pytest.raises(RecordingError, match=r"lossless JPEGs.*choose baseline JPEG"):
         check_kind(lossless)
-    check_kind(b"\xff\xd8\xff\xe0" + struct.pack(">H", 9))  # cut in its first part
+    check_kind(b"\xff\xd8\xff\xe0" + struct.pack(">H", 9))  # the JPEG is cut in its first scan
     camera = MjpegCamera(MjpegOptions(source="http://192.0.2.1/"), VirtualClock())
     said = set()
     for _ in range(3):

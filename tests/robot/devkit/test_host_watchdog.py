@@ -1,5 +1,5 @@
-"""Bodies with the habits of real libraries: with our watchdog each stops in time; without it the
-contract suite finds each."""
+"""Bodies that behave like real libraries: each stops in time with our watchdog, and without it
+fails the contract suite."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ HABITS: list[type[Body]] = [
 
 
 class _Orders(ConnectedDriver[Body]):
-    """The code of an author."""
+    """A driver as a third-party author would write it."""
 
     name, default_camera, is_remote, takes_points = "habit", "phone", True, True
 
@@ -198,7 +198,7 @@ class _Orders(ConnectedDriver[Body]):
 
 
 class Unwatched(_Orders):
-    """Relies on the library's `close`."""
+    """A driver that relies on the library's `close` to stop the body."""
 
     def disconnect(self) -> None:
         self._close(self.body)
@@ -272,7 +272,8 @@ def check(promise: str, kind: type[Body], driver_type: type[_Orders]) -> None:
 def test_without_the_watchdog_the_contract_suite_finds_each_body(kind: type[Body]) -> None:
     with pytest.raises((AssertionError, DriveError)):
         check(kind.fails, kind, Unwatched)
-    if kind not in (WaitsInsideAMove, RaisesSometimes):  # their calls break other promises as well
+    # these bodies also break other promises of the contract
+    if kind not in (WaitsInsideAMove, RaisesSometimes):
         check("an_action_ends_by_itself", kind, Watched)
 
 

@@ -149,7 +149,7 @@ def test_a_chassis_counts_the_way_of_its_wheels(reversed_motors: bool) -> None:
         truth = along(START, turned_rad, (left_m + right_m) / 2)
         assert after is not None
         assert (after.x_m, after.y_m) == pytest.approx((truth.x_m, truth.y_m))
-        driver.turned_deg = None  # an agent that sends none: the orders count
+        driver.turned_deg = None  # an agent that sends no angles, so the orders count
         driver.drive(Action.LEFT, speed_scale=0.5)
         assert driver.sense().pose is not None
     assert driver.wheels_mps(Action.FORWARD) == pytest.approx((0.16, 0.16))

@@ -29,7 +29,7 @@ Labels = dict[int, Action | None]
 
 @dataclass
 class Data:
-    """The files of a program: texts, bytes, or pictures, given by their numbers."""
+    """The files that a program wrote: texts, bytes, or pictures (as their numbers)."""
 
     files: dict[str, str | bytes | int]
     labels: Labels = field(default_factory=lambda: {1: L, 2: R, 3: F})

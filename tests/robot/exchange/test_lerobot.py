@@ -132,7 +132,7 @@ def labels_in(folder: Path, **reading: Any) -> Labels:
 def test_a_plain_export_has_only_what_was_taught_and_comes_back(
     episode: Episode, tmp_path: Path
 ) -> None:
-    """It has the features that LeRobot records of the robot."""
+    """The dataset has the features that LeRobot records from the robot."""
     write_lerobot([(episode, Notes())], tmp_path / "plain", plain=True)
     info = read_info(tmp_path / "plain")
     own = {"timestamp", "frame_index", "episode_index", "index", "task_index"}
@@ -300,7 +300,7 @@ def lead_nowhere(made: Dataset) -> Labels:
 
 
 VARIANTS = list(product((True, False), repeat=2))
-"""Version 3 or not, films or not."""
+"""In version 2 and 3, with films and without."""
 
 
 @pytest.mark.parametrize(
@@ -384,7 +384,8 @@ def test_a_dataset_without_a_valid_description_is_refused(tmp_path: Path, text: 
 def test_the_actions_of_other_robots_are_labels(
     tmp_path: Path, names: Any, actions: list[tuple[float, ...]]
 ) -> None:
-    """They turn left, turn right, go on and stand; a depth camera is not used."""
+    """The pilots of these datasets turn left, turn right, drive on and stand. The import does not
+    use a depth camera."""
     depth = {"dtype": "image", "shape": [120, 160, 3], "info": {"is_depth_map": True}}
     made = Dataset(names=names, features={"front_depth": depth})
     made.rows = [

@@ -95,7 +95,7 @@ def test_labels_and_degrees_are_the_same_after_export_and_import(
     meant = examples(episode)
     assert {point is None for _, point in meant} == {True, False} and len(meant) == 24
     FORMS[form](episode, Notes(), tmp_path / form)
-    if form == "drive.npz":  # which has three labels
+    if form == "drive.npz":  # the format has only three labels
         meant = [(label, point) for label, point in meant if label in DEFAULT_MOVES]
     if own_move is PUSH and form in ("tub", "lerobot"):
         meant = [(label, None) for label, _ in meant]

@@ -1,4 +1,5 @@
-"""For any times, every picture is kept, and is shown for as long as it was there."""
+"""Whatever the times are, every picture is kept, and is shown for as long as the camera showed
+it."""
 
 from __future__ import annotations
 
@@ -98,7 +99,7 @@ def test_other_texts_are_no_times() -> None:
     ("name", "begin", "step", "unit"),
     [
         *(("timestamp", 0, 0.05 / unit, unit) for unit in (1e-3, 1e-6, 1e-9)),
-        ("time", 3.6e12, 5e7, 1e-9),  # an hour after the computer was switched on
+        ("time", 3.6e12, 5e7, 1e-9),  # one hour after the computer was switched on
         ("t", 0, 200, 1e-3),
         *(("timestamp", begin, 20, None) for begin in (1.6e9, 1.6e12, 1.6e15)),
         *((name, 0, 20, None) for name in ("time_s", "seconds", "time_ms", "timestamp[ns]")),

@@ -117,14 +117,14 @@ DAMAGES: dict[str, tuple[str, bytes, bytes, set[int]]] = {
     "no catalogs": (MANIFEST, b'{"paths"', b'["paths"', set()),
     "a deeply nested manifest": (MANIFEST, b"[", b"[" * 10_000, set()),
 }
-"""What is replaced by what in which file, and the pictures that are lost by it."""
+"""Damages: a file, the text that is replaced, its replacement, and the pictures that are lost."""
 
 
 @pytest.mark.parametrize("first", DAMAGES)
 def test_every_intact_record_of_a_damaged_tub_is_imported_and_nothing_wrong(
     tmp_path: Path, first: str
 ) -> None:
-    """Each damage by itself, and with each other damage that follows it."""
+    """Each damage alone, and each pair of damages."""
     names = list(DAMAGES)
     for second in names[names.index(first) :]:
         tub, report = tub_2(tmp_path / second, angles(*[-0.7, 0.0, 0.6] * 4)), ImportReport()

@@ -75,7 +75,8 @@ def test_the_command_writes_both_directions_of_each_learner_and_lesson(halls, ca
     assert [(p["train"], p["test"]) for p in pairs[::3]] == directions
     assert {p["learner"] for p in pairs} == {"published-8", "default-8", "knn-3"}
     assert all(p["correct"] == round(p["accuracy"] * p["frames"]) for p in pairs)
-    assert capsys.readouterr().out.count("knn-3") == 3  # two directions and their mean
+    # columns of both directions, and of their mean
+    assert capsys.readouterr().out.count("knn-3") == 3
     assert main([*words, "published-4", "--first", "2,3", "--examples", "3"]) == 0
     pairs = json.loads(out.read_text())["pairs"]
     assert [p["lesson"] for p in pairs] == 2 * ["first 2", "first 3", "3 spread"]

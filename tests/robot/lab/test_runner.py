@@ -1,6 +1,7 @@
-"""Many runs: saved one by one, resumed, and equal in parallel and one after the other.
+"""Many runs are saved one by one, can be resumed, and give the same results in parallel as one
+after the other.
 
-On a real cluster: tests/cluster.
+tests/cluster uses a real cluster.
 """
 
 import inspect
@@ -46,7 +47,7 @@ def tasks(count: int) -> list[Task]:
 
 
 def numbers(results: list[dict[str, Any]]) -> str:
-    """All figures except speeds, to the last digit."""
+    """Return all figures except speeds, to the last digit."""
     return json.dumps([{k: v for k, v in r.items() if k != "timing"} for r in results])
 
 
@@ -122,7 +123,7 @@ def test_the_key_of_a_result_depends_on_the_task_and_the_files_it_names(tmp_path
 
 
 def test_a_run_during_which_its_idea_was_changed_counts_for_neither(tmp_path):
-    """Before, the result was saved under the name of the idea's new version."""
+    """In an earlier version, the result was saved under the name of the idea's new version."""
     idea, store = tmp_path / "idea.py", Store(tmp_path / "runs")
     idea.write_text("a = 1")
     task = Task(run_edit, {"learner": f"{idea}:Name", "files": [str(idea)], "mark": 1})
@@ -153,7 +154,8 @@ def test_the_files_that_a_task_names_travel_with_it(tmp_path, monkeypatch):
     [("Teaching", "nothing can be learned"), ("Driving", "nothing can be said")],
 )
 def test_an_error_in_an_idea_ends_the_run_with_its_own_traceback(tmp_path, name, error):
-    """Before, the loop went on without the learner, and a table with an SSD of 359.59 was saved."""
+    """In an earlier version, the loop went on without the learner, and a table with an SSD of
+    359.59 was saved."""
     store, (task,) = Store(tmp_path), tasks(1)
     task = replace(task, params={**task.params, "learner": f"{IDEAS}:{name}"})
     with pytest.raises(TrialError) as caught:
@@ -182,7 +184,8 @@ class NeverFetched:
 
 
 def test_the_task_of_a_worker_that_is_lost_before_its_answer_was_fetched_goes_to_another():
-    """Before, the client waited forever, because Dask tries again only on the same worker."""
+    """In an earlier version, the client waited forever, because Dask tries again only on the same
+    worker."""
     run = _Run(None, "tcp://here", {"key": Task(run_die, {})}, lambda count, change: None)
     run._todo.clear()
     run._workers["lost"] = worker = _Worker("lost", 0.0, future=NeverFetched(), key="key")
@@ -197,7 +200,7 @@ def test_the_task_of_a_worker_that_is_lost_before_its_answer_was_fetched_goes_to
     [(19.0, []), (21.0, ["has been silent for 20 s"]), (61.0, ["does not answer"])],
 )
 def test_a_silent_worker_is_reported_and_its_task_goes_to_another(silent_s, told):
-    """Before, the worker was reported once, and its task waited for Dask's 300 s."""
+    """In an earlier version, the worker was reported once, and its task waited for Dask's 300 s."""
     said = []
     run = _Run(None, "tcp://here", {}, lambda count, change: said.append(change))
     worker = _Worker("a", 0.0, heard=1.0, future=NeverFetched(), key="key", is_used=True)

@@ -1,4 +1,4 @@
-"""What holds for every kind of learner, whatever it is taught."""
+"""Properties of every kind of learner, whatever it is taught."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def test_invalid_examples_are_refused_and_change_nothing(kind, x, label, angle):
     learner = make(kind, 3)
     for is_fresh in (True, False):
         before = learner.get_state()
-        if not (is_fresh and x.ndim == 1 and 0 < x.size < 6):  # the first one sets the length
+        if not (is_fresh and x.ndim == 1 and 0 < x.size < 6):  # the first vector sets the length
             with pytest.raises(ValueError, match=r"vector|label|whole|angle"):
                 learner.learn_in(x, label, (0,), angle)
         assert same_state(before, learner.get_state())

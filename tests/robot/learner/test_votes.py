@@ -1,4 +1,5 @@
-"""Labels and novelty from distances: what is novel, and when a pilot has changed his mind."""
+"""Labels and novelty computed from distances: which views are novel, and when a pilot has changed
+his mind."""
 
 from __future__ import annotations
 
@@ -256,7 +257,7 @@ def test_after_an_announced_change_one_wall_teaches_all_walls(max_nodes, is_line
 
 @crossed(is_linear=[False, True], n_blocks=[2, 3, 4], max_nodes=[8, 16, 32, 64])
 def test_other_turns_at_other_walls_change_no_label(max_nodes, n_blocks, is_linear):
-    """Two halves: left at some walls, right at others; neither has to be taught again."""
+    """The pilot turns left at some walls and right at others, and teaches both halves only once."""
     lessons = []
     for block in range(n_blocks):
         lessons += drive(("left", "right")[block % 2], 16, block, 4 * (block % 2))

@@ -44,8 +44,8 @@ BETWEEN = 0.5 + 0.25 * (STRAIGHT_INERTIA + TURN_INERTIA)
         (MUCH, L, False, F),
         (BETWEEN, L, False, L),
         (1 - BETWEEN, F, False, L),  # driving straight yields sooner than a turn
-        (0.51, L, True, F),  # with contexts only the votes decide
-        (0.4, STOP, False, L),  # standing still is no move under way
+        (0.51, L, True, F),  # if the learner has contexts, only the votes decide
+        (0.4, STOP, False, L),  # a robot that stands still makes no move
     ],
 )
 def test_a_move_goes_on_until_another_is_clearly_better(votes_for_f, under_way, in_context, chosen):
@@ -60,7 +60,7 @@ def test_proportional_steering_stays_on_the_side_of_the_current_turn():
 
     def drive(shares, under_way, point):
         seen = see(steady, under_way=under_way, shares=shares, in_context=True)
-        seen.point = point  # as the part after it does
+        seen.point = point  # as the part after the filter does
         return seen.action
 
     assert drive({F: 0.0, L: 0.4, R: 0.6}, None, Point(0.8, 0.5)) is R
@@ -68,7 +68,8 @@ def test_proportional_steering_stays_on_the_side_of_the_current_turn():
     assert drive({F: LITTLE, L: 0.0, R: 1 - LITTLE}, R, Point(0.1, 0.5)) is F
     assert drive({F: 0.0, L: 0.4, R: 0.6}, F, Point(0.8, 0.5)) is R
     assert drive({F: 0.0, L: MUCH, R: 1 - MUCH}, R, None) is L
-    assert drive({F: 0.0, L: 1 - LITTLE, R: LITTLE}, L, None) is R  # by moves the votes decide
+    # if the pilot drives by moves, the votes decide
+    assert drive({F: 0.0, L: 1 - LITTLE, R: LITTLE}, L, None) is R
 
 
 @pytest.mark.parametrize(("usual_run_s", "at_least", "at_most"), [(3.0, 0.3, 0.5), (0.2, 0.0, 0.1)])
@@ -137,7 +138,7 @@ def drive():
 
 @pytest.mark.parametrize("bumped", [False, True])
 def test_pushing_is_noticed_in_half_a_second(drive, bumped):
-    """A pressed bumper tells it although the picture slides."""
+    """A pressed bumper shows that the robot is stuck, although the picture slides."""
     assert not drive.barred
     noticed_s = drive.go(3, F, is_moving=bumped, bumped=bumped)
     assert STUCK_S - 0.1 <= noticed_s <= STUCK_S + 0.2
@@ -198,10 +199,10 @@ class Body:
         self.filter = ActionFilter(KINDS)
         self.dt_s, self.now_s, self.shift = 1 / rate_hz, 100.0, 0.0
         self.doing = STOP
-        self.pace = self.filter.pace  # as the policy would have measured it
+        self.pace = self.filter.pace  # the change that the policy would have measured
         self.pace.longest_lost_s, self.pace._pushes_s = longest_lost_s, [push_s] * 3
         for _ in range(20):
-            self.pace.scale.add(60.0)  # as two pictures of the wall differ
+            self.pace.scale.add(60.0)  # two pictures of the wall differ by this much
         self._rng = np.random.default_rng(1)
         self._wall = self._rng.integers(0, 200, 400, np.uint8)
 
@@ -285,7 +286,7 @@ def test_the_robot_turns_back_and_forth_only_as_quickly_as_its_pilot(rate_hz, pe
     body.pace.longest_lost_s = LONGEST_LOST_S
     assert body.pace.to_and_fro_s < 2 * period_s
     assert len(changes_of_side(body.run(4.0, hand))) >= 4.0 / period_s - 2
-    # Where driving straight has no effect, this would go on until the robot asks.
+    # If driving straight has no effect, the robot alternates until it asks for help.
     body.run(STUCK_S + 0.2, voted(F), is_free=False)
     assert len(changes_of_side(body.run(1.0, alternating(0.1, 0.6), is_free=False))) <= 2
 

@@ -139,7 +139,7 @@ def test_after_a_pause_nothing_is_known_of_what_went_before(again):
 
 @pytest.mark.parametrize("cut", range(0, 60, 7))
 def test_a_selection_saved_in_the_middle_continues_alike(cut):
-    """The moves are at 14 examples a second, so some of them come too soon."""
+    """The pilot teaches 14 examples a second, so some of them come too soon."""
     drive = [(move, 0.07 * i) for i, move in enumerate([F] * 20 + [L] * 12 + [R] * 8 + [F] * 20)]
     for make in (lambda: MoveContext(KINDS), ExampleRate):
         whole, restored = make(), make()

@@ -170,13 +170,13 @@ def test_an_undone_example_is_not_the_last_one_of_an_image(learner):
         example = Example(frame_id=0, label=Action.FORWARD, is_intervention=False)
         history.teach(example, x, at_s)
 
-    for i, x in enumerate(xs[:81]):  # then it is copied
+    for i, x in enumerate(xs[:81]):  # then a snapshot copies the state
         for history in (undone, untouched):
             teach_forward(history, x, 0.125 * i)
     for x, at_s in zip(xs[81:83], (10.125, 10.25), strict=True):
         teach_forward(undone, x, at_s)
     assert len(undo_examples(undone, 0.2)) == 2
-    teach_forward(undone, xs[83], 10.26)  # too soon to be learned
+    teach_forward(undone, xs[83], 10.26)  # this example comes too soon to be learned
     teach_forward(untouched, xs[83], 10.01)
     states = [history.policy.get_state() for history in (undone, untouched)]
     assert same_nodes(*states)
@@ -189,7 +189,7 @@ N_PARTS = len(make_policy("default-8")._learning)
 
 
 class Plugin(PolicyPart):
-    """Refuses the given calls after the parts before it have learned."""
+    """A part that refuses the given calls, after the parts before it have learned."""
 
     def __init__(self, policy: Policy, done: int) -> None:
         self.refuses = False

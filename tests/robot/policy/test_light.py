@@ -1,4 +1,4 @@
-"""Adaptation to another light: a darker room is no other view."""
+"""Adaptation to the light: a darker room does not count as another view."""
 
 from __future__ import annotations
 

@@ -112,7 +112,7 @@ def test_how_long_the_pilot_keeps_to_a_move_is_known_at_any_frame_rate(rate_hz, 
 
 
 def test_whether_a_move_is_straight_depends_on_its_effect_and_not_on_its_name():
-    """A still picture is a push for one body, and nothing for the other."""
+    """A still picture counts as a push for one body, and not for the other."""
     push, name = [], Action("go")
     for steering in (0.0, 0.8):
         pilot = Pilot()

@@ -53,7 +53,7 @@ def drive_and_edit(robot: RecordedBench, scenes: range, chance: random.Random) -
 def test_edits_of_images_and_their_undos_are_learned_again_also_from_rewritten_recordings(
     store: EpisodeStore, robot: RecordedBench, seed: int, n_undone: int
 ) -> None:
-    """Each drive is a recording, so an edit may be taken back in a later one than its own."""
+    """Each drive is a recording, so an edit may be undone in a later recording."""
     chance, history = random.Random(seed), robot.loop.history
 
     def learned(names: list[str]) -> tuple[Any, int, list[tuple[str, int]]]:
@@ -88,7 +88,7 @@ def test_edits_of_images_and_their_undos_are_learned_again_also_from_rewritten_r
     before, left_out, _ = learned(names)
     n_later = max(2 - n_undone, 0) + 2 * (seed % 2)
     assert left_out == (n_later if seed % 3 < 2 else 0), "from the first edited recording on"
-    if n_undone > 1:  # or else the split recording has an edit of an image, which is left out
+    if n_undone > 1:  # if not, the split recording has an edit of an image, which is left out
         names.insert(2, store.split(edited, ids[10]))
     store.compact(edited)
     after, left_out_after, edits_after = learned(names)
@@ -123,7 +123,7 @@ def test_each_part_of_a_split_lasts_as_long_as_its_pictures(
     robot.start(Mode.AUTONOMOUS, 100)
     for scene in range(100, 240):
         robot.step(scene, None)
-    robot.undo(0.2)  # of the recording before
+    robot.undo(0.2)  # an undo of the recording before
     robot.stop()
     name = robot.finish()[1].stem
     ids = list(store.open(name).frames)

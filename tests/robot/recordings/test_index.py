@@ -115,7 +115,7 @@ def long(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def everything(episode: Episode) -> dict[str, Any]:
-    found = content(episode)  # reads all; only then the order is known
+    found = content(episode)  # this reads everything, because only then is the order known
     about = episode.run, episode.attachments, episode.moves, episode.frames.is_ordered
     return found | {"about": about}
 
@@ -221,7 +221,7 @@ def test_the_list_reads_only_the_ends_of_a_file_and_finds_what_the_library_finds
     path = record_drive(tmp_path, frames=frames).path
     with path.open("rb") as file:
         found = {record.name: dict(record.metadata) for record in make_reader(file).iter_metadata()}
-    if frames == 400:  # whose middle is not even looked at
+    if frames == 400:  # damage the middle, which must not be read
         data = path.read_bytes()
         path.write_bytes(data[:10_000] + bytes(len(data) - 50_000) + data[-40_000:])
     assert read_metadata(path) == found and len(found) == 2

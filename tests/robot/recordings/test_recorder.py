@@ -99,7 +99,7 @@ def test_a_power_cut_costs_only_what_was_not_flushed_yet(tmp_path: Path, seed: i
             kept = [open_episode(path) for path in paths]
             ends_s = [episode.start_s + episode.duration_s for episode in kept]
             lost_s = robot.clock.now_s() - max([start_s, *ends_s])
-            assert lost_s <= FLUSH_EVERY_S + 2 * 0.1  # it flushes when a step ends
+            assert lost_s <= FLUSH_EVERY_S + 2 * 0.1  # the disk's thread flushes when a step ends
 
 
 def test_every_message_is_valid_against_its_schema(tmp_path: Path) -> None:
@@ -283,7 +283,7 @@ def test_a_run_without_driving_or_teaching_is_not_kept(tmp_path: Path) -> None:
 def test_a_full_disk_ends_the_recording_and_the_next_drive_is_recorded_again(
     tmp_path: Path, stood_s: float, teaches_at_once: bool
 ) -> None:
-    """The robot drives on meanwhile, whenever the next drive begins."""
+    """The robot drives on while a recording ends, whenever the next drive begins."""
     chance, disk = random.Random(f"{stood_s}"), Disk()
     robot = RecordedBench(tmp_path, open_file=disk.open)
     queue, recording = robot.recorder.queue, robot.recorder.recording

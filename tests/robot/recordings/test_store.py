@@ -128,7 +128,8 @@ def test_a_recording_is_found_by_words(four: EpisodeStore, text: str, found: lis
 
 
 def test_a_copy_is_never_the_newest(four: EpisodeStore, folder: Path, drive: Path) -> None:
-    """Its time is that of its original, and its name may be shorter or sort before it."""
+    """A copy has the time of its original, but its name may be shorter or sort before the
+    original's."""
     copies = (f"{drive.stem} (2)", f"{drive.stem}.sync-conflict-20260101-120000-ABC")
     for name in (drive.stem, "a", "zz", *copies):
         shutil.copy(drive, folder / f"{name}.mcap")
@@ -349,7 +350,7 @@ def test_no_recording_is_deleted_or_rewritten_while_another_process_reads_it(
         with pytest.raises(ConfigurationError, match="exported"):
             four.compact("one")
         assert "one.mcap" in being_read(folder)
-        reader.kill()  # it ends in some way, and leaves its mark behind
+        reader.kill()  # the reader ends, and leaves its mark behind
     assert four.delete("one").ids == ("one",)
     assert not list(folder.glob(".reading*"))
 
@@ -357,7 +358,7 @@ def test_no_recording_is_deleted_or_rewritten_while_another_process_reads_it(
 def test_a_zip_holds_all_with_their_edits_up_to_their_present_end(
     four: EpisodeStore, folder: Path, drive: Path
 ) -> None:
-    """Little of them is in memory, and the last one is still being recorded."""
+    """Only a part of the recordings is in memory, and the last one is still being recorded."""
     large, made = folder / "large.mcap", folder.parent / "all.zip"
     large.write_bytes(drive.read_bytes() + bytes(24 * 2**20))
     paths, before = [*(folder / f"{name}.mcap" for name in NAMES), large], content(folder)

@@ -1,5 +1,5 @@
 """Learning again from recordings gives the same learner as driving, bit for bit, and edits change
-what is learned. What edits change is measured on held-out frames, by the edited labels."""
+what is learned. The effect of edits is measured on held-out frames, against the edited labels."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""The simulated camera: JPEG like a webcam's, small on the disk; and its renderer, which keeps no
-memory of pictures, worlds and other threads."""
+"""The simulated camera: its JPEGs are small on the disk, like a webcam's, and its renderer leaks
+no memory."""
 
 from __future__ import annotations
 
@@ -173,7 +173,7 @@ def pictures(seed: int, count: int = 60) -> list[bytes]:
 
 
 def test_a_picture_leaves_no_state_behind() -> None:
-    """Before, each new pose leaked two to four transform states, 2.6 kB."""
+    """In an earlier version, each new pose leaked two to four transform states, 2.6 kB."""
     world = load_world("push")
     renderer = Renderer(world)
 
@@ -188,7 +188,7 @@ def test_a_picture_leaves_no_state_behind() -> None:
 
 
 def test_a_closed_world_is_freed_when_the_next_is_drawn() -> None:
-    """Before, each world that was opened and closed leaked its floor, 1 MB."""
+    """In an earlier version, each world that was opened and closed leaked its floor, 1 MB."""
     first, second = Renderer(load_world("box")), Renderer(load_world("box"))
     first.render(pose(0))
     first.render_large()

@@ -199,7 +199,7 @@ def test_a_robot_that_is_carried_about_starts_and_sees_where_it_is_each_time() -
 
 
 def test_another_thread_never_sees_the_place_that_the_robot_has_left() -> None:
-    """The page asks during the step: after every line of the step the new place is shown."""
+    """The page asks for the place after every line of the step, and always gets the new place."""
     simulation = Simulation(load_world("box"), seed=0)
     simulation.first_world = load_world("office")
     shown = [simulation.shown_world.name]

@@ -45,7 +45,7 @@ def test_the_data_folder_is_the_chosen_or_the_systems(monkeypatch):
 @pytest.mark.skipif(not hasattr(os, "pathconf"), reason="the limit is asked of a POSIX system")
 @pytest.mark.parametrize("spare", [60, 120, 170])
 def test_a_folder_that_leads_to_too_long_paths_is_refused_at_once(tmp_path, spare):
-    most = os.pathconf(tmp_path, "PC_PATH_MAX") - 1  # a zero ends each
+    most = os.pathconf(tmp_path, "PC_PATH_MAX") - 1  # each path ends in a zero
     deep = tmp_path
     while (left := most - 300 - len(str(deep))) > 1:
         deep /= "d" * min(left - 1, 200)
@@ -66,7 +66,8 @@ def test_programs_that_start_at_once_do_not_hinder_each_other(tmp_path):
 
 def test_two_threads_that_write_one_file_at_once_do_not_mix(tmp_path):
     path = tmp_path / "drive.mcap"
-    with ThreadPoolExecutor(1) as other, whole_file(path) as file:  # an ending, and a compacting
+    # the files of an ending and of a compacting
+    with ThreadPoolExecutor(1) as other, whole_file(path) as file:
         file.write(b"a" * 100_000)
         other.submit(write_whole, path, b"b" * 10).result()
         file.write(b"a" * 100_000)

@@ -47,7 +47,8 @@ text = "Would you do it again?"
 options = ["yes", "no"]
 """
 How = tuple[Mode, DrivenBy, Action, float | None]
-"""What a participant's robot does: mode, who drives, the move, and the distance ahead in metres."""
+"""What a participant's robot does: its mode, its driver, its move, and the distance ahead in
+metres."""
 
 
 def small_plan() -> StudyPlan:

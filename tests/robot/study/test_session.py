@@ -127,7 +127,7 @@ def test_an_answer_like_a_formula_is_not_one_in_any_file_of_the_zip():
         value = "=HYPERLINK(1)" if question.kind == "text" else question.check(question.least)
         person.say("answer", name=question.name, value=value)
     person.say("answer", name="remark", value="=HYPERLINK(1)")
-    older = person.log.replace(b"'=HYPERLINK", b"=HYPERLINK")  # of an older version
+    older = person.log.replace(b"'=HYPERLINK", b"=HYPERLINK")  # a log of an older version
     with zipfile.ZipFile(io.BytesIO(pack(SMALL_PLAN, {"P01": older}))) as packed:
         assert packed.read("events/P01.csv") == person.log
         for name in packed.namelist():

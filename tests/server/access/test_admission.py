@@ -172,7 +172,7 @@ def test_without_pairing_an_answer_may_take_long(address):
 
 
 def test_no_answer_is_cut_short_for_the_request_of_somebody_else():
-    """Pages that load together open more connections than there are places for admitted ones."""
+    """Pages that load together open more connections than there are slots for admitted ones."""
     crowd = Crowd(NetworkLimits(pending=6, connections_each=6), 16)
     people = ("one", "other", "third")
     busy = []
@@ -194,7 +194,8 @@ def test_no_answer_is_cut_short_for_the_request_of_somebody_else():
 
 
 def test_a_newcomer_waits_for_an_idle_place_before_it_takes_a_busy_one():
-    """Before, when a class loaded its pages at once, newcomers evicted connections in use."""
+    """In an earlier version, when a class loaded its pages at once, new connections evicted
+    connections in use."""
     crowd = Crowd(NetworkLimits(pending=6, connections_each=6), 16)
     for port in range(16):
         crowd.come(port, f"page {port % 4}", lasts=port == 10)

@@ -118,7 +118,7 @@ def a_reused_port_is_counted_again(listener: AdmissionListener) -> None:
 
 
 def without_descriptors_it_turns_away(listener: AdmissionListener, number: int) -> None:
-    """And it does not spin."""
+    """The listener does not spin, either."""
     real, failures = socket.socket.accept, iter([True, False, True, False])
 
     def failing(self: socket.socket) -> Any:
@@ -138,7 +138,7 @@ def without_descriptors_it_turns_away(listener: AdmissionListener, number: int) 
 def what_has_come_is_read_before_it_is_pushed_out(listener: AdmissionListener) -> None:
     clients, rounds = _connect(listener, 100), []
     for _ in range(9):
-        listener.clock.advance(1.0)  # of a busy computer
+        listener.clock.advance(1.0)  # the time of a busy computer
         rounds.append(_accept_all(listener))
     assert [len(accepted) for accepted in rounds] == [40, *7 * [0], 40]
     assert listener.admission.pending.evicted == 40
@@ -170,7 +170,8 @@ def a_stop_is_handed_on_first_and_of_one_person_a_share(listener: AdmissionListe
 
 def what_a_client_has_not_read_is_known_though_its_system_has_taken_it() -> None:
     listener, client = socket.create_server(("127.0.0.1", 0)), socket.socket()
-    client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 65_536)  # its window stops growing
+    # the viewer's window stops growing
+    client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 65_536)
     client.connect(listener.getsockname())
     connection, peer = listener.accept()
     measure = measure_connection(peer)
@@ -194,6 +195,7 @@ def what_a_client_has_not_read_is_known_though_its_system_has_taken_it() -> None
             sent += 1
             assert sent < 5, "they are not counted"
         read(8000 * sent)
-        connection.sendall(b"x")  # its acknowledgement, which may be delayed, has the window's size
+        # the client's acknowledgement, which may be delayed, contains the window's size
+        connection.sendall(b"x")
         wait_until(lambda: room.is_there(1))
     assert Room(measure_connection(peer)).is_there(1), "nothing is known of a closed connection"

@@ -1,4 +1,4 @@
-"""Each browser has one session, which goes by the rules; a player has a key, and only watches."""
+"""Each browser has one session, which ends by the rules; a player has a key, and can only watch."""
 
 from urllib.parse import quote
 
@@ -25,8 +25,8 @@ FORMS = (
     *(f"  or open   {LINK} .", f"To pair another one that may drive: {TOKEN}\n\n"),
     f"  or open   {LINK}\n  To watch: http://10.0.0.2:8000/pair#VVVV-WWWW-XXXX-YYYY\n",
     f"\x1b[1m{LINK}\x1b[0m",
-    f"http://h/pair#{TOKEN[:10]}\n{TOKEN[10:]}",  # the terminal's narrow window broke it
-    *(" ".join(JOINED), "-".join(JOINED)),  # typed letter by letter
+    f"http://h/pair#{TOKEN[:10]}\n{TOKEN[10:]}",  # a narrow terminal window broke the line
+    *(" ".join(JOINED), "-".join(JOINED)),  # a person typed it letter by letter
     "".join(chr(ord(letter) + 0xFEE0) for letter in JOINED),  # full width, as in Chinese
 )
 """What a person has in hand: the token, its address, or lines of the terminal."""
@@ -85,7 +85,7 @@ def test_a_connected_browser_stays_paired_and_the_owner_always_does(tmp_path):
     owner, pilot = (redeem(pairing, Role.PILOT) for _ in range(2))
     session = pairing.find(pilot)
     pairing.is_in_use = lambda name: name == session.name
-    for _ in range(_SESSIONS + 36):  # all of them come and are used
+    for _ in range(_SESSIONS + 36):  # all of these browsers come back and use their sessions
         assert pairing.find(redeem(pairing, Role.PILOT))
     assert pairing.find(pilot)
     again = Pairing(10, file).find(owner)

@@ -81,7 +81,8 @@ def test_no_header_of_a_client_hides_what_the_proxy_adds(begun):
 @pytest.mark.timeout(60)
 @pytest.mark.parametrize("letters", ["a", "a-", "a ", 'a="', "a=,", '"', "\\"])
 def test_no_header_takes_long_to_read(letters):
-    """Before, a header of 8,000 letters, which nginx passes on, blocked the robot for a second."""
+    """In an earlier version, a header of 8,000 letters, which nginx passes on, blocked the robot
+    for a second."""
     seen(forwarded=letters * (100_000 // len(letters)))
 
 
@@ -102,7 +103,7 @@ def test_headers_choose_among_the_addresses_that_people_open(headers, host, sche
     assert (host_of(found), found["scheme"]) == (host, scheme)
     elsewhere = PROXIES.see_through(scope(x_forwarded_host="elsewhere"))
     assert isinstance(elsewhere, Refusal) and elsewhere.status == 421
-    for path in ("/api/stop", "/robot/api/stop"):  # some proxies leave the prefix out
+    for path in ("/api/stop", "/robot/api/stop"):  # some proxies remove the prefix
         found = seen(path=path, x_forwarded_host="home.example")
         assert (found["path"], found[PREFIX]) == ("/api/stop", "/robot")
 

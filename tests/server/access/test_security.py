@@ -164,7 +164,7 @@ def test_when_all_slots_are_taken_a_newcomer_evicts_the_person_with_the_most(tmp
         many = [page(greedy) for _ in range(5)]
         assert [one.close_code for one in many] == [1013, 1013, None, None, None]
         page(second)
-        page(third)  # the client with the most connections gives way
+        page(third)  # the client with the most connections loses one
         assert many[2].close_code == 1013
         assert _socket_status(server, **third) == 503, "who would have as many as greedy"
         page(owner)
@@ -172,7 +172,7 @@ def test_when_all_slots_are_taken_a_newcomer_evicts_the_person_with_the_most(tmp
 
 
 def test_uploads_that_never_end_use_the_memory_of_only_two(tmp_path):
-    """Before, one pupil could keep an upload of 64 MB open on each connection."""
+    """In an earlier version, one pupil could keep an upload of 64 MB open on each connection."""
     config = NetworkConfig(port=0, web=WEB, lan=True, data=tmp_path)
     with VirtualServer(config, pairing=Pairing(3), data=tmp_path) as server:
         owner, *pupils = (_pair(server, Role.PILOT) for _ in range(4))
@@ -322,7 +322,7 @@ CLASS_PATHS = {"/api/class/hello", "/api/class/join"}
     ("path", "role", "stays"),
     [
         ("/api/unpair", Role.PILOT, False),
-        ("/api/pair", Role.VIEWER, False),  # it makes less of the session
+        ("/api/pair", Role.VIEWER, False),  # the browser gets fewer rights
         ("/api/pair", Role.PILOT, True),
     ],
 )

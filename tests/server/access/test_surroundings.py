@@ -165,7 +165,7 @@ def test_a_browser_at_an_unknown_name_is_led_to_the_address(accepted, language):
 
 @pytest.mark.realtime
 def test_of_two_robots_that_nobody_named_the_second_takes_another_name(monkeypatch):
-    """Also if they start at the same moment."""
+    """This also holds if both robots start at the same moment."""
     if not hasattr(pytest.importorskip("zeroconf"), "AddressResolver"):
         pytest.skip("this zeroconf cannot ask for a host's addresses")
     # All processes share one loopback: the name and the addresses are this test's own.
@@ -182,7 +182,7 @@ def test_of_two_robots_that_nobody_named_the_second_takes_another_name(monkeypat
         first, second, third, named = map(robot, (name, name, name, f"ada-{name}"))
         for one, place in ((first, low), (second, high)):
             with mock.patch.object(one, "_free_name", lambda _: name):
-                one.announce(place)  # neither hears the other one
+                one.announce(place)  # neither robot hears the other
         wait_until(lambda: second.must_yield(high), "the second hears the first")
         wait_until(lambda: not first.must_yield(low), "the first keeps the name")
         for _ in range(2):
@@ -209,7 +209,7 @@ def test_two_robots_announce_themselves_and_the_board_finds_both():
         browsing(note, here),
         contextlib.closing(zeroconf.Zeroconf(interfaces=here)) as asker,
     ):
-        is_complete.wait()  # the test's own time limit ends it
+        is_complete.wait()  # the test's own time limit ends this loop
         info = asker.get_service_info(kind, f"Drivelesson ada-test.{kind}", 10_000)
     assert (info.server, info.port) == ("ada-test.local.", 8123)
     assert info.parsed_addresses() == here

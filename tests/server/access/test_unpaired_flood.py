@@ -34,7 +34,7 @@ def test_a_flood_neither_stops_the_pilot_nor_locks_out_a_new_phone(capsys, tmp_p
 
 def the_right_token_is_admitted_whoever_tried_wrong_ones(server: Process) -> None:
     url, wrong = server.address + "/api/pair", {"token": "WRONG"}
-    with httpx.Client(timeout=PATIENCE_S) as client:  # making one takes long on a busy machine
+    with httpx.Client(timeout=PATIENCE_S) as client:  # making one takes long if the machine is busy
         statuses = [client.post(url, json=wrong).status_code for _ in range(WRONG_TOKENS)]
     assert statuses[0] == 403 and statuses[-1] == 429
     assert server.pair()
@@ -68,7 +68,7 @@ def a_pilot_drives_and_another_phone_comes_in_the_middle_of_a_flood(
         assert modes.count("train") > 20, "it was stopped as long as the attack lasted"
         pilot.drive_until(lambda: pilot.state["mode"] == "train")
         pilot.send(type="ping", client_ms=1)
-        pilot.wait_for(lambda m: m["type"] == "pong")  # its line was never cut
+        pilot.wait_for(lambda m: m["type"] == "pong")  # the pilot's connection was never cut
     assert came_s, "no phone came while the attack lasted"
     assert n_ended > 0.9 * (HALF_REQUESTS + IDLE), "pending connections are not closed"
     with capsys.disabled():

@@ -1,6 +1,6 @@
 """The board of a class stops every reachable robot at once, and names the others.
 
-That STOP reaches ten robots in time, among a thousand others: test_unverified_robots.py.
+test_unverified_robots.py shows that STOP reaches ten robots in time among a thousand others.
 """
 
 import random
@@ -129,7 +129,7 @@ async def test_only_a_state_that_is_newer_than_a_stop_confirms_or_clears_it(worl
     hear(free | {"stop_number": number})
     hear(held | {"stop_number": number + 1})
     assert link.stop.stage is Stopping.STOPPED
-    await link.stop.send_again(link.stop.channel)  # on a new connection
+    await link.stop.send_again(link.stop.channel)  # the stop is sent on a new connection
     hear({"emergency": False, "stop_held_by": None})
     assert link.stop.stage is Stopping.STOPPED, "that was on the connection before"
 

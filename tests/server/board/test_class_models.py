@@ -37,7 +37,8 @@ def linked(number: int, port: int, network: Any, clock: VirtualClock) -> RobotLi
 
 
 class Class:
-    """One real robot, one that has just disappeared, one that refuses, and one that is away."""
+    """A board with a real robot, a robot that has just disappeared, one that refuses, and one that
+    is away."""
 
     def __init__(self, data: Path) -> None:
         self.pairing = Pairing(10)

@@ -182,7 +182,7 @@ async def test_the_code_on_paper_pairs_until_the_class_has_another_key(world):
         assert await asker.status("POST", "/api/pair", {}, {"token": paper}) == 200
         assert await asker.status("POST", "/api/pair", {}, {"token": old}) == 403
         one.restart()
-        await world.clock.pause(400.0)  # longer than any invitation
+        await world.clock.pause(400.0)  # longer than any invitation is valid
 
 
 def test_a_class_has_simulated_robots_and_real_ones_but_not_too_many():

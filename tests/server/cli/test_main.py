@@ -54,7 +54,8 @@ def test_the_error_for_a_wrong_call_shows_the_right_call(words, sentence, capsys
 
 
 def test_a_copy_that_is_not_installed_says_so(monkeypatch, capsys):
-    """For example in another program's environment, if this folder is in its path."""
+    """The program must also start in another program's environment, if this folder is in its
+    path."""
     monkeypatch.setattr("server.cli.main._points", dict)
     assert main([]) == 2
     assert f"not installed for {sys.executable}" in capsys.readouterr().err

@@ -187,7 +187,7 @@ def allows(window: VideoWindow, delay_s: float) -> bool:
     ("delays_s", "lone_delay_s"),
     [
         ([0.128], 0.128),
-        ([0.128, 0.256], 0.160),  # up by a quarter of the way
+        ([0.128, 0.256], 0.160),  # the average rises by a quarter of the difference
         ([0.256, 0.128], 0.128),  # down at once
         ([0.128, 0.256, 0.256], 0.184),
     ],

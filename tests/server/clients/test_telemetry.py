@@ -46,7 +46,7 @@ def test_found_devices_are_reported_and_a_plug_ins_own_attribute_is_not() -> Non
 def test_the_age_of_a_picture_is_told_and_the_share_of_it_on_a_brick() -> None:
     clock = VirtualClock()
     camera = FakeCamera(clock, age_s=0.05)
-    camera.source_age_s = 0.03  # at a brick, whose link takes the rest
+    camera.source_age_s = 0.03  # measured at the brick; its link adds the rest
 
     async def told() -> dict[str, float]:
         async with ServedWorld(clock, camera=camera) as world:

@@ -38,7 +38,7 @@ def player(
 
 
 def test_a_player_gets_the_length_of_each_picture(server: VirtualServer) -> None:
-    """Otherwise players based on FFmpeg show pictures two to three periods late."""
+    """Without a length, players based on FFmpeg show pictures two to three periods late."""
     head = re.compile(rb"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: (\d+)\r\n\r\n")
     with player(server) as answer:
         received = b"".join(chunk for _, chunk in zip(range(5), answer.iter_raw(), strict=False))
@@ -144,7 +144,7 @@ def test_a_viewer_gets_each_frame_once_after_its_acknowledgement_and_slows_no_ot
         assert server.clock.now_s() - started_s < 1.5
         assert ids == sorted(set(ids)) and ids[1] >= ids[0] + 3, "the newest, not the next"
         with pytest.raises(TimeoutError):
-            idle.recv(0.1)  # it has acknowledged nothing
+            idle.recv(0.1)  # the viewer has acknowledged nothing
 
 
 @in_virtual_time()
@@ -168,7 +168,7 @@ async def test_pictures_stay_fresh_on_every_link_and_all_arrive_that_it_can_carr
         ("fast again", LinkConditions(delay_s=0.005), 290, 0.02),
     ):
         world.link.conditions = conditions
-        await world.forward(10.0)  # it learns what the link can carry
+        await world.forward(10.0)  # the server learns what the link can carry
         ages_s.clear()
         await world.forward(10.0)
         assert len(ages_s) >= least, (what, len(ages_s))

@@ -37,7 +37,8 @@ def check_it_names_what_is_still_starting_and_then_lets_the_server_answer() -> N
         assert b"the robot and its camera" in ask()
         page.part = StartingPart.MODEL
         assert b"the robot's model" in ask()
-        socket.create_connection(listener.getsockname()).close()  # who leaves delays nobody
+        # a client that leaves delays nobody
+        socket.create_connection(listener.getsockname()).close()
         assert b"Retry-After" in ask(b"\x16\x03\x01 no HTTP at all")
 
         page.stop()
@@ -51,7 +52,7 @@ def check_it_names_what_is_still_starting_and_then_lets_the_server_answer() -> N
 
 
 def check_a_hanging_upload_and_half_a_request_hold_up_no_end(tmp_path: Path) -> None:
-    """Neither do silence and half a handshake, by HTTP or by TLS."""
+    """A silent client and half a handshake do not delay the end either, over HTTP or TLS."""
     unchecked = ssl.create_default_context()
     unchecked.check_hostname, unchecked.verify_mode = False, ssl.CERT_NONE
     for folder, *words in (("http",), ("tls", "--lan", "--tls", "--host", "127.0.0.1")):
@@ -61,7 +62,8 @@ def check_a_hanging_upload_and_half_a_request_hold_up_no_end(tmp_path: Path) -> 
                 if words and data in (HALF_A_REQUEST, UPLOAD):
                     line = unchecked.wrap_socket(line)
                 stack.enter_context(line).sendall(data)
-            httpx.get(running.address + "/healthz", verify=False)  # all have been read by then
+            # by then the server has read all of them
+            httpx.get(running.address + "/healthz", verify=False)
             running.process.send_signal(signal.SIGTERM)
             assert running.process.wait(60) == 0, "a line that nobody ends holds it up"
     _check_a_full_pipe_does_not_delay_the_end()

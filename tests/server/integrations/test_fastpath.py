@@ -59,7 +59,8 @@ FLOODS = {
 
 @pytest.mark.parametrize("flood", FLOODS)
 def test_a_flooding_client_is_read_no_faster_than_a_page_needs(flood: str) -> None:
-    """Before, a pupil with eight sockets delayed the pilot and every STOP by fifteen seconds."""
+    """In an earlier version, a pupil with eight sockets delayed the pilot and every STOP by fifteen
+    seconds."""
     asyncio.run(flood_for_a_minute(*FLOODS[flood]))
 
 

@@ -108,7 +108,7 @@ def test_a_taught_model_is_saved_listed_and_previewed(bench: Bench) -> None:
 
 
 def test_a_new_model_begins_like_earlier_models_of_its_learner_only(bench: Bench) -> None:
-    bench.server.teach(3)  # published-8, which has no linear part
+    bench.server.teach(3)  # the model of published-8, which has no linear part
     new = {"learner": "default-8", "name": "kitchen"}
     assert bench.client.post("/api/models", json=new).status_code == 201
     bench.server.teach(12)
@@ -207,7 +207,8 @@ def test_download_and_upload(bench: Bench) -> None:
 
 
 def test_what_cannot_be_done_changes_nothing(bench: Bench, tmp_path: Path) -> None:
-    """Each refusal has its status. Any other nonsense: tests/server/test_hostile_values.py."""
+    """Each refusal has its status. tests/server/test_hostile_values.py tests other invalid
+    values."""
     before = everything(tmp_path)
     for method, path, body, status in (
         ("PUT", "/x/file", b"no model", 422),
@@ -234,8 +235,8 @@ def test_a_mode_change_saves(bench: Bench) -> None:
 def test_after_a_kill_examples_that_were_declared_outdated_still_are(
     bench: Bench, tmp_path: Path
 ) -> None:
-    """The folder is copied when the answer arrives, without the models, so that no save can
-    help. Other changes: tests/server/test_answers_are_facts.py."""
+    """The test copies the folder, without the models, when the answer arrives, so that no later
+    save can help. Other changes: tests/server/test_answers_are_facts.py."""
     bench.server.use_policy("default-8")
     bench.server.teach(6)
     assert bench.client.post("/api/teaching/outdate").json()["kept"]

@@ -113,7 +113,7 @@ def test_a_recording_is_titled_edited_compacted_deleted_and_restored(
 
 
 def test_each_refusal_has_its_status(client: Client, episode_id: str) -> None:
-    """Any other nonsense: tests/server/test_hostile_values.py."""
+    """tests/server/test_hostile_values.py tests other invalid values."""
     for method, path, body, status in (
         ("GET", "/nobody", None, 404),
         ("GET", ".zip?episode=nobody", None, 404),

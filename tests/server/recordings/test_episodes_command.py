@@ -1,4 +1,4 @@
-"""`drivelesson episodes`, as a user types it. Exports and imports: tests/server/exchange."""
+"""`drivelesson episodes`, as a user types it. tests/server/exchange tests exports and imports."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def test_a_folder_that_cannot_be_written_is_read(
     disk = Disk(data)
     disk.install(monkeypatch.setattr)
     disk.fail(0, lasts=True, why=why)
-    monkeypatch.setattr(os, "fsync", lambda handle: None)  # also of files on another disk
+    monkeypatch.setattr(os, "fsync", lambda handle: None)  # also for files on another disk
     for words, told in {
         "list": episode_id,
         "show last": episode_id,

@@ -1,4 +1,4 @@
-"""However a session is interrupted, the robot keeps its model, and the log its events."""
+"""However a session is interrupted, the robot keeps its model, and the log keeps its events."""
 
 from __future__ import annotations
 
@@ -167,7 +167,8 @@ class Conducted:
 
 
 def test_an_event_that_happens_after_its_timeout_is_in_the_log_too(tmp_path, monkeypatch):
-    """Before, after a short suspension of the computer only the session went on, not its log."""
+    """In an earlier version, after a short suspension of the computer the session went on, but not
+    its log."""
     with Conducted(tmp_path) as world:
         submit = world.rig.loop.submit
 
@@ -185,7 +186,7 @@ def test_an_event_that_happens_after_its_timeout_is_in_the_log_too(tmp_path, mon
 
 
 def test_a_session_cannot_be_left_while_its_events_cannot_be_written(tmp_path, monkeypatch):
-    """Before, a participant's answers were lost without a message."""
+    """In an earlier version, a participant's answers were lost without a message."""
 
     def refuse(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -205,7 +206,8 @@ def test_a_session_cannot_be_left_while_its_events_cannot_be_written(tmp_path, m
 def test_a_request_sent_twice_at_once_is_done_once_and_every_page_learns_of_it(
     tmp_path, monkeypatch
 ):
-    """Before, answers from two devices skipped a condition, and one start counted twice."""
+    """In an earlier version, answers from two devices skipped a condition, and one start counted
+    twice."""
 
     def twice(act):
         refused: list[str] = []

@@ -137,7 +137,7 @@ def test_an_event_whose_write_failed_is_not_written_twice(tmp_path, monkeypatch)
 
     path = tmp_path / "studies" / "P01.csv"
     log = EventLog(path, VirtualClock())
-    log.start()  # a new log gets its folder and its head
+    log.start()  # a new log gets its folder and its header line
     for n in range(3):
         log.note([StudyEvent(wall_s=float(n), event="left")])
         with monkeypatch.context() as patch:
@@ -154,7 +154,8 @@ def test_an_event_whose_write_failed_is_not_written_twice(tmp_path, monkeypatch)
 def test_a_question_with_the_name_of_another_column_is_refused_in_a_new_plan(
     tmp_path, capsys, name
 ):
-    """Before, its answers replaced what that column holds: a score or the participant's code."""
+    """In an earlier version, the answers to such a question replaced the column's own content: a
+    score or the participant's code."""
     text = f'{PLAN}[[question]]\nname = "{name}"\ntext = "Well?"\n'
     plan = tmp_path / "plan.toml"
     plan.write_text(text)

@@ -1,6 +1,6 @@
 """Sessions of a study over HTTP, in virtual time: phases, questions, places, refusals.
 
-A whole study, from the plan to its table: tests/e2e/test_study.py.
+tests/e2e/test_study.py runs a whole study, from the plan to its table.
 """
 
 import itertools

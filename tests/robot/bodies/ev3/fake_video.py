@@ -54,7 +54,7 @@ class FakeVideo:
 
 
 def behave(how: str, control: str) -> None:
-    """One of run, repeat, freeze and gone."""
+    """Set the camera's state to run, repeat, freeze or gone."""
     fresh = Path(control).with_suffix(".new")
     fresh.write_text(how)
     fresh.rename(control)

@@ -65,7 +65,8 @@ class FilmCamera(Camera):
                 )
 
     def _age_s(self) -> float:
-        """Return the age of the next picture: six from 95 to 145 ms in turn, as on an EV3."""
+        """Return the age of the next picture: one of six ages from 95 to 145 ms in turn, as on an
+        EV3."""
         self._shown += 1
         return 0.095 + 0.05 * (self._shown % 6) / 5
 

@@ -134,7 +134,7 @@ def test_a_caller_that_does_not_authenticate_in_time_is_disconnected(
     line.settimeout(5)
     began_s = brick.clock.now_s()
     for byte in wire.pack_json({"do": "join", "nonce": "a" * 32, "proof": "b"})[:8]:
-        line.sendall(bytes([byte]))  # sending a byte from time to time does not help
+        line.sendall(bytes([byte]))  # sending a byte from time to time does not keep the connection
         brick.clock.sleep(0.1)
     while line.recv(1024):
         pass
@@ -239,7 +239,8 @@ def test_a_command_that_was_held_up_is_not_carried_out(
 def test_what_the_controller_did_not_say_ends_its_connection_and_the_robot_stands(
     driver: Ev3RemoteDriver, agent: VirtualAgent, brick: FakeBrick, idea: str
 ) -> None:
-    """A relay between both may also drop, repeat and change messages; test_wire.py tests more."""
+    """A relay between agent and driver drops, repeats and changes messages; test_wire.py has
+    further tests."""
     driver.send_action(Action.FORWARD)
     brick.wait_until(brick.is_moving)
     order = sealed_run(driver)

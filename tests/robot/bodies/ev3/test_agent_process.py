@@ -1,4 +1,4 @@
-"""The agent's archive: what it contains, and in a separate process what floods cost it.
+"""The content of the agent's archive, and the effect of floods on the agent in a separate process.
 
 test_agent.py tests the agent in virtual time. ev3dev's stock image has Python 3.5 and ev3dev2.
 """
@@ -99,7 +99,8 @@ def memory_kb(pid: int) -> int:
 
 
 def n_sockets(pid: int) -> int:
-    """Count only its sockets, because files of motors and sensors are open for moments."""
+    """Count only the process's sockets, because files of motors and sensors are open for
+    moments."""
     count = 0
     for link in Path(f"/proc/{pid}/fd").iterdir():
         with suppress(OSError):  # closed meanwhile

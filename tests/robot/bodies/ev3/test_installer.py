@@ -200,7 +200,7 @@ def test_a_packed_server_is_installed_without_building_anything(
     assert (there / "root/usr/lib/python3/this.py").is_file()
     assert (there / "packages").read_text().startswith("trixie python3 ")
     (there / "root/usr/lib/python3/this.py").unlink()
-    subprocess.run(  # without Drivelesson, as the message says
+    subprocess.run(  # without an installed Drivelesson, as the message says
         f'ssh root@ADDRESS "$(tar -xOf {file} install)" <{file}', shell=True, check=True
     )
     assert (there / "root/usr/lib/python3/this.py").is_file()

@@ -92,7 +92,7 @@ def test_moves_turn_the_right_wheels_and_carry_their_time(brick: StockFirmware) 
         Action.SPIN_LEFT: (-4, 4),
         Action.SPIN_RIGHT: (4, -4),
     }
-    brick.motors[1].polarity = -1  # another program left this, and a motor that turns
+    brick.motors[1].polarity = -1  # another program left this setting, and a turning motor
     brick.motors[2].percent, brick.motors[2].ends_s = 50, float("inf")
     with driver_for(brick) as driver:
         assert not brick.is_moving and brick.motors[1].polarity == 1

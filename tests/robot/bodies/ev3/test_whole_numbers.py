@@ -72,7 +72,7 @@ def test_every_encoding_and_size_gives_a_vector():
 
 
 def test_black_beside_white_in_every_direction_is_in_the_table():
-    """The largest differences, which would overflow first."""
+    """A picture with the largest possible differences, whose sums would overflow first."""
     for across in (-1, 0, 1):
         for down in (-1, 0, 1):
             rows, columns = np.mgrid[0:120, 0:160]
@@ -94,12 +94,12 @@ def test_the_parts_of_a_distance_add_up_and_lie_where_the_difference_is():
 
 
 def lessons(n, seed=0):
-    """Frames in which every label has values of its own, apart from noise."""
+    """Frames whose values depend on the label, apart from noise."""
     rng = np.random.default_rng(seed)
     labels = rng.integers(0, 3, n)
     centres = rng.integers(0, 256, (3, SIZE))
     xs = (centres[labels] + rng.integers(-80, 81, (n, SIZE))).clip(0, 255).astype(np.uint8)
-    return xs // 4 * 4, LABELS[labels]  # as the features give them
+    return xs // 4 * 4, LABELS[labels]  # multiples of 4, as the features yield
 
 
 def taught(xs, targets, **more):
@@ -155,7 +155,8 @@ def test_comes_close_to_batch_ridge_with_few_steps_and_to_it_with_many():
 
 
 def test_many_frames_are_halved_before_they_overflow_and_the_scores_stay(monkeypatch):
-    monkeypatch.setattr(integer_ridge, "_FULL", 1 << 18)  # 67 frames, in place of 270,000
+    # a lower bound: it is reached after 67 frames, not after 270,000
+    monkeypatch.setattr(integer_ridge, "_FULL", 1 << 18)
     xs, targets = lessons(1000)
     ridge = taught(xs, targets)
     arrays = ridge.save()[1]

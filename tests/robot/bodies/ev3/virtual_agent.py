@@ -277,7 +277,7 @@ class MadeUpCamera:
         self._index = 0
 
     def open(self, *wanted: object) -> Self:
-        """Be opened by the agent."""
+        """Note that the agent has opened the camera."""
         return self
 
     def poll(self, now_s: float) -> VideoFrame | None:

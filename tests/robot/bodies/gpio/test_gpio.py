@@ -288,7 +288,7 @@ def test_the_driver_does_not_wait_for_a_starting_keeper(tmp_path: Path) -> None:
 
 
 class BurntMotor:
-    """A motor whose pin fails when it should turn."""
+    """A motor whose pin fails when the motor should turn."""
 
     @property
     def value(self) -> float:

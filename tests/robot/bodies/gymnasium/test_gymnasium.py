@@ -284,7 +284,8 @@ def test_a_slow_computer_neither_stops_the_robot_nor_misses_a_step(slow_s: float
 def test_a_slow_environment_does_not_stop_the_robot(
     takes_s: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Before, a step of 0.7 s counted as age of the pilot's picture: 185 of 234 samples stopped."""
+    """In an earlier version, a step of 0.7 s counted as age of the pilot's picture, so the robot
+    stood in 185 of 234 samples."""
     clock = VirtualClock(100.0)
     body = driver(env_options="width=2001")
     camera = GymnasiumCamera(body, GymnasiumCameraOptions(), clock)

@@ -57,7 +57,8 @@ class Typist:
         return int(self.hub.reports[-1].split()[1])
 
     def drive(self, text: str) -> None:
-        """Order a move as of now; again if a busy machine delivered it late."""
+        """Order a move with the current time; repeat the order if a busy machine delivered it
+        late."""
         before = len(moved(self.hub))
         while len(moved(self.hub)) == before:
             self.seq += 1

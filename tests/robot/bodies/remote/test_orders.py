@@ -1,5 +1,5 @@
-"""Orders and reports: as the one-page protocol, as words of one line, and by a robot that answers
-late, or obeys no order."""
+"""Orders and reports, in the one-page protocol and as words of one line; and robots that answer
+late or obey no order."""
 
 from __future__ import annotations
 
@@ -173,10 +173,10 @@ def test_a_report_is_read_as_it_was_written(
 
 
 class LateLine:
-    """Answers this number of orders late, one answer each; with `obeys` False it obeys none of
-    them. The computer is paused while it waits for the first `stalls` answers.
+    """A robot that answers this number of orders late, each with one answer. If `obeys` is False,
+    it obeys none of them. The computer is paused while it waits for the first `stalls` answers.
 
-    `tells` are further fields of its reports; `orders` are the received orders.
+    `tells` are further fields of the robot's reports; `orders` are the orders that it has received.
     """
 
     def __init__(self, lag: int, *, obeys: bool = True, stalls: int = 0, **tells: object) -> None:

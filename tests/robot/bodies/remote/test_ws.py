@@ -1,4 +1,4 @@
-"""A lost websocket is opened again, and nothing moves by that."""
+"""The driver opens a lost websocket again, and this moves nothing."""
 
 from __future__ import annotations
 
@@ -56,14 +56,14 @@ def check_that_it_comes_back(lose: Callable[[WsRobot], None]) -> None:
 
 
 def check_that_it_catches_up_with_late_answers() -> None:
-    """A reader that takes one answer for each order, and no more, stays behind forever."""
+    """A reader that reads only one answer for each order never catches up."""
     with WsRobot("geheim") as robot:
         host, _, port = robot.address.partition(":")
         line = WebsocketLine(host, int(port))
         robot.repeats = 5
         line.send(b'{"move": "stop", "seq": 0}\t')
         answers = 0
-        for _ in range(30_000):  # of a millisecond each
+        for _ in range(30_000):  # of one millisecond each
             answers += line.receive(0.001) is not None
             if answers == 6:
                 break

@@ -1,5 +1,5 @@
-"""A ROS robot: velocities, pictures, sensors, advice; and a small rosbridge that refuses, or is
-gone."""
+"""A ROS robot's velocities, pictures, sensors and advice; and the driver's reaction if rosbridge
+refuses or is gone."""
 
 from __future__ import annotations
 
@@ -241,7 +241,8 @@ def answering(operation: str, level: str, says: str) -> Callable[[dict[str, Any]
 def a_refusal_is_an_error_until_the_bridge_accepts_the_topic(
     ros: RosBridgeServer, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """The conflicting node may end: then the topic is requested again, without a new connection."""
+    """When the conflicting node ends, the driver requests the topic again, without a new
+    connection."""
 
     def hears(driver: RosDriver, seconds: float = 30.0) -> str:
         """Return the first error of a drive, except a pause of this computer."""

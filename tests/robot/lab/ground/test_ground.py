@@ -1,4 +1,5 @@
-"""Third-party worlds: who drives at which time, what counts as an example, and their teachers."""
+"""Third-party worlds: when teacher and robot drive, what counts as an example, and how well the
+teachers score."""
 
 import contextlib
 import importlib.util
@@ -105,7 +106,7 @@ def test_the_teacher_reaches_the_goal_and_a_run_reports_it(name):
             n += 1
         assert n <= world.longest
         assert world.score >= GOOD.get(name, 1.0)
-    if name not in (*CARS, "YMaze"):  # they take long, and show nothing more
+    if name not in (*CARS, "YMaze"):  # these worlds take long, and show nothing more
         params = {"world": name, "way": "corrections", "seed": 3, "counts": [60], "drives": 1}
         (stage,) = run_ground({**params, "learner": "knn-1"})["stages"]
         assert 50 <= stage["examples"] <= 60 and len(stage["scores"]) == 1

@@ -107,7 +107,7 @@ def test_the_papers_controller_turns_left_for_two_seconds():
         (2.0, 1.0, False, L),
         (2.1, 1.0, False, F),
         (2.2, 1.0, True, L),
-        (4.2, 0.1, False, L),  # still near after two seconds: two more
+        (4.2, 0.1, False, L),  # the thing is still near after two seconds, so turn for two more
         (6.1, 1.0, False, L),
         (6.2, 1.0, False, F),
     ):

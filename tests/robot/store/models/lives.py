@@ -38,7 +38,7 @@ MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
 
 
 class Disk:
-    """A disk that can be full."""
+    """A disk that a test can fill up."""
 
     is_full = False
 
@@ -213,7 +213,7 @@ class Life(BenchRobot):
         self.journalled.append(self.state())
 
     def die(self) -> None:
-        """Be killed: data that was only in memory is lost."""
+        """Kill the program: data that was only in memory is lost."""
         self.journal._queue.clear()
         self.writer.stop()
 

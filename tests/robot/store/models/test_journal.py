@@ -106,7 +106,7 @@ def test_every_learner_comes_back_as_it_was(tmp_path, learner, seed):
             op = rng.choice(("teach", "teach", "teach", "drive", "undo", "edit", "save", "write"))
             getattr(life, op)()
         life.write()
-        life.policy.reset()  # a start begins a drive
+        life.policy.reset()  # each start of the program begins a drive
         expected = life.state()
         life.die()
 
@@ -206,7 +206,8 @@ def check_a_disk_whose_flush_hangs_holds_up_no_record(
             changes = life.loop.history.changes
             asyncio.run(asyncio.wait_for(life.writer.written(changes), 60))
             assert life.writer._written == changes
-            monkeypatch.setattr(os, "fsync", lambda handle: None)  # only for the copy's own files
+            # this holds only for the copy's own files
+            monkeypatch.setattr(os, "fsync", lambda handle: None)
             left = Storage(tmp_path / f"left-{changes}")
             shutil.copytree(tmp_path / "journal", left.journal)
             found = recover(left.journal, ModelStore(left))

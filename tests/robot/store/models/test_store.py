@@ -29,13 +29,13 @@ from .test_model import some_model
 
 @pytest.fixture
 def told():
-    """The announcements of the store, each with its detail."""
+    """The events that the store has announced, each with its detail."""
     return []
 
 
 @pytest.fixture
 def store(tmp_path, told):
-    """A store whose clock goes on by a second with each look."""
+    """A store whose clock advances by a second at each reading."""
     times = iter(range(1000, 2000))
     return ModelStore(
         Storage(tmp_path),
@@ -52,7 +52,7 @@ def test_only_the_last_versions_stay(store):
     for _ in range(KEEP_VERSIONS + 3):
         path = store.save("kitchen", some_model())
     assert versions(store, "kitchen") == ["00004.npz", "00005.npz", "00006.npz"]
-    for version in store.versions("kitchen"):  # with a time that no list can hold
+    for version in store.versions("kitchen"):  # with a time that the list cannot show
         version.write_bytes(encode_model(stamp(some_model(), saved_at_s=math.nan)))
     assert store.summary("kitchen") is None
     path.write_bytes(encode_model(stamp(some_model(), saved_at_s=math.inf)))
