@@ -4,7 +4,7 @@
 // The document and the icons are requested from the robot first, so that no old copy hides an update.
 // A robot that does not answer in time counts as away.
 
-const HOME = new URL('.', location).pathname; // a proxy may serve several robots, each under a path
+const HOME = new URL('.', location).pathname; // a proxy may serve several robots, each under its own path
 const SHELL = `shell${HOME.slice(0, -1)}`;
 const PATIENCE_MS = 2500;
 const HASHED = /^(css|js)\/[0-9a-f]{10}-/;

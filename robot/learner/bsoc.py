@@ -104,7 +104,7 @@ class Images(Stateful):
         self._set_origin(np.zeros(0, np.float32))
 
     def begin(self, x: Vector) -> None:
-        """Set the length and the origin from the first vector."""
+        """Set length and origin from the first vector. Raises ValueError for too large values."""
         origin = checked_vector(x).astype(np.float32)
         if not 0.5 * float(origin.dot(origin)) < MOST_NORM:
             raise ValueError("the vector holds values that are too large")
@@ -167,7 +167,7 @@ class Images(Stateful):
         return images
 
     def compared(self, size: int) -> Floats:
-        """Return the compared values of each image, minus the same vector for all images."""
+        """Return the compared values of each image, shape (size, n), minus a common vector."""
         return self._rows[:size]
 
     def follow(self, counts: NDArray[np.int64]) -> None:

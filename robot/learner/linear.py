@@ -42,7 +42,7 @@ class LinearPart(Stateful, ABC):
     def learn(
         self, x: Vector, targets: Floats, angle: Angle = 0.0, contexts: Collection[int] = EVERY
     ) -> None:
-        """Add a frame with its target scores; the frame counts only in these contexts."""
+        """Add a frame with target scores, shape (n_labels,), which counts only in `contexts`."""
 
     @abstractmethod
     def forget(self, x: Vector, targets: Floats, frames: float, angle: Angle = 0.0) -> None:
@@ -50,4 +50,4 @@ class LinearPart(Stateful, ABC):
 
     @abstractmethod
     def retarget(self, x: Vector, change: Floats, angle: Angle = 0.0) -> None:
-        """Correct the targets of learned frames whose mean is `x`: add `change` to their sum."""
+        """Add `change`, shape (n_labels,), to the summed targets of frames whose mean is `x`."""

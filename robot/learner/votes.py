@@ -105,7 +105,7 @@ def doubted(votes: Sequence[float], best: int, sharpness: float, novelty: float)
 
 
 def rarity(counts: NDArray[np.int64] | Floats, power: float) -> Floats:
-    """Return factors for the labels' votes, higher for rare labels.
+    """Return a factor for each label's votes, shape (n_labels,), higher for rare labels.
 
     Most of the first examples have the most frequent label, so a learner trained on them is biased
     towards this label. The factors reduce this bias ("logit adjustment", Menon et al. 2021).
@@ -120,7 +120,7 @@ def rarity(counts: NDArray[np.int64] | Floats, power: float) -> Floats:
 
 
 def shares(votes: Floats) -> Floats:
-    """Return `votes` divided by their sum; equal shares if there are no votes."""
+    """Return `votes` divided by their sum, shape (n_labels,); equal shares without votes."""
     total = float(votes.sum())
     return votes / total if total > 0 else np.full(votes.size, 1.0 / max(votes.size, 1))
 

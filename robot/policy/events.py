@@ -113,7 +113,7 @@ def read_event(plain: PlainEvent) -> HistoryEvent:
 
 
 def to_plain(value: Any) -> Any:
-    """Convert a NumPy number to a plain number that JSON can represent."""
+    """Convert a NumPy value to plain numbers for JSON; raises TypeError for other types."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     raise TypeError(f"cannot serialize a {type(value).__name__}")

@@ -28,7 +28,7 @@ class Features(Protocol):
     name: str
 
     def extract(self, frame: Frame) -> Vector:
-        """Return the frame's vector. Raises CameraError for bytes that are not an image."""
+        """Return the vector, shape (d,). Raises CameraError for bytes that are not an image."""
         ...
 
     def thumbnail(self, x: Vector) -> NDArray[np.uint8]:
@@ -36,7 +36,7 @@ class Features(Protocol):
         ...
 
     def grey(self, x: Vector) -> NDArray[np.uint8]:
-        """Return the grey picture in the vector, to compare frames; its contrast may be reduced."""
+        """Return the vector's grey picture, shape (30, 40); its contrast may be reduced."""
         ...
 
     def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -63,7 +63,7 @@ class PictureFeatures:
         return x[self.n_others :]
 
     def brightened(self, x: Vector, gain: float) -> Vector:
-        """Return a copy with the grey part multiplied by `gain`, limited to white."""
+        """Return a copy of a vector with the grey part multiplied by `gain`, limited to white."""
         brighter = x.copy()
         brighter[self.n_others :] = np.minimum(self.grey(x) * gain, 255 // self.contrast)
         return brighter
@@ -79,7 +79,7 @@ class GreyFeatures(PictureFeatures):
         return image.to_small_grey(frame, THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT).ravel()
 
     def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the sums of squares over cells of 5x5 pixels."""
+        """Return the sums of squares over cells of 5x5 pixels, shape (6, 8)."""
         return sum_over_cells(difference)
 
 
@@ -142,7 +142,7 @@ class GradientFeatures(PictureFeatures):
         return alike
 
     def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
-        """For each cell, return the sum of the squares of its gradients and pixels."""
+        """For each cell, return the sum of squares of its gradients and pixels, shape (6, 8)."""
         bins = difference[: self.n_gradients].reshape(self.n_rows, self.n_columns, self.n_bins)
         cells: NDArray[np.float64] = (bins * bins).sum(axis=2)
         return cells + sum_over_cells(difference[self.n_gradients :])

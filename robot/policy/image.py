@@ -58,7 +58,7 @@ def rgb_to_grey(rgb: Pixels) -> Pixels:
 
 
 def shrink(pixels: Pixels, width: int, height: int) -> Pixels:
-    """Return the mean of each of `height` x `width` areas, rounded to nearest.
+    """Return the mean of each area, rounded to nearest, shape (height, width[, 3]).
 
     The function first enlarges a picture that has fewer pixels.
     """

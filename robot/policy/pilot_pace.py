@@ -42,7 +42,7 @@ class ChangeMeter:
         self.before_s = 0.0
 
     def note(self, picture: NDArray[np.uint8], at_s: float) -> float | None:
-        """Return the picture's change within a tenth of a second; None before this time is over."""
+        """Return the picture's change within 0.1 s, in grey levels per pixel; None before that."""
         before, step_s = self.before, at_s - self.before_s
         if before is not None and 0.0 <= step_s < 0.9 * STEP_S:
             return None

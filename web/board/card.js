@@ -6,7 +6,7 @@ import { language, percent, t } from '../js/i18n.js';
 
 /** @typedef {import('./class-link.js').Robot} Robot */
 
-/** Time after its start within which a robot's program should answer. Ten programs on a slow computer take longer. */
+/** A robot's program should answer within this time after its start. Ten programs on a slow computer take longer. */
 const STARTING_MS = 30000;
 
 /**

@@ -3,7 +3,7 @@
 import { parsePictures } from './pictures.js';
 
 const RETRY_MS = 1000;
-/** Time without an answer after which a stop counts as not received. A board that runs confirms a stop, or reports that it failed, much sooner. */
+/** Time without an answer after which a stop counts as not received. While the board runs, it confirms a stop, or reports its failure, much sooner. */
 const NEWS_MS = 3000;
 const ALL = 'all';
 
@@ -76,7 +76,7 @@ export class ClassLink extends EventTarget {
     this.socket = socket;
   }
 
-  /** Called when the connection has ended, or when the board's program hangs. The last messages may be lost. */
+  /** Called when the connection has ended, or when the board's program hangs: the last messages may be lost. */
   lose() {
     if (this.socket) this.socket.onopen = this.socket.onmessage = this.socket.onclose = null;
     this.socket?.close();
@@ -161,14 +161,14 @@ export class ClassLink extends EventTarget {
     for (const { number, address } of robots) if (this.owed.has(address) && this.say({ type: 'stop', robot: number })) this.owed.delete(address);
   }
 
-  /** Let the pupils start a robot again, or all robots that were stopped here. @param {number} [robot] */
+  /** Release one robot, or all robots that this board stopped, so that the pupils can start them again. @param {number} [robot] */
   release(robot) {
     for (const stops of [this.owed, this.said]) for (const address of robot === undefined ? stops : this.meant(robot)) stops.delete(address);
     const released = [...this.robots.values()].filter(({ number, stop_held_by: isHeld }) => (robot === undefined ? isHeld : number === robot));
     this.say({ type: 'release', stops: Object.fromEntries(released.map(({ number, stop_id: stop }) => [number, stop])) });
   }
 
-  /** The addresses of a robot, or of all. @param {number} [robot] */
+  /** Return the address of one robot, or the addresses of all robots. @param {number} [robot] */
   meant(robot) {
     const robots = [...this.robots.values()].filter(({ number }) => robot === undefined || number === robot);
     return [...robots.map(({ address }) => address), ...(robot === undefined ? [ALL] : [])];

@@ -18,7 +18,7 @@ say(find('title'), t('board.codes'));
 say(find('how'), t('board.codes_how'));
 say(find('wifi-name'), t('board.wifi'));
 const wifi = /** @type {HTMLInputElement} */ (find('wifi'));
-try { wifi.value ||= localStorage.getItem(WIFI) ?? ''; } catch { /* without storage, the name must be typed again */ }
+try { wifi.value ||= localStorage.getItem(WIFI) ?? ''; } catch { /* without storage, the teacher must type the name again next time */ }
 say(find('print'), t('board.print'));
 wifi.addEventListener('change', () => {
   try { localStorage.setItem(WIFI, wifi.value); } catch { /* the cards show the name even if it cannot be stored */ }

@@ -1,4 +1,4 @@
-// The sentence about the result of an order at one robot.
+// Makes the sentence that tells the teacher how one robot has carried out an order.
 
 import { t } from '../js/i18n.js';
 

@@ -133,7 +133,7 @@ export class Panel {
       chosen.set(value, checked);
       const told = those().map(async ({ number, locks }) => {
         const now = await ask('PUT', `api/robots/${number}`, { locks: LOCKS.filter((name) => chosen.get(name) ?? locks.includes(name)) });
-        for (const robot of those()) if (robot.number === number) robot.locks = now.locks; // now, because the news of the new locks may arrive later
+        for (const robot of those()) if (robot.number === number) robot.locks = now.locks; // update the panel now, because the news of the new locks may arrive later
       });
       const faults = (await Promise.allSettled(told)).flatMap((one) => (one.status === 'rejected' ? one.reason : []));
       if (!faults.length) return;

@@ -1,6 +1,6 @@
 // The websocket of a phone that is the robot's camera.
 // It sends only the newest picture, and at most two pictures before the robot acknowledges one of them.
-// Nothing here uses the document; tests replace the browser's WebSocket.
+// This module does not use the document, and tests replace the browser's WebSocket.
 
 const HEADER_BYTES = 16;
 const EYE_FRAME = 3;

@@ -7,8 +7,8 @@ import { Packer } from './eye-picture.js';
 import { listenForStop } from '../js/inputs/stop-keys.js';
 import { has, loadLanguage, t } from '../js/i18n.js';
 
-const LATE_MS = 1000; // a camera's time stamp that is older is not believed
-const HAS_PICTURE = 2; // the value of a video's `readyState` from which it has a picture
+const LATE_MS = 1000; // an older time stamp of a camera is ignored
+const HAS_PICTURE = 2; // a video has a picture from this value of its `readyState` on
 
 /** @template {Element} T @param {string} id @returns {T} */
 const find = (id) => /** @type {T} */ (/** @type {unknown} */ (document.getElementById(id)));

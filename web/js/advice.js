@@ -79,8 +79,8 @@ export function urgentAdvice(page) {
 }
 
 /**
- * Why there is no link. The robot's activity is named only if the robot has reported it: without its pilot the
- * robot stops, unless somebody else has taken the wheel. @param {PageState} page @returns {Advice}
+ * Say why there is no link. The text says what the robot does only if the robot has reported it: without its
+ * pilot the robot stops, unless somebody else has taken the wheel. @param {PageState} page @returns {Advice}
  */
 function wayAdvice({ robot, way, isWatching }) {
   if (way?.kind === 'blocked' || way?.kind === 'cut') {

@@ -1,4 +1,4 @@
-// HTTP requests to the robot. The robot's refusal of a request contains a sentence for the person.
+// HTTP requests to the robot. If the robot refuses a request, its answer contains a sentence for the person.
 //
 // Every address is relative to the document: a proxy may serve the robot under a path.
 
@@ -51,7 +51,7 @@ export async function ask(method, path, body, patienceMs = method === 'GET' ? AN
     if (isPage) throw new Refused(answer.status, `${answer.status} text/html`, null);
     if (answer.ok) {
       const told = await answer.json();
-      // Report this after the screen has shown its own message, so that the person reads both.
+      // report this after the screen has shown its own message, so that the person reads both
       if (told?.kept === false) setTimeout(() => dispatchEvent(new Event(NOT_KEPT)));
       return told;
     }

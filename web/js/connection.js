@@ -1,4 +1,4 @@
-// The page's two websockets, which connect again when they close. No earlier command is sent again.
+// The page's two websockets, which connect again when they close. A new connection does not send earlier commands again.
 
 import {
   encodeAcknowledgement,

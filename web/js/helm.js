@@ -63,7 +63,7 @@ export class Helm extends EventTarget {
     return this.hasWheel && this.mode !== 'stopped';
   }
 
-  /** True if the robot may be moving; also right after a request to start, and after the link was lost. */
+  /** True if the robot may be moving. It is also true right after a request to start, and after the link was lost. */
   get mayBeMoving() {
     return this.mode !== 'stopped' || this.start.tap !== null;
   }
@@ -134,7 +134,7 @@ export class Helm extends EventTarget {
     this.connection.send(encodeDrive({ held, ...point, seq: this.connection.nextSeq(), ...this.lookingAt() }));
   }
 
-  /** Choose a mode. What is held now does not count in the new mode until it is pressed again. @param {Mode} mode */
+  /** Choose a mode. A held input does not count in the new mode until it is released and pressed again. @param {Mode} mode */
   choose(mode) {
     this.releaseAll();
     this.start.ask(mode);

@@ -19,7 +19,7 @@ const AGAIN_MS = 1000;
 /** What web/index.html shows until the page has started. */
 const { first } = /** @type {any} */ (globalThis);
 
-/** Load a part again and again until that works, and say so meanwhile. @param {() => Promise<unknown>} act */
+/** Load a part of the page, and repeat this until it works; meanwhile the page says so. @param {() => Promise<unknown>} act */
 async function persist(act) {
   for (;;) {
     try {
@@ -79,7 +79,7 @@ async function listen(page) {
   const { listenToKeyboard } = await import('./inputs/keyboard.js');
   const { listenToGamepads } = await import('./inputs/gamepad.js');
   const { padDesk } = await import('./inputs/pad-desk.js');
-  await fetchScreenWords(); // the sentences about game pads are among these
+  await fetchScreenWords(); // these include the sentences about game pads
   const reach = { stop: () => page.stop(), isDriving: () => page.isDriving() };
   listenToKeyboard(page.helm, reach);
   listenToGamepads(page.helm, { ...reach, desk: padDesk(page) });

@@ -1,4 +1,4 @@
-// What the page does at actions of the user and at messages of the robot.
+// Handles the actions of the person and the messages of the robot.
 
 import { STOP_MS, ask, askToStop, inOrder } from './api.js';
 import { Helm } from './helm.js';
@@ -113,7 +113,7 @@ export class Page {
 
   /** @param {{role: 'pilot' | 'viewer', robot: string, moves: string[], declared_moves?: import('./moves.js').Move[], takes_points?: boolean, device?: string, camera_device?: string}} hello */
   greet(hello) {
-    if (this.isStopping) this.connection.say('stop'); // also on the new link, because the request may wait behind data of the dead one
+    if (this.isStopping) this.connection.say('stop'); // send it on the new link, too, because the request may wait behind data of the dead link
     declare(hello.declared_moves ?? []);
     const [before, device] = [this.devices.drive_fault, hello.device];
     // Say which device the robot uses, because after a restart it may be another one of the same kind.
@@ -146,7 +146,7 @@ export class Page {
     if (device) this.toast(t('device_back', { device }));
     const hasGotIt = before && !before.you_are_pilot && before.pilot !== null && robot.you_are_pilot;
     store.set({
-      link: 'open', // only now, because the state known from an earlier link may be outdated
+      link: 'open', // only now, because a state from an earlier link may be outdated
       robot,
       pictureAgeMs: this.lastAgeMs,
       drawnAgeMs: this.drawnAgeMs,

@@ -32,5 +32,5 @@ export const addressOf = (name) => (name in partScreens() ? `#${name}` : null);
 /** Load the extensions' sections of a screen. @param {string} screen */
 export const loadSections = (screen) => Promise.all(parts.flatMap(({ sections }) => sections?.[screen]?.() ?? []));
 
-/** Make the extensions' sections of a screen. @param {string} name @param {import('./components/screen.js').Screen} screen */
+/** Make the sections that extensions add to a screen. @param {string} name @param {import('./components/screen.js').Screen} screen */
 export const sectionsOf = async (name, screen) => Promise.all((await loadSections(name)).map((make) => make(screen)));

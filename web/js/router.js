@@ -33,7 +33,7 @@ export class Router {
     const added = partScreens()[wanted];
     const screen = added || SCREENS.includes(wanted) ? wanted : 'drive';
     const { page, drive, other } = this;
-    const turn = (this.turn += 1); // so that only the screen that was opened last is shown
+    const turn = (this.turn += 1); // show only the screen that was opened last
     page.helm.releaseAll();
     page.store.set({ screen, notice: null });
     document.body.dataset.screen = screen;

@@ -1,4 +1,4 @@
-// The page's state, which components watch. Nothing here uses the document.
+// The page's state, which components watch. This module does not use the document.
 
 /** @typedef {import('./protocol.js').RobotState} RobotState */
 /**

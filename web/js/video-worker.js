@@ -12,7 +12,7 @@ const page = /** @type {any} */ (self);
 let socket = null;
 /** @type {Painter | null} */
 let painter = null;
-let aheadMs = 0; // by how much the clock of this thread is ahead of the page's clock
+let aheadMs = 0; // by how much this thread's clock is ahead of the page's clock
 
 page.onmessage = (/** @type {MessageEvent} */ { data }) => {
   if (data.canvas) {

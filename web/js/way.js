@@ -4,7 +4,7 @@
 /** If websockets repeatedly end within this time after they opened, the network cuts them. */
 const CUT_MS = 20_000;
 const CUTS = 3;
-/** Number of websockets in a row that did not open, after which the page says that the network blocks them. */
+/** After this many websockets in a row that did not open, the page says that the network blocks them. */
 const UNOPENED = 2;
 const PICTURE_MS = 500;
 
@@ -46,7 +46,7 @@ export class WayFinder {
     this.cuts = 0;
     this.unopened = 0;
     this.era = 0;
-    /** Number of HTTP requests in a row without an answer. A single one may only mean that the robot's computer is busy. */
+    /** Number of HTTP requests in a row without an answer. A single missing answer may only mean that the robot's computer is busy. */
     this.silences = 0;
     /** @type {Way | null} */
     this.told = null;

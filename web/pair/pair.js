@@ -2,7 +2,7 @@
 // Browsers send the part after the # to no server, so it appears in no log.
 // This page contains its own sentences, because an unpaired browser gets no other file of the program.
 
-/** How long the page shows a sentence before it opens the robot's page. */
+/** The page shows a sentence this long before it opens the robot's page. */
 const READ_MS = 6000;
 
 /** @type {Record<string, Record<string, string>>} in each language */

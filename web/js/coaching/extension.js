@@ -1,4 +1,4 @@
-// Screens that show what the robot has learned, explain its choices, rate the teaching, and undo teaching.
+// Adds the screens that show what the robot has learned, explain its choices, rate the teaching, and undo teaching.
 
 import { fetchWords } from '../i18n.js';
 import { register } from '../parts.js';

@@ -1,5 +1,5 @@
 // <app-bar>: the robot's face and name, and the menu with the other screens and the figures.
-// On all screens except the drive screen it also has the emergency stop.
+// On every screen but the drive screen it also has the emergency stop.
 
 import { append, h, icon, say, svg } from '../dom.js';
 import { mood } from '../mood.js';

@@ -1,5 +1,5 @@
 // <drive-map>: the world from above while the robot drives.
-// The map shows the robot's path in amber and blue, and the places where the robot asked, pushed and was corrected.
+// The map shows the robot's path in amber and blue, and the places where the robot asked for help, pushed against something or was corrected.
 // On a phone the map is in a corner of the picture, on a desktop beside the picture.
 //
 // Only new points of the path are requested, once a second, and only while the map is on the screen.

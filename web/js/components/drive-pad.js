@@ -15,7 +15,7 @@ const SLACK_PX = 24;
 const TAP_MS = 500;
 
 export class DrivePad extends HTMLElement {
-  /** @type {HTMLElement[]} made when first needed */
+  /** @type {HTMLElement[]} made when it is first needed */
   sticks = [];
   /** @type {Set<number>} fingers that may drive: pressed since the last time everything was released */
   fingers = new Set();

@@ -1,4 +1,4 @@
-// The world from above: the room, the robot's path, and the places where the robot asked, pushed and was corrected.
+// The world from above: the room, the robot's path, and the places where the robot asked for help, pushed against something or was corrected.
 // The path is amber where the pilot drove, and blue where the robot drove.
 // A path is exact if the robot knows its place.
 // If the robot does not know its place, the path is estimated from the wheels' counts, and labelled as an estimate.

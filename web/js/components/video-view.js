@@ -38,7 +38,7 @@ export class VideoView extends HTMLElement {
     append(this, [h('div', { class: 'picture' }, this.canvas, h('div', { class: 'corner' }, this.who, this.facts), this.likeLink, h('div', { class: 'low' }, this.needle, this.votes))]);
     const observer = new ResizeObserver(() => this.measure());
     observer.observe(this);
-    observer.observe(this.who); // measure again when the text size changes, which changes the height of this element
+    observer.observe(this.who); // measure again when the height of `who` changes: the text size has changed
     const { store } = page;
     store.watch(['robot', 'link', 'held', 'moves'], (state) => this.render(state));
     store.watch(['isWatching'], ({ isWatching }) => this.watch(isWatching));

@@ -135,7 +135,7 @@ export function listenToGamepads(helm, { stop, isDriving, desk }) {
     if (!isKnown) findLayout(pad, state);
     const { axes: ways, buttons } = isKnown ? state.reading.read(pad) : { axes: [], buttons: pad.buttons.map(({ pressed }, i) => ({ value: 0, pressed: pressed && i === 1 && !state.choosing })) };
     if (isKnown && performance.now() - state.sinceMs > UNRESTED_MS) {
-      state.sinceMs = Infinity; // report it only once
+      state.sinceMs = Infinity; // report a stick that is off its middle only once
       if ([...state.reading.waiting].some((name) => !name.startsWith('button'))) desk.tell('pad.unrested', padName(pad.id));
     }
     const source = `gamepad ${index}`;

@@ -97,8 +97,8 @@ export class HomeScreen extends Screen {
   }
 
   /**
-   * Change the models, then show the new list. A message is shown after the list, because a person who has
-   * read the message may touch the list immediately. @param {() => Promise<any>} act
+   * Change the models, then show the new list. The message comes after the new list, because a person who
+   * has read it may touch the list immediately. @param {() => Promise<any>} act
    */
   async act(act) {
     const answer = await this.attempt(act);

@@ -22,7 +22,7 @@ export async function teachAgain(recordings, episodes) {
 export async function showTeaching(recordings) {
   const shown = recordings.again.firstChild;
   const state = await ask('GET', 'api/retraining').catch(() => null);
-  if (!recordings.isConnected || recordings.again.firstChild !== shown) return; // another run has begun, or this one was kept or dropped
+  if (!recordings.isConnected || recordings.again.firstChild !== shown) return; // another training run has begun, or this run was kept or dropped
   if (state) draw(recordings, state);
   else if (recordings.again.querySelector('progress')) lookAgain(recordings);
 }

@@ -24,7 +24,7 @@ export function questionForm(questions, answers, attempt, done) {
   /** @type {Record<string, number | string>} */
   const given = {};
   for (const { name, kind } of questions) if (name in answers) given[name] = kind === 'text' ? answers[name] : Number(answers[name]);
-  /** @type {Promise<any>} one request after the other, because the last answer to a question must arrive last */
+  /** @type {Promise<any>} send one request after the other, because the last answer to a question must arrive last */
   let sending = Promise.resolve();
   const post = (/** @type {any} */ body) => (sending = sending.then(() => attempt(() => ask('POST', 'api/session/answers', body))));
   const parts = questions.map((question) => {

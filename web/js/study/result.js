@@ -18,7 +18,7 @@ const WHO = /** @type {const} */ (['pilot', 'robot']);
 /** @param {Outcome} outcome @returns {HTMLElement[]} */
 export function drawOutcome(outcome) {
   const { ssd } = outcome;
-  // The map is at the end, because it is loaded last.
+  // The map is at the end, because the page loads it last.
   const map = h('figure', { class: 'panel chart map' });
   drawRecordings(map, outcome.recordings).catch(() => {}); // if the recordings cannot be read, there is no path to draw
   return [
@@ -43,7 +43,7 @@ async function drawRecordings(place, ids) {
   place.dispatchEvent(new CustomEvent('moment', { detail: path.pose.length - 2 }));
 }
 
-/** Draw the curves of one move: for each distance, the share of the move's ticks in which something was nearer. @param {Outcome} outcome @param {string} move */
+/** Draw the curves of one move: at each distance, the share of the move's ticks in which something was nearer than that. @param {Outcome} outcome @param {string} move */
 function profile(outcome, move) {
   const x = (/** @type {number} */ m) => 40 + (m / FAR_M) * (WIDTH - 56);
   const y = (/** @type {number} */ share) => 12 + (1 - share) * (HEIGHT - 44);
