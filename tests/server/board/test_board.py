@@ -14,7 +14,7 @@ from server.board.robot_link import START_S
 from server.board.stopping import CONFIRM_S, Stopping
 from server.board.teacher_session import Status
 
-from .classroom_world import FAULTS, OPEN_FAULTS, Pupil, break_down, in_class_time
+from .classroom_world import FAULTS, OPEN_FAULTS, PATIENCE_S, Pupil, break_down, in_class_time
 
 STOP_S = 0.3
 
@@ -50,9 +50,10 @@ async def test_if_some_robots_fail_the_others_stop_in_time_and_the_failed_ones_a
     assert named_s < 2 * STOP_S
     assert all(world.link(p).stop.stage is Stopping.STOPPED for p in reached)
     mendable = [p for p in lost if before[p.port] not in ("wrong key", "no class")]
+    await world.clock.pause(12.0)  # while a stop is under way, the board tries again often
     for pupil in mendable:
         break_down(pupil, "none")
-    await world.until(lambda: all(map(_latched, mendable)), 15.0, "stopped once they are back")
+    await world.until(lambda: all(map(_latched, mendable)), PATIENCE_S + 0.5, "they are back")
     for pupil in lost:
         if pupil not in mendable:
             wanted = Status.NOT_OURS if before[pupil.port] == "wrong key" else Status.NO_CLASS
@@ -249,6 +250,7 @@ async def test_pictures_and_news_wait_while_a_stop_is_under_way(world):
     world.board.watch(page, [link.number])
     await world.clock.pause(5.0)
     break_down(lost, "silent")
+    silent_s = world.clock.now_s()
     world.board.stop()
     assert not world.board.at_leisure.is_set()
     page.pictures.clear()
@@ -259,6 +261,8 @@ async def test_pictures_and_news_wait_while_a_stop_is_under_way(world):
     await world.until(world.board.at_leisure.is_set, CONFIRM_S, "it is told who is lost")
     assert world.link(lost).stop.stage is Stopping.NOT_REACHED
     await world.until(lambda: bool(page.pictures), 3.0, "pictures come again")
+    await world.until(lambda: world.link(lost).status is Status.AWAY, 3.0, "it counts as lost")
+    assert 3.0 < world.clock.now_s() - silent_s < 4.1, "SILENCE_S, seen at the next ping"
     world.board.leave(page)
 
 
