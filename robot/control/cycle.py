@@ -118,7 +118,7 @@ class Cycle:
         self.world_s = camera.world_s if camera.world_waits else float
         """Converts a time to the clock of the simulated world, if any. The gate uses this clock."""
         self._driver, self._camera = driver, camera
-        self._has_buttons = getattr(driver.take_button, "__func__", 0) is not Driver.take_button
+        self._has_buttons = getattr(driver.take_button, "__func__", None) is not Driver.take_button
         self._source_age_s: float | None = None
         self._commands: list[tuple[PilotCommand, PilotCommand]] = []
         """This tick's commands: each as received, and a copy with times of the world's clock."""
@@ -286,7 +286,7 @@ class Cycle:
             self.timing.state.timeout_s,
             camera_fault=self._camera.fault is not None,
         )
-        camera_scale = 1.0 if waits else self.timing.state.speed_scale
+        camera_scale = math.inf if waits else self.timing.state.speed_scale
         scale = min(decision.speed_scale, link.speed_scale, camera_scale)
         is_move = decision.action is not Action.STOP and not waits
         until_s = self.gate.silent_at_s if is_move else math.inf

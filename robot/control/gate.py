@@ -48,7 +48,7 @@ class Gate:
         self.stops: Counter[StopReason] = Counter()
         self._command: PilotCommand | None = None
         self._heard_s = self._proven_s = self._awaits_picture_until_s = -math.inf
-        self._has_refused = False
+        self._has_refused: bool  # since the start
 
     @property
     def held(self) -> Action | None:
@@ -139,7 +139,7 @@ class Gate:
         frame_age_s: float,
         frame_timeout_s: float,
         *,
-        camera_fault: bool = False,
+        camera_fault: bool,
     ) -> Decision:
         """Decide this tick's action. If anything is in doubt, trip first.
 

@@ -35,7 +35,7 @@ class GuardedBody(StartStop):
         self.errors = PluginErrors("robot", driver.name, DriveError, self.stop_motors)
         self._due_s = self._wakes_s = math.inf
         self._sooner = threading.Event()
-        self._is_ending = False
+        self._is_ending: bool
         self._thread: Worker | None = None
 
     def ask(self, name: str, *args: object, **options: object) -> Any:

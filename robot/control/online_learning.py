@@ -203,9 +203,9 @@ class OnlineLearning:
     @property
     def newest(self) -> tuple[Vector, Prediction] | None:
         """The newest frame's vector and the proposal on it; None before the first frame."""
-        if self.frame is None or self.prediction is None:
+        if self.prediction is None:
             return None
-        return self._seen[self.frame.frame_id].x, self.prediction
+        return self._seen[self.prediction.frame_id].x, self.prediction
 
     def learn(
         self, commands: Sequence[PilotCommand], *, is_intervention: bool, may_learn: bool

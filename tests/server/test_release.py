@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Awaitable, Callable
 from typing import Any
 
@@ -10,7 +11,9 @@ import pytest
 from robot.testing import LinkConditions
 from robot.types import Mode
 from server.bodies.eye_routes import EYE
+from server.clients.emergency_stop import EmergencyStop
 from server.gateway.roles import Role
+from server.protocol import ProtocolError
 from tests.kit.sizes import size
 
 from .virtual import Pilot, ServedWorld, in_virtual_time, virtually
@@ -120,6 +123,22 @@ async def test_a_start_requested_before_a_stop_does_not_start_the_released_robot
     assert pilot.errors() == ["newer_stop"], "a page repeats no such start"
     pilot.mode("autonomous")
     await world.until(lambda: world.mode is Mode.AUTONOMOUS, 1.0, "asked for after it")
+
+
+@pytest.mark.parametrize(
+    ("proven_s", "now_s", "is_refused"),
+    [(9.9, 10.1, True), (10.0, 10.1, False), (9.9, 12.0, True), (9.9, 12.01, False)],
+)
+def test_each_stop_has_the_next_number_and_refuses_older_starts_for_two_seconds(
+    proven_s: float, now_s: float, is_refused: bool
+) -> None:
+    stop = EmergencyStop()
+    first = stop.number
+    stop.check_start(0, 9.0, 9.1)
+    stop.press(Role.PILOT, 10.0)
+    assert stop.number == first + 1 > 1
+    with pytest.raises(ProtocolError) if is_refused else contextlib.nullcontext():
+        stop.check_start(1, proven_s, now_s)
 
 
 @pytest.mark.parametrize("seed", range(size("RELEASES", 3, 60)))

@@ -28,15 +28,22 @@ def _timing_of(period_s: float, age_s: float, frames: int = 60) -> CameraTiming:
 
 
 @pytest.mark.parametrize(
-    ("period_s", "age_s", "timeout_s"),
-    [(1 / 30, 0.005, SHORTEST_S), (0.1, 0.145, 0.145 + 2.5 * 0.1)],
-    ids=["fast", "a webcam on a brick, of which one picture may be lost"],
+    ("period_s", "age_s", "timeout_s", "speed_scale", "sight_slack_s"),
+    [
+        (1 / 30, 0.005, SHORTEST_S, 1.0, 0.0),
+        (0.1, 0.145, 0.145 + 2.5 * 0.1, 1.0, 0.0),
+        (0.4, 0.1, 0.5 + 0.1, 0.6, 0.4),
+    ],
+    ids=["fast", "a webcam on a brick, of which one picture may be lost", "slow"],
 )
-def test_an_ordinary_camera_gets_time_enough_and_full_speed(period_s, age_s, timeout_s):
+def test_a_camera_gets_time_enough_and_full_speed_unless_it_is_slow(
+    period_s, age_s, timeout_s, speed_scale, sight_slack_s
+):
     state = _timing_of(period_s, age_s).state
     assert state.timeout_s == pytest.approx(timeout_s)
-    assert (state.speed_scale, state.delivery_age_s) == (1.0, pytest.approx(age_s))
+    assert (state.speed_scale, state.delivery_age_s) == pytest.approx((speed_scale, age_s))
     assert state.slack_s == pytest.approx(max(0.0, period_s - USUAL_PERIOD_S))
+    assert state.sight_slack_s == pytest.approx(sight_slack_s)
 
 
 def test_the_rate_is_that_of_the_camera_and_a_pause_does_not_count():

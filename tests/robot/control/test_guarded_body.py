@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
 
+from robot.control.guarded_body import GuardedBody
 from robot.devices.rig import Rig
 from robot.driver import ACTION_TIMEOUT_S
 from robot.policy.registry import make_policy
@@ -108,3 +110,16 @@ def test_a_pilot_who_is_heard_drives_on_although_ticks_are_late(driven):
     assert driven.body.now is Action.FORWARD
     assert len([one for one in driven.body.changes if one[1] is Action.STOP]) == before
     assert not driven.loop.state.stops
+
+
+@pytest.mark.parametrize("hangs_s", [0.0, 60.0])
+def test_the_watchdog_ends_at_once_or_after_five_seconds_if_the_body_hangs(hangs_s, monkeypatch):
+    clock = VirtualClock()
+    driver = FakeDriver(clock=clock)
+    monkeypatch.setattr(driver, "stop", lambda: clock.sleep(hangs_s))
+    with GuardedBody(driver, clock) as body:
+        assert body.order(math.inf) and not body._sooner.is_set(), "nothing is due"
+        assert not body.order(0.0), "too late"
+        assert body.order(0.5)
+        clock.sleep(1.0)
+    assert clock.now_s() == 1.0 + min(hangs_s, 5.0)

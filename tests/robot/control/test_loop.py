@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from robot.control.config import LoopConfig
+from robot.control.state import Timing
 from robot.learner.base import Evidence, Vector
 from robot.learner.classifier import BSOCClassifier
 from robot.policy.features import GreyFeatures
@@ -131,7 +132,7 @@ class FailingLearner(BSOCClassifier):
 
     def learn_one(self, x: Vector, y: str) -> None:
         if self.is_failing:
-            raise ArithmeticError("no such thing")
+            raise ArithmeticError("no such thing, " * 30)
         super().learn_one(x, y)
 
     def reset(self) -> None:
@@ -139,15 +140,20 @@ class FailingLearner(BSOCClassifier):
             raise OSError("lost")
 
 
-def test_a_learner_that_fails_proposes_nothing_and_does_not_stop_the_robot():
+def test_a_learner_that_fails_proposes_nothing_and_does_not_stop_the_robot(caplog):
     learner = FailingLearner.published(4)
     robot = BenchRobot(Policy("published-4", 4, learner, GreyFeatures()))
+    for scene in range(3):
+        robot.step(scene, None)
+    assert caplog.messages == ["the learner failed"]
     robot.start(Mode.TRAIN)
     for _ in range(3):
         tick = robot.step(scene=1, held=L, seconds=0.12)
         assert robot.driver.sent[-1] == (L, 1.0), "the pilot drives all the same"
         assert tick.prediction is not None and tick.prediction.action is None
-        assert "The learner failed" in (robot.loop.state.fault or "")
+        fault = robot.loop.state.fault or ""
+        assert "The learner failed, and proposes nothing: no such thing" in fault
+        assert len(fault) == 300, "the rest is cut off"
     assert robot.loop.state.n_nodes == 0
     robot.start(Mode.AUTONOMOUS)
     assert robot.step(scene=1, held=None).decision.asks_pilot
@@ -208,6 +214,54 @@ def test_every_event_wakes_the_loop(happens):
     assert robot.loop.wake.is_set()
 
 
+@pytest.mark.parametrize(
+    ("period_s", "mode", "wakes"),
+    [(1 / 16, Mode.TRAIN, False), (1 / 8, Mode.TRAIN, True), (1 / 8, Mode.STOPPED, False)],
+)
+def test_a_repeated_command_wakes_only_a_loop_that_ticks_seldom(period_s, mode, wakes):
+    robot = BenchRobot(config=LoopConfig(longest_wait_s=1 / 16))
+    for scene in range(3):
+        robot.clock.advance(period_s)
+        robot.camera.show(scene)
+        robot.tick()
+    robot.loop.set_mode(mode)
+    for is_set in (True, wakes):
+        robot.tick()
+        robot.loop.wake.clear()
+        robot.hold(F)
+        assert robot.loop.wake.is_set() is is_set
+
+
+def test_a_robot_at_rest_takes_only_the_pictures_that_are_needed(monkeypatch):
+    robot, taken, waits_s, rests = BenchRobot(), list[int](), list[float](), list[float]()
+    monkeypatch.setattr(robot.camera, "rest", rests.append)
+    robot.loop.need_picture_every(1.0)
+    for number in range(1, 64):
+        robot.clock.advance(1 / 16)
+        robot.camera.show(number)
+        if robot.tick().frame:
+            taken.append(number)
+        waits_s.append(robot.loop.wait_s)
+        assert robot.loop.is_resting is (number >= 16)
+    assert taken == [*range(1, 17), 31, 46, 61], "after a second, and a tenth earlier than asked"
+    assert waits_s == [0.05] * 15 + [0.25] * 48
+    robot.loop.need_picture_every(0.0)
+    for number in range(2):
+        robot.clock.advance(1 / 16)
+        robot.camera.show(number)
+        robot.tick()
+    assert robot.loop.state.cycle_hz == 16.0, "the rest is not the camera's period"
+    assert rests == [1.0, 0.0]
+
+
+def test_the_loop_ticks_when_the_pilot_becomes_blind():
+    robot, waits_s = started(), list[float]()
+    for _ in range(10):
+        robot.clock.advance(0.05)
+        waits_s.append(robot.loop.wait_s)
+    assert waits_s == pytest.approx([0.05] * 8 + [0.01, 0.001])
+
+
 def test_a_new_frame_is_shown_once_with_what_the_policy_made_of_it():
     robot = BenchRobot()
     assert robot.loop.learning.newest is None
@@ -240,7 +294,8 @@ def test_a_tick_that_takes_longer_than_a_tenth_of_a_second_is_late(
     hold_up(monkeypatch, robot, seconds)
     robot.camera.show(1)
     assert robot.tick().cycle_s == pytest.approx(seconds)
-    assert robot.loop.state.late_cycles == late_cycles
+    assert (robot.loop.state.cycles, robot.loop.state.late_cycles) == (1, late_cycles)
+    assert robot.loop.state.learner_times["propose"] == Timing(1, pytest.approx(seconds))
 
 
 # The limits of a tick ---------------------------------------------------------------------------

@@ -3,16 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
-from robot.control.online_learning import (
-    MEMORY_FRAMES,
-    WINDOW_S,
-    Agreement,
-    Labeller,
-    OnlineLearning,
-)
+from robot.control.online_learning import Agreement, Labeller, OnlineLearning
 from robot.errors import CameraError
 from robot.policy.registry import make_policy
 from robot.policy.undo import undo_examples
@@ -29,7 +23,7 @@ NEW_DRIVE = "new drive"
 
 BETWEEN = [(10, F), (11, F), (12, F), (13, F), (14, F), (15, L)]
 LABELLED = {
-    "the frame that the pilot saw": ([(F, 10)], [(10, F)]),
+    "the frame that the pilot saw": ([(F, 1)], [(1, F)]),
     "those between two commands, by what was held": ([(F, 10), (F, 13), (L, 15)], BETWEEN),
     "none while nothing is held": ([(None, 10), (F, 12)], [(12, F)]),
     "those before letting go": ([(F, 10), (None, 13)], [(10, F), (11, F), (12, F)]),
@@ -67,12 +61,13 @@ def test_each_frame_carries_the_point_that_was_held_with_its_label():
         st.tuples(st.floats(0.0, 3.0), st.booleans(), st.none() | st.floats(0.0, 20.0)), max_size=60
     )
 )
+@example([(0.0, True, None), (10.0, False, None)])
 def test_the_agreement_is_that_of_the_last_ten_seconds_without_what_was_undone(steps):
     agreement, kept, now_s = Agreement(), list[tuple[float, bool]](), 0.0
     for gap_s, is_right, undone_s in steps:
         now_s += gap_s
         agreement.add(now_s, is_right=is_right)
-        kept = [(at_s, right) for at_s, right in kept if at_s > now_s - WINDOW_S]
+        kept = [(at_s, right) for at_s, right in kept if at_s > now_s - 10.0]
         kept.append((now_s, is_right))
         if undone_s is not None:
             now_s = max(now_s - undone_s, 0.0)
@@ -123,13 +118,13 @@ def test_an_example_that_is_passed_over_is_not_learned_later(online_learning, ca
     assert online_learning.agreement.share is None
 
 
-def test_it_remembers_only_the_newest_frames(online_learning, camera):
-    first = camera.show(0)
-    online_learning.look(first)
-    for scene in range(MEMORY_FRAMES):
-        online_learning.look(camera.show(scene))
-    learn(online_learning, first)
-    assert online_learning.history.taught.total() == 0
+def test_it_remembers_only_the_newest_64_frames(online_learning, camera):
+    frames = [camera.show(scene) for scene in range(65)]
+    for frame in frames:
+        online_learning.look(frame)
+    for number in (0, 1):
+        learn(online_learning, frames[number])
+        assert online_learning.history.taught.total() == number
 
 
 def test_the_times_of_a_frame_are_known_before_the_first_command(online_learning, camera):
@@ -146,6 +141,7 @@ def test_undone_examples_no_longer_count_in_the_agreement(online_learning, camer
         online_learning.look(frame)
         learn(online_learning, frame, F if scene < 50 else L)
     assert (online_learning.agreement.share or 0.0) < 0.95
+    assert online_learning.timings["learn"].count == 80
     undo_examples(online_learning.history, 3.05)
     online_learning.take_events()
     assert online_learning.agreement.n_examples == online_learning.history.taught.total()

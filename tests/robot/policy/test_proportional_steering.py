@@ -9,7 +9,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from robot.control.online_learning import CORRECTS_BEYOND
 from robot.learner.base import State
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.ridge import ContextRidge
@@ -230,7 +229,7 @@ def test_a_stick_that_agrees_with_the_robot_corrects_nothing():
     robot.start(Mode.AUTONOMOUS, scene=1)
     assert robot.loop.state.prediction.point.steering == pytest.approx(-0.5)
     for off, is_correction in ((0.5, False), (1.5, True), (-1.5, True)):
-        point = Point(-0.5 + off * CORRECTS_BEYOND, 0.4)
+        point = Point(-0.5 + off * 0.1, 0.4)
         events = robot.step(1, Action.LEFT, seconds=0.1, point=point).history_events
         [example] = [event.example for event in events if isinstance(event, Taught)]
         assert example.is_intervention is is_correction

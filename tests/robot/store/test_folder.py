@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 
 from robot.errors import ConfigurationError
 from robot.store import folder as folder_module
+from robot.store.disk import DiskThread
 from robot.store.folder import (
     Storage,
     check_name,
@@ -31,6 +32,7 @@ from robot.store.folder import (
 )
 from robot.store.lock import FolderLock
 from robot.store.records import read_regular
+from robot.testing import VirtualClock
 
 # The folder -------------------------------------------------------------------------------------
 
@@ -226,3 +228,18 @@ def test_a_folder_is_moved_with_its_files(tmp_path):
     write_whole(tmp_path / "a" / "1.npz", b"x")
     move(tmp_path / "a", tmp_path / "b")
     assert (tmp_path / "b" / "1.npz").read_bytes() == b"x"
+
+
+@pytest.mark.parametrize("hangs_s", [0.0, 60.0])
+def test_the_disks_thread_works_every_fifth_of_a_second_when_woken_and_at_its_end(hangs_s):
+    clock, ran_s = VirtualClock(), list[float]()
+    disk = DiskThread(clock)
+    disk.add(lambda: ran_s.append(clock.now_s()))
+    with disk:
+        disk.start()
+        clock.sleep(0.5)
+        disk.wake()
+        clock.sleep(0.05)
+        disk.add(lambda: clock.sleep(hangs_s))
+    assert ran_s == pytest.approx([0.2, 0.4, 0.5, 0.55])
+    assert clock.now_s() == pytest.approx(0.55 + min(hangs_s, 10.0))
