@@ -24,45 +24,39 @@ import pytest
 from .mutants import Mutant, mutants
 
 ROOT = Path(__file__).resolve().parents[2]
-SUBJECTS: dict[str, tuple[str, ...]] = {
-    "server.clients.lease": (
-        "tests/server/clients/test_lease.py",
-        "tests/server/test_drive.py",
-        "tests/faults/test_faults.py",
-    ),
-    "server.clients.flow_control": (
-        "tests/server/clients/test_flow_control.py",
-        "tests/server/clients",
-    ),
-    "robot.control.link_governor": ("tests/robot/control/test_link_governor.py",),
-    "robot.policy.history": ("tests/robot/policy/test_history.py",),
-    "robot.policy.undo": ("tests/robot/policy/test_history.py",),
-    "robot.policy.changes": (
-        "tests/robot/policy/test_history.py",
-        "tests/robot/policy/test_alike.py",
-        "tests/robot/policy/test_policy.py",
-    ),
-    "robot.control.config": ("tests/robot/control",),
-    "robot.control.gate": (
-        "tests/robot/control/test_gate.py",
-        "tests/robot/control/test_loop.py",
-        "tests/robot/control/test_loop_stops.py",
-    ),
-    "robot.control.loop": ("tests/robot/control/test_loop_requests.py", "tests/robot/control"),
-    "robot.control.cycle": (
-        "tests/robot/control/test_loop.py",
-        "tests/robot/control/test_loop_requests.py",
-        "tests/robot/control/test_loop_stops.py",
-        "tests/robot/control",
-    ),
+_LOOP = "robot/control/test_loop_requests robot/control/test_loop robot/control/test_loop_stops"
+SUBJECTS = {
+    "server.clients.lease": "server/clients/test_lease server/test_drive faults/test_faults",
+    "server.clients.flow_control": "server/clients/test_flow_control server/clients",
+    "server.clients.emergency_stop": "server/test_release",
+    "server.board.stopping": "server/board/test_board",
+    "robot.control.gate": f"robot/control/test_gate {_LOOP}",
+    "robot.control.link_governor": "robot/control/test_link_governor",
+    "robot.control.loop": f"{_LOOP} robot/control/test_guarded_body server/test_drive",
+    "robot.control.cycle": f"{_LOOP} robot/bodies/gymnasium server/test_rest",
+    "robot.control.guarded_body": "robot/control/test_guarded_body",
+    "robot.control.config": f"robot/control/test_gate {_LOOP} robot/control",
+    "robot.control.camera_timing": "robot/control/test_camera_timing",
+    "robot.control.online_learning": f"robot/control/test_online_learning {_LOOP} "
+    "robot/policy/test_proportional_steering",
+    "robot.devkit.host_watchdog": "robot/devkit/test_host_watchdog",
+    "robot.policy.history": "robot/policy/test_history",
+    "robot.policy.undo": "robot/policy/test_history",
+    "robot.policy.changes": "robot/policy/test_history robot/policy/test_alike",
+    "robot.policy.action_filter": "robot/policy/test_action_filter robot/policy/test_pilot_pace",
+    "robot.policy.example_selection": "robot/policy/test_example_selection",
+    "robot.learner.clusters": "robot/learner/test_bsoc",
+    "robot.store.disk": "robot/store/test_folder",
 }
-"""Each module, and the tests that should notice its mutants. They run in this order until one
-fails."""
-_LIBRARIES = ("numpy", "hypothesis", "hypothesis.strategies", "fastapi", "uvicorn", "websockets")
-_PATIENCE_CPU_S = 120
-_PATIENCE_S = 1200
-"""Time limits of a mutant that hangs, which counts as noticed: of CPU time, or of the clock if it
-only waits."""
+"""Each module, and the tests that should notice its mutants: files and folders below `tests/`, run
+in this order until one fails."""
+_LIBRARIES = (
+    *("numpy", "hypothesis.strategies", "hypothesis.stateful", "fastapi", "uvicorn", "websockets"),
+    *("httpx", "rich.traceback", "cryptography.x509", "anyio.pytest_plugin", "xdist.plugin"),
+)
+_PATIENCE, _PATIENCE_S = 3, 120
+"""A mutant hangs, which counts as noticed, if the tests take this many times the CPU time that they
+take without a fault, or if one test takes this many seconds."""
 _UNUSED = 99
 """Exit status of a run in which no test imported the mutant, so that the run says nothing about the
 tests."""
@@ -98,13 +92,15 @@ def report(name: str, jobs: int, lines: range) -> None:
     """Print the surviving mutants of one module, each at once, and the score at the end."""
     path = ROOT / (name.replace(".", "/") + ".py")
     everyone = [mutant for mutant in mutants(path.read_text()) if mutant.line in lines]
-    started_s = time.monotonic()
+    started_s, before = time.monotonic(), os.times()
     if not _survives(name, path, None):
         sys.exit(f"the tests of {name} fail without any fault put in")
+    most_cpu_s = 10.0 + _PATIENCE * (sum(os.times()[2:4]) - sum(before[2:4]))
     killed = 0
     with ThreadPoolExecutor(jobs) as pool:
-        fates = pool.map(lambda mutant: _survives(name, path, mutant), everyone)
-        for mutant, survives in zip(everyone, fates, strict=True):
+        fates = pool.map(lambda mutant: _survives(name, path, mutant, most_cpu_s), everyone)
+        for number, (mutant, survives) in enumerate(zip(everyone, fates, strict=True), 1):
+            print(f"{number} of {len(everyone)}", end="\r", file=sys.stderr, flush=True)
             killed += not survives
             if survives:
                 print(f"  survives: {name} {mutant}", flush=True)
@@ -113,8 +109,9 @@ def report(name: str, jobs: int, lines: range) -> None:
     print(f"in {time.monotonic() - started_s:.0f} s", flush=True)
 
 
-def _survives(name: str, path: Path, mutant: Mutant | None) -> bool:
-    """Run the tests on a mutant in a separate process; True if none of them failed."""
+def _survives(name: str, path: Path, mutant: Mutant | None, most_cpu_s: float = 0.0) -> bool:
+    """Run the tests on a mutant in a separate process; True if none of them failed. `most_cpu_s` is
+    the limit of CPU time, or 0 for no limit."""
     child = os.fork()
     if child == 0:
         status = 1
@@ -122,14 +119,17 @@ def _survives(name: str, path: Path, mutant: Mutant | None) -> bool:
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, 1)
             os.dup2(nowhere, 2)
-            signal.setitimer(signal.ITIMER_PROF, _PATIENCE_CPU_S)
-            signal.alarm(_PATIENCE_S)
+            signal.setitimer(signal.ITIMER_PROF, most_cpu_s)
             finder = _Finder(name, path, mutant) if mutant is not None else None
             if finder is not None:
                 sys.meta_path.insert(0, finder)
             words = ["-q", "-x", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestWarning"]
             # pytest's own finder, which rewrites asserts, comes first and would load the original.
-            status = int(pytest.main(["--assert=plain", *words, *SUBJECTS[name]]))
+            words += ["--assert=plain", f"--timeout={_PATIENCE_S}"]
+            # One after the other, because most mutants are noticed before all are imported.
+            paths = [f"tests/{one}" for one in SUBJECTS[name].split()]
+            tests = (path if Path(path).is_dir() else f"{path}.py" for path in paths)
+            status = next(filter(None, (int(pytest.main([*words, one])) for one in tests)), 0)
             if finder is not None and not finder.is_used:
                 status = _UNUSED
         finally:

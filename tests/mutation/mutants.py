@@ -7,7 +7,6 @@ or it leaves one call out. A suite that stays green does not test that place.
 from __future__ import annotations
 
 import ast
-import copy
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -60,7 +59,7 @@ def mutants(source: str) -> Iterator[Mutant]:
         if node in declared:
             continue
         for variant in range(len(_variants(node))):
-            changed = copy.deepcopy(tree)
+            changed = ast.parse(source)
             target = list(ast.walk(changed))[number]
             was = ast.unparse(target)
             _variants(target)[variant]()
