@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from robot.recordings.parts import ENDING
+from robot.recordings.trash import AGES, TRASH_DAYS
 from robot.store.folder import FolderKind, size_of
 
 NAME = "episodes"
@@ -25,7 +26,9 @@ FOLDER = FolderKind(
     about="one MCAP file per run: open with Foxglove, or with the mcap library\n"
     "            NAME.parts has the further files of a long run; keep it next to NAME.mcap\n"
     "            NAME.edits.json next to it lists a person's edits; the recording is not changed\n"
-    "            drivelesson episodes empty-trash deletes what is in trash/ for good",
+    f"            what is in trash/ is deleted for good after {TRASH_DAYS} days, or at once by\n"
+    "            drivelesson episodes empty-trash",
     reads=re.compile(r"[^./][^/]*(\.mcap|\.edits\.json|\.parts/([1-9]\d*\.mcap)?)", re.ASCII),
+    files=(AGES,),
     debris=_debris,
 )

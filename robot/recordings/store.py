@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
+from robot.clock import RealClock
 from robot.errors import ConfigurationError, NotFoundError, RecordingError, told_as
 from robot.recordings.editing import EditedWriter, write_edited
 from robot.recordings.edits import (
@@ -27,6 +28,7 @@ from robot.recordings.parts import ENDING, files_of, has_ended, state_of
 from robot.recordings.reading import being_read, reading
 from robot.recordings.rejoining import compacting_mark
 from robot.recordings.summary import EpisodeSummary, read_summary
+from robot.recordings.trash import remove_old
 from robot.store.folder import Storage, check_name, free_name, paths_in, size_of, whole_file
 from robot.store.lock import FolderLock
 from robot.store.presence import require_present
@@ -37,6 +39,9 @@ _OPEN_EPISODES, _DESCRIBED = 2, 2**16
 """Maximum numbers of open recordings and of list entries in the caches."""
 _READ_WHOLE_BYTES = 2 * 2**20
 """Size above which only the beginning of a recording in progress is read, in bytes."""
+
+
+_MACHINE = RealClock()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,8 +62,9 @@ class EpisodeStore:
         storage: Storage,
         recording: Callable[[], str | None] | None = None,
         write: EditedWriter = write_edited,
+        wall_s: Callable[[], float] = _MACHINE.wall_s,
     ) -> None:
-        self._storage, self._write = storage, write
+        self._storage, self._write, self._wall_s = storage, write, wall_s
         self._recording = recording or (lambda: None)
         self._is_recorder = recording is not None  # False: another program may be recording
         self.budget_bytes = DEFAULT_BUDGET_BYTES
@@ -157,6 +163,7 @@ class EpisodeStore:
                     raise
                 kept[episode_id] = str(error)
         files = [file for path in paths.values() for file in files_of(path)]
+        remove_old(self._storage, self._wall_s())
         key = self._storage.discard(*files) if files else None
         return Deleted(ids=tuple(paths), key=key, kept=kept)
 

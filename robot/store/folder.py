@@ -33,18 +33,13 @@ Drivelesson stores here what robots were taught.
 
 models/     one folder per model, versions as NumPy .npz files (no pickles): open with numpy.load
 exports/    files exported for other programs
-trash/      deleted files: move them back, or delete them for good. After {days} days they are
-            deleted automatically
+trash/      deleted files: move them back, or delete them for good
 {folders}
 All files can be copied and moved while the program does not run.{secrets}
 """
 FOLDERS = "drivelesson.folders"
 """Entry points of this group are instances of `FolderKind`: the folders of extensions."""
 
-TRASH_DAYS = 30
-"""Time after which deleted items are removed from the trash, in days. A class has its next lessons
-within this time, and would notice a wrong deletion."""
-_DAY_NS = 86_400 * 10**9
 _HALF_DONE_S = 60.0
 _LONGEST_NAME, _LONGEST_ENDING = 64, 40
 """Maximum lengths of a name (`check_name`), and of the ending that a file adds to it."""
@@ -95,7 +90,7 @@ def _readme() -> str:
     lines = [f"{kind.name + '/':12}{kind.about}\n" for kind in kinds if kind.about]
     secrets = ", ".join(secret for kind in kinds for secret in kind.secrets)
     keep = f" These are\nsecret, do not share them: {secrets}." if secrets else ""
-    return _README.format(folders="".join(lines), secrets=keep, days=TRASH_DAYS)
+    return _README.format(folders="".join(lines), secrets=keep)
 
 
 def default_root() -> Path:
@@ -344,18 +339,16 @@ class Storage:
         return found
 
     def sweep(self) -> None:
-        """Remove the `half_done` files, and items that have been in the trash for `TRASH_DAYS`."""
+        """Remove the `half_done` files."""
         for path in self.half_done():
             with contextlib.suppress(OSError):
                 path.unlink()
-        self.empty_trash(older_than_days=TRASH_DAYS)
 
     def discard(self, *paths: Path) -> str:
         """Move files or folders to the trash together; on an OSError nothing is moved.
 
-        Returns the key for `restore`. Items older than `TRASH_DAYS` are deleted for good.
+        Returns the key for `restore`.
         """
-        self.empty_trash(older_than_days=TRASH_DAYS)
         after = int(max(self.deleted(), default="0")) + 1  # the clock may have been set back
         key = f"{max(after, time.time_ns()):020d}"
         place = self.trash / key
@@ -412,15 +405,9 @@ class Storage:
         """Return the number of bytes that emptying the trash would free."""
         return sum(map(size_below, self._ours_in_trash()))
 
-    def empty_trash(self, older_than_days: float = 0.0) -> int:
-        """Delete items of the trash that are older than `older_than_days`; return the bytes
-        freed."""
+    def empty_trash(self) -> int:
+        """Delete all items of the trash; return the bytes freed."""
         places = self._ours_in_trash()
-        if older_than_days:
-            latest = f"{max(0, time.time_ns() - round(older_than_days * _DAY_NS)):020d}"
-            places = [p for p in places if _KEY.fullmatch(p.name) and p.name < latest]
-            if not places:
-                return 0
         size = size_below(self.trash)
         for place in places:
             with contextlib.suppress(ConfigurationError):

@@ -24,8 +24,8 @@ from robot.recordings.reading import reading
 from robot.recordings.rejoining import strays
 from robot.recordings.store import EpisodeStore
 from robot.recordings.summary import EpisodeSummary
+from robot.recordings.trash import TRASH_DAYS
 from robot.store.folder import (
-    TRASH_DAYS,
     Storage,
     default_root,
     size_below,

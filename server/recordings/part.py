@@ -17,6 +17,7 @@ from robot.recordings.folder import NAME
 from robot.recordings.recorder import Recorder
 from robot.recordings.rejoining import rejoin
 from robot.recordings.store import EpisodeStore
+from robot.recordings.trash import remove_old
 from server.persistence import Persistence, PersistencePart
 from server.recordings.separate_process import SeparateWork
 
@@ -39,7 +40,7 @@ class Recordings(PersistencePart):
             config=RecorderConfig(keeps_drives=kept.settings.get("keep_drives", True)),
             disk=kept.disk,
         )
-        self._kept = kept
+        self._kept, self._wall_s = kept, rig.clock.wall_s
         recording = self.recorder.recording
         self.episodes = EpisodeStore(kept.storage, lambda: recording.episode_id, _write_edited)
 
@@ -50,6 +51,7 @@ class Recordings(PersistencePart):
         self._kept.announce(name, **fields)
 
     def start(self) -> None:
+        remove_old(self._kept.storage, self._wall_s())
         rejoin(self._kept.storage)
         self.recorder.start()
 

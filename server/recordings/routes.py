@@ -27,7 +27,7 @@ from robot.recordings.parts import part_paths
 from robot.recordings.reading import reading
 from robot.recordings.store import Deleted, EpisodeStore
 from robot.recordings.summary import EpisodeSummary
-from robot.store.folder import TRASH_DAYS
+from robot.recordings.trash import TRASH_DAYS
 from robot.types import Encoding
 from server.recordings.extension import episodes_of
 from server.recordings.part import Recordings

@@ -133,12 +133,12 @@ class ModelStore:
         """
         for name in self.names():
             for model, file in self._readable_again(name):
-                if model.summary.saved_at_s <= self._newest_s(name):
+                if _age_of(model.summary) <= self._newest_age(name):
                     continue
                 numbers = [int(version.stem) for version in self.versions(name)]
                 number = max([int(file.name.partition(".")[0]), *(n + 1 for n in numbers[-1:])])
                 in_use = self.current
-                is_newest = in_use is None or model.summary.saved_at_s > self._newest_s(in_use)
+                is_newest = in_use is None or _age_of(model.summary) > self._newest_age(in_use)
                 with contextlib.suppress(OSError):
                     file.rename(file.with_name(f"{number:05d}.npz"))
                     log.info("model %s: %s can be read again as %05d.npz", name, file.name, number)
@@ -155,11 +155,11 @@ class ModelStore:
                     model = decode_model(_read(file))
                     try_model(model)
                     found.append((model, file))
-        return sorted(found, key=lambda one: one[0].summary.saved_at_s)
+        return sorted(found, key=lambda one: _age_of(one[0].summary))
 
-    def _newest_s(self, name: str) -> float:
-        """Return when a model's newest readable version was saved; -1 if there is none."""
-        return max((one.saved_at_s for one in self._sound(name, decode_summary)), default=-1.0)
+    def _newest_age(self, name: str) -> tuple[int, int, float]:
+        """Return the greatest `_age_of` a model's readable versions."""
+        return max(map(_age_of, self._sound(name, decode_summary)), default=_age_of(None))
 
     def note_failure(self, name: str, why: str) -> None:
         """Record that a model failed. The next start sets the model's newest version aside."""
@@ -241,6 +241,7 @@ def _is_model(folder: Path) -> bool:
 
 
 def _age_of(summary: ModelSummary | None) -> tuple[int, int, float]:
+    """Return a key that is greater for a later version, even if the clock was wrong."""
     if summary is None:
         return -1, 0, 0.0
     position = summary.position or JournalPosition(run="", boot=0, change=0)

@@ -10,6 +10,7 @@ import tracemalloc
 import zipfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +25,10 @@ from robot.recordings.episode import open_episode, taught_frames
 from robot.recordings.reading import being_read, reading
 from robot.recordings.store import EpisodeStore
 from robot.recordings.summary import read_summary
-from robot.store.folder import TRASH_DAYS, Storage
+from robot.recordings.trash import TRASH_DAYS, remove_old
+from robot.store.folder import Storage
 from robot.store.lock import FolderLock
+from robot.testing import VirtualClock
 from robot.types import Action
 
 from .drives import RecordedBench, record_drive
@@ -270,21 +273,37 @@ def test_if_the_disk_refuses_one_deletion_none_is_deleted(
 
 
 def test_deleted_recordings_are_removed_after_the_days_in_the_trash(
-    four: EpisodeStore, storage: Storage, monkeypatch: pytest.MonkeyPatch
+    four: EpisodeStore, storage: Storage
 ) -> None:
-    now_ns, day_ns = [10**18], 86_400 * 10**9
-    monkeypatch.setattr("time.time_ns", lambda: now_ns[0])
-    first = four.delete("one")
-    now_ns[0] += (TRASH_DAYS - 1) * day_ns
-    second = four.delete("three", "four")
-    storage.sweep()
+    now_s, day_s = 1e9, 86_400.0
+    store = EpisodeStore(storage, wall_s=lambda: now_s)
+    first = store.delete("one")
+    for _ in range(TRASH_DAYS // 5):
+        remove_old(storage, now_s)
+        now_s += 5 * day_s
+    second = store.delete("three", "four")
+    remove_old(storage, now_s)
     assert four.trash() == [first.key, second.key]
-    now_ns[0] += 2 * day_ns
     used = storage.trash_bytes()
-    storage.sweep()
+    remove_old(storage, now_s + day_s)
     assert four.trash() == [second.key]
     assert 0 < storage.trash_bytes() < used
     assert storage.empty_trash() and storage.trash_bytes() == 0 == len(four.trash())
+
+
+def test_a_clock_that_is_years_off_and_then_set_empties_no_trash(
+    folder: Path, storage: Storage
+) -> None:
+    """A computer without a battery for its clock starts in 1970, or when its image was made."""
+    clock = VirtualClock(0.0)
+    store = EpisodeStore(storage, wall_s=clock.wall_s)
+    keys = []
+    starts = ("1970-01-01", "2023-05-03", "2026-11-30", "1970-01-01", "2026-11-30", "2038-01-19")
+    for year in (*starts, "2026-12-01", "2026-12-02"):
+        clock.set_wall(datetime.fromisoformat(f"{year}T12:00:00+00:00").timestamp())
+        remove_old(storage, clock.wall_s())
+        keys.append(store.delete(record_drive(folder, frames=5).id).key)
+    assert store.trash() == keys
 
 
 def test_beyond_the_budget_the_oldest_unprotected_are_offered_and_none_is_deleted(

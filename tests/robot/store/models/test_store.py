@@ -17,7 +17,7 @@ from robot.policy.undo import undo_examples
 from robot.store.folder import Storage
 from robot.store.models.autosave import Autosave
 from robot.store.models.journal import Journal
-from robot.store.models.model import Model, encode_model, stamp
+from robot.store.models.model import JournalPosition, Model, encode_model, stamp
 from robot.store.models.store import KEEP_VERSIONS, ModelStore
 from robot.types import Action, Example
 from tests.kit.sizes import crossed
@@ -202,6 +202,17 @@ def test_a_version_older_than_what_was_saved_since_stays_aside(store):
     store.retry_damaged()
     assert [model.summary.place for model in store.sound_versions("robot")] == ["9"]
     assert "00001.npz.damaged" in versions(store, "robot")
+
+
+def test_a_version_saved_since_by_a_clock_that_is_years_late_stays_the_newest(tmp_path):
+    now_s = [1.8e9]
+    store = ModelStore(Storage(tmp_path), lambda: now_s[0])
+    store.save("robot", stamp(model_of(5), position=JournalPosition(run="a", boot=3, change=7)))
+    set_aside(store, "robot")
+    now_s[0] = 60.0
+    store.save("robot", stamp(model_of(9), position=JournalPosition(run="b", boot=4, change=2)))
+    store.retry_damaged()
+    assert [model.summary.place for model in store.sound_versions("robot")] == ["9"]
 
 
 # Saved automatically ----------------------------------------------------------------------------
