@@ -20,7 +20,7 @@ which decisions get a page, and when a page is replaced.
 _BOTTOM = """
 ## Missing numbers
 
-No page was removed. Numbers were reserved in advance for parallel work. Some of this work needed no
+No page was removed. We reserved numbers in advance for parallel work, some of which needed no
 decision, so 9, 11, 14, 15, 16, 22 and 23 are unused. Page 10 was merged into 5, and page 20 into 3
 and 4, on the day they were reserved. No number is used again; a new page takes the next number.
 """
