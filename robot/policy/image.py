@@ -150,18 +150,14 @@ def _decode_jpeg(frame: Frame, *, colour: bool) -> Pixels:
     return pixels
 
 
-def decode(data: bytes, *, colour: bool = True, is_reduced: bool = False) -> Pixels | None:
+def decode(data: bytes, *, colour: bool = True) -> Pixels | None:
     """Decode a JPEG or PNG to blue, green and red, or to grey; return None if it is neither.
-
-    `is_reduced` decodes a JPEG in grey, at an eighth of its width and height, rounded up.
 
     Raises:
         MissingExtraError: If OpenCV is not installed.
     """
     cv2 = sys.modules.get("cv2") or need("cv2", "reading pictures", "camera")
     flag = cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE
-    if is_reduced:
-        flag = cv2.IMREAD_REDUCED_GRAYSCALE_8
     try:
         decoded: Pixels | None = cv2.imdecode(np.frombuffer(data, np.uint8), flag) if data else None
     except cv2.error:
