@@ -5,32 +5,17 @@ from __future__ import annotations
 import os
 import signal
 import time
-from pathlib import Path
 
 import pytest
 
 from robot.driver import ACTION_TIMEOUT_S
 from server.lab.bench.subject import ServerUnderTest
-from tests.server.cli.test_secrets import check_no_secret_leaves
-from tests.server.hosting.starting_and_ending import (
-    check_a_hanging_upload_and_half_a_request_hold_up_no_end,
-)
 from tests.server.live_robot import Pilot
 
 pytestmark = [pytest.mark.slow, pytest.mark.realtime]
 
 
-def test_a_frozen_server_moves_nothing_afterwards_and_no_server_holds_up_its_end(
-    tmp_path: Path,
-) -> None:
-    a_frozen_server_lets_the_body_stop_and_does_not_move_it_again()
-    (tmp_path / "hanging").mkdir()
-    check_a_hanging_upload_and_half_a_request_hold_up_no_end(tmp_path / "hanging")
-    (tmp_path / "secrets").mkdir()
-    check_no_secret_leaves(tmp_path / "secrets")
-
-
-def a_frozen_server_lets_the_body_stop_and_does_not_move_it_again() -> None:
+def test_a_frozen_server_lets_the_body_stop_and_does_not_move_it_again() -> None:
     """The body ends each move by itself after `ACTION_TIMEOUT_S`, as every driver's tests show.
 
     So this test only has to show that no move was sent after the freeze.

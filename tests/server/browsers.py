@@ -110,7 +110,7 @@ async def dead_pages(browsers: list[Browser]) -> list[str]:
 WAYS = ("http", "TLS", "http through nginx", "TLS through nginx")
 
 
-def check_nobody_s_page_is_dead(
+def check_no_page_is_dead(
     tmp_path: Path, certificates: Certificates | None, count: int, ways: Sequence[str] = WAYS
 ) -> None:
     """Load many pages at once: over http and TLS, without nginx and through it."""

@@ -50,8 +50,9 @@ def test_these_options_are_secret():
     assert {one.name for one in options if one.is_secret} == secrets
 
 
-def check_no_secret_leaves(tmp_path: Path) -> None:
-    """Run with real servers; `test_process_faults.py` calls this."""
+@pytest.mark.slow
+@pytest.mark.realtime
+def test_no_secret_leaves_a_real_server(tmp_path: Path) -> None:
     for number, words in enumerate(few(_commands(), 3)):
         _check_a_start_that_fails(words, tmp_path / str(number))
     _check_a_drive(tmp_path / "drive")

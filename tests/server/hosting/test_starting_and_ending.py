@@ -1,7 +1,4 @@
-"""The server starts and ends, whatever its clients do.
-
-`test_real_server.py` and `test_process_faults.py` check it.
-"""
+"""The server starts and ends, whatever its clients do."""
 
 import contextlib
 import os
@@ -13,6 +10,7 @@ import sys
 from pathlib import Path
 
 import httpx
+import pytest
 
 from robot.clock import RealClock
 from server.hosting.serving import open_socket
@@ -23,7 +21,8 @@ UPLOAD = b"PUT /api/models/m/file HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length:
 HALF_A_REQUEST = b"GET / HTTP/1.1\r\nHost: 127.0"
 
 
-def check_it_names_what_is_still_starting_and_then_lets_the_server_answer() -> None:
+@pytest.mark.realtime
+def test_it_names_what_is_still_starting_and_then_lets_the_server_answer() -> None:
     def ask(request: bytes = b"GET / HTTP/1.1\r\n\r\n") -> bytes:
         with socket.create_connection(listener.getsockname()) as line:
             line.sendall(request)
@@ -51,7 +50,9 @@ def check_it_names_what_is_still_starting_and_then_lets_the_server_answer() -> N
                 assert line.recv(6) == b"served"
 
 
-def check_a_hanging_upload_and_half_a_request_hold_up_no_end(tmp_path: Path) -> None:
+@pytest.mark.slow
+@pytest.mark.realtime
+def test_a_hanging_upload_and_half_a_request_hold_up_no_end(tmp_path: Path) -> None:
     """A silent client and half a handshake do not delay the end either, over HTTP or TLS."""
     unchecked = ssl.create_default_context()
     unchecked.check_hostname, unchecked.verify_mode = False, ssl.CERT_NONE
