@@ -138,8 +138,8 @@ class Camera(StartStop):
             taken = Frame(
                 frame_id=self._last_frame_id,
                 captured_s=min(self.clock.now_s(), captured_s),
-                width=width,
-                height=height,
+                width=int(width),  # a plugin may pass the numbers of NumPy
+                height=int(height),
                 encoding=Encoding(encoding),
                 data=bytes(data),  # a copy, because a plugin may pass an array and reuse it
             )

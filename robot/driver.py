@@ -55,16 +55,17 @@ class Sensors:
     game: Game | None = None
 
     def __post_init__(self) -> None:
-        """Raise an error for a reading of a wrong type, because it could not be sent or saved."""
+        """Convert numbers to Python's, to send and save them. Refuse readings of a wrong type."""
         pose, game, change = self.pose, self.game, object.__setattr__
         for name in ("distance_m", "battery_share"):
-            number = getattr(self, name)
-            if number is not None and not math.isfinite(number):
-                change(self, name, None)
-        if pose is not None and not all(map(math.isfinite, (pose.x_m, pose.y_m, pose.heading_rad))):
-            change(self, "pose", None)
-        if type(self.bumpers) is not tuple:
-            change(self, "bumpers", tuple(self.bumpers))
+            if (number := getattr(self, name)) is not None:
+                change(self, name, float(number) if math.isfinite(number) else None)
+        for name in ("x_m", "y_m", "heading_rad") if pose is not None else ():
+            change(pose, name, number := float(getattr(pose, name)))
+            if not math.isfinite(number):
+                change(self, "pose", None)
+        change(self, "bumped", None if self.bumped is None else bool(self.bumped))
+        change(self, "bumpers", tuple(map(bool, self.bumpers)))
         if game is not None and not isinstance(game, Game):
             raise TypeError(f"the game of the sensors is {game!r}")
 

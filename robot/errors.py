@@ -150,10 +150,10 @@ KeyError: 'port'; the log has the traceback: send that to the plug-in's author
             yield
         except RobotError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:  # libraries call exit()
             raise self.converted(call, error) from error
 
-    def converted(self, call: str, error: Exception) -> RobotError:
+    def converted(self, call: str, error: BaseException) -> RobotError:
         """Log an error of one call, and return the error to raise in its place."""
         self._first()
         said = " ".join(f"{type(error).__name__}: {error}".split())[:_LONGEST_SAID]

@@ -60,8 +60,9 @@ class Move:
             raise ValueError(f"the icon or the meaning of {self.name!r} is too long")
         if (self.steering is None) != (self.throttle is None):
             raise ValueError(f"{self.name!r} needs both steering and throttle, or neither")
-        for number in (self.steering, self.throttle):
-            if number is not None and not (math.isfinite(number) and -1.0 <= number <= 1.0):
+        for name in ("steering", "throttle") if self.steering is not None else ():
+            object.__setattr__(self, name, float(getattr(self, name)))  # NumPy's numbers, too
+            if not -1.0 <= getattr(self, name) <= 1.0:
                 raise ValueError(f"steering and throttle of {self.name!r} must lie in [-1, 1]")
 
     @property

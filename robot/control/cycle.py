@@ -109,7 +109,7 @@ class Cycle:
         self.body = GuardedBody(driver, clock)
         self.camera_errors = PluginErrors("camera", camera.name, CameraError)
         self.speed_share = 1.0
-        self.error: Exception | None = None
+        self.error: BaseException | None = None
         self.mailbox = Mailbox()
         self.gate = Gate(self.config.gate, on_stop=self._forget_drive)
         self.link = LinkGovernor(self.config.governor)
@@ -155,7 +155,7 @@ class Cycle:
                     may_learn=link.may_learn,
                 )
             self._rest_or_not(now_s)
-        except Exception as error:  # outermost handler: on any error, stop first
+        except BaseException as error:  # outermost handler: on any error, stop first
             self._break_down(error)
             decision, sent = self.gate.stand(), Action.STOP
         return self._publish(
@@ -203,7 +203,7 @@ class Cycle:
             # ignore a start button that was pressed before STOP was released
             if not self.state.emergency:
                 self.start(self._last_mode)
-        elif button is not None:
+        elif button:
             self.gate.trip(StopReason.BUTTON)
 
     def _receive(self, link: LinkState, world_s: float) -> tuple[_Commands, _Commands]:
@@ -305,9 +305,9 @@ class Cycle:
                 with self.body.lock:
                     decision = decision if self.body.order(until_s) else self.gate.stand()
                     action, point, scale = decision.action, decision.point, decision.speed_scale
-                    sent: Action = self.body.ask("drive", action, point, speed_scale=scale)
+                    sent = self.body.ask("drive", action, point, speed_scale=scale)
                 if not self._is_held_up(self.clock.now_s() - started_s):
-                    return decision, sent
+                    return decision, sent if isinstance(sent, Action) else action
         except DriveError as error:
             self._stop(StopReason.DRIVE_FAULT, str(error))
         return self.gate.stand(), Action.STOP
@@ -322,7 +322,7 @@ class Cycle:
             for listener, modes_only in tuple(self.listeners.values()):
                 if not (modes_only and is_same):
                     listener(self.state)
-        except Exception as error:  # an error of a listener also stops the robot
+        except BaseException as error:  # an error of a listener also stops the robot
             self._break_down(error)
         finally:
             self.mailbox.answer()
@@ -415,7 +415,7 @@ class Cycle:
         self.gate.trip(reason)
         self._fault = fault
 
-    def _break_down(self, error: Exception) -> None:
+    def _break_down(self, error: BaseException) -> None:
         said = error if isinstance(error, RobotError) else f"An internal error occurred: {error}"
         before, fault = self._fault, str(said)
         self._stop(StopReason.LOOP_FAULT, fault)

@@ -45,12 +45,12 @@ class GuardedBody(StartStop):
                 return getattr(self._driver, name)(*args, **options)
         except RobotError:
             raise
-        except Exception as error:  # the driver may be a plugin and raise anything
+        except BaseException as error:  # a plugin may raise anything, and libraries call exit()
             raise self.errors.converted(name, error) from error
 
     def stop_motors(self) -> None:
         """Stop the body. Never raises: a body that cannot be reached ends its move by itself."""
-        with self.lock, contextlib.suppress(Exception):
+        with self.lock, contextlib.suppress(BaseException):
             self._driver.stop()
 
     def order(self, until_s: float) -> bool:

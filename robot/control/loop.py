@@ -63,7 +63,7 @@ class ControlLoop:
         return self._cycle.state
 
     @property
-    def error(self) -> Exception | None:
+    def error(self) -> BaseException | None:
         """The last error of the loop."""
         return self._cycle.error
 

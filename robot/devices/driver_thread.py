@@ -63,7 +63,7 @@ class DriverThread(Driver):
         self._sensors = Sensors()
         self._sensed_s = -SENSE_EVERY_S
         self._button: BodyButton | None = None
-        self._faults: dict[str, Exception] = {}
+        self._faults: dict[str, BaseException] = {}
         self._driven = Action.STOP
         self._request_s: float | None = None
 
@@ -170,7 +170,7 @@ class DriverThread(Driver):
         try:
             do()
             self._faults.pop(kind, None)
-        except Exception as error:  # the loop's next call raises this error
+        except BaseException as error:  # the loop's next call raises this error
             self._faults[kind] = error
         finally:
             self._request_s = None
@@ -219,7 +219,7 @@ class DriverThread(Driver):
         self._sensors = self.driver.sense()
         button = self.driver.take_button()
         # Ignore a start button that was pressed while the body did not answer.
-        if button is BodyButton.STOP or (button is not None and "sense" not in self._faults):
+        if button is BodyButton.STOP or (button and "sense" not in self._faults):
             self._button = button
 
     def _run(self) -> None:
@@ -227,7 +227,7 @@ class DriverThread(Driver):
             if not self.step():
                 self._clock.wait(self._due, SENSE_EVERY_S)
                 self._due.clear()
-        with contextlib.suppress(Exception):
+        with contextlib.suppress(BaseException):
             self.driver.stop()
 
     def _raise_fault(self, kind: str) -> None:

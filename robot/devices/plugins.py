@@ -58,7 +58,7 @@ def _load(group: str, name: str, kind: str, base: type[Any]) -> type[Any]:
         found = known[name].load()
     except MissingExtraError:
         raise
-    except Exception as error:  # importing the module may raise any error
+    except (Exception, SystemExit) as error:  # importing the module may raise any error
         said = " ".join(f"{type(error).__name__}: {error}".split())[:300]
         raise PluginError(f"the {kind} {name!r} cannot be loaded: {said}") from error
     if not isinstance(found, type) or not issubclass(found, base):

@@ -122,8 +122,9 @@ def build_rig(
     driver_type = load_driver(robot)
     with PluginErrors("robot", robot, PluginError).named("__init__"):
         driver = driver_type(make_options(driver_type.options_type, given))
+        moves = driver.first_moves
     camera_type = load_camera(camera or driver_type.default_camera)
     with PluginErrors("camera", camera_type.name, PluginError).named("for_driver"):
         eye = camera_type.for_driver(driver, make_options(camera_type.options_type, given), clock)
     body = DriverThread(driver, clock) if driver.is_remote else driver
-    return Rig(body, eye, make_policy(learner, moves=driver.first_moves), clock, config)
+    return Rig(body, eye, make_policy(learner, moves=moves), clock, config)

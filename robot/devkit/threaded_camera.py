@@ -72,7 +72,7 @@ class ThreadedCamera(Camera):
     def _run_guarded(self, work: Callable[[], None]) -> None:
         try:
             work()
-        except Exception as error:  # the camera may be a plugin and raise anything
+        except (Exception, SystemExit) as error:  # the camera may be a plugin and raise anything
             if self._ending.is_set():  # reading a device fails once `stop` has closed it
                 return
             self._ending.set()  # the watchdog would replace the fault by its own

@@ -70,7 +70,7 @@ def describe_state(state: Tick, now_ms: float) -> dict[str, Any]:
 
 def describe_body(driver: Driver) -> dict[str, Any]:
     moves = [move.describe() for move in describe(driver.moves, driver.declared_moves)]
-    return {"declared_moves": moves, "takes_points": driver.takes_points}
+    return {"declared_moves": moves, "takes_points": bool(driver.takes_points)}
 
 
 def describe_devices(driver: Driver, camera: Camera) -> dict[str, str]:

@@ -120,7 +120,7 @@ def _describe_readiness(progress: Progress, has_pictures: bool) -> ReadinessAnsw
     for gap in lesson.missing():
         png, frame = None, gap.frame
         if has_pictures and frame:
-            png = png_text(to_small_grey(frame, frame.width // 2, frame.height // 2))
+            png = png_text(to_small_grey(frame, -(-frame.width // 2), -(-frame.height // 2)))
         missing.append(answer(GapAnswer, gap, have=round(gap.have, 1), png=png))
     return ReadinessAnswer(
         stage=lesson.stage,

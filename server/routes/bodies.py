@@ -53,17 +53,17 @@ async def refuse_values(request: Request, error: Exception) -> JSONResponse:
     return JSONResponse({"detail": sentence}, 400)
 
 
-_STATUS = {NotFoundError: 404, ConfigurationError: 409, MissingExtraError: 501, RobotError: 422}
+_STATUS = {NotFoundError: 404, ConfigurationError: 409, MissingExtraError: 501, OSError: 503}
 
 
 async def refuse(request: Request, error: Exception) -> JSONResponse:
     """Turn an error into an HTTP status and a sentence for the page."""
     if request.scope["type"] != "http":
         raise error
-    if isinstance(error, OSError):
+    if not isinstance(error, RobotError):
         sentence = f"The data folder cannot be used: {reason(error)}"
         return JSONResponse({"detail": sentence}, 507)
-    status = next(status for kind, status in _STATUS.items() if isinstance(error, kind))
+    status = next((status for kind, status in _STATUS.items() if isinstance(error, kind)), 422)
     return JSONResponse({"detail": str(error)}, status)
 
 

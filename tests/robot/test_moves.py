@@ -9,6 +9,7 @@ import json
 import pickle
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -77,6 +78,12 @@ def test_known_moves_need_no_declaration_and_unknown_ones_have_their_name() -> N
     assert point_of(Action("push"), [fast]) is None
     assert point_of(Action.STOP) == (0.0, 0.0)
     assert names(describe(DEFAULT_MOVES)) == DEFAULT_MOVES
+
+
+def test_a_declaration_in_numbers_of_numpy_can_be_sent() -> None:
+    move = Move(Action("fast"), steering=np.float32(0.5), throttle=np.int64(1))  # type: ignore[arg-type]
+    assert json.loads(json.dumps(move.describe()))["steering"] == 0.5
+    assert move_at(Point(0.5, 1.0), [move]) == "fast"
 
 
 @pytest.mark.parametrize(

@@ -151,6 +151,9 @@ def test_plain_requests_return_the_robots_activity_and_pictures(server: VirtualS
         assert (told["driven_by"], told["action"], told["is_full"]) == ("pilot", "forward", False)
         answer = client.get("/picture.jpg")
         assert (answer.status_code, answer.content[:2]) == (200, b"\xff\xd8")
+        server.camera.show_rubbish()
+        answer = client.get("/picture.jpg")
+        assert (answer.status_code, "data folder" in answer.text) == (503, False), answer.text
 
 
 def test_vanished_pages_leave_nothing_behind(server: VirtualServer) -> None:

@@ -12,7 +12,7 @@ import httpx
 import pytest
 
 from robot.coaching.trial_drive import CLEAN_S
-from robot.types import Action, DrivenBy, Mode
+from robot.types import Action, DrivenBy, Encoding, Mode
 from server.coaching.extension import CoachingExtension
 
 from .virtual_server import VirtualServer
@@ -201,7 +201,10 @@ def test_readiness_says_what_is_missing(taught: VirtualServer) -> None:
     assert 0 < short["have"] < short["need"]
 
 
-def test_readiness_shows_the_view_in_which_the_pilot_took_the_wheel(taught: VirtualServer) -> None:
+@pytest.mark.parametrize("is_tiny", [False, True], ids=["", "of one pixel"])
+def test_readiness_shows_the_view_in_which_the_pilot_took_the_wheel(
+    taught: VirtualServer, is_tiny: bool
+) -> None:
     lesson = taught.services.extension(CoachingExtension).progress.lesson
     ticks: list[Any] = []
     unsubscribe = taught.rig.loop.subscribe(lambda tick: ticks.append(tick) if tick.frame else None)
@@ -209,7 +212,10 @@ def test_readiness_shows_the_view_in_which_the_pilot_took_the_wheel(taught: Virt
     unsubscribe()
     by_robot = replace(ticks[0].decision, driven_by=DrivenBy.ROBOT)
     by_pilot = replace(by_robot, driven_by=DrivenBy.PILOT, action=Action.LEFT, mode=Mode.AUTONOMOUS)
-    seen = [replace(ticks[0], decision=decision) for decision in (by_robot, by_pilot)]
+    frame = ticks[0].frame
+    if is_tiny:
+        frame = replace(frame, encoding=Encoding.RGB, width=1, height=1, data=b"\x80" * 3)
+    seen = [replace(ticks[0], frame=frame, decision=of) for of in (by_robot, by_pilot)]
     taught.ask_loop(lambda: [lesson.note(tick) for tick in seen])
     gaps = ask(taught, "GET", "/api/teaching/readiness").json()["missing"]
     [corrected] = [gap for gap in gaps if gap["kind"] == "corrected"]

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import math
 import random
+from dataclasses import asdict
+from decimal import Decimal
+from fractions import Fraction
 from typing import Any
 
+import numpy as np
 import pytest
 
 from robot.control.state import STEADY_S, SteadyFault, Tick
@@ -124,8 +129,11 @@ def test_an_invalid_picture_does_not_affect_later_pictures(mode):
 @pytest.mark.parametrize("can_stop", [True, False])
 @pytest.mark.parametrize(
     ("error", "said"),
-    [(DriveError("No motor on port B."), "No motor on port B."), (KeyError("boom"), BROKEN)],
-    ids=["its own", "any"],
+    [
+        (DriveError("No motor on port B."), "No motor on port B."),
+        *((KeyError("boom"), BROKEN), (SystemExit("no board"), BROKEN), (GeneratorExit(), BROKEN)),
+    ],
+    ids=["its own", "any", "an exit", "a generator's end"],
 )
 @pytest.mark.parametrize("call", ["sense", "send_action", "take_button"])
 def test_a_body_that_fails_is_stopped_and_reported_and_nothing_is_learned(
@@ -177,6 +185,36 @@ def test_readings_that_are_no_finite_numbers_are_missing():
     pose = Pose(x_m=1.0, y_m=2.0, heading_rad=0.5)
     there = Sensors(distance_m=0.5, bumpers=[True, False], pose=pose)
     assert (there.distance_m, there.bumpers, there.pose) == (0.5, (True, False), pose)
+
+
+def test_readings_in_other_numbers_can_be_sent_and_saved():
+    """Drivers return numbers of NumPy or decimal fractions, which JSON does not have."""
+    place = Pose(x_m=np.float32(1.0), y_m=np.int64(2), heading_rad=Decimal("0.5"))
+    pressed = np.array([True, False])
+    read = Sensors(
+        distance_m=np.float32(0.5),
+        battery_share=Fraction(1, 4),
+        bumped=np.bool_(True),
+        bumpers=pressed,
+        pose=place,
+    )
+    pose = {"x_m": 1.0, "y_m": 2.0, "heading_rad": 0.5, "is_estimate": False}
+    plain = {"distance_m": 0.5, "battery_share": 0.25, "bumped": True, "bumpers": [True, False]}
+    assert json.loads(json.dumps(asdict(read))) == {**plain, "pose": pose, "game": None}
+
+
+def test_a_driver_that_returns_no_action_is_taken_to_do_what_it_was_told():
+    robot = started()
+    for returned in (None, b"forward", 3):
+        robot.driver.send_action = lambda *_, returned=returned, **__: returned
+        assert robot.step(1, F).sent is F
+
+
+@pytest.mark.parametrize("none", [False, "", np.bool_(False)])
+def test_a_driver_may_say_false_for_no_button(none):
+    robot = started()
+    robot.driver.take_button = lambda: none
+    assert robot.step(1, F).sent is F
 
 
 def test_a_body_that_fails_is_stopped_before_it_is_logged_and_is_logged_once(monkeypatch):

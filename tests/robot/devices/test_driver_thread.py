@@ -216,7 +216,9 @@ def test_a_move_that_ends_does_so_before_the_sensors_however_late_they_are() -> 
     assert names(body)[-1] == "sense", "as of any other move, only the first"
 
 
-@pytest.mark.parametrize("error", [DriveError("the wheel is off"), RuntimeError("a bug")])
+@pytest.mark.parametrize(
+    "error", [DriveError("the wheel is off"), RuntimeError("a bug"), SystemExit("no board")]
+)
 def test_a_fault_is_raised_until_a_request_succeeds(error: Exception) -> None:
     clock, body, driver = wrapped()
     drain(driver)

@@ -57,6 +57,15 @@ def test_a_picture_keeps_its_age_on_any_clock_and_never_seems_younger(
     assert taken_s + ahead_s - 0.01 < shown_s <= taken_s + ahead_s
 
 
+@pytest.mark.parametrize("side", [np.int64(2), np.float32(2.0), 2.0])
+def test_a_frame_has_plain_numbers_whatever_the_camera_passes(side: Any) -> None:
+    camera = BenchCamera(None, VirtualClock())
+    frame = camera._publish(
+        bytes(12), width=side, height=side, encoding=Encoding.RGB, captured_s=np.float64(0.0)
+    )
+    assert {type(frame.width), type(frame.height)} == {int} and frame.width == frame.height == 2
+
+
 @pytest.mark.parametrize("data", [bytearray(12), np.zeros(12, np.uint8)], ids=["bytes", "array"])
 def test_a_frame_does_not_change_when_the_camera_reuses_its_memory(data: Any) -> None:
     """Libraries fill one array again and again, and OpenCV returns a JPEG as an array."""
