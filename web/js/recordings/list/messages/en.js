@@ -18,7 +18,7 @@ export default {
   'episodes.deleted': 'Deleted: {what}. You can restore them for {days} days.',
   'episodes.kept': 'Not deleted: {n}. {why}',
   'episodes.back': 'Restored: {n}.',
-  trash: 'Trash: {size}. It is emptied after {days} days.',
+  trash: 'Trash: {size}. What you deleted is gone for good after {days} days.',
   'trash.restore': 'Restore what was deleted last',
   'trash.free': 'Empty the trash',
   'trash.sure': 'This cannot be undone.',

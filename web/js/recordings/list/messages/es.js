@@ -18,7 +18,7 @@ export default {
   'episodes.deleted': 'Se ha borrado: {what}. Puedes recuperarlo durante {days} días.',
   'episodes.kept': 'No se han borrado: {n}. {why}',
   'episodes.back': 'Recuperadas: {n}.',
-  trash: 'Papelera: {size}. Se vacía a los {days} días.',
+  trash: 'Papelera: {size}. Lo que has borrado desaparece del todo a los {days} días.',
   'trash.restore': 'Recuperar lo último borrado',
   'trash.free': 'Vaciar la papelera',
   'trash.sure': 'Esto no se puede deshacer.',

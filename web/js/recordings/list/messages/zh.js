@@ -18,7 +18,7 @@ export default {
   'episodes.deleted': '已删除：{what}。{days} 天内可以恢复。',
   'episodes.kept': '未删除：{n} 条。{why}',
   'episodes.back': '已恢复 {n} 条。',
-  trash: '回收站：{size}。{days} 天后清空。',
+  trash: '回收站：{size}。删除的内容 {days} 天后彻底清除。',
   'trash.restore': '恢复最近删除的',
   'trash.free': '清空回收站',
   'trash.sure': '此操作无法撤销。',
