@@ -21,7 +21,7 @@ from robot.study.table import Table
 from robot.types import DEFAULT_MOVES, Action, Frame, Mode
 
 LEARNERS = ("knn-3", "knn-9", "published-32", "published-64", "published-128", "default-32")
-RIVALS = ("som-32", "gng-32", "alvinn-8")
+PAPERS_BASELINES = ("som-32", "gng-32", "alvinn-8")
 """The paper's other learners, used if their libraries are installed (extra `rivals`)."""
 KINDS = {"simulated_footage": "Simulated", "recorded_footage": "Recorded"}
 FRAMES = 700
@@ -39,7 +39,7 @@ PUBLISHED = {
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
     """Plan one task for each combination of learner, place and seed. Also plan one task for each
     learner and pair of recordings, if there are recordings."""
-    learners = settings.learners or (*LEARNERS, *(RIVALS if find_spec("minigng") else ()))
+    learners = settings.learners or (*LEARNERS, *(PAPERS_BASELINES if find_spec("minigng") else ()))
     cases = (
         {**settings.taught(trial), "trial": number, "learner": learner}
         for (number, trial), learner in product(TRIALS.items(), learners)

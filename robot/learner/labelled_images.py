@@ -37,7 +37,7 @@ class LabelledImages(Stateful, Learner):
         Value("n_seen", count(), "n_seen_"),
         Array("histograms", np.int64, ("max_nodes", "n_labels"), high=MOST_FRAMES),
         Array(
-            "node_angles", np.float64, ("max_nodes", 3), -MOST_FRAMES, MOST_FRAMES, may_miss=True
+            "node_angles", np.float64, ("max_nodes", 3), -MOST_FRAMES, MOST_FRAMES, is_optional=True
         ),
     )
 

@@ -100,7 +100,7 @@ class Array:
         low: The smallest allowed value.
         high: The largest allowed value.
         attribute: The part's attribute that holds the array, or a dotted path; if empty, `_name`.
-        may_miss: The array is optional: omitted from the model when None or empty.
+        is_optional: True if the array is omitted from the model when None or empty.
     """
 
     name: str
@@ -109,12 +109,12 @@ class Array:
     low: float = 0.0
     high: float = LARGEST
     attribute: str = ""
-    may_miss: bool = False
+    is_optional: bool = False
 
     def save(self, part: Stateful) -> NDArray[Any] | None:
         """Return a copy of the part's array, or None if there is no array to save."""
         value = _get(part, self)
-        if value is None or (self.may_miss and np.size(value) == 0):
+        if value is None or (self.is_optional and np.size(value) == 0):
             return None
         return np.array(value, None if isinstance(self.dtype, tuple) else self.dtype)
 
@@ -123,7 +123,7 @@ class Array:
         array = arrays.pop(self.name, None)
         sides = [self._length(side, part, sizes) for side in self.shape]
         dtypes = self.dtype if isinstance(self.dtype, tuple) else (self.dtype,)
-        demand(array is not None or self.may_miss, f"the array {self.name} is missing")
+        demand(array is not None or self.is_optional, f"the array {self.name} is missing")
         if array is not None:
             self._fit(array, sides, sizes)
             named = f"{array.dtype.str}, not {np.dtype(dtypes[0]).str}"

@@ -68,7 +68,7 @@ class RecursiveRidge(LinearPart):
         Array("triangle", np.float32, ("n_triangle",), -_MOST_INVERSE, _MOST_INVERSE),
         Array("linear", np.float64, ("size", "n_labels"), -1e9, 1e9, attribute="_weights"),
         Array("waiting", np.float32, (_WAITING, "size"), -MOST_VALUES, MOST_VALUES),
-        Array("angles", np.float64, ("size", 2), -1e9, 1e9, may_miss=True),
+        Array("angles", np.float64, ("size", 2), -1e9, 1e9, is_optional=True),
     )
 
     def __init__(

@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import USUAL_STEP_S, PolicyPart, Seen
 from robot.policy.pilot_pace import (
+    ALTERNATING_S,
     STEP_S,
-    TO_AND_FRO_S,
     ChangeMeter,
     Headway,
     PilotPace,
@@ -247,7 +247,7 @@ class ActionFilter(PolicyPart):
                 urge = self._watch(under_way, seen.at_s, ALLOWANCE * pace.lost_limit_s)
         futile = self._stall_detector.futile
         # Alternating left and right is normal for a quick pilot, but useless for a stuck robot.
-        limit_s = TO_AND_FRO_S if futile else pace.to_and_fro_s
+        limit_s = ALTERNATING_S if futile else pace.alternating_s
         barred = self._headway.barred_side(seen.at_s, limit_s)
         allowed = [action for action in shares if turns.get(action) != barred or barred is None]
         fruitful = [action for action in allowed if action not in futile and shares[action] > 0.0]

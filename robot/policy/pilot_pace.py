@@ -183,8 +183,8 @@ _MEANT = 3
 """If a pilot pushes this many times, he pushes on purpose. A single push may be a mistake."""
 _PATIENCE, _LONGEST_PATIENCE_S = 1.5, 5.0
 _RUNS, _FEWEST_RUNS = 64, 8
-TO_AND_FRO_S, OF_A_RUN = 2.0, 0.75
-"""Two changes of side within `TO_AND_FRO_S` seconds count as alternating; for quick pilots, within
+ALTERNATING_S, OF_A_RUN = 2.0, 0.75
+"""Two changes of side within `ALTERNATING_S` seconds count as alternating; for quick pilots, within
 `OF_A_RUN` times the usual duration of a move."""
 AWAY_S, OF_A_TURN = 1.5, 0.6
 """Time for which a move without effect stays barred: `AWAY_S` seconds, or `OF_A_TURN` times the
@@ -218,7 +218,7 @@ class PilotPace(PolicyPart):
         Value("clock", row(number(0.0), number(0.0), optional(number())), "_headway.clock"),
         Value("before_s", number(), "scale.before_s"),
         Value("changes", many(number(0.0, 255.0), MEMORY), "scale.changes"),
-        Array("picture", np.uint8, ("n_pixels",), attribute="scale.before", may_miss=True),
+        Array("picture", np.uint8, ("n_pixels",), attribute="scale.before", is_optional=True),
     )
 
     def __init__(self, kinds: MoveKinds) -> None:
@@ -253,10 +253,10 @@ class PilotPace(PolicyPart):
         return min(max(STUCK_S, _PATIENCE * min(self._pushes_s)), _LONGEST_PATIENCE_S)
 
     @property
-    def to_and_fro_s(self) -> float:
+    def alternating_s(self) -> float:
         """Time within which two changes of side count as alternating, in seconds."""
         run_s = self.usual_run_s
-        return TO_AND_FRO_S if run_s is None else min(TO_AND_FRO_S, OF_A_RUN * run_s)
+        return ALTERNATING_S if run_s is None else min(ALTERNATING_S, OF_A_RUN * run_s)
 
     def on_example(self, lesson: TaughtExample) -> None:
         label, at_s = lesson.label, lesson.at_s

@@ -6,8 +6,8 @@ the brightness of the lesson (`LightAdaptation`).
 A learned angle is a mean over examples. If an obstacle can be passed on either side, the mean leads
 into the obstacle. So the move determines the side, and the angle determines only the amount of
 steering (`Degrees`). The angle must also lie within `BAND` standard deviations of the mean angle
-that the pilot taught with the chosen move. If a pilot steers only fully or not at all, the band of
-each move has no width.
+that the pilot taught with the chosen move. If he steers only fully or not at all, the band has no
+width.
 """
 
 from __future__ import annotations
@@ -44,14 +44,16 @@ def _node_id(plain: Any, names: Names) -> int:
 
 
 class Degrees(PolicyPart):
-    """Records how each move was steered. If the learner learns no angles, each move is steered by
-    its mean in the lesson. Before the pilot has once steered proportionally, no point is proposed.
+    """Records how each move was steered. If the learner learns no angles, each move gets its mean
+    steering; without any proportional example, no point is proposed.
 
     Attributes:
         angle: Running mean of the predicted angles over all moves; some baselines steer by it.
     """
 
-    fields = (Array("sums", np.float64, ("n_moves", 4), -MOST_FRAMES, MOST_FRAMES, may_miss=True),)
+    fields = (
+        Array("sums", np.float64, ("n_moves", 4), -MOST_FRAMES, MOST_FRAMES, is_optional=True),
+    )
 
     def __init__(self, learner: Learner, moves: tuple[Action, ...], kinds: MoveKinds) -> None:
         self._learner, self._is_angular = learner, learner.abilities.angles

@@ -40,7 +40,7 @@ class StandIn(ModuleType):
         return made
 
 
-class PutOff:
+class LazyImports:
     """Import hook that loads a module of `PUT_OFF` only at the first access to an attribute.
 
     It does not inherit from `importlib.abc.MetaPathFinder`, whose import loads the compressors.
@@ -64,7 +64,7 @@ def leave_out_unused() -> None:
     for name in LEFT_OUT:
         sys.modules.setdefault(name, None)  # type: ignore[arg-type]
     sys.modules.setdefault("ssl", StandIn("ssl"))
-    sys.meta_path.insert(0, PutOff())
+    sys.meta_path.insert(0, LazyImports())
 
 
 if __name__ == "__main__":

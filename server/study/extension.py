@@ -47,7 +47,7 @@ class Consent(RawValue):
     language: str = text()
 
 
-class Going(RawValue):
+class ConditionStart(RawValue):
     """A request's body: `confirmed` and `anew`, see `Conductor.drive`."""
 
     confirmed: bool = must_be("true or false", False)
@@ -128,7 +128,7 @@ def describe_session(conductor: Conductor) -> dict[str, Any] | None:
     }
 
 
-_GO_ON = Going()
+_RESUME = ConditionStart()
 
 
 def _require_pilot(request: Request) -> None:
@@ -221,7 +221,7 @@ def give_consent(request: Request, body: Consent) -> dict[str, Any]:
 
 
 @router.post("/session/drive", dependencies=[PILOT])
-def drive_condition(request: Request, body: Going = _GO_ON) -> dict[str, Any]:
+def drive_condition(request: Request, body: ConditionStart = _RESUME) -> dict[str, Any]:
     """Begin or resume the next condition; 409 if the robot is in the wrong world."""
     _conductor(request).drive(confirmed=body.confirmed, anew=body.anew)
     return show_session(request)

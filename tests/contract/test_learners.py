@@ -7,7 +7,7 @@ import pytest
 
 from robot.coaching.gallery import images
 from robot.errors import MissingExtraError
-from robot.lab.baselines import RIVALS
+from robot.lab.baselines import BASELINES
 from robot.lab.variants import VARIANTS
 from robot.learner import Learner
 from robot.policy.changes import relabel
@@ -26,7 +26,7 @@ SIZE = 6
 STEP_S = 0.2
 
 
-@pytest.fixture(params=sorted({*learner_kinds(), *few(VARIANTS, 3), *RIVALS}))
+@pytest.fixture(params=sorted({*learner_kinds(), *few(VARIANTS, 3), *BASELINES}))
 def kind(request: pytest.FixtureRequest) -> str:
     try:
         make_policy(f"{request.param}-{SIZE}")

@@ -111,7 +111,7 @@ def test_every_default_of_the_tables_is_the_programs() -> None:
     assert settings <= {*told} and "learner.nodes" in told
 
 
-def test_every_mark_of_a_number_is_closed_and_begins_no_line() -> None:
+def test_every_marker_of_a_number_is_closed_and_never_begins_a_line() -> None:
     """A marker at the beginning of a line would begin a block of HTML and end the paragraph."""
     for page in PAGES:
         text = page.read_text("utf-8")

@@ -109,7 +109,7 @@ def test_a_stop_pressed_while_the_robot_is_out_of_reach_is_obeyed(
     wait_until(lambda: world.rig.loop.state.emergency, "it is asked for until it is heard")
 
 
-def test_blocked_websockets_are_named_and_pictures_come_by_requests(
+def test_a_page_reports_blocked_websockets_and_requests_pictures_instead(
     far_phone: Any, way: BrokenWay
 ) -> None:
     """The first fault is a network that blocks websockets, the second a gateway without a robot."""
@@ -125,7 +125,7 @@ def test_blocked_websockets_are_named_and_pictures_come_by_requests(
     far_phone.wait_for_selector("video-view:not(.away)[data-frames]")
 
 
-def test_a_second_tab_watches_asks_and_takes_over_politely(
+def test_a_second_tab_watches_requests_the_wheel_and_takes_over(
     chromium: Any, phone: Any, world: World
 ) -> None:
     context = new_context(chromium, PHONE)

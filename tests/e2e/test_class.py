@@ -38,7 +38,7 @@ BOARD = """
 """
 
 
-def test_a_class_is_read_out_robot_by_robot_and_axe_finds_nothing(
+def test_a_screen_reader_reads_a_class_robot_by_robot_and_axe_finds_no_fault(
     chromium: Any, tmp_path: Path, npm_modules: Path
 ) -> None:
     with running_class(tmp_path, 2, 1) as school:

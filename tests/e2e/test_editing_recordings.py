@@ -118,7 +118,7 @@ def test_a_recording_plays_scrubs_and_steps_by_keyboard(rovers_phone: Any, shelf
     assert not shelf.rig.loop.state.emergency, "space played; it is the stop while the robot moves"
 
 
-def test_recordings_are_taught_together_compared_and_dropped_or_kept(
+def test_a_model_trained_from_recordings_is_compared_and_kept_or_dropped(
     rovers_phone: Any, shelf: World
 ) -> None:
     world, phone = shelf, rovers_phone
@@ -139,7 +139,7 @@ def test_recordings_are_taught_together_compared_and_dropped_or_kept(
     phone.locator("toast-bar, .toasts", has_text="is now in use").first.wait_for()
 
 
-def test_many_recordings_are_home_in_one_zip_deleted_found_and_gone(
+def test_many_recordings_are_downloaded_in_one_zip_deleted_searched_and_erased(
     rovers_phone: Any, shelf: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store, phone = shelf.persistence.part(Recordings).episodes, rovers_phone

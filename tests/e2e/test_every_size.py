@@ -75,7 +75,9 @@ def have_tried(robot: Services) -> None:
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_nothing_is_cut_and_nothing_overlaps(chromium: Any, taught: World, language: str) -> None:
+def test_no_text_is_truncated_and_no_elements_overlap(
+    chromium: Any, taught: World, language: str
+) -> None:
     context = in_language(chromium, language)
     page = open_page(context, taught.address)
     wrong = everywhere(page, language, "drive")

@@ -104,7 +104,7 @@ MOVING = """() => [...document.querySelectorAll('*')].filter((e) =>
 """The number of elements that move although the person wants less motion."""
 
 
-def test_all_screens_cost_little_come_from_the_robot_alone_and_hold_still(
+def test_all_screens_are_small_load_only_from_the_robot_and_do_not_move(
     chromium: Any, rover: World
 ) -> None:
     """The budget does not count pictures and answers, whose sizes depend on what was taught.

@@ -63,7 +63,7 @@ def phone_with_film(film: Path) -> Iterator[Any]:
         context.close()
 
 
-def test_a_phone_is_the_eye_tells_of_a_covered_lens_and_its_stop_is_obeyed(tmp_path: Path) -> None:
+def test_a_phone_as_the_eye_reports_a_covered_lens_and_its_stop_is_obeyed(tmp_path: Path) -> None:
     film = tmp_path / "film.y4m"
     write_film(film)
     clock, config = RealClock(), Config(port=0, web=WEB)

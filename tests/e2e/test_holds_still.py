@@ -126,7 +126,7 @@ WRONGLY_HIT = """(n) => {
 }"""
 
 
-def test_no_label_of_a_move_lies_over_another_move(chromium: Any, standing: World) -> None:
+def test_no_moves_label_covers_another_move(chromium: Any, standing: World) -> None:
     """A finger on this page would drive the robot of the file's other tests."""
     context = in_language(chromium, "en")
     page = open_page(context, standing.address)

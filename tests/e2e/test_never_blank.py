@@ -54,7 +54,7 @@ def test_a_lost_file_is_fetched_again_and_a_stop_is_repeated_until_answered(
     page.wait_for_selector("video-view[data-frames]", state="attached", timeout=60_000)
 
 
-def test_without_its_worker_and_its_memory_the_page_drives(context: Any, world: World) -> None:
+def test_the_page_drives_without_its_worker_and_without_storage(context: Any, world: World) -> None:
     context.route(re.compile("-video-worker.js"), lambda route: route.abort())
     context.add_init_script(
         """for (const name of ['localStorage', 'sessionStorage'])

@@ -62,7 +62,7 @@ def the_images_are_those_of_the_model_in_use(page: Any, world: World) -> None:
         assert bytes(image) == httpx.get(f"{world.address}/api/gallery/{node}.png").content
 
 
-def test_what_was_taught_is_shown_changed_and_taken_back(phone: Any, world: World) -> None:
+def test_the_page_shows_changes_and_undoes_what_was_taught(phone: Any, world: World) -> None:
     missing: list[str] = []
     phone.on("response", lambda r: missing.append(r.url) if r.status >= 400 else None)
     the_speed_that_was_set_is_the_speed_that_is_driven(phone, world)

@@ -230,7 +230,7 @@ def near(world: World, steering: float) -> bool:
     return point is not None and abs(point.steering - steering) < 0.25
 
 
-def test_each_thumb_has_its_moves_or_a_stick_when_the_phone_lies_on_its_side(
+def test_on_a_phone_on_its_side_each_thumb_has_its_moves_or_a_stick(
     phone: Any,
 ) -> None:
     width = LANDSCAPE["width"]

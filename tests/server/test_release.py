@@ -62,7 +62,7 @@ async def _refusal(pilot: Pilot) -> dict[str, Any]:
 
 @pytest.mark.parametrize("newer", STOPS)
 @in_virtual_time()
-async def test_a_release_that_is_under_way_does_not_undo_a_newer_stop(
+async def test_a_release_in_transit_does_not_undo_a_newer_stop(
     world: ServedWorld, newer: str
 ) -> None:
     pilot = await _stopped(world)

@@ -18,7 +18,7 @@ from robot.types import Action
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rival:
+class BaselineKind:
     """A kind of learner from another library.
 
     Attributes:
@@ -46,44 +46,44 @@ def _neighbours(make: Any, number: int, n_examples: int) -> Any:
 
 
 _KNN = ("sklearn.neighbors", "KNeighborsClassifier", "evaluate")
-RIVALS = {
-    "knn": Rival(make=_neighbours, library=_KNN, features=GreyFeatures, is_eager=True),
-    "fair-knn": Rival(make=_neighbours, library=_KNN, is_eager=True),
+BASELINES = {
+    "knn": BaselineKind(make=_neighbours, library=_KNN, features=GreyFeatures, is_eager=True),
+    "fair-knn": BaselineKind(make=_neighbours, library=_KNN, is_eager=True),
     # Extremely randomized trees (Geurts and others, 2006) are a strong batch learner.
-    "fair-trees": Rival(
+    "fair-trees": BaselineKind(
         make=lambda make, number, n_examples: make(number, random_state=0, min_samples_leaf=2),
         library=("sklearn.ensemble", "ExtraTreesClassifier", "evaluate"),
         is_eager=True,
     ),
-    "som": Rival(make=som, library=("minisom", "MiniSom", "rivals"), features=GreyFeatures),
-    "gng": Rival(make=gng, library=("minigng", "MiniGNG", "rivals"), features=GreyFeatures),
-    "alvinn": Rival(
+    "som": BaselineKind(make=som, library=("minisom", "MiniSom", "rivals"), features=GreyFeatures),
+    "gng": BaselineKind(make=gng, library=("minigng", "MiniGNG", "rivals"), features=GreyFeatures),
+    "alvinn": BaselineKind(
         make=lambda make, number, n_examples: RotatingSet(make((number,), random_state=0)),
         library=("sklearn.neural_network", "MLPClassifier", "rivals"),
         features=GreyFeatures,
     ),
-    "mlp": Rival(
+    "mlp": BaselineKind(
         make=lambda make, number, n_examples: BatchNetwork(make((number,), random_state=0)),
         library=("sklearn.neural_network", "MLPClassifier", "learners"),
         features=ColourFeatures,
     ),
-    "cnn": Rival(
+    "cnn": BaselineKind(
         make=lambda make, number, n_examples: BatchNetwork(ConvolutionalNetwork(number)),
         features=ColourFeatures,
     ),
-    "angle-knn": Rival(
+    "angle-knn": BaselineKind(
         make=_neighbours,
         library=("sklearn.neighbors", "KNeighborsRegressor", "evaluate"),
         is_eager=True,
         is_angular=True,
     ),
-    "angle-ridge": Rival(
+    "angle-ridge": BaselineKind(
         make=lambda make, number, n_examples: make(number * 255.0**2),
         library=("sklearn.linear_model", "Ridge", "evaluate"),
         is_angular=True,
     ),
     # This network is similar to donkeycar's `linear`.
-    "angle-cnn": Rival(
+    "angle-cnn": BaselineKind(
         make=lambda make, number, n_examples: BatchNetwork(
             ConvolutionalNetwork(number, has_softmax=False)
         ),
@@ -97,18 +97,18 @@ def make_baseline(number: int, name: str, moves: tuple[Action, ...], integer: bo
     """Return a policy with the third-party learner of this name. This function is a `Maker`.
     Raises MissingExtraError if the learner's library is not installed."""
     kind = split_name(name)[0]
-    rival, make = RIVALS[kind], None
-    if rival.library is not None:
-        module, class_name, extra = rival.library
+    baseline, make = BASELINES[kind], None
+    if baseline.library is not None:
+        module, class_name, extra = baseline.library
         make = getattr(need(module, f"the learner {kind}", extra), class_name)
-    learner = (AngleBaseline if rival.is_angular else Baseline)(
+    learner = (AngleBaseline if baseline.is_angular else Baseline)(
         kind.removeprefix("fair-"),
         number,
-        lambda n_examples: rival.make(make, number, n_examples),
-        is_eager=rival.is_eager,
+        lambda n_examples: baseline.make(make, number, n_examples),
+        is_eager=baseline.is_eager,
     )
-    policy = AnglePolicy if rival.is_angular else Policy
-    features = rival.features()
+    policy = AnglePolicy if baseline.is_angular else Policy
+    features = baseline.features()
     is_fair = isinstance(features, GradientFeatures)
     action_filter = ActionFilter if is_fair else ActionFilter.none
     return policy(name, number, learner, features, moves=moves, action_filter=action_filter)

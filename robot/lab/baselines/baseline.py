@@ -43,7 +43,7 @@ class Baseline(Stateful, BaseLearner):
 
     _dtypes = (np.uint8, np.float32, np.float64)
     fields: tuple[Array | Value, ...] = (
-        Array("xs", _dtypes, ("n_examples", "d"), -1e6, 1e6, may_miss=True),
+        Array("xs", _dtypes, ("n_examples", "d"), -1e6, 1e6, is_optional=True),
         Value("n_neighbours", count(), "number", is_fixed=True),
     )
 
@@ -126,7 +126,9 @@ class AngleBaseline(Baseline):
     abilities = Abilities(angles=True)
     fields = (
         *Baseline.fields,
-        Array("baseline_angles", np.float64, ("n_examples",), -1.0, 1.0, "_angles", may_miss=True),
+        Array(
+            "baseline_angles", np.float64, ("n_examples",), -1.0, 1.0, "_angles", is_optional=True
+        ),
     )
 
     def __init__(self, *args: Any, **options: Any) -> None:

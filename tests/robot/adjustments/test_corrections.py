@@ -43,7 +43,7 @@ def hung(pixels: np.ndarray, mounting: CameraCorrection) -> np.ndarray:
 
 
 @pytest.mark.parametrize("mounting", WAYS, ids=str)
-def test_a_camera_publishes_what_an_upright_one_does_however_it_is_mounted(mounting):
+def test_a_camera_publishes_upright_pictures_however_it_is_mounted(mounting):
     """If the pictures are equal, the robot learns and drives equally."""
     scene = RNG.integers(60, 200, (3, 4, 3), np.uint8).repeat(16, axis=0).repeat(16, axis=1)
     camera, seen = FakeCamera(VirtualClock()), hung(scene, mounting)

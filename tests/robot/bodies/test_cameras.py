@@ -50,7 +50,7 @@ def test_before_the_first_picture_the_camera_says_how_to_connect_a_phone(
     assert frame.captured_s == pytest.approx(camera.clock.now_s() - 0.08)
 
 
-def test_stamps_are_never_of_the_future_and_never_go_back(camera: PhoneCamera) -> None:
+def test_time_stamps_are_never_in_the_future_and_never_go_back(camera: PhoneCamera) -> None:
     stamps = []
     for index, ago_s in enumerate([0.1, -5.0, 3.0, 0.0, 60.0]):
         camera.clock.sleep(0.05)

@@ -35,7 +35,7 @@ def run(file: Path, *, drives_s: float | None, ends_well: bool) -> EarlyEnds:
     return ends
 
 
-def test_two_brown_outs_in_a_row_are_told_and_a_drive_ends_it(tmp_path: Path) -> None:
+def test_two_brownouts_in_a_row_are_reported_until_a_drive_succeeds(tmp_path: Path) -> None:
     file = tmp_path / "drive-began.json"
     assert run(file, drives_s=0.2, ends_well=False).count == 0
     assert run(file, drives_s=None, ends_well=True).count == 1, "an update hides none of them"

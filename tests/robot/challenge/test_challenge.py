@@ -40,8 +40,8 @@ CHEATS: dict[str, list[Part]] = {
     "spin": [(1.0, 0.0, 1.0)],
     "circle": [(1.0, 1.0, 1.0)],
     "figure of eight": [(4 * QUARTER_S, 1.0, 1.0), (4 * QUARTER_S, 1.0, -1.0)],
-    "to and fro backwards": [(4.0, 1.0, 0.0), (4.0, -1.0, 0.0)],
-    "to and fro with a turn": [(4.0, 1.0, 0.0), (2 * QUARTER_S, 0.0, 1.0)],
+    "back and forth backwards": [(4.0, 1.0, 0.0), (4.0, -1.0, 0.0)],
+    "back and forth with a turn": [(4.0, 1.0, 0.0), (2 * QUARTER_S, 0.0, 1.0)],
     "spiral": [(STEP_S, 1.0, max(0.5, 0.999**step)) for step in range(1200)],
     "shake": [(0.1, DICE.choice([-1.0, 1.0]), DICE.uniform(-1, 1)) for _ in range(600)],
     "wiggle on the spot": [(0.5, 0.0, 1.0), (0.5, 0.0, -1.0)],
@@ -95,7 +95,7 @@ def score(way: list[Part]) -> float:
 
 
 @pytest.mark.parametrize("way", [*CHEATS, *FEWER])
-def test_no_trick_scores_as_much_as_an_honest_mean_robot(way):
+def test_no_trick_scores_as_much_as_an_honest_average_robot(way):
     honest_m = score(HONEST_BOX)
     assert honest_m > 4.0
     if way in CHEATS:
@@ -109,7 +109,7 @@ def test_a_larger_course_is_worth_more_than_rounds_of_a_small_one():
     assert score([(1.0, 1.0, 0.0)]) == pytest.approx(TRY_S * SPEED_M_S, abs=0.4)
 
 
-def test_a_robot_that_is_carried_gets_nothing_for_it():
+def test_a_robot_scores_nothing_while_it_is_carried():
     counted = Score()
     for x_m in (0.0, 3.0, 6.0, math.inf, math.nan):
         counted.note(Pose(x_m=x_m, y_m=0.0, heading_rad=0.0))

@@ -34,7 +34,7 @@ def tick_at(pose, by=DrivenBy.ROBOT, *, mode=Mode.AUTONOMOUS, asks=False, bumped
 
 
 @pytest.mark.parametrize("seed", seeds(8, 30))
-def test_a_client_that_asks_now_and_then_knows_the_whole_way(seed):
+def test_a_client_that_requests_it_now_and_then_gets_the_whole_trail(seed):
     """A client that joins the answers to a trail, as the page does."""
     chance, trail = random.Random(seed), Trail()
     first, points = 0, []
@@ -82,7 +82,7 @@ def test_each_event_is_marked_once_where_it_begins():
     assert events == [Event.ASKED, Event.PUSHED, Event.CORRECTED] * 5
 
 
-def test_teaching_is_no_correction_and_standing_at_a_wall_no_push():
+def test_teaching_does_not_count_as_correcting_nor_standing_at_a_wall_as_pushing():
     trail = Trail()
     trail.note(tick_at(HERE, DrivenBy.PILOT, mode=Mode.TRAIN))
     trail.note(tick_at(HERE, DrivenBy.NOBODY, mode=Mode.STOPPED, bumped=True))

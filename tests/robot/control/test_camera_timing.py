@@ -36,7 +36,7 @@ def _timing_of(period_s: float, age_s: float, frames: int = 60) -> CameraTiming:
     ],
     ids=["fast", "a webcam on a brick, of which one picture may be lost", "slow"],
 )
-def test_a_camera_gets_time_enough_and_full_speed_unless_it_is_slow(
+def test_a_camera_gets_enough_time_and_full_speed_unless_it_is_slow(
     period_s, age_s, timeout_s, speed_scale, sight_slack_s
 ):
     state = _timing_of(period_s, age_s).state

@@ -89,7 +89,7 @@ def test_a_pilot_who_is_silent_for_longer_than_the_limit_stops_the_robot(mode, h
     assert decision.stop_reason is StopReason.PILOT_SILENT
 
 
-def test_a_start_counts_as_a_command_of_the_pilot_but_expires_like_one():
+def test_a_start_counts_as_a_command_and_expires_like_one():
     gate = started(Mode.AUTONOMOUS, now_s=5.0)
     assert select(gate, 5.4).driven_by is DrivenBy.ROBOT
     assert select(gate, 5.5).stop_reason is StopReason.PILOT_SILENT
@@ -105,7 +105,7 @@ def test_a_stale_picture_stops_the_robot(mode):
 
 @pytest.mark.parametrize(("transit_s", "is_taken"), [(0.25, True), (0.3, True), (0.31, False)])
 @MOVING
-def test_a_command_that_was_too_long_under_way_is_not_obeyed(mode, transit_s, is_taken):
+def test_a_command_that_was_in_transit_for_too_long_is_not_obeyed(mode, transit_s, is_taken):
     gate = started(mode)
     command = PilotCommand(held=Action.RIGHT, frame_id=1, seq=1, received_s=transit_s, proven_s=0.0)
     assert gate.receive(command, transit_s) is is_taken
@@ -122,7 +122,7 @@ def test_a_command_without_a_picture_is_not_obeyed_however_fresh():
 
 @pytest.mark.parametrize(("transit_s", "is_taken"), [(0.25, True), (0.3, True), (0.31, False)])
 @pytest.mark.parametrize("before", [Mode.STOPPED, Mode.TRAIN, Mode.AUTONOMOUS])
-def test_a_start_that_was_too_long_under_way_stops_the_robot(before, transit_s, is_taken):
+def test_a_start_that_was_in_transit_for_too_long_stops_the_robot(before, transit_s, is_taken):
     gate = Gate()
     gate.start(before, 0.0)
     hold(gate, Action.FORWARD, transit_s)
@@ -215,7 +215,7 @@ def test_the_first_reason_of_a_stop_is_kept_and_counted_once():
     ],
     ids=["nothing learned", "straight on at a novel view", "turning away from it", "stuck"],
 )
-def test_a_robot_that_does_not_know_the_way_asks_and_drives_straight_slowly(view, action, scale):
+def test_a_robot_that_does_not_know_the_view_asks_and_drives_straight_slowly(view, action, scale):
     gate = started(Mode.AUTONOMOUS)
     decision = select(gate, 0.1, view)
     assert who_drives(decision) == (action, DrivenBy.ROBOT, True)

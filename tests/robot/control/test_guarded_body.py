@@ -103,7 +103,7 @@ def test_the_body_stops_on_time_although_the_loop_is_late(driven, where, held_up
     assert driven.loop.state.decision.mode is Mode.STOPPED
 
 
-def test_a_pilot_who_is_heard_drives_on_although_ticks_are_late(driven):
+def test_a_pilot_who_sends_commands_drives_on_although_ticks_are_late(driven):
     driven.loop.subscribe(lambda tick: driven.clock.sleep(0.08))
     before = len([one for one in driven.body.changes if one[1] is Action.STOP])
     driven.say(driven.held, beats=30)

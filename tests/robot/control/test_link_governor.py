@@ -74,7 +74,7 @@ def test_a_pilot_without_a_picture_for_half_a_second_counts_as_blind():
     assert governor.blind_in_s(9.0) >= 0
 
 
-def test_the_age_counts_the_worse_of_the_two_ways():
+def test_the_age_is_that_of_the_slower_direction():
     assert age_of_link_s(0.4, None) == pytest.approx(0.4)
     assert age_of_link_s(0.4, 0.3) == pytest.approx(0.3)
     assert age_of_link_s(0.4, 0.05) == pytest.approx(0.35), "the command was long on its way"

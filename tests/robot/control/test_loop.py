@@ -166,7 +166,7 @@ def test_a_learner_that_fails_proposes_nothing_and_does_not_stop_the_robot(caplo
 
 
 @pytest.mark.parametrize("takes_points", [True, False])
-def test_it_drives_and_learns_what_is_held_with_degrees_if_the_body_takes_them(takes_points):
+def test_a_held_point_is_driven_and_learned_if_the_body_accepts_points(takes_points):
     robot = BenchRobot()
     robot.driver.takes_points = takes_points
     robot.start(Mode.TRAIN)

@@ -61,7 +61,7 @@ def test_a_stopped_robot_does_not_learn():
 
 
 @pytest.mark.parametrize("ahead_s", [0.05, 1e9, math.inf, math.nan])
-def test_a_silent_camera_whose_clock_is_ahead_stops_the_robot_as_soon(ahead_s):
+def test_a_silent_camera_whose_clock_is_ahead_stops_the_robot_just_as_soon(ahead_s):
     robot = BenchRobot()
     robot.start(Mode.TRAIN)
     for _ in range(30):
@@ -177,7 +177,7 @@ def test_a_driver_with_a_reading_of_another_type_is_named_and_stopped(sense):
     assert tick.sensors == Sensors(), "the page shows what the tick contains"
 
 
-def test_readings_that_are_no_finite_numbers_are_missing():
+def test_readings_that_are_not_finite_count_as_missing():
     """Drivers state infinity for an obstacle out of reach; JSON has no such number."""
     for none in (math.inf, -math.inf, math.nan):
         lost = Pose(x_m=0.0, y_m=none, heading_rad=0.0)

@@ -230,7 +230,7 @@ def test_of_several_cameras_one_has_to_be_named(tmp_path: Path) -> None:
     assert SameCamera("/dev/video10").find() == "/dev/video10"
 
 
-def test_the_infrared_camera_of_a_laptop_is_no_twin(tmp_path: Path) -> None:
+def test_a_laptops_infrared_camera_does_not_count_as_a_second_camera(tmp_path: Path) -> None:
     plug(tmp_path, 0, "1-6", "A17")
     plug(tmp_path, 2, "1-6", "A17", interface=2)
     mine = opened("auto")
@@ -255,7 +255,7 @@ def test_a_webcam_that_was_lost_is_not_replaced_by_another(tmp_path: Path, sourc
     assert camera._open() is not None and cv2.VideoCapture.call_args == mock.call(2)
 
 
-def test_opencv_takes_none_of_several_cameras_either(tmp_path: Path) -> None:
+def test_opencv_does_not_choose_among_several_cameras_either(tmp_path: Path) -> None:
     plug(tmp_path, 0, "1-2")
     plug(tmp_path, 1, "1-3")
     with (

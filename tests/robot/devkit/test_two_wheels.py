@@ -66,7 +66,7 @@ def test_more_steering_turns_more_to_the_wanted_side(
 
 
 @given(BUILDS, POINTS, st.tuples(SPEEDS, SPEEDS))
-def test_no_wheel_is_asked_for_more_than_it_can_and_the_curve_stays(
+def test_no_wheel_exceeds_its_top_speed_and_the_curve_stays_the_same(
     wheels: TwoWheels, point: Point, most: tuple[float, float]
 ) -> None:
     asked, given_ = wheels.at(point), wheels.at(point, most)
@@ -138,7 +138,7 @@ class _Chassis(ChassisDriver):
 
 
 @pytest.mark.parametrize("reversed_motors", [False, True])
-def test_a_chassis_counts_the_way_of_its_wheels(reversed_motors: bool) -> None:
+def test_a_chassis_counts_the_distance_that_its_wheels_roll(reversed_motors: bool) -> None:
     with _Chassis(ChassisOptions(reversed_motors=reversed_motors)) as driver:
         assert driver.sense().pose == replace(START, is_estimate=True)
         dps = wheels_of(driver.options).at(CLASSIC_POINTS[Action.LEFT])

@@ -450,7 +450,7 @@ def test_a_dataset_that_was_never_finalized_is_named_as_such(tmp_path: Path) -> 
         drive_at(Data(files).write(tmp_path))
 
 
-def test_a_car_whose_straight_on_is_not_zero_is_hinted_at(tmp_path: Path) -> None:
+def test_a_hint_names_a_car_whose_straight_ahead_is_not_zero(tmp_path: Path) -> None:
     names = [f"{n}.jpg" for n in range(12)]
     angles = [-0.9, -0.13, -0.13, 0.1] * 3
     rows = "".join(f"{n},{a}\n" for n, a in zip(names, angles, strict=True))

@@ -72,7 +72,7 @@ def examples(episode: Episode) -> list[tuple[Action, Point | None]]:
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("own_move", [None, DRIFT, PUSH], ids=["three moves", "drift", "push"])
-def test_labels_and_degrees_are_the_same_after_export_and_import(
+def test_labels_and_points_are_the_same_after_export_and_import(
     form: str, own_move: Move | None, tmp_path: Path
 ) -> None:
     """A pilot steers proportionally, sometimes by a move, or not at all.

@@ -120,7 +120,7 @@ def test_an_entry_that_leads_out_of_an_archive_is_reported_safely(tmp_path: Path
         ({"jpeg": None}, "not written by: drivelesson episodes export NAME"),
     ],
 )
-def test_an_npz_file_that_is_no_recording_is_refused(
+def test_an_npz_file_that_is_not_a_recording_is_refused(
     tmp_path: Path, changes: dict[str, Any], complaint: str
 ) -> None:
     steering = {"angle": np.zeros(3, np.float32), "throttle": np.zeros(3, np.float32)}

@@ -90,7 +90,7 @@ def test_a_written_time_is_read(text: str) -> None:
     assert is_exact or apart_s == pytest.approx(29 * 86400), "or the other of day and month"
 
 
-def test_other_texts_are_no_times() -> None:
+def test_other_texts_are_not_read_as_times() -> None:
     for text in ("", "soon", "left", "12:30", "99/99/2019 20:43", "1.2.3.4", "0x10"):
         assert seconds_of(text) is None, text
 

@@ -248,7 +248,7 @@ def png_claiming(width: int, height: int) -> bytes:
         png_claiming(0, 5),
     ],
 )
-def test_an_image_that_is_no_image_is_refused(tub: Path, data: bytes) -> None:
+def test_a_file_that_is_not_an_image_is_refused(tub: Path, data: bytes) -> None:
     with pytest.raises(RecordingError, match="x"):
         read_picture(data, "x")
     (tub / "images/0_cam_image_array_.jpg").write_bytes(data)

@@ -129,7 +129,7 @@ def test_cycles_are_timed_on_a_robot_its_camera_and_wheels_included(monkeypatch)
         assert timing[name] == pytest.approx(20, rel=0.05), "the camera sets the pace"
 
 
-def test_every_habit_is_met_in_every_place_at_every_rate():
+def test_every_habit_is_tried_in_every_place_at_every_rate():
     tasks = list(GATE.plan(ExperimentSettings()))
     long = [task.params for task in tasks if task.params["teach_s"] == LONG_S]
     met = {(own["habit"], own["world"], own["rate_hz"]) for own in long}

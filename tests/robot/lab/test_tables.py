@@ -72,7 +72,7 @@ def test_the_ablation_shows_every_ground_in_one_table(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["figure3", "ablation"])
-def test_a_folder_without_recordings_is_told_and_not_passed_over(name, tmp_path):
+def test_a_folder_without_recordings_is_reported_and_not_ignored(name, tmp_path):
     with pytest.raises(RecordingError, match=r"has no recordings named PLACE_A\.npz"):
         planned(name, recordings=str(tmp_path))
 
@@ -116,7 +116,7 @@ def test_deviation_and_confidence_interval_equal_those_computed_by_hand():
         (["--recordings", "/nowhere/at/all"], "no folder"),
     ],
 )
-def test_a_wrong_call_is_one_line(tmp_path, capsys, words, complaint):
+def test_a_wrong_call_is_reported_in_one_line(tmp_path, capsys, words, complaint):
     assert main(["experiment", "figure7", "--folder", str(tmp_path), *words]) == 2
     error = capsys.readouterr().err
     assert complaint in error and error.count("\n") == 1

@@ -20,7 +20,7 @@ from robot.policy.action_filter import (
 )
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Seen
-from robot.policy.pilot_pace import AWAY_S, LONGEST_LOST_S, STUCK_S, TO_AND_FRO_S, PilotPace
+from robot.policy.pilot_pace import ALTERNATING_S, AWAY_S, LONGEST_LOST_S, STUCK_S, PilotPace
 from robot.types import Action, Point
 from tests.kit.sizes import crossed, seeds
 from tests.robot.policy.passing import see, teach
@@ -278,13 +278,13 @@ def test_the_robot_turns_back_and_forth_only_as_quickly_as_its_pilot(rate_hz, pe
     sent = Body(rate_hz).run(4.0, alternating(period_s))
     changes = changes_of_side(sent)
     for first, third in zip(changes, changes[2:], strict=False):
-        assert (third - first) / rate_hz > TO_AND_FRO_S - 2 / rate_hz
+        assert (third - first) / rate_hz > ALTERNATING_S - 2 / rate_hz
     body, hand = Body(rate_hz), alternating(period_s)
     for frame in range(int(8 * rate_hz)):
         votes = hand(frame / rate_hz)
         teach(body.pace, max(votes, key=votes.get), frame / rate_hz)
     body.pace.longest_lost_s = LONGEST_LOST_S
-    assert body.pace.to_and_fro_s < 2 * period_s
+    assert body.pace.alternating_s < 2 * period_s
     assert len(changes_of_side(body.run(4.0, hand))) >= 4.0 / period_s - 2
     # If driving straight has no effect, the robot alternates until it asks for help.
     body.run(STUCK_S + 0.2, voted(F), is_free=False)
@@ -295,7 +295,7 @@ def test_a_slip_of_the_pilot_does_not_allow_longer_turns():
     pace = PilotPace(KINDS)
     for frame, label in enumerate([*[L] * 8, *[R] * 2, *[L] * 2, *[F] * 40] * 2):
         teach(pace, label, frame / 10)
-    assert pace.to_and_fro_s == TO_AND_FRO_S
+    assert pace.alternating_s == ALTERNATING_S
 
 
 def test_a_car_steers_from_one_side_to_the_other():

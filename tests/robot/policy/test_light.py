@@ -46,7 +46,7 @@ def test_a_change_of_light_is_compensated_but_a_change_of_view_is_not(taught_at,
 
 
 @pytest.mark.parametrize("rate_hz", [5, 10, 30])
-def test_a_dark_corner_is_no_other_light_at_any_frame_rate(rate_hz):
+def test_a_dark_corner_does_not_count_as_a_change_of_light_at_any_frame_rate(rate_hz):
     light = taught(60.0)
     for brightness, seconds in ((60.0, 5.0), (20.0, 1.0), (60.0, 5.0)):
         for _ in range(round(seconds * rate_hz)):

@@ -47,9 +47,9 @@ def test_the_longest_manoeuvre_sets_the_measure_at_any_frame_rate(rate_hz):
         ([(F, 2), (L, 2), (F, 0.6), (R, 2)], 2 - 4 * 0.4 + 2),
         ([(L, 2), (L, 4, True, Point(-0.3, 0.5)), (R, 2)], 2.0),
     ],
-    ids=["to and fro", "a wide curve between"],
+    ids=["back and forth", "a wide curve between"],
 )
-def test_turns_are_one_manoeuvre_until_they_are_paid_back(drives, lost_s):
+def test_turns_are_one_manoeuvre_until_driving_straight_makes_up_for_them(drives, lost_s):
     pilot = Pilot()
     for part in drives:
         pilot.drive(*part)

@@ -67,7 +67,7 @@ def test_a_label_that_is_not_a_move_of_the_body_is_refused():
         *((None, point) for point in ((np.nan, 0.5), (0.0, np.inf), (-1.5, 0.5), (0.0, np.nan))),
     ],
 )
-def test_a_vector_of_another_length_or_a_point_that_is_none_teaches_nothing(name, bad):
+def test_a_vector_of_another_length_or_an_invalid_point_teaches_nothing(name, bad):
     policy, loaded, (x, point) = taught(name, 6), make_policy(name), bad
     policy.learn(view(policy, 1), F, 5.0)
     x = view(policy, 2) if x is None else x

@@ -85,7 +85,7 @@ def answers(policy, seed, frames=60):
 
 
 @crossed(learner=LEARNERS, seed=range(3))
-def test_the_moves_are_learned_bit_for_bit_as_without_degrees(learner, seed):
+def test_the_moves_are_learned_bit_for_bit_as_without_proportional_steering(learner, seed):
     alone = taught(learner, seed, 90, has_point=lambda i: False).policy
     beside = taught(learner, seed, 90, has_point=lambda i: i % 7 > 1).policy
     moves, points = alone.get_state(), beside.get_state()
@@ -125,7 +125,7 @@ def test_points_are_undone_as_if_they_had_never_been(learner, seed):
     assert history.policy.propose(1, history.policy.extract(view(0.0, 0))).point is None
 
 
-def test_a_model_in_which_a_move_was_steered_beyond_all_degrees_is_refused():
+def test_a_model_with_a_move_steered_beyond_full_lock_is_refused():
     state = taught("default-8", 0, 30).policy.get_state()
     state.arrays["degrees_sums"][:, 1] *= -10.0
     crafted = make_policy("default-8")
@@ -134,7 +134,7 @@ def test_a_model_in_which_a_move_was_steered_beyond_all_degrees_is_refused():
         crafted.check()
 
 
-def test_the_linear_angle_is_that_of_all_examples_whenever_degrees_began():
+def test_the_linear_angle_is_that_of_all_examples_whenever_proportional_steering_began():
     """An example taught as a move counts with the angle that the body declares for the move."""
     dice = np.random.default_rng(4)
     xs = dice.integers(0, 256, (70, 12)).astype(np.uint8)
@@ -182,7 +182,7 @@ def test_a_robot_of_a_pilot_who_steers_all_or_nothing_steers_likewise(learner, s
 
 
 @crossed(learner=["default-32", "published-32"], seed=range(2))
-def test_degrees_are_imitated_more_closely_than_moves_allow(learner, seed):
+def test_proportional_steering_is_imitated_more_closely_than_moves_allow(learner, seed):
     policy = taught(learner, seed, 250).policy
     said = answers(policy, seed + 30, 150)
     means = {move: policy.usual_point(move) or Point(0.0, 0.0) for _, move, _ in said}

@@ -139,7 +139,7 @@ def test_every_message_is_valid_against_its_schema(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("none", [math.inf, -math.inf, math.nan])
-def test_a_reading_that_is_no_finite_number_counts_as_missing(none: float) -> None:
+def test_a_reading_that_is_not_finite_counts_as_missing(none: float) -> None:
     """Drivers state infinity for an obstacle out of reach; JSON has no such number, and the mean
     of an exported dataset would be infinite, too."""
     sensors = Sensors(

@@ -205,6 +205,6 @@ def test_each_trial_is_a_plan_of_one_part_with_one_question(trial, teach_s, corr
 
 
 @pytest.mark.parametrize(("trial", "teach_s"), [(4, 90), (1, 60), ("1", 90), (True, 90), (1, [])])
-def test_there_is_no_other_trial(trial, teach_s):
+def test_only_the_papers_trials_exist(trial, teach_s):
     with pytest.raises(ConfigurationError):
         trial_plan(trial, teach_s)

@@ -193,7 +193,7 @@ def test_no_answer_is_cut_short_for_the_request_of_somebody_else():
     assert crowd.gone == [4], "nobody has more than this one"
 
 
-def test_a_newcomer_waits_for_an_idle_place_before_it_takes_a_busy_one():
+def test_a_new_connection_waits_for_an_idle_slot_before_it_evicts_a_busy_connection():
     """In an earlier version, when a class loaded its pages at once, new connections evicted
     connections in use."""
     crowd = Crowd(NetworkLimits(pending=6, connections_each=6), 16)
@@ -216,7 +216,7 @@ def test_a_newcomer_waits_for_an_idle_place_before_it_takes_a_busy_one():
     assert {11, 12, 13, 14, 15} < set(crowd.gone) and 10 not in crowd.gone, "a websocket stays"
 
 
-def test_a_request_that_hangs_gives_way_in_the_end_and_so_does_a_websocket_to_a_stop():
+def test_a_hanging_request_is_evicted_in_the_end_and_a_websocket_for_a_stop():
     crowd = Crowd(NetworkLimits(pending=6), 16)
     for port in range(16):
         crowd.come(port, f"page {port}", lasts=True)

@@ -77,7 +77,7 @@ FAULTS = [
 
 
 @pytest.mark.parametrize(("fault", "status", "said"), FAULTS, ids=lambda value: str(value)[:30])
-def test_a_fault_is_one_line_and_its_status_says_whether_another_start_can_help(
+def test_an_error_is_one_line_and_its_status_says_whether_a_restart_can_help(
     fault, status, said, monkeypatch, capsys
 ):
     def fail(args):
@@ -91,7 +91,7 @@ def test_a_fault_is_one_line_and_its_status_says_whether_another_start_can_help(
     assert main(["completoin"]) == 2
 
 
-def test_a_reader_that_ends_early_is_no_error():
+def test_a_reader_that_ends_early_is_not_an_error():
     """As in `drivelesson --help | head -1`; the text is longer than a pipe's buffer."""
     printing = "import sys; from server.__main__ import main; "
     printing += "sys.exit(max(main(['--help']) for _ in range(50)))"

@@ -169,7 +169,7 @@ def test_a_larger_window_is_given_up_after_three_slow_frames_or_one_very_slow(
     assert window.size == size
 
 
-def test_a_slow_frame_in_a_window_of_one_is_no_failed_trial() -> None:
+def test_a_slow_frame_in_a_window_of_one_does_not_count_as_a_failed_trial() -> None:
     window = VideoWindow()
     acknowledge(window, LONE_S)
     acknowledge(window, 3 * LONE_S, skipped=3)

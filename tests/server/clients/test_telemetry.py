@@ -43,7 +43,7 @@ def test_found_devices_are_reported_and_a_plug_ins_own_attribute_is_not() -> Non
     assert describe_devices(driver, camera) == {"camera_device": "C270 (serial number A17)"}
 
 
-def test_the_age_of_a_picture_is_told_and_the_share_of_it_on_a_brick() -> None:
+def test_a_pictures_age_is_reported_and_the_part_of_it_on_a_brick() -> None:
     clock = VirtualClock()
     camera = FakeCamera(clock, age_s=0.05)
     camera.source_age_s = 0.03  # measured at the brick; its link adds the rest

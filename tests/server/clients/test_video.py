@@ -175,7 +175,7 @@ async def test_pictures_stay_fresh_on_every_link_and_all_arrive_that_it_can_carr
         assert sorted(ages_s)[int(0.95 * len(ages_s))] < age_s, (what, sorted(ages_s)[-20:])
 
 
-def test_metrics_tell_of_everything_that_is_promised(server: VirtualServer) -> None:
+def test_metrics_contain_everything_that_is_promised(server: VirtualServer) -> None:
     with server.pilot() as pilot, connect(server.ws("/ws/video"), compression=None) as video:
         for _ in range(3):
             video.send(encode_acknowledgement(parse_picture(video.recv(5)).frame_id))
@@ -203,7 +203,7 @@ def test_metrics_tell_of_everything_that_is_promised(server: VirtualServer) -> N
 
 
 @in_virtual_time()
-async def test_a_stop_is_told_before_the_picture_of_its_moment_is_encoded(
+async def test_clients_hear_of_a_stop_before_the_picture_of_its_moment_is_encoded(
     world: ServedWorld,
 ) -> None:
     await world.pilot(sees=True)

@@ -144,7 +144,7 @@ def check_bench_crowd_measures_both_sides(capsys: pytest.CaptureFixture[str]) ->
     assert result["greedy"]["ratio"] > 0 and result["watched"]["slowest_hz"] > 0
 
 
-def test_figures_that_were_not_measured_are_said_to_be_missing():
+def test_unmeasured_figures_are_reported_as_missing():
     names = "viewers frames_per_second process_cpu_us_per_frame loop_hz late_cycles"
     none = percentiles([])
     row = dict.fromkeys(names.split(), 0.0) | {"cpu_us_per_frame": None, "latency_ms": none}

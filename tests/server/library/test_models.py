@@ -146,7 +146,7 @@ def test_a_full_disk_refuses_another_model_and_keeps_what_was_taught(
     assert bench.server.ask_loop(lambda: bench.rig.loop.history.taught.total()) in (5, 12)
 
 
-def test_load_goes_back_to_what_a_model_knows_unless_the_robot_drives(bench: Bench) -> None:
+def test_loading_restores_the_state_of_a_model_unless_the_robot_drives(bench: Bench) -> None:
     bench.server.teach(12)
     bench.client.post("/api/models/save")
     made = bench.client.post("/api/models", json={"name": "Flur", "place": "the hall"})

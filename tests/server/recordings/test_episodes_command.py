@@ -154,7 +154,7 @@ def test_a_folder_that_cannot_be_written_is_read(
         assert "cannot be used" in say(f"episodes {words}", status=2)
 
 
-def test_the_one_deleted_last_is_restored_whatever_the_clock_says(
+def test_the_recording_deleted_last_is_restored_whatever_the_clock_says(
     episode_id: str, data: Path, monkeypatch: pytest.MonkeyPatch, say: Say
 ) -> None:
     path = EpisodeStore(Storage(data)).path(episode_id)

@@ -52,7 +52,7 @@ def test_a_robot_that_does_not_know_its_place_has_no_path(server: VirtualServer)
 
 
 @pytest.mark.parametrize("since", ["x", "1e3", ""])
-def test_a_number_that_is_not_one_is_refused(server: VirtualServer, since: str) -> None:
+def test_an_invalid_number_is_refused(server: VirtualServer, since: str) -> None:
     assert path_of(server, since).status_code in (400, 422)
 
 

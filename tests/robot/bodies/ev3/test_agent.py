@@ -236,7 +236,7 @@ def test_a_command_that_was_held_up_is_not_carried_out(
 
 
 @pytest.mark.parametrize("idea", ["nonsense", "forged", "changed", "repeated"])
-def test_what_the_controller_did_not_say_ends_its_connection_and_the_robot_stands(
+def test_a_message_that_the_controller_did_not_send_ends_its_connection_and_stops_the_robot(
     driver: Ev3RemoteDriver, agent: VirtualAgent, brick: FakeBrick, idea: str
 ) -> None:
     """A relay between agent and driver drops, repeats and changes messages; test_wire.py has

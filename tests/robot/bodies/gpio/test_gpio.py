@@ -251,7 +251,7 @@ def a_keeper_that_hangs_or_ends_is_replaced_by_one_that_stands(notes: Path) -> N
     wait_until(lambda: _state(last) == b"Z", "nothing is left behind")
 
 
-def test_a_keeper_that_ends_just_as_it_is_given_up_is_no_error() -> None:
+def test_a_keeper_that_ends_just_when_it_is_replaced_is_not_an_error() -> None:
     beyond_the_last = (1 << 22) + 1
     _kill(beyond_the_last, signal.SIGUSR1)
 
@@ -300,7 +300,7 @@ class BurntMotor:
             raise OSError(5, "Input/output error")
 
 
-def test_pins_that_fail_are_shown_and_the_other_motor_stands() -> None:
+def test_pins_that_fail_are_reported_and_the_other_motor_stops() -> None:
     sound, (line, theirs) = Motor(), Pipe()
     motors = TimedMotors([sound, BurntMotor()], TRACKED)
     with line, theirs:

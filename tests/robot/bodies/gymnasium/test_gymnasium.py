@@ -333,7 +333,7 @@ def test_games_are_played_whatever_form_their_rewards_and_ends_have(
 
 
 @pytest.mark.parametrize("form", UNDRIVABLE)
-def test_what_a_thumb_cannot_drive_is_refused_in_one_sentence(form: str) -> None:
+def test_actions_that_a_person_cannot_give_are_refused_in_one_sentence(form: str) -> None:
     make, says = UNDRIVABLE[form]
     env = gymnasium.Env[Any, Any]()
     env.action_space = make()
@@ -359,7 +359,7 @@ def test_a_picture_in_any_form_is_upright_and_has_its_colours(form: str) -> None
 
 
 @pytest.mark.parametrize("form", NO_PICTURES)
-def test_an_observation_that_is_no_picture_is_reported_in_words(form: str) -> None:
+def test_an_observation_that_is_not_a_picture_is_reported_in_words(form: str) -> None:
     assert picture_in(NO_PICTURES[form]) is None
     assert 0 < len(describe(NO_PICTURES[form])) < 100
 

@@ -145,7 +145,7 @@ def test_the_pictures_of_any_stream_are_shown(
     assert said and "hush" not in said
 
 
-def test_each_picture_is_there_with_its_last_byte() -> None:
+def test_each_picture_is_shown_as_soon_as_its_last_byte_has_arrived() -> None:
     finder = PictureFinder()
     for picture in 2 * [*JPEGS, *PNGS, WITH_THUMBNAIL, PROGRESSIVE]:
         assert finder.feed(b"\n--x\nContent-Length: 3\n\n" + picture[:-1]) == []
@@ -153,7 +153,7 @@ def test_each_picture_is_there_with_its_last_byte() -> None:
         assert not finder.has_begun
 
 
-def test_a_picture_that_was_cut_costs_no_other() -> None:
+def test_a_truncated_picture_costs_no_other_picture() -> None:
     finder = PictureFinder()
     cut_one = JPEGS[3][: len(JPEGS[3]) // 2]
     assert finder.feed(b"--x\r\n\r\n" + cut_one + b"\r\n--x\r\n\r\n" + JPEGS[1]) == [JPEGS[1]]
@@ -301,7 +301,7 @@ def test_the_reported_reason_of_a_failure_is_true(
 @pytest.mark.parametrize(
     ("burst", "pause_s", "is_slow"), [(5, 0.4, False), (1, 1.0, False), (1, 2.0, True)]
 )
-def test_bursts_are_no_fault_and_a_slow_camera_is_called_slow(
+def test_bursts_are_not_a_fault_and_a_slow_camera_is_reported_as_slow(
     burst: int, pause_s: float, is_slow: bool
 ) -> None:
     clock = VirtualClock()

@@ -229,7 +229,7 @@ def test_a_robot_that_answers_late_still_obeys(lag: int) -> None:
 
 
 @pytest.mark.parametrize("points", [True, False, "yes"])
-def test_only_robots_that_say_that_they_take_degrees_get_them(points: object) -> None:
+def test_only_robots_that_report_proportional_steering_get_points(points: object) -> None:
     line = LateLine(0, points=points)
     driver = driver_on(line)
     assert driver.takes_points is (points is True)

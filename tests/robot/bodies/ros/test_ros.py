@@ -103,7 +103,7 @@ def test_what_the_learner_would_do_is_a_topic() -> None:
 @pytest.mark.parametrize(
     ("watchdog", "who"), [(False, "only the robot's own base can"), (True, "the watchdog")]
 )
-def test_a_silent_or_refusing_robot_is_an_error_and_a_stop_is_sent_all_the_same(
+def test_a_silent_or_refusing_robot_is_an_error_but_a_stop_is_still_sent(
     watchdog: bool, who: str
 ) -> None:
     topics = HeldTopics()

@@ -73,7 +73,7 @@ def test_bad_input_is_named_and_teaches_nothing():
     assert learner.see(noisy_blocks(1), 0.1).point == Point(-0.5, 0.5)
 
 
-def test_what_was_taught_can_be_taken_back_and_an_invalid_time_is_refused():
+def test_teaching_can_be_undone_and_an_invalid_time_is_refused():
     learner = DrivingLearner(MOVES)
     for i in range(30):
         learner.see(noisy_blocks(1, i), 0.1 * i)

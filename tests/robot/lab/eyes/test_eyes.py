@@ -26,7 +26,7 @@ def room(seed: int) -> Pixels:
     return np.kron(blocks, np.ones((10, 10, 1), int)).astype(np.uint8)
 
 
-def test_vector_is_pure_of_any_size_of_camera_and_shows_its_thumbnail(features):
+def test_the_vector_is_pure_for_any_size_of_camera_and_contains_its_thumbnail(features):
     x = features.extract(frame_of(room(1)))
     assert (x.shape, x.dtype) == ((2000,), np.uint8)
     for times in (1, 2, 4):
