@@ -31,8 +31,8 @@ class Camera(StartStop):
     Attributes:
         fault: What is wrong with the camera, as a sentence for the page; None if nothing is wrong.
         source_age_s: For a camera on another computer: the age of a picture in seconds when it
-            reaches that computer. The time on the network is not included. None if the camera
-            belongs to this computer, or if the other computer reports no age.
+            reaches that computer. The age does not include the time on the network. None if the
+            camera belongs to this computer, or if the other computer reports no age.
 
     Example:
         >>> from robot.testing import VirtualClock

@@ -104,7 +104,7 @@ def reason(error: BaseException) -> str:
 def told_as(
     kind: type[Exception], what: str, *errors: type[Exception], do: str = ""
 ) -> Iterator[None]:
-    """Convert OSErrors, or these errors, to `kind`, and say what failed, why, and what to do."""
+    """Convert `errors` (or OSErrors) to `kind`, and say what failed, why, and what to do."""
     caught = errors or (OSError,)
     try:
         yield

@@ -20,10 +20,11 @@ import pytest
 from robot.clock import RealClock
 
 MOST = 37
-"""The largest number of marked tests outside tests/e2e. It rises only for a new real part; the last
-ones were LeRobot's robot with a served simulator, and a robot on DDS."""
+"""The largest number of marked tests outside tests/e2e. The number rises only for a new real part;
+the last ones were LeRobot's robot with a served simulator, and a robot on DDS."""
 BROWSERS = "e2e/"
-"""These run Chromium throughout: they are marked automatically, and not counted."""
+"""The tests in this folder run Chromium throughout: they are marked automatically, and not
+counted."""
 _OURS = ("robot", "server", "tests")
 _ALL_SOCKETS = (socket.AF_INET, socket.AF_INET6)
 

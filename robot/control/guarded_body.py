@@ -2,8 +2,8 @@
 
 A tick may be late because of a busy computer, a slow learner, or a picture that takes long to read.
 So each order to the body has a deadline: the time at which the pilot counts as silent. Unless the
-loop moves the deadline, a watchdog's thread stops the body then. It never waits for a tick, a
-picture or the network. If it fails, the body stops by its own time limit,
+loop moves the deadline, a watchdog's thread stops the body then. The watchdog never waits for a
+tick, a picture or the network. If it fails, the body stops by its own time limit,
 `robot.driver.ACTION_TIMEOUT_S`.
 """
 

@@ -1,8 +1,8 @@
 """Dead reckoning: estimates a robot's pose from its wheels, relative to its start. Pure.
 
 The estimate uses the wheel encoders. If the driver reads no encoders, the estimate uses the
-commands to the motors, which miss slip and collisions. Both drift, so the pose is marked as
-estimated.
+commands to the motors, which miss slip and collisions. Both estimates drift, so the pose is marked
+as estimated.
 """
 
 from __future__ import annotations

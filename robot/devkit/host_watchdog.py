@@ -32,7 +32,7 @@ REPEATS = 5
 """Number of stops that are sent quickly to a body without acknowledgement; further stops are sent
 slowly. If one order in ten is lost, all five stops are lost once in 100,000 times."""
 REST_S = 0.2
-"""Period of the stops that follow the first `REPEATS`, in seconds. They are sent to a body that
+"""Period of the stops that follow the first `REPEATS`, in seconds. These stops go to a body that
 does not acknowledge stops, as long as nobody drives. If the link loses the first stops, a later one
 still stops the body."""
 PATIENCE_S = 0.02

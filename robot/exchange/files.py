@@ -105,7 +105,7 @@ def read_picture_file(folder: Path, name: str) -> Picture:
 
 def _read_plain(folder: Path, name: str) -> bytes | None:
     """Read a file of this folder. Return None for a path with a subfolder, for a link, and for a
-    file that cannot be read. This takes a fifth of the time of `_read_resolved`."""
+    file that cannot be read. The function takes a fifth of the time of `_read_resolved`."""
     if not _OPENS_NO_LINK or any(sign in name for sign in _SIGNS_OF_PATHS):
         return None
     try:

@@ -45,7 +45,8 @@ class Source(NamedTuple):
 
     The function raises RecordingError if no picture can be used, or MissingExtraError. The pictures
     themselves are read only when the drive is written. Only recordings of this program have a
-    function `copy`, which is called instead of `read`. It copies the recording to a path.
+    function `copy`, which is called instead of `read`. The function `copy` copies the recording to
+    a path.
     """
 
     name: str
@@ -89,8 +90,8 @@ def refusing(path: Path, why: str) -> Source:
 
 
 def _one(is_it: Callable[[Path], bool], read: Callable[..., Drive]) -> Find:
-    """Return a function for `Form.find`. It returns one drive if `is_it` is true for the path, and
-    None otherwise."""
+    """Return a function for `Form.find`. The returned function returns one drive if `is_it` is true
+    for the path, and None otherwise."""
 
     def find(path: Path) -> list[Source] | None:
         return [Source(path.name, partial(read, path))] if is_it(path) else None

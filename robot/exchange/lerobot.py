@@ -124,8 +124,8 @@ def write_lerobot(
     `fps` is the number of pictures per second; `task` describes the robot's task. The columns of a
     dataset depend only on the robot's moves, so datasets of one robot can be merged. A `plain`
     dataset contains only taught frames. A plain dataset has the same columns as a dataset that the
-    command `lerobot-record` makes with the same robot. The two can therefore be merged. Raises
-    RecordingError if there are no pictures.
+    command `lerobot-record` makes with the same robot. So a plain dataset can be merged with one of
+    `lerobot-record`. Raises RecordingError if there are no pictures.
     """
     need(*PYARROW)
     need(*AV)

@@ -2,8 +2,8 @@
 
 Frames may also have the steering (`angle`) and the `throttle`; if these are NaN, only the label
 counts. If a recording contains `angle_mean`, this angle is used instead of `angle`, and the labels
-were made from it. It is the mean angle over a short time, because the angle itself jumps when a
-pilot taps the steering.
+were made from it. `angle_mean` is the mean angle over a short time, because the angle itself jumps
+when a pilot taps the steering.
 """
 
 from __future__ import annotations

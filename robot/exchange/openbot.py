@@ -1,4 +1,4 @@
-"""Reads OpenBot sessions: pictures, and the commands to both wheels. These files are read:
+"""Reads OpenBot sessions: pictures, and the commands to both wheels. The import reads these files:
 
     images/N_crop.jpeg                                       the picture of frame N
     sensor_data/rgbFrames.txt                                timestamp[ns],frame

@@ -1,5 +1,5 @@
-"""A stand-in for a robot's body, used when a recording is replayed. It has no hardware, and only
-stores the last action."""
+"""A stand-in for a robot's body, used when a recording is replayed. The stand-in has no hardware,
+and only stores the last action."""
 
 from __future__ import annotations
 

@@ -69,8 +69,8 @@ def read_steering(value: object, name: str, reading: Reading) -> float:
 
 
 def check_unit(written: Iterable[object], name: str, reading: Reading) -> None:
-    """Raise RecordingError for steering in degrees or another unit. Otherwise all true turns would
-    be skipped, and even a small angle would count as a turn. If only a few values are too large,
+    """Raise RecordingError for steering in degrees or another unit. An import of such values would
+    skip all true turns, and count even a small angle as a turn. If only a few values are too large,
     their pictures are skipped. `written` are all values of a drive."""
     found = []
     for value in written if reading.full_lock == 1.0 else ():
@@ -133,7 +133,7 @@ def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Poi
     """Return the action at a picture, which is the pilot's label or else the action that was sent.
 
     Also return its steering and throttle. If the pilot or the robot steered proportionally, these
-    are the values that were recorded. Otherwise they are the values that the move declares, or None
+    are the values that were recorded. If not, they are the values that the action declares, or None
     if it declares none.
     """
     point = moment.point if moment.label else moment.sent_point

@@ -90,7 +90,7 @@ def _tidy_up() -> None:
 
     A trial's objects have reference cycles and take some MB. In a process with as many objects as
     Dask's, Python rarely collects such cycles. Dask's profiler also keeps samples of call stacks,
-    for about a thousand seconds. They are deleted, too.
+    for about a thousand seconds. The samples are deleted, too.
     """
     gc.collect()
     with contextlib.suppress(AttributeError, ValueError):

@@ -53,7 +53,7 @@ class FramesToLearn(NamedTuple):
         frames: Maximum number of frames; None means all frames.
         in_a_row: If True, the first frames are learned, as when a pilot teaches. If False, the
             learned frames are spread evenly over the drive, so that a few frames already show all
-            of it. This favours learners that need few examples.
+            of it. Learned frames that are spread evenly favour learners that need few examples.
     """
 
     frames: int | None = None
@@ -163,9 +163,9 @@ def judge(policy: Policy, train: Seen, test: Seen, lesson: FramesToLearn = WHOLE
         Shares between 0 and 1. `calibration_error` is the expected difference between confidence
         and accuracy in ten equal bins of confidence (Guo et al. 2017). `novel` is the share of
         views unlike all examples. If the drives have angles, there are also the mean error and the
-        correlation of the angles, and the root mean square of their change from frame to frame.
-        This change is small if the driving is smooth. `learn_ms` and `predict_ms` are the times per
-        frame on this machine, without the extraction of features.
+        correlation of the angles, and the root mean square of their change from frame to frame. The
+        change from frame to frame is small if the driving is smooth. `learn_ms` and `predict_ms`
+        are the times per frame on this machine, without the extraction of features.
     """
     started_s = time.perf_counter()
     n_taught = teach(policy, train, lesson)

@@ -65,8 +65,8 @@ def fingerprint(folder: Path | None) -> str:
 def arithmetic() -> str:
     """Return a fingerprint of numpy's results on this machine, to the last digit.
 
-    The results depend on the processor and the linear algebra library. They also depend on the
-    number of threads, because each thread adds up a part of a sum.
+    The results depend on the processor and the linear algebra library. The results also depend on
+    the number of threads, because each thread adds up a part of a sum.
     """
     try:
         import numpy as np

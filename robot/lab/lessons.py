@@ -1,7 +1,7 @@
 """Experiments in which robots are taught, and then compared with their teachers by the sum of
 squared differences (SSD) of their driving profiles.
 
-They repeat figures 6, 7 and 8 of the paper.
+The experiments repeat figures 6, 7 and 8 of the paper.
 """
 
 from __future__ import annotations

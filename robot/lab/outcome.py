@@ -47,8 +47,8 @@ def contents_of(task: Task) -> Contents:
 def run_task(task: Task, contents: Contents | None = None) -> Outcome:
     """Run a task; never raises an Exception.
 
-    `contents` contains the task's input files. It is only needed on a machine that does not have
-    these files.
+    `contents` contains the task's input files. A machine that has these files does not need
+    `contents`.
     """
     try:
         return Outcome(result=task.run(_placed(task.params, contents or {})))

@@ -4,9 +4,9 @@ Source: recursive least squares, Haykin, "Adaptive Filter Theory", with a forget
 After any number of frames the weights are those of batch ridge regression on all these frames.
 
 The inverse is large, and most of the time of a frame is spent on reading and writing it. So the
-ridge stores the inverse in single precision (`_ROUNDED` bounds the error). It keeps the latest
-updates as vectors, and adds them to the inverse several at a time. All results include the pending
-updates.
+ridge stores the inverse in single precision (`_ROUNDED` bounds the error). The ridge keeps the
+latest updates as vectors, and adds several at a time to the inverse. All results include the
+pending updates.
 
 A driver begins a turn late and ends it late. So the same view can mean FORWARD while driving
 straight and LEFT while turning, and a single linear map would predict the mean. So each context

@@ -227,11 +227,11 @@ class ChangeOfMind(Stateful):
     """Detects that the pilot has changed his mind and relabels the same views again and again.
 
     If the pilot stops using a label, this does not prove a change of mind: perhaps he has only
-    turned round to drive back. A single contradiction does not prove it either, because a view
-    where a turn begins can be labelled as straight in one lap and as a turn in the next. So an
-    example contradicts a label only if the label's images are about as near to it as those of its
-    own label, and clearly nearer than those of driving straight. After a change of mind, most
-    examples contradict the old label; on a drive in the other direction, few do.
+    turned round to drive back. A single contradiction does not prove a change of mind either,
+    because a view where a turn begins can be labelled as straight in one lap and as a turn in the
+    next. So an example contradicts a label only if the label's images are about as near to it as
+    those of its own label, and clearly nearer than those of driving straight. After a change of
+    mind, most examples contradict the old label; on a drive in the other direction, few do.
 
     A label loses most of its votes at a view in two cases. In the first case, the label was
     contradicted often enough, and its nearest image was last taught before the contradictions

@@ -39,8 +39,8 @@ _FRAME = np.dtype(
     ]
 )
 _NOT_PLAIN = 255
-"""Value in the column of labels for an event that the columns cannot describe, such as an undo.
-Such an event is stored separately."""
+"""Value in the column of labels for an event that the columns cannot describe, such as an undo. An
+event with this value is stored separately."""
 _NO_VECTOR, _NO_POINT = np.zeros(0), Point(nan, nan)
 
 

@@ -43,8 +43,8 @@ ABOUT = Topic.DECISION, Topic.SENSORS, Topic.PREDICTION
 class EpisodeFrame:
     """One picture with its data. `at_s` counts from the recording's beginning.
 
-    `point`, `predicted_point` and `sent_point` contain steering and throttle. They are None unless
-    the pilot or the robot steered proportionally.
+    `point`, `predicted_point` and `sent_point` contain steering and throttle. Each point is None
+    unless the pilot or the robot steered proportionally.
     """
 
     frame_id: int

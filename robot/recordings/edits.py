@@ -123,8 +123,8 @@ def read_notes(episode: Path) -> Notes:
 
 
 def compacted(notes: Notes) -> Notes:
-    """Return the notes for the copy that replaces a recording. They contain no edits, because the
-    edits are already applied to the copy."""
+    """Return the notes for the copy that replaces a recording. The notes contain no edits, because
+    the edits are already applied to the copy."""
     return replace(notes, edits=(), undone=())
 
 

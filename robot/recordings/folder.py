@@ -12,7 +12,8 @@ from robot.store.folder import FolderKind, size_of
 
 NAME = "episodes"
 _INDEX = ".index.json"
-"""Name of the index that version 0.2 wrote. It is no longer used, so it is removed."""
+"""Name of the index that version 0.2 wrote. The program no longer uses this index, and removes
+it."""
 
 
 def _debris(folder: Path) -> Iterable[Path]:

@@ -4,7 +4,7 @@ A recording with an index is opened without reading its chunks. Each section (`S
 pictures) has its own attachment, so the recorder holds the columns of only one section in memory. A
 section contains its own position in the file and the position of the previous section. If another
 program rewrites the file, the sections move, and no longer lie at the positions that they contain.
-Such an index is not used.
+An index of moved sections is not used.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from robot.errors import RecordingError, need, told_as
 
 MAX_RECORD_BYTES = 256 * 2**20
-"""Largest record that is read, in bytes. Drivelesson never writes a larger record."""
+"""Largest record that is read, in bytes. Drivelesson itself never writes a larger record."""
 MAX_CHUNK_BYTES = 64 * 2**20
 """Largest unpacked size of a chunk, in bytes."""
 MAGIC = b"\x89MCAP0\r\n"

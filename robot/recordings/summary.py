@@ -43,8 +43,8 @@ class EpisodeSummary:
     is_readable: bool = True
     damage: str | None = None
     is_copy: bool = False
-    """True if the file has another name than when it was recorded. Such a file is usually a
-    copy."""
+    """True if the file has another name than when it was recorded. A file with another name is
+    usually a copy."""
 
     def matches(self, text: str) -> bool:
         """True if each word of `text` occurs in the name, title, date, labels, robot or learner of
@@ -88,7 +88,7 @@ def _read_head(path: Path) -> dict[str, Any]:
             written_s = max(written_ns for _, written_ns in state_of(path)) / 1e9
             lasted_s = written_s - seconds_in(record.values.get("started_at_s", "0"))
             return _facts(record.values, describe_content(0, {}, lasted_s))
-    raise RecordingError("the recording has no beginning yet")
+    raise RecordingError("the beginning of the recording is not written yet")
 
 
 def _read_ends(path: Path) -> dict[str, Any]:

@@ -143,8 +143,8 @@ def learn_again(
     """Teach the policy all steps of the recordings.
 
     Edits of learned images are repeated only as long as the learned images are the same as during
-    the drives. They become different as soon as a recording has edits or was driven with another
-    learner. From this recording on, edits of learned images are left out and counted.
+    the drives. The images become different as soon as a recording has edits or was driven with
+    another learner. From this recording on, edits of learned images are left out and counted.
     Raises ConfigurationError if a label is not one of the policy's moves.
     """
     same = takewhile(lambda one: _is_as_driven(policy, *one), episodes)

@@ -96,7 +96,7 @@ def _readme() -> str:
 def default_root() -> Path:
     """Return the default data folder.
 
-    It is the value of the variable DRIVELESSON_DATA if set, else the user's data folder.
+    It is the value of DRIVELESSON_DATA if this variable is set, else the user's data folder.
     """
     chosen = os.environ.get("DRIVELESSON_DATA")
     if chosen:

@@ -38,7 +38,7 @@ class StudySession:
     Args:
         plan: The study.
         participant: The participant's code.
-        slot: The participant's number in the study, from 0. It determines the order of the
+        slot: The participant's number in the study, from 0. The slot determines the order of the
             conditions.
         pace: Speed of the phases. With a pace of 10, a phase of 60 s ends after 6 s. The pace is 1,
             except in demonstrations and tests.

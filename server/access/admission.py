@@ -65,8 +65,8 @@ class Slot:
     """The clock's time at which the connection became idle, in seconds; infinite if it is busy."""
     is_taken: bool = True
     is_known: bool = False
-    """True if the session of a pending connection is known. Such a connection can be evicted, but
-    does not time out."""
+    """True if the session of a pending connection is known. A connection with a known session can
+    be evicted, but does not time out."""
 
     def gives_way(self, before_s: float) -> bool:
         """True if the connection is idle, or sent its request at `before_s` or earlier."""

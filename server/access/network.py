@@ -88,8 +88,8 @@ def names_in_network(
 ) -> list[str]:
     """Return this machine's names in the network; may wait for the resolver for many seconds.
 
-    These are the host name, the host name with each search domain, and the names that the resolver
-    returns for the machine's addresses.
+    The names are the host name, the host name with each search domain, and the names that the
+    resolver returns for the machine's addresses.
     """
     own = socket.gethostname().lower()
     first = [own.partition(".")[0], hostname.lower()]

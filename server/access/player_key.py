@@ -1,8 +1,8 @@
 """The key in the video's address, for programs that store no cookie and therefore cannot be paired.
 
-Such programs are VLC, ffmpeg, dashboards and the `<img>` of another site. Anybody who has the
-address may watch the video and do nothing else. The server reads the key's file for each request,
-so the key can be replaced while the server runs.
+Programs without cookies are VLC, ffmpeg, dashboards and the `<img>` of another site. Anybody who
+has the address may watch the video and do nothing else. The server reads the key's file for each
+request, so the key can be replaced while the server runs.
 """
 
 from __future__ import annotations

@@ -41,8 +41,8 @@ class Proxies:
     Args:
         public: The addresses that people open.
         trusted: The networks of trusted proxies.
-        admits_all: True if the server needs no pairing. Such a server refuses requests that an
-            unknown proxy forwarded, because anybody may have sent them.
+        admits_all: True if the server needs no pairing. A server without pairing refuses requests
+            that an unknown proxy forwarded, because anybody may have sent them.
     """
 
     def __init__(

@@ -19,8 +19,8 @@ from server.adjustments.options import CorrectionOptions
 log = logging.getLogger(__name__)
 
 _PATIENCE_S = 40.0
-"""Time limit for applying corrections, in seconds. It is slow on a Raspberry Pi, where the driver
-may claim its pins again."""
+"""Time limit for applying corrections, in seconds. Corrections are slow on a Raspberry Pi, where
+the driver may claim its pins again."""
 
 
 class CorrectionsFile:

@@ -1,4 +1,5 @@
-"""The board's web server. It serves a page for the teacher, on the teacher's computer only."""
+"""The board's web server. The server has a page for the teacher, and serves only the teacher's
+computer."""
 
 from __future__ import annotations
 

@@ -19,8 +19,8 @@ from robot.store.records import read_regular
 from server.access.pairing import ALPHABET, TOKEN_LETTERS
 
 SHORTEST = 32
-"""Minimum length of a key in characters. It must be long, because an attacker who has recorded a
-handshake can try out keys without limit."""
+"""Minimum length of a key in characters. The key must be long, because an attacker who has recorded
+a handshake can try out keys without limit."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 
 TEACHER = Role(value="teacher", may_change=True, holds_stop=True)
 """The role of a class's board. The board may change everything that a pilot may change, and may set
-locks. It may not drive."""
+locks. The board may not drive."""
 LOCKS: dict[str, tuple[str, ...]] = {
     "settings": ("/api/settings", "/api/world"),
     "models": ("/api/models", "/api/retraining", "/api/studies", "/api/session"),

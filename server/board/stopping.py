@@ -73,8 +73,8 @@ class RobotStop:
 
     @property
     def id(self) -> str:
-        """The id that a release of the stop must contain. It changes with each press of STOP on the
-        board, and with each new STOP that the robot reports."""
+        """The id that a release of the stop must contain. The id changes with each press of STOP on
+        the board, and with each new STOP that the robot reports."""
         return f"{self._press}.{self.number}"
 
     def press(self, now_s: float) -> None:

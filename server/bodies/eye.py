@@ -38,9 +38,9 @@ class EyeFrame:
 class EyeClock:
     """Converts times of the phone's clock to the robot's clock.
 
-    The robot pings the phone and uses the shortest of the last round trips. It assumes that the
-    phone answered halfway between ping and pong, which is wrong by at most half the round trip. The
-    robot measures the round trip itself, so a phone cannot claim a shorter one.
+    The robot pings the phone and uses the shortest of the last round trips. The robot assumes that
+    the phone answered halfway between ping and pong, which is wrong by at most half the round trip.
+    The robot measures the round trip itself, so a phone cannot claim a shorter one.
     """
 
     def __init__(self) -> None:

@@ -32,7 +32,7 @@ EYE = Role(
     refusal="This phone is the robot's eye; it may see and stop, not drive.",
     purpose="be the robot's eye",
 )
-"""Role of the phone on the robot. It allows only the requests of the eye page, because nobody
+"""Role of the phone on the robot. The role allows only the requests of the eye page, because nobody
 watches a phone on a robot."""
 STATE_EVERY_S = 0.2
 _STATE_FIELDS = ("mode", "driven_by", "action", "stop_reason", "emergency", "fault", "frame_age_ms")

@@ -43,7 +43,8 @@ class StandIn(ModuleType):
 class LazyImports:
     """Import hook that loads a module of `PUT_OFF` only at the first access to an attribute.
 
-    It does not inherit from `importlib.abc.MetaPathFinder`, whose import loads the compressors.
+    The class does not inherit from `importlib.abc.MetaPathFinder`, whose import loads the
+    compressors.
     """
 
     def find_spec(

@@ -103,8 +103,8 @@ async def _parts_with_length(
 ) -> AsyncIterator[bytes]:
     """Yield the parts of the MJPEG stream for a media player.
 
-    Each part says its length. Otherwise players based on FFmpeg would show it only after the
-    headers of the next two parts.
+    Each part says its length. Without the length, players based on FFmpeg would show a part only
+    after the headers of the next two parts.
     """
     async with contextlib.aclosing(stream) as frames:
         async for jpeg in frames:

@@ -1,6 +1,6 @@
 """Measures whether a viewer that cannot acknowledge frames has read the last frame.
 
-Unread bytes are either in flight or in the client's receive buffer. Those in the buffer reduce the
+Unread bytes are either in flight or in the client's receive buffer. Bytes in this buffer reduce the
 TCP window that the client's system offers. Only on Linux can the server read both numbers.
 """
 
@@ -41,8 +41,8 @@ class Room:
         return True if this cannot be measured.
 
         The caller repeats the call every 10 ms while the answer is False. A client's system may
-        buffer one frame without reducing its window. Such a frame is not measured, so up to two
-        frames can be unread.
+        buffer one frame without reducing its window. The measurement misses that frame, so up to
+        two frames can be unread.
 
         Some systems reduce their window permanently although nothing is unread. So after
         `_PATIENCE` calls with the answer False, the method returns True once, and the caller sends

@@ -121,7 +121,8 @@ class EpisodeList:
 class DeletedEpisodes:
     """The result of a deletion: the deleted episodes, and by id the reasons why others were kept.
 
-    `undo` is the key that restores all deleted episodes at once. It can be used for `days` days.
+    `undo` is the key that restores all deleted episodes at once. The key `undo` can be used for
+    `days` days.
     """
 
     undo: str | None

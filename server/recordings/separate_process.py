@@ -26,8 +26,8 @@ _NICENESS = 19
 _TOLD, _RAISED, _ENDED = range(3)
 """The kinds of messages from the separate process: a value, an error, the end of the work."""
 _BEGIN = "import sys; sys.path[:] = {path!r}; from {module} import main; main()"
-"""The program of the separate process. It is not started by `-m`, because a folder named `robot` in
-the working directory would then hide our package."""
+"""The program of the separate process. The program is not started by `-m`, because a folder named
+`robot` in the working directory would then hide our package."""
 
 
 class SeparateWork(Iterator[_T]):

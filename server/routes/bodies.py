@@ -16,7 +16,7 @@ from robot.errors import ConfigurationError, MissingExtraError, NotFoundError, R
 from server.services import services_of
 
 do = run_in_threadpool
-"""Runs a function that waits for the disk. It runs in another thread, so the event loop goes on."""
+"""Runs a function that waits for the disk. Another thread runs it, so the event loop goes on."""
 Short = Annotated[str, Field(max_length=200)]
 
 

@@ -73,7 +73,8 @@ def _in_turn(act: _Act) -> _Act:
 
 
 class Conductor(StartStop):
-    """Runs one session at a time. Its methods wait for the disk: never call them on an event loop.
+    """Runs one session at a time. The methods of this class wait for the disk: never call them on
+    an event loop.
 
     Args:
         rig: The robot.

@@ -55,7 +55,7 @@ class LateDriver(ConnectedDriver[VirtualClock]):
 
 
 class SlowRamp(LateDriver):
-    """It accelerates for longer than one order lasts, and brakes at once."""
+    """A body that accelerates for longer than one order lasts, and brakes at once."""
 
     ramp_s = 1.5 * ACTION_TIMEOUT_S
 

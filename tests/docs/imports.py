@@ -23,7 +23,7 @@ the spot.
 
 
 def render() -> str:
-    """Return the whole page."""
+    """Return the whole page docs/reference/imports.md."""
     parts = [_HEAD, "## The forms\n"]
     for form in FORMS:
         parts.append(f"### {form.name[0].upper()}{form.name[1:]}\n")

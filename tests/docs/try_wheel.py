@@ -2,8 +2,8 @@
 
     python tests/docs/try_wheel.py FOLDER_WITH_THE_WHEEL
 
-It needs only Python: the wheel is installed with its requirements, prints its version, runs the
-README's lines, and serves the page beside a simulated robot.
+The script needs only Python: the wheel is installed with its requirements, prints its version, runs
+the README's lines, and serves the page beside a simulated robot.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ NAMES = ("Ada", "Bolt", "Comet", "Dot", "Echo", "Fox", "Gizmo", "Hazel", "Indigo
 
 @dataclass
 class LiveClass:
-    """The board and its address, and each robot's services."""
+    """A board and its address, and the services of each of its robots."""
 
     address: str
     board: Board

@@ -23,7 +23,7 @@ from .world import (
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Long timeouts: tests wait for events, and a busy machine is not a fault."""
+    """Timeouts are long, because tests wait for events and must not fail on a busy machine."""
     for item in items:
         if Path(__file__).parent in item.path.parents and not item.get_closest_marker("timeout"):
             item.add_marker(pytest.mark.timeout(300))
@@ -44,7 +44,7 @@ def frame_rate_hz() -> float:
 
 @pytest.fixture
 def world(request: pytest.FixtureRequest, tmp_path: Path, frame_rate_hz: float) -> Iterator[World]:
-    """A robot in the office, or in the world that the test names."""
+    """A served robot in the simulated office, or in the world that the test names."""
     place = getattr(request, "param", "office")
     with running_world(tmp_path, world=place, frame_rate_hz=frame_rate_hz) as running:
         yield running
@@ -70,7 +70,7 @@ def desktop(chromium: Any, world: World) -> Iterator[Any]:
 def rover(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
     """One robot in the office for a whole file; each of its tests finds it stopped.
 
-    It has one page: a test that opens other pages uses a robot of its own (`world`).
+    The robot has one page: a test that opens other pages uses a robot of its own (`world`).
     """
     with running_world(tmp_path_factory.mktemp("rover"), world="office") as running:
         yield running

@@ -7,7 +7,8 @@ touches it only then. Each has another screen and language: five sizes and en, e
 requirement: within four minutes of opening the page the robot drives by itself for a minute without
 pushing a wall.
 
-All runs in real time: a newcomer takes two to four minutes. `--habits regular,late` chooses some.
+Everything runs in real time: a newcomer takes two to four minutes. `--habits regular,late` chooses
+some.
 """
 
 from __future__ import annotations
@@ -76,9 +77,9 @@ class Story:
 
 
 class Lenient:
-    """A teacher who has read when to touch: before a bump, or when the robot stands.
+    """A teacher who has read when to correct: before a bump, or when the robot stands.
 
-    Before that it corrects everything that it would do differently.
+    Before he has read this, he corrects everything that he would do differently.
     """
 
     def __init__(self, teacher: Teacher) -> None:
@@ -95,7 +96,7 @@ class Lenient:
 
 
 class Newcomer:
-    """Reads the page, taps as requested, and holds directions by its habit."""
+    """A newcomer who reads the page, taps as requested, and holds directions by his habit."""
 
     def __init__(self, page: Any, world: World, story: Story, opened_s: float) -> None:
         self.page, self.world, self.opened_s = page, world, opened_s

@@ -1,7 +1,8 @@
 """Firefox over WebDriver BiDi and WebKit over WebDriver, without a library in between.
 
 Firefox listens by itself; WebKit is Debian's `webkit2gtk-driver`, whose browser needs a display
-(`xvfb`). Both accept the actions of the W3C's WebDriver, so a hand on the glass is the same.
+(`xvfb`). Both browsers accept the actions of the W3C's WebDriver, so a hand on the glass is the
+same.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A recording made without driving, for pages that show and edit it."""
+"""Makes a recording without driving, for tests of pages that show and edit it."""
 
 from __future__ import annotations
 

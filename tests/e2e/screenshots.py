@@ -252,7 +252,8 @@ def _take_result(page: Any, world: World, shoot: Shoot) -> None:
 
 
 def _take_participants(browser: Any, folder: Path) -> None:
-    """A study with participants: the researcher's list, and a participant's screens."""
+    """The screens of a study with participants: the researcher's list, and a participant's
+    screens."""
     with passing_world("box") as world:
         conductor = conductor_of(world)
         conductor.pace = 200.0

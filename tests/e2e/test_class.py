@@ -63,7 +63,7 @@ def test_a_screen_reader_reads_a_class_robot_by_robot_and_axe_finds_no_fault(
 def scanned(code: Any) -> str:
     """Return the text that a phone reads off a code.
 
-    It is found by markers, because OpenCV's other reader misses one in 250 valid codes.
+    The code is found by its markers, because OpenCV's other reader misses one in 250 valid codes.
     """
     code.evaluate("(image) => image.decode()")
     shot = np.frombuffer(code.screenshot(), dtype=np.uint8)

@@ -92,7 +92,8 @@ def test_no_text_is_truncated_and_no_elements_overlap(
 
 
 def _open_all(page: Any) -> None:
-    """Open everything that a touch opens: a card's detail, the tools of a model or recording."""
+    """Open everything that opens at a touch: the details of a card, the tools of a model or
+    recording."""
     for opener in ("[aria-expanded=false].quiet", ".gallery .card"):
         shown = page.locator(f"#other {opener}")
         for i in range(min(shown.count(), 3) - 1, -1, -1):

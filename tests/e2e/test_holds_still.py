@@ -1,4 +1,4 @@
-"""The drive screen does not move: for any message, at any size and in any language.
+"""The drive screen does not move, whatever message it shows, at any size and in any language.
 
 STOP is completely on the screen and on top, no control moves, no texts overlap, and no tap hits a
 control that was not there when the finger set out. `make test` measures each size once, in one

@@ -1,6 +1,6 @@
 """Nothing moves under a finger: a late answer of the robot moves no button that is already shown.
 
-Otherwise a finger on its way to "Save" would tap on something that arrived above it.
+If a button moved, a finger on its way to "Save" would tap on something that arrived above it.
 """
 
 from __future__ import annotations

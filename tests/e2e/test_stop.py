@@ -84,7 +84,7 @@ COVERINGS = """async (text) => {
   dialog.remove();
   return wrong;
 }"""
-"""Covers the screen with everything possible, one after the other; returns what went wrong."""
+"""A script that covers the screen with each possible element in turn, and returns the failures."""
 
 
 @pytest.fixture(scope="module")

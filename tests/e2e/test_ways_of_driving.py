@@ -153,8 +153,8 @@ NOTE_SAID = """() => {
 def test_every_way_of_letting_go_stops_the_robot(
     rovers_page: Callable[[dict[str, int]], Any], world: World, by: str
 ) -> None:
-    """The page reports it while it handles the event itself. Later delays are due to the link, and
-    from there the table of faults applies, in virtual time (tests/faults)."""
+    """The page reports it while it handles the event itself. Later delays are due to the link;
+    tests/faults checks them in virtual time."""
     phone = None
     others = [name for name in LETTING_GO if name not in OWN]
     for name in LETTING_GO if IS_FULL else [*OWN, *others[by == "stick" :: 2]]:

@@ -32,9 +32,8 @@ BOTH = (Action.FORWARD, Action.LEFT)
 
 
 def learned(world: World) -> float:
-    """Return the share of the taught examples for which the robot now proposes the taught move. It
-    is the mean of the shares of both moves, so a robot that always proposes the same move reaches a
-    half.
+    """Return the share of the taught examples for which the robot now proposes the taught move. The
+    share is the mean over both moves, so a robot that always proposes the same move reaches a half.
 
     The agreement on the page varies with the path, because it is that of the newest examples, each
     before it was learned.

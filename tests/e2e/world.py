@@ -108,8 +108,8 @@ virtual time checks how soon the robot stops (tests/faults), independent of the 
 def running_world(folder: Path, config: Config | None = None, **options: Any) -> Iterator[World]:
     """Serve a simulated robot on a free port of this machine inside the block.
 
-    It sends five pictures a second unless the options say otherwise: each costs the server and the
-    browser more than all else that these tests do.
+    The robot sends five pictures a second unless the options say otherwise, because each picture
+    costs server and browser more than all else that these tests do.
     """
     config = config or Config(port=0, data=folder, web=joined_page())
     options = {"frame_rate_hz": 5.0, **options}
@@ -175,8 +175,8 @@ def running_chromium(*flags: str) -> Iterator[Any]:
 def new_context(browser: Any, viewport: dict[str, int], **options: Any) -> Any:
     """Return a fresh profile: a phone's, or a computer's with a mouse.
 
-    It has no service worker, which would fetch the whole page a second time; the service worker has
-    tests of its own.
+    The profile has no service worker, which would fetch the whole page a second time; the service
+    worker has tests of its own.
     """
     if viewport is not DESKTOP:
         options = {"has_touch": True, "is_mobile": True, **options}
@@ -207,7 +207,7 @@ def _load(page: Any, address: str, *, hints: bool = False) -> None:
 def release_stop(page: Any, world: World) -> None:
     """Release a latched emergency stop when the page knows of it and has no request pending.
 
-    A page that does not know yet would stop the robot once more, over HTTP.
+    A page that does not yet know of the STOP would stop the robot once more, over HTTP.
     """
     known = "document.querySelector('app-bar')?.page?.store.state.robot?.emergency"
     if world.rig.loop.state.emergency:

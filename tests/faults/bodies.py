@@ -1,5 +1,5 @@
-"""The reaction of each body when its server is gone, in virtual time: the last columns of the
-table.
+"""Measures how each body reacts when its server is gone, in virtual time, for the last columns of
+the table of faults.
 
 Only the body itself is tested, because nothing can send it orders any more. Other tests kill and
 freeze real processes: the server, the keeper of a Raspberry Pi's pins, and the sample firmware.
@@ -51,12 +51,12 @@ either."""
 
 @dataclass(frozen=True)
 class TimedBody:
-    """A body with its driver, both on one clock.
+    """A body and its driver, which use the same clock.
 
     `hang_up` is what the system does with the line when the server's process is gone; `lose` ends
     all traffic, both ways, but for what is on its way, and `regain` lets it begin again; `freeze`
     holds up what the driver does on threads of its own; `slow_down` makes messages take so long.
-    `wheels` is what the left and the right wheel do, in any unit.
+    `wheels` returns the speeds of the left and the right wheel, in any unit.
     """
 
     driver: Driver
@@ -72,7 +72,7 @@ class TimedBody:
 
 
 def _losing(line: Any) -> dict[str, Callable[[], None]]:
-    """Return how to lose and regain a line that has an attribute `is_lost`."""
+    """Return functions that lose and regain a line with an attribute `is_lost`."""
     return {name: partial(setattr, line, "is_lost", name == "lose") for name in ("lose", "regain")}
 
 
@@ -99,7 +99,7 @@ def _program(
 
 @contextmanager
 def _ev3_stock(seed: int) -> Iterator[TimedBody]:
-    """The stand-in's bytecode interpreter, without its sockets."""
+    """A brick with LEGO's firmware: the stand-in's bytecode interpreter, without its sockets."""
     clock, chance = VirtualClock(), random.Random(seed)
 
     def ask(message: bytes) -> bytes:
@@ -200,7 +200,7 @@ def _ev3(seed: int) -> Iterator[TimedBody]:
     with brick_in_memory(clock) as brick:
         driver = Ev3Driver(Ev3Options(brick_root=str(brick.root)), clock)
 
-        def unplug_one() -> None:  # the other wheel still has the order to turn
+        def unplug_one() -> None:  # the other wheel still has its order to turn
             if "outC" in brick.motors:
                 unplug_motors(driver, brick, 1)
 
@@ -236,7 +236,7 @@ BODIES: dict[str, tuple[Callable[[int], AbstractContextManager[TimedBody]], str]
     "lego-education": (_lego_education, "the motor's timed move"),
     "ros": (_ros, "our watchdog on the robot: see [ROS 2](../howto/ros.md)"),
 }
-"""How each body is made, and what stops it."""
+"""Maps each body to the function that makes it, and to what stops it."""
 
 
 def stood_after_s(name: str, fault: str, seed: int, *, proportional: bool = False) -> float:

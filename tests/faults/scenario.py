@@ -37,7 +37,7 @@ class Outcome:
 
 
 class FaultWorld(ServedWorld):
-    """A robot that has learned to drive forward, and the page that pilots it."""
+    """A robot that has learned to drive forward, and the page of its pilot."""
 
     page: Pilot
     received_s = 0.0
@@ -84,7 +84,8 @@ class FaultWorld(ServedWorld):
         self.page = await self.pilot(sees=True)
 
     async def drive(self, mode: str) -> None:
-        """Have the robot drive: by hand, by hand in autonomous, or by itself."""
+        """Have the robot drive: by its pilot in training, by its pilot in autonomous mode, or by
+        itself."""
         await self.until(lambda: self.hub.lease.owner == self.page.hello["client"])
         self.page.mode("train" if mode == "train" else "autonomous")
         if mode != "autonomous":
@@ -158,7 +159,7 @@ class FaultWorld(ServedWorld):
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """Faults, and the time to wait before each."""
+    """Faults, each with the time to wait before it begins."""
 
     mode: str
     seed: int
@@ -197,7 +198,7 @@ class HubSocket:
         self._goodbye.send(None, 8)
 
     def cut(self) -> None:
-        """End like a killed browser."""
+        """End the page like a killed browser."""
         self._world.link.forget(self._up)
         self._world.link.forget(self._down)
         self.task.cancel()
@@ -233,7 +234,7 @@ class Fault:
     reasons: tuple[str, ...]
     end: Change = lambda world: None
     counts_from: Condition | None = None
-    """The condition after which the robot must stand; None: it must stand from the beginning."""
+    """The robot must stand once this condition holds; None means from the beginning."""
     counts_from_last_message: bool = False
     """Some messages may arrive in time by chance; the robot must stand this long after the last
     one."""

@@ -1,4 +1,4 @@
-"""The faults, and how soon the robot must stand."""
+"""The table of faults, and how soon the robot must stand after each."""
 
 from __future__ import annotations
 

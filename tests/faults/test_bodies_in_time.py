@@ -1,4 +1,5 @@
-"""Each body stands within half a second of losing its server, with any messages in transit."""
+"""Each body stands within half a second after it lost its server, whatever messages are in
+transit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Faults that need a server in a separate process. A full disk: server/test_damaged_folder.py."""
+"""Faults that need a server in a separate process. server/test_damaged_folder.py tests a full
+disk."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 
 class Described(NamedTuple):
-    """One method of one path, and the fields of the JSON body and the query that it takes."""
+    """One method of one path, with the fields of its JSON body and of its query."""
 
     method: str
     path: str

@@ -1,4 +1,4 @@
-"""Waits for a condition, by the wall clock or by a virtual clock."""
+"""Waits until a condition holds, by the wall clock or by a virtual clock."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ def wait_until(
     """Wait until a condition holds; return the time that it took, in seconds.
 
     Args:
-        is_so: The condition. It is called again after 5 ms, and in real time less and less often,
-            down to every 50 ms, because asking a page or a server costs more than waiting.
+        is_so: The condition. The condition is checked again after 5 ms, and in real time less and
+            less often, down to every 50 ms, because asking a page or a server costs more than
+            waiting.
         what: What the test waits for, as a phrase for the error.
         within_s: The longest time. In real time, this limit only ends a test that hangs, because a
             test must not fail on a busy machine.

@@ -1,7 +1,7 @@
 """Small faults in a module's source, one at a time. Pure.
 
 A mutant changes one place: a comparison, a number, a sign, a logical operator, or a returned value,
-or it leaves one call out. A suite that stays green does not test that place.
+or it leaves one call out. If the tests still pass, they do not test that place.
 """
 
 from __future__ import annotations

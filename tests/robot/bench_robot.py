@@ -1,6 +1,6 @@
 """A robot on the test bench: its camera shows given pictures, and its body notes its orders.
 
-Both are real implementations of the interfaces; only the world is missing.
+Camera and body are real implementations of the interfaces; only the world is missing.
 """
 
 from __future__ import annotations

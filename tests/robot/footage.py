@@ -20,7 +20,7 @@ def write_footage(
         n_frames: Their labels are forward, left and right in turn.
         seed: The seed of the noise.
         period_s: The time between two pictures.
-        changes: Other arrays, by name; None: without this array.
+        changes: Other arrays, by name; None leaves an array out.
     """
     noise = np.random.default_rng(seed)
     labels = (np.arange(n_frames) % 3).astype(np.uint8)

@@ -1,4 +1,5 @@
-"""A paired program that takes as much as possible, in a separate process; for test_stop_always."""
+"""A paired program that uses as many connections and requests as it can, in a separate process; for
+test_stop_always."""
 
 from __future__ import annotations
 
@@ -10,7 +11,7 @@ SOCKETS, IDLE = 62, 510
 _KEY = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n"
 _PING = b'{"type":"ping","client_ms":1}'
 _BURST = 700 * (bytes([0x81, 0x80 | len(_PING), 0, 0, 0, 0]) + _PING)
-"""A burst of messages; masked with zeros, they stay readable."""
+"""A burst of messages, masked with zeros so that a person can read them in a dump."""
 
 
 class Greedy:

@@ -105,7 +105,7 @@ def holds(root: Path, secrets: Sequence[str]) -> dict[str, Any]:
 class Asked(NamedTuple):
     """The answer to a write, the folder as a kill would leave it, and the calls of the disk.
 
-    `copies` are of the folder at each call of the disk, if they were asked for.
+    `copies` has a copy of the folder at each call of the disk, if the test wants them.
     """
 
     answer: httpx.Response

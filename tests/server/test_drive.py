@@ -276,7 +276,7 @@ async def test_a_fault_in_the_hubs_timer_stops_the_robot_but_not_the_timer(
 @in_virtual_time()
 async def test_a_late_computer_slows_down_before_it_stops_and_says_so(world: ServedWorld) -> None:
     async def hold_up(late_s: float, for_s: float) -> list[tuple[bool, float]]:
-        """Hold the computer up again and again; return the robot's messages and its speed."""
+        """Delay the computer repeatedly; return the robot's messages and its speed."""
         said, until_s = [], world.clock.now_s() + for_s
         while world.clock.now_s() < until_s:
             world.clock._now_s += late_s  # nobody runs, ...

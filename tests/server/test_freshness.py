@@ -27,7 +27,7 @@ MESSAGES = ("drive", "mode", "stop", "release", "take", "yield", "ping")
 STEERED = ("moves", "degrees")
 CASES = combined(FAULTS, MOMENTS, CLIENTS, MESSAGES, STEERED)
 RUNS = max(len(CASES), size("RUNS", 0, 2_000))
-"""Each case is tested at least once."""
+"""The runs cover each of these cases at least once."""
 CHUNKS = size("CHUNKS", 1, 20)
 OLDEST_S = 0.3
 STANDS_WITHIN_S = 0.5
@@ -148,7 +148,8 @@ class Watch:
 
 
 def _break(page: Page, fault: str, lasts_s: float) -> None:
-    """Begin the fault. A freeze ends at once, except for the clock."""
+    """Begin the fault. A frozen process notices nothing: only the clock has moved on when the
+    freeze ends."""
     if fault == "freeze":
         page._world.clock.advance(lasts_s)
     elif fault == "stall up":

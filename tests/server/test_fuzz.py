@@ -38,8 +38,9 @@ BATCH = 100
 BODY_MB = 40
 """The largest body that the server accepts."""
 COPIES = 4
-"""Number of copies of that body that all hostile requests together may add to a started server. Two
-exist while one is read; allocators and Python versions keep up to one more."""
+"""Number of copies of that body that all hostile requests together may add to a started server.
+While the server reads a body, two copies exist; allocators and Python versions keep up to one
+more."""
 UP: list[dict[str, Any]] = json.loads(
     (Path(__file__).parents[1] / "vectors" / "wire.json").read_text()
 )["up"]

@@ -43,7 +43,7 @@ def test_taught_examples_survive_every_kind_of_end(
 ) -> None:
     a_second_server_leaves_the_folder_of_the_first_alone(tmp_path / "shared")
     ends = [signal.SIGTERM, signal.SIGINT]
-    # if it is ignored, `nohup` runs this test
+    # if SIGHUP is ignored, `nohup` runs this test
     if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
         ends.append(signal.SIGHUP)  # as if a terminal's window was closed
     for end in ends if IS_FULL else ends[:1]:

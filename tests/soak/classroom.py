@@ -76,7 +76,7 @@ class Class:
     def measure(self) -> dict[str, float]:
         """Return the figures of the robots and of the board."""
         below = [measure_process(pid, "Pss") for pid in descendants(self.process.pid)]
-        # A robot has more threads than the process that they were forked from.
+        # A robot has more threads than the process from which it was forked.
         robots = [one for one in below if one["threads"] > 3][: self._count]
         board = measure_process(self.process.pid, "Pss")
         count = max(len(robots), 1)

@@ -1,4 +1,4 @@
-"""A process measured from outside, and the growth of such figures as a table."""
+"""Measures a process from outside, and prints the growth of its figures as a table."""
 
 from __future__ import annotations
 
@@ -81,8 +81,8 @@ class Growth:
         self._rows: list[dict[str, float]] = []
 
     def measure_if_due(self) -> None:
-        """Measure if it is time to; print the figures every five minutes, for a run that is ended
-        early."""
+        """Measure if a measurement is due. Print the figures every five minutes, in case the run
+        ends early."""
         now_s = time.monotonic() - self._began_s
         if now_s >= len(self._rows) * self._every_s:
             self._times_s.append(now_s)

@@ -1,7 +1,7 @@
 """The server that the soaks use, in a separate process.
 
-Run as a program, this is `drivelesson`. It writes its number of Python objects into a file of
-$SOAK_FOLDER when it gets SIGUSR1.
+Run as a program, this is `drivelesson`. The server writes its number of Python objects into a file
+of $SOAK_FOLDER when it gets SIGUSR1.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ AS_ROS = Qos(Policy.Reliability.Reliable(100_000_000), Policy.History.KeepLast(1
 def own_domain() -> int:
     """Return a domain for this process and its children, because other tests run at the same time.
 
-    It is at most 101, because Linux gives the ports of higher domains to other connections.
+    The domain is at most 101, because Linux gives the ports of higher domains to other connections.
     """
     return 1 + os.getpid() % 100
 

@@ -1,4 +1,4 @@
-"""LEGO's library with a double motor, in virtual time.
+"""Stands in for LEGO's library and a double motor, in virtual time.
 
 Other tests drive the real library, with the motor of `lego_education.py` behind it.
 """

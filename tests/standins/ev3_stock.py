@@ -1,7 +1,8 @@
 """A simulated brick with LEGO's firmware on this machine: beacon, unlock and direct commands.
 
-It has its own reader of bytecodes, and shares no code with the driver's codec. The third-party
-client `ev3-dc` checks it (tests/robot/bodies/ev3/test_stock.py), and then it checks our driver.
+The simulated brick has its own reader of bytecodes, and shares no code with the driver's codec. The
+third-party client `ev3-dc` checks it (tests/robot/bodies/ev3/test_stock.py), and then it checks our
+driver.
 """
 
 from __future__ import annotations

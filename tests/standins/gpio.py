@@ -1,4 +1,4 @@
-"""The keeper's logic in virtual time, on gpiozero's mock pins: a connection without a process."""
+"""Runs the keeper's logic in virtual time on gpiozero's mock pins, without a separate process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""LEGO's double motor behind the transport seam that LEGO's library documents.
+"""A double motor behind LEGO's own library, by the transport interface that the library documents.
 
 The library is not a dependency (its licence allows only non-commercial use): CI installs it into
 var/legoeducation for these tests.

@@ -10,7 +10,7 @@ from tests.kit.frames import grey_jpeg
 
 
 class MjpegServer(HTTPServer):
-    """Streams about 30 pictures a second, unless it `refuses`."""
+    """A camera that streams about 30 pictures a second, unless it `refuses`."""
 
     def __init__(self, *, with_length: bool = True) -> None:
         super().__init__(("127.0.0.1", 0), _Stream)

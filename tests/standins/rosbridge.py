@@ -143,7 +143,7 @@ class RosBridgeServer:
 
     @contextlib.contextmanager
     def watchdog(self, **parameters: Any) -> Iterator[WatchdogNode]:
-        """Run our node on the robot, without a network between the node and the base."""
+        """Run the project's watchdog on the robot, without a network between watchdog and base."""
         node = WatchdogNode(RealClock(), self.publish, **parameters)
         node.start()
         self.nodes["/drivelesson/cmd_vel"] = node.take

@@ -14,7 +14,8 @@ from robot.recordings.episode import open_episode
 
 
 def digest(path: Path) -> str:
-    """Return a line on a recording: its name, its examples, and its content."""
+    """Return a line about a recording: its name, its numbers of pictures and examples, and a digest
+    of its content."""
     episode, found = open_episode(path), hashlib.sha256(path.read_bytes())
     for frame_id in episode.frames:
         picture = episode.frame(frame_id)

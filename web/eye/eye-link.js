@@ -1,5 +1,5 @@
 // The websocket of a phone that is the robot's camera.
-// It sends only the newest picture, and at most two pictures before the robot acknowledges one of them.
+// The phone sends only the newest picture, and at most two pictures before the robot acknowledges one of them.
 // This module does not use the document, and tests replace the browser's WebSocket.
 
 const HEADER_BYTES = 16;

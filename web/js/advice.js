@@ -168,8 +168,7 @@ export function modeToPress(page) {
 }
 
 /**
- * The most useful advice now. It follows the robot's readiness, not the agreement, which most pilots reach
- * long before their robot can drive by itself. @param {import('./protocol.js').RobotState} robot @param
+ * The most useful advice now. The advice follows the robot's readiness, not the agreement, which most pilots reach long before their robot can drive by itself. @param {import('./protocol.js').RobotState} robot @param
  * {Readiness | null} readiness @returns {{key: string, move?: string, left?: number,
  * have?: number, need?: number}}
  */

@@ -28,7 +28,7 @@ export const STOP_MS = 300;
 export const NOT_KEPT = 'not-kept';
 
 /**
- * Send a request. It throws Refused if the robot refuses, and TypeError without a complete answer.
+ * Send a request. Throws Refused if the robot refuses, and TypeError without a complete answer.
  * @param {string} method
  * @param {string} path
  * @param {unknown} [body]  a Blob is sent unchanged, anything else as JSON
@@ -68,8 +68,7 @@ export async function ask(method, path, body, patienceMs = method === 'GET' ? AN
 
 let stopsAsked = 0;
 /**
- * Stop the robot by requests, one after the other. This ends when the robot confirms one, when it refuses one
- * because the page is not admitted, or when the stop is no longer needed or is requested again.
+ * Stop the robot by requests, one after the other. The requests end when the robot confirms one, when it refuses one because the page is not admitted, or when the stop is no longer needed or is requested again.
  * @param {() => boolean} isOwed
  * @returns {Promise<number | null>} the number of the STOP; null if the robot did not confirm it
  */
@@ -86,7 +85,7 @@ export async function askToStop(isOwed) {
   return null;
 }
 
-/** Timeout of requests that ask why the link is lost. It is short, so that no STOP by request waits behind them. */
+/** Timeout of requests that ask why the link is lost. The timeout is short, so that no STOP by request waits behind these requests. */
 export const WHY_MS = 2000;
 
 /** Ask by an HTTP request why a websocket was refused, because the websocket itself gives no reason. A browser that is no longer admitted is redirected. @param {string} path  a path that an admitted browser may request */

@@ -1,4 +1,4 @@
-// Imports the extensions' parts of the page, each by one line. These lines are like entry points in Python.
+// Imports the extensions' parts of the page, each by one line. The lines are like entry points in Python.
 import './coaching/extension.js';
 import './board/extension.js';
 import './challenge/extension.js';

@@ -47,7 +47,7 @@ export class Page {
     this.isReleasing = false;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.toastTimer = undefined;
-    /** @type {ReturnType<typeof setTimeout> | undefined} sends an unconfirmed stop another way */
+    /** @type {ReturnType<typeof setTimeout> | undefined} the timer that sends an unconfirmed stop another way */
     this.stopTimer = undefined;
     this.shownGist = '';
     /** The devices of body and camera that a search has found, by the stop reason if they fail.

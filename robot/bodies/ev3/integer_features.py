@@ -17,8 +17,8 @@ from robot.types import Frame
 Integers = NDArray[np.int64]
 N_BINS = 8
 _EDGES = (1, 2, 3, 4, 6, 9, 14, 21, 32, 48, 72)
-"""Each gradient's magnitude is rounded to one of a few steps. These are the lower bounds of the
-steps, in grey levels of a picture at half contrast. A smaller gradient counts as zero. Each bound
+"""Each gradient's magnitude is rounded to one of a few steps. The numbers are the steps' lower
+bounds, in grey levels of a picture at half contrast. A smaller gradient counts as zero. Each bound
 is about 1.5 times the previous bound."""
 _N_STEPS = len(_EDGES) + 1
 _BEYOND = 108

@@ -19,7 +19,7 @@ _PNG = b"\x89PNG\r\n\x1a\n"
 _START = re.compile(rb"\xff\xd8\xff|\x89PNG\r\n\x1a\n")
 _IN_SCAN = re.compile(rb"\xff[\xc4\xd8-\xdd]")
 """The JPEG markers that may follow the data of a scan: tables, another scan, or the picture's end.
-They include the start of a new picture, because the current picture may be truncated."""
+The start of a new picture is among these markers, because the current picture may be truncated."""
 _TYPE = re.compile(rb"content-type:[ \t]*([\w/.+-]+)", re.IGNORECASE)
 _SOI, _EOI, _SOS = 0xD8, 0xD9, 0xDA
 _KEPT_BYTES = 256

@@ -134,8 +134,8 @@ class CameraLine:
         raise CameraError(f"{url.hostname}{url.path or '/'} answers {said}: {advice}")
 
     def _shown(self, asked: http.Request, challenges: list[str]) -> str:
-        """Return the value of the HTTP header `Authorization`. It answers the strongest of the
-        camera's challenges; without a challenge, Basic authentication is used."""
+        """Return the value of the HTTP header `Authorization`. The header answers the strongest of
+        the camera's challenges; without a challenge, Basic authentication is used."""
         if not challenges:
             return f"Basic {base64.b64encode(f'{self._user}:{self._password}'.encode()).decode()}"
         passwords = http.HTTPPasswordMgrWithDefaultRealm()

@@ -68,7 +68,7 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         """The robot's name in its reports; empty if they contain none. Once the name is known, no
         robot with another name is driven."""
         self._is_other = False
-        """True if another robot answers at the address. Such a robot gets questions, but no
+        """True if another robot answers at the address. Another robot gets questions, but no
         orders."""
         self._heard_s = 0.0
         self._disobeyed = 0
@@ -89,8 +89,8 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         return self._report is not None and self._report.takes_points
 
     def _encode(self, order: Order, nonce: str) -> bytes:
-        """Encode one order. By default, return one line of words without a signature. Such orders
-        are only for private connections, on which no other program can send."""
+        """Encode one order. By default, return one line of words without a signature. Orders
+        without a signature are only for private connections, on which no other program can send."""
         return encode_plain_order(order)
 
     def _parse(self, data: bytes) -> BodyReport | None:

@@ -30,10 +30,10 @@ from MicroPython's json, also `ovf` from Arduino's print."""
 class BodyReport:
     """A robot's report: the last order that it obeyed, and the values of its sensors.
 
-    `nonce` is a random text, new at each start of the robot. It is empty on private connections,
-    whose orders need no signature. `seq` is the number of the last obeyed order, and `ms` the time
-    on the robot's clock. `takes_points` is true if the robot accepts orders with steering and
-    throttle. `device` is a unique name of the robot, or empty.
+    `nonce` is a random text, new at each start of the robot. The nonce is empty on private
+    connections, whose orders need no signature. `seq` is the number of the last obeyed order, and
+    `ms` the time on the robot's clock. `takes_points` is true if the robot accepts orders with
+    steering and throttle. `device` is a unique name of the robot, or empty.
     """
 
     nonce: str = ""

@@ -69,8 +69,8 @@ class SameDevice:
         return next(iter(fitting.values()), None)
 
     def name_absent(self, found: Iterable[Found]) -> str:
-        """Return the end of the error message for a device that was not found. It mentions the
-        devices that were found."""
+        """Return the end of the error message for a device that was not found. The text mentions
+        the devices that were found."""
         others = {str(one) for one in found}
         if self.chosen is None:
             listed = f"; in range: {', '.join(sorted(others))}" if others else ""

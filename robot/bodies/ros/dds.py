@@ -2,8 +2,8 @@
 
 All parts of this program share one participant per domain. Named peers are discovered by unicast.
 DDS itself notices only after ten seconds or more that another program is gone. This module notices
-it sooner: messages are not acknowledged, the watchdog on the robot is silent, or no new picture
-arrives.
+a lost program sooner: messages are not acknowledged, the watchdog on the robot is silent, or no new
+picture arrives.
 """
 
 from __future__ import annotations
@@ -161,7 +161,7 @@ class Participant:
             return found
 
     def leave(self) -> None:
-        """Release the participant. It ends when its last user has released it."""
+        """Release the participant, which ends when its last user has released it."""
         with self._lock:
             self._users -= 1
             if not self._users:

@@ -110,8 +110,9 @@ class Baseline(Stateful, BaseLearner):
 
 
 def _tenth_parts(n_examples: int) -> int:
-    """Return the number of examples at which the classifier was last fitted. It is fitted at each
-    of the first 20 examples. Later it is fitted whenever the number of examples has grown by a
+    """Return the number of examples at which the classifier was last fitted. The classifier is
+    fitted at each of the first 20 examples. Later it is fitted whenever the number of examples has
+    grown by a
     tenth: at 22, 24 ... 30, 33 and so on."""
     count = 1
     while (following := count + max(1, count // 10)) <= n_examples:

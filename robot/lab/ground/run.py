@@ -20,8 +20,8 @@ HOLDS_FOR = 5
 """When the teacher corrects the robot, the teacher drives for at least this number of decisions.
 Afterwards the robot drives again as soon as it proposes the same move as the teacher."""
 UNSURE = 0.6
-"""Confidence below which a robot asks, if it may ask at all. Such a robot also asks whenever
-Drivelesson's own loop would ask."""
+"""Confidence below which a robot asks, if it may ask at all. A robot that may ask also asks
+whenever Drivelesson's own loop would ask."""
 _PATIENCE = 20
 """Teaching ends at the latest after this number of decisions for each example that the learner
 lacked at the beginning. A limit is needed, because a robot that makes no mistakes gets no

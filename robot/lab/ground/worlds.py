@@ -234,11 +234,11 @@ space."""
 
 
 class ProportionalCarRacing(CarRacing):
-    """CarRacing with a continuous action space. It has the same five moves as `CarRacing`, each
-    with a fixed steering and throttle.
+    """CarRacing with a continuous action space. The world has the same five moves as `CarRacing`,
+    each with a fixed steering and throttle.
 
-    The teacher steers towards a point ahead, in proportion to the point's bearing. It accelerates
-    at the same time.
+    The teacher steers towards a point ahead, in proportion to the point's bearing. The teacher
+    accelerates at the same time.
     """
 
     def __init__(self) -> None:

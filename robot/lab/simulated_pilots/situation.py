@@ -1,7 +1,8 @@
 """Describes what a pilot sees on the screen, by a few numbers.
 
 A person looks at the frame and sees where there is room to drive. A simulated pilot does not look
-at the frame. It gets distances from the simulated world, as they were when the frame was taken.
+at the frame. A simulated pilot gets distances from the simulated world, as they were when the frame
+was taken.
 """
 
 from __future__ import annotations
@@ -67,8 +68,8 @@ class Situation:
     def free_ways_m(self) -> NDArray[np.float64]:
         """The distances that the body could drive after a turn to each of `FAN_RAD`, shape (55,).
 
-        The body is a disc. It is blocked by any obstacle that is less than its radius, plus a
-        margin, beside its path.
+        The body is a disc. Any obstacle that is less than the body's radius, plus a margin, beside
+        its path blocks the body.
         """
         ways = _ways_m(self.ranges_m, FAN_RAD[None, :] - FAN_RAD[:, None])
         nearest: NDArray[np.float64] = ways.min(axis=1)

@@ -163,8 +163,8 @@ class Wanderer:
 class Steerer(Wanderer):
     """Drives in curves where there is room: steers slightly while things are far, hard near them.
 
-    It chooses the side of a turn and tolerates moves as a `Wanderer` does. Its steering changes
-    gradually.
+    The teacher chooses the side of a turn and tolerates moves as a `Wanderer` does. Its steering
+    changes gradually.
 
     Args:
         is_cut: True if the body accepts only moves; the steering is then rounded to a move.

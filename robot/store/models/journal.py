@@ -5,7 +5,7 @@ Written entries survive a kill of the program. A power cut loses at most the ent
 
 The journal is the source of truth (a write-ahead log); a model's file is a cache of it. An entry's
 number has two parts: the number of the program's start, which is in the file's name, and the count
-of changes since then. No clock is involved.
+of changes since then. The number does not depend on a clock.
 """
 
 from __future__ import annotations

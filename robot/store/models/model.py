@@ -34,7 +34,7 @@ class JournalPosition:
     """The last journal entry that a model includes.
 
     Each start of the program has a random name, `run`, and a number, `boot`. `change` counts the
-    changes of the learner since this start. No clock is involved.
+    changes of the learner since this start. The position does not depend on a clock.
     """
 
     run: str

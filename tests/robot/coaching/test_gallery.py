@@ -52,7 +52,7 @@ def test_the_distances_of_the_parts_add_up_to_the_learners_distance(name, seed):
 
 @EITHER
 def test_only_the_parts_that_the_deciding_image_alone_shares_are_marked(name, seed):
-    """Views of one ground; each image has a different pattern in one part."""
+    """Views of the same ground, each with a different pattern in one part of the picture."""
     rng, policy = np.random.default_rng(seed), make_policy(name)
     ground = rng.integers(90, 110, (120, 160))
     rows = rng.permutation(CELL_ROWS - 2)[:3] + 1

@@ -26,7 +26,7 @@ F, L, R, STOP = Action.FORWARD, Action.LEFT, Action.RIGHT, Action.STOP
 
 
 class Drive:
-    """Ticks at some rate, and the readiness that follows them."""
+    """A lesson of ticks at some rate, and the readiness that follows from them."""
 
     def __init__(self, rate_hz=10.0):
         self.lesson = Lesson()
@@ -176,7 +176,7 @@ def test_it_is_ready_exactly_after_the_time_that_it_named_until_its_model_change
     rate_hz, unknown_s
 ):
     drive = taught(rate_hz)
-    drive.teach(R, 0.3)  # a slip of the finger is no move to be taught
+    drive.teach(R, 0.3)  # a slip of the finger does not count as a move that must be taught
     assert drive.stage is Stage.TRY and R not in drive.lesson.moves_in_use
     drive.alone(unknown_s, novelty=HARDLY_KNOWN)
     trial = drive.lesson.trial

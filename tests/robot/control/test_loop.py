@@ -121,7 +121,7 @@ def test_agreement_counts_predictions_made_before_the_example_was_learned():
 
 
 class FailingLearner(BSOCClassifier):
-    """Fails on request, in every way in which a learner can fail."""
+    """A learner that fails on request, in every way in which a learner can fail."""
 
     is_failing = True
 
@@ -182,7 +182,7 @@ def test_a_held_point_is_driven_and_learned_if_the_body_accepts_points(takes_poi
 
 
 def hold_up(monkeypatch: pytest.MonkeyPatch, robot: BenchRobot, seconds: float) -> None:
-    """Let each prediction of the policy take this time."""
+    """Make each prediction of the policy take this time."""
     policy = robot.loop.history.policy
     propose = policy.propose
 

@@ -27,7 +27,7 @@ TICK_S = 1 / 30
 
 
 class StepClock(VirtualClock):
-    """Starts no thread: the test runs its steps."""
+    """A driver thread that is not started, because the test runs its steps."""
 
     def start_thread(self, target: Callable[[], None], name: str) -> Worker:
         return mock.Mock()
@@ -41,7 +41,7 @@ class Body(ReplayDriver):
     requests: list[tuple[float, str]] = field(default_factory=list)
     failure: Exception | None = None
     release: threading.Event | None = None
-    """If it is set, an action hangs until this event."""
+    """If this event exists, an action hangs until the event is set."""
 
     def __post_init__(self) -> None:
         super().__init__(clock=self.clock)

@@ -35,8 +35,8 @@ class Radio:
 
 
 class RadioDriver(ConnectedDriver[list[Radio]]):
-    """Written as a third-party author would: opens, drives, senses, closes; ignores lost
-    connections."""
+    """A driver as a third-party author would write it: it opens, drives, senses and closes, and
+    ignores lost connections."""
 
     name, default_camera, is_remote = "radio", "phone", True
 

@@ -26,7 +26,7 @@ class Body:
     """Drives until another order. Each subclass has one more habit of a real library."""
 
     fails: ClassVar[str] = "an_action_ends_by_itself"
-    """The name of the contract test that this body fails without a watchdog."""
+    """Name of the contract's test that this body fails without a watchdog."""
     is_acknowledged = True
 
     def __init__(self, clock: VirtualClock, seed: int) -> None:
@@ -79,7 +79,7 @@ class WaitsInsideAMove(Body):
 
 
 class DrivesOnAfterClose(Body):
-    """A library whose own thread repeats the last order until the process ends."""
+    """A body whose library repeats the last order on its own thread until the process ends."""
 
     fails = "leaving_the_context_stops_the_body"
     is_acknowledged = False
@@ -210,7 +210,7 @@ class Watched(HostWatchdog[Body], _Orders):
 
 
 def history(kind: type[Body], seed: int) -> None:
-    """Drive at random; let the caller fall silent, stop or leave; then the body must stop."""
+    """Drive at random, and let the caller fall silent, stop or leave; the body must then stop."""
     chance, clock = random.Random(seed), VirtualClock()
     body = kind(clock, seed)
     driver = Watched(body)

@@ -1,4 +1,5 @@
-"""The tools for which an export is meant can read it. Datasets for LeRobot: test_lerobot.py."""
+"""The tools for which an export is meant can read it. test_lerobot.py tests datasets for
+LeRobot."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ RECORD = {"user/angle": 0.5, "user/throttle": 0.3}
 
 
 def pack(path: Path, content: dict[str, bytes]) -> Path:
-    """Write an archive of files by their names; its kind follows from its own name."""
+    """Write an archive of these files (content by name). The archive's name determines its kind."""
     if path.suffix == ".zip":
         with zipfile.ZipFile(path, "w") as archive:
             for name, data in content.items():

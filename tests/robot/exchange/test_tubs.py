@@ -173,7 +173,7 @@ def name_picture(tub: Path, name: str) -> None:
 
 
 def refused(tub: Path, complaint: str) -> None:
-    """The drive is refused, and nothing is left behind."""
+    """The import refuses the drive, and leaves nothing behind."""
     before = sorted(tub.parent.rglob("*"))
     with pytest.raises(RecordingError, match=complaint):
         import_from(tub, tub.parent / "x.mcap")

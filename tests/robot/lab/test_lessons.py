@@ -40,7 +40,7 @@ def examples() -> list[str]:
 
 
 def test_the_pilot_teaches_and_then_the_robot_drives_and_learns_nothing_unsupervised():
-    """That the same seed gives the same numbers is tested in `test_runner`."""
+    """`test_runner` tests that the same seed gives the same numbers."""
     pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
     with make_trial(BOX | {"learner": "published-8"}) as trial:
         taught = trial.drive(Mode.TRAIN, 12.0)
@@ -115,7 +115,7 @@ def test_learners_and_teachers_are_found_by_name_and_an_unknown_one_lists_them()
 
 
 def test_cycles_are_timed_on_a_robot_its_camera_and_wheels_included(monkeypatch):
-    """In virtual time only this takes time: the camera takes a picture every 50 ms."""
+    """In virtual time a cycle takes only the camera's period, 50 ms."""
     clock = VirtualClock(100.0)
     driver, camera = FakeDriver(clock=clock), FakeCamera(clock, rate_hz=20.0)
     rig = Rig(driver, camera, make_policy("default-32"), clock)

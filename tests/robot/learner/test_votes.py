@@ -160,8 +160,8 @@ def test_teaching_the_old_label_again_undoes_the_change(lesson):
 @settings(max_examples=examples(60), deadline=None)
 @given(st.lists(st.tuples(st.sampled_from([FORWARD, LEFT]), st.integers(0, 2)), max_size=200))
 def test_turning_and_driving_on_never_count_as_a_change_of_mind(turns):
-    """Between a turn and driving straight the same view has both labels, however often it is
-    taught."""
+    """At the border between a turn and driving straight, a view has both labels, however often it
+    is taught."""
     lesson = Lesson()
     for label, view in turns:
         lesson.turn(label, view, 1)

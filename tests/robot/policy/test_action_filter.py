@@ -111,7 +111,8 @@ class Drive:
         return set(self.standstill.futile)
 
     def go(self, seconds, under_way, is_moving, bumped=False):
-        """Go on driving; return when a move was first barred, in seconds after the start."""
+        """Drive on; return the time at which a move was first barred, in seconds after the
+        start."""
         first_s = None
         for i in range(round(seconds * 20)):
             self.shift += is_moving
@@ -193,7 +194,7 @@ def test_a_flash_of_light_does_not_make_all_after_it_look_still(drive):
 
 
 class Body:
-    """A robot that stands at a wall, or not: driving straight has an effect or none."""
+    """A robot that may stand at a wall, where driving straight has no effect."""
 
     def __init__(self, rate_hz=10.0, longest_lost_s=4.0, push_s=0.0):
         self.filter = ActionFilter(KINDS)
@@ -220,7 +221,8 @@ class Body:
         return self.doing
 
     def run(self, seconds, votes, *, is_free=True):
-        """Return the moves of a while; `votes` is a dict or a function of the time in seconds."""
+        """Return the moves within some time; `votes` is a dict, or a function of the time in
+        seconds."""
         start_s = self.now_s
         return [
             self.step(votes(self.now_s - start_s) if callable(votes) else votes, is_free=is_free)

@@ -171,7 +171,7 @@ def test_a_start_moves_no_file_of_a_recording(
 
 @pytest.fixture
 def left(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """How many files can still be moved before the program is killed; the test sets it."""
+    """The program is killed after it has moved this many files; the test sets the number."""
     left = [MANY]
 
     def moving(one: Path, target: Path) -> None:

@@ -20,7 +20,7 @@ PROTECTED = ("owner", "pilot")
 
 
 class PeopleAtTheDoor(RuleBasedStateMachine):
-    """Connections are opened, send requests, idle and end; some people want all slots."""
+    """Connections open, send requests, idle and end, and some people want all slots."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -80,7 +80,8 @@ class PeopleAtTheDoor(RuleBasedStateMachine):
         address=st.sampled_from(ADDRESSES), person=st.sampled_from(PROTECTED), lasts=st.booleans()
     )
     def who_drives_stops_or_comes_back(self, address: str, person: str, lasts: bool) -> None:
-        """Whatever happened before, the connection is accepted, and still open when it is read."""
+        """Whatever happened before, a new connection is accepted, and stays open until the server
+        reads it."""
         self.arrive(address, 1)
         peer = (address, self.port)
         self._ask(peer, person, lasts=lasts)

@@ -1,4 +1,4 @@
-"""Every refusal of the guard, by a real server, with the status that a client gets."""
+"""A real server makes every refusal of the guard, each with the right status."""
 
 import contextlib
 import dataclasses

@@ -1,4 +1,4 @@
-"""Names and addresses are announced and shown, and followed while they change."""
+"""The robot announces and shows its names and addresses, and follows their changes."""
 
 import contextlib
 import secrets

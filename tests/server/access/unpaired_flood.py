@@ -1,6 +1,6 @@
 """An unpaired program that floods a server, in a separate process; for test_unpaired_flood.py.
 
-It prints how many of its half requests and idle connections the server has closed.
+The program prints how many of its half requests and idle connections the server has closed.
 """
 
 import contextlib

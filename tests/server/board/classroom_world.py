@@ -31,7 +31,7 @@ KEY = ClassKey("k" * 40)
 PATIENCE_S = 4.0
 FAULTS = ("none", "slow", "gone", "silent", "half", "nonsense", "wrong key", "no class", "refuses")
 OPEN_FAULTS = ("none", "slow")
-"""Faults in spite of which a robot can be reached."""
+"""In spite of these faults, the board can reach a robot."""
 
 
 class Pupil(ServedWorld):
@@ -76,7 +76,7 @@ class Pupil(ServedWorld):
 
 
 class Absent:
-    """An announced robot, of which only the fault of its network is known."""
+    """An announced robot that only has an address and a fault of its network."""
 
     def __init__(self, port: int, fault: str) -> None:
         self.port, self.fault = port, fault
@@ -90,7 +90,7 @@ class VirtualNetwork:
         self._dice = dice
         self.requests: list[tuple[int, str]] = []
         self.sees_as: dict[int, str] = {}
-        """The endpoints that the board sees if an attacker stands in between."""
+        """The endpoints that the board sees if an attacker is between board and robot."""
 
     async def locate(self, address: RobotAddress) -> ServerPlace:
         at = self.sees_as.get(address.port, endpoint(address.host, address.port))

@@ -1,4 +1,5 @@
-"""The phone as the eye: its socket in virtual time, its messages, its clock and its role."""
+"""A phone as the robot's eye: its websocket in virtual time, its messages, its clock and its
+role."""
 
 from __future__ import annotations
 
@@ -49,7 +50,7 @@ def robot() -> Iterator[VirtualServer]:
 
 
 class Phone:
-    """A phone without a screen that answers questions about its clock, by `EYE_MS`."""
+    """A phone without a screen, which answers pings by its clock `EYE_MS`."""
 
     def __init__(self, socket: VirtualSocket) -> None:
         self.socket = socket
@@ -57,7 +58,7 @@ class Phone:
         self.acknowledged: list[int] = []
 
     def next(self) -> dict[str, Any] | None:
-        """Receive one message; answer a question about the clock."""
+        """Receive one message; answer it if it is a ping."""
         message = self.socket.recv(WAIT_S)
         if isinstance(message, bytes):
             self.acknowledged.append(parse_acknowledgement(message))
@@ -135,7 +136,7 @@ def test_the_newest_phone_is_the_eye(robot: VirtualServer) -> None:
 def test_a_phone_that_comes_back_before_its_old_line_has_ended_is_the_eye_again(
     robot: VirtualServer, gone: Exception
 ) -> None:
-    """Before, such a phone was refused permanently, and so was every later phone."""
+    """In an earlier version, the robot refused this phone and every later phone permanently."""
     camera: Any = robot.rig.camera
     with phone(robot.address) as first:
         first.wait_for("hello")
@@ -156,7 +157,7 @@ def test_a_phone_that_comes_back_before_its_old_line_has_ended_is_the_eye_again(
 def test_stop_counts_at_once_while_the_connection_of_the_phone_before_is_closing(
     robot: VirtualServer,
 ) -> None:
-    """It takes seconds to close a dead connection, but the phone is back sooner."""
+    """Closing a dead connection takes seconds, but the phone is back sooner."""
     camera: Any = robot.rig.camera
     with phone(robot.address) as first:
         first.wait_for("hello")

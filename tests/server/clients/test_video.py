@@ -1,4 +1,4 @@
-"""Pictures for the page and for players: what is sent, when, and how large."""
+"""Which pictures the page and players get, when, and how large."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The log on the terminal: it holds nobody up, and no client can forge a line of it."""
+"""The log on the terminal delays no other thread, and no client can forge a line in it."""
 
 import io
 import logging
@@ -9,7 +9,7 @@ from server.hosting.logs import start_logging
 
 
 class Terminal(io.StringIO):
-    """Notes which threads write to it."""
+    """A stream that records which threads write to it."""
 
     def __init__(self) -> None:
         super().__init__()

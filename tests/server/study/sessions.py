@@ -106,7 +106,7 @@ def standing(server: VirtualServer) -> tuple[Any, ...]:
 
 
 def prepare(server: VirtualServer) -> tuple[Any, ...]:
-    """Teach the robot something into its own model."""
+    """Teach the robot something that goes into its own model."""
     teach_a_default_model(server)
     ask(server, "POST", "/api/models/save", json={})
     return standing(server)

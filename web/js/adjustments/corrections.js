@@ -26,7 +26,7 @@ function picture({ turn_picture: turn, mirror_picture: isMirrored, possible }, c
   if (!possible.includes('turn_picture')) return null;
   const seen = h('img', { class: 'seen', alt: t('settings.camera') });
   let looks = 0;
-  /** Show the video stream while it is visible. It is started again after each turn, because a browser may keep the size of the first picture. */
+  /** Show the video stream while it is visible. The stream is started again after each turn, because a browser may keep the size of the first picture. */
   const look = () => seen.setAttribute('src', `video.mjpg?${(looks += 1)}`);
   const inView = new IntersectionObserver(([{ isIntersecting }]) => (isIntersecting ? look() : seen.removeAttribute('src')));
   inView.observe(seen);

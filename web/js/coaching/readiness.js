@@ -1,5 +1,5 @@
 // Tells the pilot whether the robot is ready to drive by itself, and what is missing.
-// The robot decides (docs/reference/http.md).
+// The robot itself decides whether it is ready (docs/reference/http.md).
 // This module asks the robot while the page is visible, and puts its answers into sentences.
 // A request costs little: its answer has no pictures, and it is sent only while something changes.
 
@@ -48,7 +48,7 @@ export function followReadiness(store) {
     clearTimeout(forget);
     forget = setTimeout(() => store.set({ setback: null }), SETBACK_MS);
   };
-  /** Wait for each answer before the next request. Otherwise requests would pile up on a slow link, and be answered in any order. */
+  /** Wait for each answer before the next request. Without this wait, requests would pile up on a slow link, and be answered in any order. */
   const goOn = () => setTimeout(() => look().finally(goOn), ASK_MS);
   goOn();
 }

@@ -60,7 +60,7 @@ export class SettingsScreen extends Screen {
 
   /** @param {any} settings */
   size({ sizes, max_nodes: now, camera: { rate_hz: most } }) {
-    // Show the rate only if the computer limits it. Otherwise the camera limits it.
+    // Show the rate only if the computer limits it, not if the camera does.
     const rate = (/** @type {number} */ hz) => (most && hz >= most ? t('settings.keeps_up') : t('settings.rate', { n: Math.max(1, Math.round(hz)) }));
     const options = sizes.map((/** @type {any} */ size) => h('label', { class: 'choice' },
       h('input', { type: 'radio', name: 'size', value: size.max_nodes, checked: size.max_nodes === now, onchange: () => this.begin({ max_nodes: size.max_nodes }) }),

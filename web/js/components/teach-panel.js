@@ -10,7 +10,7 @@ import { stepButton } from './toast-bar.js';
 
 const WIDTH = 200;
 const HEIGHT = 34;
-/** Minimum number of pictures from which the agreement is shown, because a share of fewer means little. */
+/** The agreement is shown from this number of pictures on, because a share of fewer pictures means little. */
 const FEWEST = 20;
 
 export class TeachPanel extends HTMLElement {

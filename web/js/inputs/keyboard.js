@@ -13,7 +13,7 @@ const OUT = 0.08;
 const BACK = 0.16;
 
 const RAMPED = ['forward', 'backward', 'left', 'right'];
-/** A repeating key that is silent for twice its longest pause counts as released. These are the lower and the upper limit of that time. */
+/** A repeating key that is silent for twice its longest pause counts as released. The two numbers are the lower and the upper limit of this time. */
 const [QUIET_MS, LONG_MS] = [1000, 2500];
 /** How long the older keys of a chord count as held after the newest key was released, if no other key is pressed. */
 const CHORD_MS = 5000;

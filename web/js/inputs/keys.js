@@ -42,7 +42,7 @@ function positionOf(name, isOnPad) {
 /**
  * The keys that are down. A released key is identified by its position. Without a position, its name
  * identifies it only while no letter or digit is down, because their names change with the layout, Shift and
- * Num Lock. Otherwise any key may have been released.
+ * Num Lock. If a letter or digit is down, any key may have been released.
  */
 export class Presses {
   /** @type {{place: string, name: string, location: number, id: string}[]} */

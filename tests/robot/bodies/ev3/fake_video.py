@@ -32,7 +32,8 @@ def _library() -> Path:
 
 
 class FakeVideo:
-    """Uses the preload library; `env` is the environment for a process that sees the camera.
+    """A simulated camera by the preload library; `env` is the environment for a process that sees
+    it.
 
     fake_video.c names the other properties that a camera may have, as variables of the environment.
     """

@@ -1,6 +1,7 @@
 """A camera of YUYV pictures from a file, like a USB camera, for a brick without one.
 
-It is installed in the emulated brick like a third-party plugin, and reads one picture at a time.
+The camera is installed in the emulated brick like a third-party plugin, and reads one picture at a
+time.
 """
 
 from __future__ import annotations

@@ -51,7 +51,7 @@ def driver(agent: VirtualAgent, brick: FakeBrick) -> Iterator[Ev3RemoteDriver]:
 
 
 def sealed_run(driver: Ev3RemoteDriver, speed: int = 360, late_s: float = 0.0) -> bytes:
-    """Return the next order to run as the driver would send it."""
+    """Return the next order `run`, as the driver would send it."""
     connection = driver.link._connection
     assert connection is not None
     after = driver.link.report["t"] - late_s
@@ -296,7 +296,7 @@ def test_a_computer_that_paused_while_it_connected_still_opens_the_body(
 def test_a_body_that_is_not_back_with_the_connection_is_reported_until_it_is(
     agent: VirtualAgent, brick: FakeBrick, part: str
 ) -> None:
-    """A restarted brick knows its motors only some seconds after its network."""
+    """A restarted brick finds its motors only some seconds after its network is up."""
     clock, there = brick.clock, brick.root / "sys/class" / part
     brick.add_sensor("in1", "lego-ev3-touch", 0)
     ports = {"left_port": "outC", "right_port": "outB", "touch_port": "in1"}

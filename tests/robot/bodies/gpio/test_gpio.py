@@ -271,7 +271,7 @@ line.recv_bytes()
 
 
 def test_the_driver_does_not_wait_for_a_starting_keeper(tmp_path: Path) -> None:
-    """The next keeper starts slowly, and meanwhile the driver's thread has a STOP to send."""
+    """The next keeper starts slowly, and meanwhile the driver's thread must send a STOP."""
     started = tmp_path / "started"
     line = KeeperLine([sys.executable, "-c", STARTS_ONCE, str(started)], VirtualClock())
     try:

@@ -41,7 +41,7 @@ def moved(hub: FakeHub) -> list[tuple[str, float, int]]:
 
 
 class Typist:
-    """Writes lines to the program past the driver, as a relay might."""
+    """A relay that writes lines to the hub's program without the driver."""
 
     def __init__(self, hub: FakeHub) -> None:
         self.hub, self.seq = hub, 0

@@ -26,7 +26,7 @@ def driver_for(robot: FirmwareRobot, secret: str = SECRET) -> UdpDriver:
 
 
 class Sender:
-    """Sends orders that a driver would not send, and reads the reports."""
+    """A client that sends orders which the driver would never send, and reads the reports."""
 
     def __init__(self, robot: FirmwareRobot) -> None:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

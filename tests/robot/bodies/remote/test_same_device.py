@@ -155,7 +155,7 @@ def test_twins_are_told_apart_and_a_lost_one_is_named() -> None:
 
 
 def test_a_robot_in_the_place_of_another_is_named_and_never_driven() -> None:
-    """Small robots take over each other's address, here all without a secret."""
+    """Small robots without a secret that take over each other's address."""
     clock = VirtualClock()
     anna, ben = (Board(name, clock) for name in ("Anna", "Ben"))
     there, waiting = [anna], list[bytes]()

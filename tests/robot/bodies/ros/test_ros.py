@@ -228,7 +228,7 @@ def a_bridge_without_a_sign_of_life_is_connected_anew(ros: RosBridgeServer) -> N
 
 
 def answering(operation: str, level: str, says: str) -> Callable[[dict[str, Any]], list[str]]:
-    """Answer each operation of one kind with a status."""
+    """Make the rosbridge answer each operation of one kind with a status."""
     status = {"op": "status", "level": level, "msg": says}
 
     def answers(asked: dict[str, Any]) -> list[str]:

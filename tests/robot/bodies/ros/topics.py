@@ -1,4 +1,4 @@
-"""A robot's topics without a bridge, for tests in virtual time."""
+"""Stands in for a robot's topics, for tests in virtual time without a bridge."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ class Lamp:
 
 
 class Turncoat(Lamp):
-    """Wants the other side in every drive except the first ones."""
+    """A teacher that wants the other side in every drive except the first ones."""
 
     n_drives = 0
 

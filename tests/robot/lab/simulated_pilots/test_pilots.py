@@ -1,4 +1,4 @@
-"""When a simulated pilot takes the wheel and returns it, and what its hand makes of a decision."""
+"""When a simulated pilot takes and returns the wheel, and how its hand carries out a decision."""
 
 from dataclasses import replace
 
@@ -66,7 +66,8 @@ def test_tremor_slips_as_often_as_it_should_and_repeats_with_its_seed():
 
 
 class Strict:
-    """Always wants LEFT, tolerates nothing else, and notes the age of each view."""
+    """A teacher that always wants LEFT, tolerates nothing else, and records the age of each
+    view."""
 
     def __init__(self) -> None:
         self.seen_s: list[float] = []

@@ -1,7 +1,7 @@
 """A robot's lives on one data folder, in virtual time: taught, undone, edited, killed, damaged.
 
 `Lives` runs the real autosave, journal and store with the real loop; only threads and the disk's
-waiting are left out. It remembers the learner at each moment that must survive a kill.
+waiting are left out. `Lives` remembers the learner at each moment that must survive a kill.
 """
 
 from __future__ import annotations

@@ -45,7 +45,8 @@ def views(dim: int) -> NDArray[np.uint8]:
 
 @lru_cache
 def real(learner: str, n_examples: int, n_views: int = 120) -> Model:
-    """A model as the program saves it after a lesson with turns, another drive and an edit."""
+    """Return a model that the program saved after a lesson with turns, another drive and an
+    edit."""
     policy = make_policy(learner)
     xs = views(policy.extract(FRAME).size)
     taught: Counter[Action] = Counter()
@@ -236,7 +237,7 @@ def drive(model: Model) -> Model:
 
 
 def outcome(model: Model) -> str:
-    """Return the result for a model: a refusal, or that it drives."""
+    """Try a model; return the reason of its refusal, or that it drives."""
     try:
         try_model(model)
     except RecordingError as error:

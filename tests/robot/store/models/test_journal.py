@@ -1,4 +1,5 @@
-"""Kills, damage and full disks, over and over: written changes are there, undone ones are gone."""
+"""After any sequence of kills, damage and full disks, written changes are there, and undone ones
+are gone."""
 
 from __future__ import annotations
 
@@ -220,7 +221,8 @@ def check_a_disk_whose_flush_hangs_holds_up_no_record(
 
 @crossed(how=["remove", "empty", "cut", "rubbish"], seed=range(5))
 def test_if_both_files_of_a_part_are_lost_the_saved_model_is_used(tmp_path, seed, how):
-    """The third source: changes since the last save may be lost, but no older state returns."""
+    """If only saved models are left, changes since the last save may be lost, but no older state
+    returns."""
     rng = random.Random(seed)
     life = Life(tmp_path, [0.0], rng)
     for op in ("teach", "teach", "write", "edit", "undo", "teach", "write"):

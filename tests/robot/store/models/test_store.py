@@ -256,7 +256,7 @@ def robot(tmp_path):
 
 
 def test_examples_of_the_current_tick_are_saved(robot):
-    """Autosave is stopped before the loop has reported the tick that taught."""
+    """Autosave stops before the loop has reported the tick in which something was taught."""
     taught, go_on = threading.Event(), threading.Event()
 
     def hold_up(tick):
