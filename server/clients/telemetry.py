@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -75,8 +76,12 @@ def describe_body(driver: Driver) -> dict[str, Any]:
 
 def describe_devices(driver: Driver, camera: Camera) -> dict[str, str]:
     """Return the names of the body and the camera, if a search has found them."""
-    found = {"device": driver.device, "camera_device": camera.device}
-    return {name: device for name, device in found.items() if device and isinstance(device, str)}
+    found: dict[str, str] = {}
+    for name, part in (("device", driver), ("camera_device", camera)):
+        with contextlib.suppress(Exception):  # a plugin may have made it a property
+            device = part.device
+            found |= {name: device} if device and isinstance(device, str) else {}
+    return found
 
 
 def _milliseconds(seconds: float | None) -> float | None:

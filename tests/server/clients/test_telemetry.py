@@ -42,6 +42,13 @@ def test_found_devices_are_reported_and_a_plug_ins_own_attribute_is_not() -> Non
     camera.device = "C270 (serial number A17)"  # type: ignore[misc]
     assert describe_devices(driver, camera) == {"camera_device": "C270 (serial number A17)"}
 
+    class Unplugged(FakeDriver):
+        @property
+        def device(self) -> str:
+            raise OSError("the port is gone")
+
+    assert describe_devices(Unplugged(), camera) == {"camera_device": "C270 (serial number A17)"}
+
 
 def test_a_pictures_age_is_reported_and_the_part_of_it_on_a_brick() -> None:
     clock = VirtualClock()
