@@ -256,20 +256,23 @@ def make_private(folder: Path) -> None:
 
 
 class Storage:
-    """The data folder. The constructor creates the folder and its subfolders.
+    """The data folder. The constructor creates the folder and its subfolders, unless `is_created`
+    is False.
 
     Raises ConfigurationError if the folder cannot be written. If `must_be_usable` is False, the
     error is not raised but stored as `fault`, because a robot can also be driven without storage. A
     full disk does not count as a fault.
     """
 
-    def __init__(self, root: Path, *, must_be_usable: bool = True) -> None:
+    def __init__(self, root: Path, *, must_be_usable: bool = True, is_created: bool = True) -> None:
         self.root = root.expanduser()
         self.models = self.root / "models"
         self.exports = self.root / "exports"
         self.trash = self.root / "trash"
         self.journal = self.root / "journal"
         self.fault: str | None = None
+        if not is_created:
+            return
         try:
             make_private(self.root)
             for folder in self.kept():
@@ -352,7 +355,7 @@ class Storage:
         after = int(max(self.deleted(), default="0")) + 1  # the clock may have been set back
         key = f"{max(after, time.time_ns()):020d}"
         place = self.trash / key
-        place.mkdir()
+        place.mkdir(parents=True)
         moved: list[Path] = []
         try:
             for path in paths:

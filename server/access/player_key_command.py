@@ -24,6 +24,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the addresses with the key of the data folder; make a key if there is none."""
+    if args.data != default_root() and not args.data.expanduser().is_dir():
+        raise ConfigurationError(
+            f"there is no data folder {args.data}; choose the robot's folder with --data FOLDER"
+        )
     key = PlayerKey(args.data)
     with told_as(ConfigurationError, f"cannot write the player key in {args.data}"):
         if args.remove:

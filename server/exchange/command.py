@@ -231,4 +231,5 @@ IMPORT = EpisodeVerb(
     configure_import,
     import_episode,
     changes=True,
+    may_create=True,
 )

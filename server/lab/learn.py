@@ -13,12 +13,12 @@ from robot.policy.policy import Policy
 from robot.policy.registry import MOST_NODES, full_name, make_policy
 from robot.recordings.store import EpisodeStore
 from robot.recordings.teaching import EditedEpisode, Report, count_steps, learn_again
-from robot.store.folder import Storage, check_name, default_root, write_whole
+from robot.store.folder import Storage, check_name, write_whole
 from robot.store.models.model import Model, encode_model, same_nodes, take_model
 from robot.store.models.store import ModelStore
 from robot.types import DEFAULT_MOVES, Action
 from server.cli.parser import progress, whole
-from server.recordings.selection import add_data, find_episodes
+from server.recordings.selection import add_data, find_episodes, open_data
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -41,7 +41,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    storage = Storage(args.data or default_root())
+    storage = open_data(args, changes=False)
     episodes = find_episodes(EpisodeStore(storage), args.episodes)
     if args.out:
         _check_out(args.out)

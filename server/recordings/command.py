@@ -27,7 +27,6 @@ from robot.recordings.summary import EpisodeSummary
 from robot.recordings.trash import TRASH_DAYS
 from robot.store.folder import (
     Storage,
-    default_root,
     size_below,
     size_of,
     whole_file,
@@ -41,6 +40,7 @@ from server.recordings.selection import (
     find_episodes,
     find_id,
     find_ids,
+    open_data,
 )
 
 _LETTERS = {"forward": "F", "left": "L", "right": "R", "backward": "B", "stop": "."}
@@ -63,7 +63,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         verb: str, action: Any, text: str, *, of_one: bool = True, changes: bool = True
     ) -> argparse.ArgumentParser:
         made: argparse.ArgumentParser = commands.add_parser(verb, help=text, description=text)
-        made.set_defaults(action=action, changes=changes)
+        made.set_defaults(action=action, changes=changes, may_create=False)
         if of_one:
             made.add_argument("episode", metavar="EPISODE", help=EPISODE_HELP)
         add_data(made)
@@ -101,6 +101,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     for point in points(VERBS):
         added: EpisodeVerb = point.load()
         made = add(point.name, added.run, added.help, of_one=False, changes=added.changes)
+        made.set_defaults(may_create=added.may_create)
         added.configure(made)
     budget = add(
         "budget",
@@ -115,11 +116,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    storage = Storage(args.data or default_root(), must_be_usable=args.changes)
-    if storage.fault and not storage.folder(NAME).is_dir():
-        raise ConfigurationError(
-            f"the data folder cannot be used: {storage.fault}; choose another with --data FOLDER"
-        )
+    storage = open_data(args, changes=args.changes, may_create=args.may_create)
     return int(args.action(args, EpisodeStore(storage), storage) or 0)
 
 

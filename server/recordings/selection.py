@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
@@ -12,7 +13,7 @@ from robot.recordings.edits import read_notes
 from robot.recordings.episode import open_episode
 from robot.recordings.store import EpisodeStore
 from robot.recordings.teaching import EditedEpisode
-from robot.store.folder import Storage, composed
+from robot.store.folder import Storage, composed, default_root
 
 EPISODE_HELP = "name, beginning of a name, file, or last"
 
@@ -23,16 +24,32 @@ class EpisodeVerb(NamedTuple):
     Attributes:
         changes: True if the verb writes into the data folder; other verbs also work on a read-only
             folder.
+        may_create: True if the verb creates a missing data folder.
     """
 
     help: str
     configure: Callable[[argparse.ArgumentParser], None]
     run: Callable[[argparse.Namespace, EpisodeStore, Storage], int | None]
     changes: bool = False
+    may_create: bool = False
 
 
 def add_data(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--data", type=Path, default=None, help="data folder of the robot")
+
+
+def open_data(args: argparse.Namespace, *, changes: bool, may_create: bool = False) -> Storage:
+    """Return the data folder that `add_data` declares. A command that only reads creates nothing.
+
+    Raises ConfigurationError if there is no such folder, unless the command may create it.
+    """
+    root: Path = args.data or default_root()
+    is_chosen = args.data is not None or "DRIVELESSON_DATA" in os.environ
+    if is_chosen and not may_create and not root.expanduser().is_dir():
+        raise ConfigurationError(
+            f"there is no data folder {root}; choose the robot's folder with --data FOLDER"
+        )
+    return Storage(root, must_be_usable=changes, is_created=changes)
 
 
 def find_id(store: EpisodeStore, name: str) -> str:
@@ -79,8 +96,11 @@ def find_ids(store: EpisodeStore, args: argparse.Namespace) -> list[str]:
 def find_path(store: EpisodeStore, name: str) -> Path:
     """Return the path `name` if there is such a file, or else the file of the episode `name`."""
     path = Path(name)
-    is_file = path.suffix == ".mcap" and path.is_file()
-    return path if is_file else store.path(find_id(store, name))
+    if path.suffix != ".mcap":
+        return store.path(find_id(store, name))
+    if not path.is_file():
+        raise NotFoundError(f"there is no file {name}; see: drivelesson episodes list")
+    return path
 
 
 def find_paths(store: EpisodeStore, names: list[str]) -> list[Path]:

@@ -195,6 +195,7 @@ def test_a_recording_is_played_into_a_page(episode_id: str, data: Path) -> None:
 
 def test_a_file_that_is_not_a_recording_is_reported(data: Path, tmp_path: Path) -> None:
     (tmp_path / "broken.mcap").write_bytes(b"no recording")
+    data.mkdir()
     words = [*PLAY, str(tmp_path / "broken.mcap"), "--port", "0", "--data", str(data)]
     played = subprocess.run(words, capture_output=True, text=True, check=False)
     assert (played.returncode, played.stdout) == (2, "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import errno
 import os
 import shutil
@@ -17,6 +18,7 @@ from robot.recordings.store import EpisodeStore
 from robot.store.folder import Storage
 from robot.types import Action
 from server.__main__ import main
+from server.recordings.command import configure
 from tests.kit.disk import Disk
 from tests.kit.sizes import crossed
 from tests.robot.exchange.imported import import_pictures
@@ -71,10 +73,39 @@ def test_several_episodes_are_zipped_deleted_restored_and_imported_by_one_comman
     assert len(store.ids()) == 4
 
 
+VERBS = (
+    "list;show last;trim last;delete last;relabel last --label left;undo last;zip --all;restore;"
+    "compact last;title last x;protect last;unprotect last;budget;empty-trash;play last;"
+    "export last --as npz"
+)
+
+
+def test_a_mistyped_data_folder_or_file_is_named_and_nothing_is_created(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("DRIVELESSON_DATA", raising=False)
+    parser = argparse.ArgumentParser()
+    configure(parser)
+    [verbs] = parser._subparsers._group_actions  # type: ignore[union-attr]
+    lines = VERBS.split(";")
+    assert set(verbs.choices or ()) == {line.split()[0] for line in lines} | {"import"}
+    for words in (*(f"episodes {line}" for line in lines), "learn last", "player-key"):
+        assert main([*words.split(), "--data", "typo"]) == 2
+        assert "there is no data folder typo" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "there").mkdir()
+    for words in ("episodes show typo.mcap", "learn typo.mcap"):
+        assert main([*words.split(), "--data", "there"]) == 2
+        assert "there is no file typo.mcap" in capsys.readouterr().err
+    assert list((tmp_path / "there").iterdir()) == []
+
+
 @pytest.mark.parametrize("theirs_first", [True, False])
 def test_the_word_last_means_the_newest_by_time_not_by_name(
     episode_id: str, data: Path, theirs_first: bool, say: Say
 ) -> None:
+    (data / "none").mkdir()
     assert "no episodes in" in say(f"episodes list --data {data}/none")
     assert "nothing is recorded yet" in say(f"episodes show last --data {data}/none", status=2)
     own = EpisodeStore(Storage(data)).open(episode_id)
@@ -109,7 +140,8 @@ def test_a_name_is_found_in_every_encoding_of_its_accents(
         ("delete last --all", "give only one of these"),
         ("zip --search kitchen", "no episode has 'kitchen'"),
         ("restore 17", "no longer in the trash"),
-        ("list --data /proc/x", "cannot be used"),
+        ("list --data /proc/x", "there is no data folder /proc/x"),
+        ("import /nowhere --data /proc/x", "cannot be used"),
         ("export last --as tub --out /proc/x", "cannot write"),
         ("export last --as folder --fps 5 --task x", "--as folder takes no --fps, --task"),
         ("export last --as film --all", "--as film takes no --all; leave it out"),
