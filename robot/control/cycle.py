@@ -394,16 +394,6 @@ class Cycle:
             self.link.note_seen(self.world_s(times[1]) if times else now_s)
         return is_taken
 
-    def change_pilot(self) -> None:
-        """Stop a moving robot, and forget the link of the pilot who leaves."""
-        self.gate.trip(StopReason.PILOT_GONE)
-        self.link.forget()
-
-    def latch_emergency(self) -> None:
-        """Stop until the emergency stop is released."""
-        self.gate.latch_emergency()
-        self.body.ask("stop")
-
     def _forget_drive(self) -> None:
         """Forget the state of the drive that ends; earlier commands no longer count."""
         self._commands.clear()

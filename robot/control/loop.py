@@ -145,9 +145,14 @@ class ControlLoop:
         return self.submit(lambda: self._epoch is epoch and start(mode, asked_s, frame_id))
 
     def empty_command(self) -> Future[None]:
-        """Forget the held move, because the pilot changed, and stop a moving robot."""
+        """Forget the held move and the link of a pilot who leaves, and stop a moving robot."""
+
+        def change_pilot() -> None:
+            self._cycle.gate.trip(StopReason.PILOT_GONE)
+            self._cycle.link.forget()
+
         self._asked = None
-        return self.submit(self._cycle.change_pilot)
+        return self.submit(change_pilot)
 
     def trip(self, reason: StopReason) -> Future[None]:
         """Stop and wait for an explicit start."""
@@ -155,8 +160,13 @@ class ControlLoop:
 
     def latch_emergency(self) -> Future[None]:
         """Stop until `release_emergency`; this request runs before all queued requests."""
+
+        def latch() -> None:
+            self._cycle.gate.latch_emergency()
+            self.body.ask("stop")
+
         self._epoch = object()  # cancels earlier requests to start or to release
-        return self._cycle.mailbox.put(self._cycle.latch_emergency, is_urgent=True)
+        return self._cycle.mailbox.put(latch, is_urgent=True)
 
     def release_emergency(self) -> Future[None]:
         """Allow modes to be chosen again; the robot stays stopped."""
