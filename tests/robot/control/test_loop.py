@@ -242,7 +242,7 @@ def test_a_robot_at_rest_takes_only_the_pictures_that_are_needed(monkeypatch):
         if robot.tick().frame:
             taken.append(number)
         waits_s.append(robot.loop.wait_s)
-        assert robot.loop.is_resting is (number >= 16)
+        assert robot.loop.state.is_resting is (number >= 16)
     assert taken == [*range(1, 17), 31, 46, 61], "after a second, and a tenth earlier than asked"
     assert waits_s == [0.05] * 15 + [0.25] * 48
     robot.loop.need_picture_every(0.0)
