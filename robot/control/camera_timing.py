@@ -104,5 +104,4 @@ def _typical(periods_s: deque[float]) -> float:
 
 def _quantile(values: deque[float], share: float) -> float:
     """Return the value below which about `share` of the values lie."""
-    ordered = sorted(values)
-    return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
+    return sorted(values)[int(share * len(values))]

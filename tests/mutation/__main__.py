@@ -29,6 +29,7 @@ SUBJECTS = {
     "server.clients.lease": "server/clients/test_lease server/test_drive faults/test_faults",
     "server.clients.flow_control": "server/clients/test_flow_control server/clients",
     "server.clients.emergency_stop": "server/test_release",
+    "server.clients.rate_limit": "server/clients/test_rate_limit",
     "server.board.stopping": "server/board/test_board",
     "robot.control.gate": f"robot/control/test_gate {_LOOP}",
     "robot.control.link_governor": "robot/control/test_link_governor",

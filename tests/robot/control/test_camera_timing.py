@@ -48,14 +48,33 @@ def test_a_camera_gets_enough_time_and_full_speed_unless_it_is_slow(
 
 def test_the_rate_is_that_of_the_camera_and_a_pause_does_not_count():
     timing = CameraTiming(SHORTEST_S)
-    assert timing.rate_hz == 0.0
-    for captured_s in (0.0, 0.1, 0.25, 0.3):
+    assert (timing.rate_hz, timing.state.delivery_age_s) == (0.0, 0.0)
+    for captured_s in (0.0, 0.1, 0.25, 0.3, 0.3):
         timing.note(captured_s, captured_s, is_moving=False)
     assert timing.rate_hz == pytest.approx(10.0)
     timing.pause()
-    for captured_s in (9.0, 9.1):
-        timing.note(captured_s, captured_s, is_moving=False)
-    assert timing.rate_hz == pytest.approx(10.0)
+    for number in range(16):
+        timing.note(9.0 + number / 5, 9.0 + number / 5, is_moving=False)
+        assert (timing.rate_hz == pytest.approx(5.0)) is (number == 15), "only the last 15 periods"
+
+
+@pytest.mark.parametrize(
+    ("captured_s", "period_s", "is_slow"),
+    [
+        ((0.0, 0.75), 0.75, False),
+        ((0.0, 0.75, 1.5), 0.75, True),
+        ((0.0, 1.1, 5.0), 3.9, True),
+        ((0.0, 0.3 / 0.05), 6.0, False),
+    ],
+)
+def test_the_period_is_the_quartile_of_the_time_and_after_two_periods_a_slow_camera_is_named(
+    captured_s, period_s, is_slow
+):
+    timing = CameraTiming(SHORTEST_S)
+    for at_s in captured_s:
+        timing.note(at_s, at_s, is_moving=False)
+    assert timing.state.period_s == pytest.approx(period_s)
+    assert (timing.fault is not None) is is_slow
 
 
 @settings(deadline=None)
@@ -100,13 +119,14 @@ def test_the_allowed_delay_grows_slowly_while_moving_and_shrinks_at_once():
     assert timing.state.period_s == pytest.approx(USUAL_PERIOD_S)
 
 
-@pytest.mark.parametrize("lost_every", [2, 3, 7])
-def test_a_lost_picture_now_and_then_changes_nothing(lost_every):
+@pytest.mark.parametrize("lost_every", [3, 7])
+def test_a_lost_or_late_picture_now_and_then_changes_nothing(lost_every):
     timing = CameraTiming(SHORTEST_S)
     for i in range(60):
-        if lost_every == 2 or i % lost_every:
-            timing.note(i * 0.1, i * 0.1 + 0.1, is_moving=False)
+        if i % lost_every:
+            timing.note(i * 0.1, i * 0.1 + (0.1 if i % 10 else 0.3), is_moving=False)
     assert timing.state.period_s == pytest.approx(0.1)
+    assert timing.state.delivery_age_s == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize("pause_s", [10.0, 60.0, 3600.0])
