@@ -148,9 +148,8 @@ class OnlineLearning:
         frame: Frame | None,
         under_way: Action | None = None,
         *,
-        bumped: bool = False,
-        takes_points: bool = True,
         delivered_s: float | None = None,
+        **drive: bool,
     ) -> bool:
         """Process the camera's newest frame; return False if there is none or it is not new.
 
@@ -171,8 +170,7 @@ class OnlineLearning:
                 x,
                 under_way=under_way,
                 at_s=frame.captured_s,
-                bumped=bumped,
-                takes_points=takes_points,
+                **drive,
             )
             self.fault = None
         self.prediction = prediction

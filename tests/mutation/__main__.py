@@ -34,7 +34,8 @@ SUBJECTS = {
     "robot.control.gate": f"robot/control/test_gate {_LOOP}",
     "robot.control.link_governor": "robot/control/test_link_governor",
     "robot.control.loop": f"{_LOOP} robot/control/test_guarded_body server/test_drive",
-    "robot.control.cycle": f"{_LOOP} robot/bodies/gymnasium server/test_rest",
+    "robot.control.cycle": f"{_LOOP} robot/control/test_guarded_body robot/bodies/gymnasium "
+    "server/test_drive",
     "robot.control.guarded_body": "robot/control/test_guarded_body",
     "robot.control.config": f"robot/control/test_gate {_LOOP} robot/control",
     "robot.control.camera_timing": "robot/control/test_camera_timing",

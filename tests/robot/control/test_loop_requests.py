@@ -76,6 +76,7 @@ def test_a_stop_ends_the_drive_is_counted_once_and_drops_what_was_held(stop, rea
     robot.start(Mode.TRAIN, scene=1)
     assert robot.driver.sent[-1][0] is Action.STOP, "a command from before the start"
     assert robot.step(1, F).sent is F
+    assert robot.loop.state.taught == {F: 3}, "nothing between the two drives"
 
 
 @pytest.mark.parametrize("waits_s", [0.3, 0.31])

@@ -250,6 +250,7 @@ def test_an_error_of_a_listener_stops_the_robot_and_is_logged_once(caplog):
     for scene in range(3):
         robot.step(scene, F)
     assert robot.loop.mode is Mode.STOPPED and robot.driver.now is Action.STOP
+    assert isinstance(robot.loop.error, ArithmeticError)
     assert robot.loop.state.stops == {StopReason.LOOP_FAULT: 1}
     assert caplog.messages.count("the loop stopped the robot") == 1
 
