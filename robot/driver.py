@@ -133,7 +133,7 @@ class Driver(ABC):
     takes_points: bool = False
     """True for a body that accepts proportional steering: see `send_point`."""
     turns_motors: ClassVar[bool] = False
-    """True if the driver sets each motor and applies `correction.motors`. If False, another program
+    """True if the driver sets each motor and applies `correction.motors`. Otherwise another program
     sets the motors, and must reverse those that turn the wrong way."""
     correction: Correction = Correction()
     """The differences between this body and what its driver expects; set by `correct`."""

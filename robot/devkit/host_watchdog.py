@@ -55,8 +55,8 @@ class MoveEnder:
     Args:
         send_stop: Stops the body, or raises an error.
         clock: The clock of the thread and its waits.
-        is_acknowledged: True if `send_stop` returns only after the body has received the stop. If
-            False, stops are repeated while nobody drives.
+        is_acknowledged: True if `send_stop` returns only after the body has received the stop.
+            Otherwise stops are repeated while nobody drives.
     """
 
     def __init__(
@@ -161,7 +161,7 @@ class HostWatchdog(ConnectedDriver[_C]):
     watchdog's thread, and sometimes before an earlier call of `_drive` has returned.
 
     Attributes:
-        acknowledges: True if `_drive` returns only after the body has received the order. If False,
+        acknowledges: True if `_drive` returns only after the body has received the order. Otherwise
             stops are repeated as long as nobody drives.
         gone_after_s: See `ConnectedDriver`; only for bodies that do not acknowledge orders.
     """
@@ -219,5 +219,5 @@ class HostWatchdog(ConnectedDriver[_C]):
         return action
 
 
-# a move that is renewed in time must not be ended by a stop that is sent early
+# the early stop must not end a move that is renewed in time
 assert ACTION_TIMEOUT_S - LONGEST_LEAD_S > ACTION_TIMEOUT_S / 2

@@ -133,8 +133,8 @@ def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Poi
     """Return the action at a picture, which is the pilot's label or else the action that was sent.
 
     Also return its steering and throttle. If the pilot or the robot steered proportionally, these
-    are the values that were recorded. If not, they are the values that the action declares, or None
-    if it declares none.
+    are the values that were recorded. If nobody steered proportionally, they are the values that
+    the action declares, or None if it declares none.
     """
     point = moment.point if moment.label else moment.sent_point
     done = moment.label or Action(moment.sent or Action.STOP)

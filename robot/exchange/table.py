@@ -122,7 +122,8 @@ def names_pictures(path: Path) -> bool:
 
 
 def _unit_of_times(table: ColumnTable, report: ImportReport) -> float | None:
-    """Return the unit of the times, in seconds. If it follows from their size, report it."""
+    """Return the unit of the times, in seconds. Report the unit if it follows from the size of the
+    times."""
     if "time" not in table.columns:
         return None
     written = (table.number(cells, "time") for _, cells in table.rows)

@@ -51,9 +51,9 @@ class FramesToLearn(NamedTuple):
 
     Attributes:
         frames: Maximum number of frames; None means all frames.
-        in_a_row: If True, the first frames are learned, as when a pilot teaches. If False, the
-            learned frames are spread evenly over the drive, so that a few frames already show all
-            of it. Learned frames that are spread evenly favour learners that need few examples.
+        in_a_row: True to learn the first frames, as when a pilot teaches; False to learn frames
+            that are spread evenly over the drive, so that a few of them already show all of it.
+            Learned frames that are spread evenly favour learners that need few examples.
     """
 
     frames: int | None = None

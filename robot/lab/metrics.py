@@ -194,7 +194,7 @@ def steering_per_s(steering: ArrayLike, at_s: ArrayLike) -> float:
 
 RARE_SHARE = 0.05
 """Share of ticks below which a move is rare. The sum of squared differences ignores rare moves. If
-they counted, a move that a person made once by mistake could add 200 to the sum."""
+rare moves counted, a move that a person made once by mistake could add 200 to the sum."""
 
 
 def move_shares(moves: Sequence[Action]) -> dict[Action, float]:

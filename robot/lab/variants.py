@@ -62,8 +62,8 @@ class Design:
     is_smooth: bool = True
     """True if the linear part expects similar weights in adjacent cells (`GradientFeatures`)."""
     is_contextual: bool = True
-    """True if the linear part also takes the current move into account. If False, the filter
-    favours the current move instead."""
+    """True if the linear part also takes the current move into account; otherwise the filter
+    favours the current move."""
     linear_share: float = LINEAR_SHARE
     group_cost: float = GROUP_COST
     n_voters: int = N_VOTERS

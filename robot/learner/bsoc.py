@@ -190,7 +190,7 @@ class BSOC(Clusters):
         group_cost: Factor by which a merge of nodes of two groups (such as labels) costs more. With
             1 the clustering is the paper's, which has no groups.
         images: The pixels of at most `max_nodes` nodes; `IntegerImages` compares them in integers
-            only. If None, pixels are float32.
+            only. By default, pixels are float32.
     """
 
     measures_novelty = True

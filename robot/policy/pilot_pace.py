@@ -91,7 +91,7 @@ def difference(picture: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
 PAYS_BACK = 4.0
 """One second of driving straight reduces the lost time by this many seconds."""
 EFFECT_S = 0.2
-"""Driving straight reduces the lost time only after this time, in seconds. Before that, the picture
+"""Driving straight reduces the lost time only after this time, in seconds. Earlier, the picture
 does not show whether the move has an effect."""
 STRAIGHT_S = 0.3
 """Time for which a robot must drive straight before its earlier turns are forgotten, in seconds."""

@@ -2,8 +2,9 @@
 single person. Pure.
 
 Source: FLAIRS-30 (2017), the experiment with human teachers. Trials 1 to 3 begin either with 90 s
-of teaching and 330 s with corrections, or with 180 s of teaching and 240 s with corrections. Then
-the robot drives alone for 60 s, and the participant answers a question on a 7-point scale.
+of teaching and 330 s with corrections, or with 180 s of teaching and 240 s with corrections. At the
+end of a trial the robot drives alone for 60 s, and the participant answers a question on a 7-point
+scale.
 """
 
 from __future__ import annotations

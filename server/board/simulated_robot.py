@@ -179,8 +179,8 @@ def simulated_robots(
         world: The simulated world.
         key: The file of the class key.
         make_model: Returns the name and the bytes of the model with which the robots begin.
-            `make_model` is called after all ports were found free. If it is None, the robots keep
-            their models.
+            `make_model` is called after all ports were found free. If `make_model` is None, the
+            robots keep their models.
     """
     robots = [SimulatedRobot(i, port + i, data / "class" / f"{i:02d}") for i in range(1, count + 1)]
     for robot in robots:  # check that all ports are free before the first robot starts

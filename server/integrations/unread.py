@@ -47,8 +47,8 @@ class Room:
         Some systems reduce their window permanently although nothing is unread. So after
         `_PATIENCE` calls with the answer False, the method returns True once, and the caller sends
         a frame as a test. After `_REPORTED` further calls, the window is compared with the window
-        before the test. If it is not smaller, the viewer has read the test frame. From then on, a
-        window of this size means that nothing is unread.
+        before the test. A window that is not smaller means that the viewer has read the test frame.
+        From then on, a window of this size means that nothing is unread.
         """
         measured = self._measure()
         if measured is None:

@@ -1,9 +1,9 @@
 """Gives the robot a session's model, and after the session its own model again.
 
-A participant's model is among the robot's models only while the session is driven. Afterwards it is
-put away, beside the session's log, and the robot uses its previous model again. The file
-`StudyFolder.active` names the session's model. If the power failed during the session, the next
-start of the program reads this file, and the robot gets its own model again.
+A participant's model is among the robot's models only while the session is driven. After the
+session that model lies beside the session's log, and the robot uses its previous model again. The
+file `StudyFolder.active` names the session's model. If the power failed during the session, the
+next start of the program reads this file, and the robot gets its own model again.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Starts the core once for each removed extension: `python boot.py FOLDER...`.
 
-Each folder contains a tree without one extension. Libraries are imported once; then a child of this
-process starts a server from each tree, in memory, and prints its content as a line of JSON.
+Each folder contains a tree without one extension. The process imports all libraries once. For each
+tree, a child of this process then starts a server in memory, and prints the server's content as a
+line of JSON.
 """
 
 from __future__ import annotations

@@ -15,9 +15,10 @@ def _answer(status: str, body: bytes) -> bytes:
 
 
 class BrokenWay:
-    """A path to a server on another port of this machine, broken in the manner of `fault`.
+    """A path to a server on another port of this machine, which a `fault` can break.
 
-    - `silent`: it passes on nothing and closes nothing; what was sent comes when it is healed.
+    - `silent`: it passes on nothing and closes nothing; when it is restored, everything that was
+        sent arrives.
     - `websockets blocked`: it answers every websocket with 403.
     - `gateway`: it answers every request with 502, as if the server were gone.
     """

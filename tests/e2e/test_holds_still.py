@@ -32,7 +32,8 @@ SIZES = [
     *((600, 520), (768, 1024), (1024, 600), (1280, 800)),
 ]
 ROOMY = ("360x640", "390x844", "844x390", "768x1024", "1024x600", "1280x800")
-"""At this size every sentence has enough space; at other sizes some have to be scrolled."""
+"""At this size every sentence has enough space; at other sizes a person has to scroll some
+sentences."""
 _WIDTHS = (280, 320, 345, 369, 390, 430, 480, 540, 653, 700, 768, 900, 1024, 1280)
 _HEIGHTS = (480, 520, 568, 640, 701, 765, 844, 1024, 1280)
 GRID = sorted({(w, h) for a, b in product(_WIDTHS, _HEIGHTS) for w, h in ((a, b), (b, a))})

@@ -53,10 +53,10 @@ either."""
 class TimedBody:
     """A body and its driver, which use the same clock.
 
-    `hang_up` is what the system does with the line when the server's process is gone; `lose` ends
-    all traffic, both ways, but for what is on its way, and `regain` lets it begin again; `freeze`
-    holds up what the driver does on threads of its own; `slow_down` makes messages take so long.
-    `wheels` returns the speeds of the left and the right wheel, in any unit.
+    `hang_up` does what the system does with the line when the server's process is gone; `lose` ends
+    all traffic in both directions, except for messages in transit, and `regain` restores it;
+    `freeze` delays what the driver does on its own threads; `slow_down` makes each message take a
+    given time. `wheels` returns the speeds of the left and the right wheel, in any unit.
     """
 
     driver: Driver

@@ -17,7 +17,7 @@ COMMANDS = {
     "pytest": "import pytest; sys.exit(pytest.main())",
     "pip": "from pip._internal.cli.main import main; sys.exit(main())",
 }
-# A third party has none of our own pytest plugins. The build tools are installed here already; pip
+# A third party has none of our pytest plugins. The build tools are already installed here, and pip
 # checks that they meet the package's requirements.
 _QUIET = {
     "PIP_DISABLE_PIP_VERSION_CHECK": "1",

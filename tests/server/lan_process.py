@@ -32,7 +32,7 @@ DESCRIPTORS = 1024
 
 
 class Process:
-    """The server, and its report on itself."""
+    """The running server; a test can ask it for a report."""
 
     def __init__(self, process: subprocess.Popen[str]) -> None:
         self._process = process

@@ -2,9 +2,9 @@
 
 Each route that writes runs on a robot in virtual time. Its disk refuses one call, or all calls from
 one on. The folder is copied when the answer arrives, as a kill would leave it, and a new start
-reads the copy. Unless the answer is a refusal or has `kept` false, the copy must contain what it
-contains with a sound disk. A copy at any earlier call of the disk must contain what was there
-before or what is there after. cli/test_main.py tests commands on a full disk.
+reads the copy. Unless the answer is a refusal or has `kept` false, the copy must be the same as
+with a sound disk. A copy at any earlier call of the disk must have the content before the change,
+or that after it. cli/test_main.py tests commands on a full disk.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from .virtual_server import VirtualServer
 
 MANY = 10**6
 CASES = size("DISK_CASES", 2, 24)
-"""Number of disk failures that each write is tested with; with MANY, each call in turn."""
+"""Number of failing calls with which each write is tested; with MANY, each call fails in turn."""
 EPISODE = "/api/episodes/{episode}"
 WRITES: dict[str, tuple[str, str, Any]] = {
     "pin": ("POST", "/api/gallery/{node}", {"verb": "pin", "value": True}),
@@ -103,7 +103,8 @@ def holds(root: Path, secrets: Sequence[str]) -> dict[str, Any]:
 
 
 class Asked(NamedTuple):
-    """The answer to a write, the folder as a kill would leave it, and the calls of the disk.
+    """The answer to a write, the folder as a kill would leave it, and the number of calls to the
+    disk.
 
     `copies` has a copy of the folder at each call of the disk, if the test wants them.
     """

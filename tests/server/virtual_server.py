@@ -216,7 +216,7 @@ class VirtualServer:
         return socket
 
     def request(self, request: httpx.Request, path: str | None = None) -> httpx.Response:
-        """Answer one request of httpx; `path` replaces its path."""
+        """Answer one request of httpx; `path` replaces the path of the request."""
         exchange = self.run(self._begin(request, path))
         self.run(self.until(lambda: exchange.status is not None or exchange.task.done(), 60.0))
         if exchange.task.done() and exchange.status is None:

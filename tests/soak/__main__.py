@@ -30,7 +30,7 @@ STOP_EVERY_S = 300.0
 
 
 def come_and_go(url: str, ending: threading.Event) -> None:
-    """Viewers, one after the other: some leave, some vanish."""
+    """Open viewers one after the other; some leave, and some vanish without closing."""
     chance = random.Random(1)
     while not ending.wait(chance.uniform(0.2, 1.5)):
         with contextlib.suppress(Exception):

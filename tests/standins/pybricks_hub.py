@@ -37,7 +37,7 @@ _OTHERS = {  # read by third-party clients: firmware, protocol, PnP id (SPIKE Pr
 MOST_BYTES = 20
 """The smallest limit of bytes that a hub may have for one write."""
 LOST_AFTER_S = 1.0
-"""Time after which Bluetooth gives up a connection that is out of range."""
+"""Time after which Bluetooth gives up the connection to a hub that is out of range."""
 
 
 class FakeHub:
@@ -111,7 +111,8 @@ class FakeHub:
         self.process.send_signal(how)
 
     def cut(self) -> None:
-        """Carry the hub out of range: nothing arrives, and later both sides notice."""
+        """Carry the hub out of range: nothing arrives any more, and after a while both sides notice
+        the loss."""
         self.is_in_reach = False
         for client in list(self.clients):
             client.call(client.lose, LOST_AFTER_S)

@@ -143,8 +143,7 @@ function wheelElsewhere(page) {
 /** @typedef {{key: string, move?: string, left?: number, left_s?: number, have?: number, need?: number, n?: number, of?: number, metres?: string}} Told */
 
 /**
- * The text while nothing is urgent: a lead's progress, the reason why a countdown has gone back, or the most
- * useful advice; null before the robot is known. @param {PageState} page @returns {Told | null}
+ * The text while nothing is urgent: an extension's text about its progress, the reason why more driving alone is needed than before, or the most useful advice; null before the robot is known. @param {PageState} page @returns {Told | null}
  */
 export function whatToSay({ robot, lead, readiness, setback, told }) {
   if (!robot) return null;

@@ -47,7 +47,7 @@ export class Start extends EventTarget {
     this.tap = null;
   }
 
-  /** Send the request if there is a proof; called whenever there may be one. */
+  /** Send the request if there is a proof of freshness. Called whenever there may be one. */
   go() {
     const { tap } = this;
     if (!tap) return;
@@ -78,7 +78,7 @@ export class Start extends EventTarget {
     }
   }
 
-  /** Apply a state message. A STOP since the last state, even if it is already released, makes the tap invalid. @param {{mode: Mode, you_are_pilot: boolean, emergency: boolean, stop_number?: number}} robot */
+  /** Update the tap by a state message. A STOP since the last state, even if it is already released, makes the tap invalid. @param {{mode: Mode, you_are_pilot: boolean, emergency: boolean, stop_number?: number}} robot */
   follow(robot) {
     const isNewStop = this.stopNumber !== undefined && this.stopNumber !== robot.stop_number;
     this.stopNumber = robot.stop_number;

@@ -41,7 +41,7 @@ class IntegerGradientFeatures:
     pixels. A pixel's two differences are the index into a table of direction and magnitude, and one
     call of `bincount` yields the histograms of all cells. Each histogram is divided by the sum of
     the histograms of the 3x3 cells around it. A second table contains the square roots of the
-    results. The result is the same on every machine.
+    results. The vector is the same on every machine.
 
     The histograms' bytes are multiples of 4, because `IntegerRidge` ignores the lower two bits. The
     grey picture begins with every second pixel of every second line, because these pixels are

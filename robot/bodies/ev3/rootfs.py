@@ -49,7 +49,7 @@ def build_userland(folder: Path, release: str = DEFAULT_RELEASE, mirror: str = "
     """Unpack the packages into `folder` without running their programs, so this works on any
     processor.
 
-    Building takes about ten seconds with a nearby mirror. The result has 80 MB.
+    Building takes about ten seconds with a nearby mirror. The unpacked system has 80 MB.
 
     Args:
         folder: The target folder.

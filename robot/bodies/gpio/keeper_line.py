@@ -16,8 +16,8 @@ START_S = 30.0
 """Time limit for a keeper to start, in seconds: Python's imports take long on a small Raspberry
 Pi."""
 HANGS_S = 0.3
-"""Time without an answer after which a keeper is killed, in seconds. Then a new keeper process is
-started, which stops the motors."""
+"""Time without an answer after which a keeper is killed, in seconds. Its replacement stops the
+motors."""
 
 
 class KeeperLine:

@@ -116,8 +116,8 @@ def moves_of(name: str, env: Any, table: str = "") -> dict[Move, Any]:
     """Return the moves in their order, each with its action for the environment.
 
     `table` is the table of moves that a person gave, for example `left=-0.6,0,0; right=0.6,0,0`. If
-    it is empty, each choice of a `Discrete` action space is a move. In other action spaces, each
-    move changes one number and leaves the others at rest.
+    `table` is empty, each choice of a `Discrete` action space is a move. In other action spaces,
+    each move changes one number and leaves the others at rest.
 
     Raises:
         ConfigurationError: If the table cannot be read, if it does not fit the environment's

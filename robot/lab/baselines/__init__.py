@@ -29,8 +29,8 @@ class BaselineKind:
         features: The learner's features. For a fair comparison, a learner on gradients, as the
             default learner has, also gets the default learner's action filter. A learner on grey
             values or colours gets none.
-        is_eager: True if the learner is fitted again after every example. If False, the learner is
-            fitted again whenever the number of examples has grown by a tenth.
+        is_eager: True if the learner is fitted again after every example, and not only whenever the
+            number of examples has grown by a tenth.
         is_angular: True if the learner learns only the angle, by regression.
     """
 

@@ -18,7 +18,7 @@ WRONG_FOR = 2
 """Number of wrong decisions in a row after which the teacher takes the wheel."""
 HOLDS_FOR = 5
 """When the teacher corrects the robot, the teacher drives for at least this number of decisions.
-Afterwards the robot drives again as soon as it proposes the same move as the teacher."""
+The robot drives again as soon as it then proposes the same move as the teacher."""
 UNSURE = 0.6
 """Confidence below which a robot asks, if it may ask at all. A robot that may ask also asks
 whenever Drivelesson's own loop would ask."""

@@ -86,7 +86,7 @@ class SimulatedPilot:
             held = self._judge(*self._screen, at_s)
             point = getattr(self.teacher, "point", None) if held is not None else None
             self._hand.wish(held, at_s, point)
-            # If None, the pilot looks again at the next picture.
+            # None means that the pilot looks at the next picture.
             self._looks_at_s = at_s + period_s if period_s else None
 
     def _judge(self, situation: Situation, proposed: Action | None, now_s: float) -> Action | None:

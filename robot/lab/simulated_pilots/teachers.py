@@ -82,7 +82,7 @@ class TeacherParams:
 
 
 class Wanderer:
-    """Drives forward until something is near. Then turns until the way is free.
+    """Drives forward until something is near, and then turns until the way is free.
 
     Args:
         turns: The turns that the teacher may make: LEFT, RIGHT or both. If both are allowed, the

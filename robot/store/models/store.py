@@ -128,8 +128,8 @@ class ModelStore:
         """Restore versions that were set aside as damaged but are readable by this program.
 
         An older program sets aside the versions that a newer program wrote. A version is restored
-        as the newest of its model, unless the model has a later valid version. If it is also newer
-        than the model in use, the robot uses it next.
+        as the newest of its model, unless the model has a later valid version. A restored version
+        that is newer than the model in use is used next.
         """
         for name in self.names():
             for model, file in self._readable_again(name):

@@ -174,7 +174,7 @@ def _serving_cpu_s() -> float:
 def _memory() -> dict[str, int]:
     """Return the number of Python's memory blocks, and the resident memory in bytes.
 
-    Unused memory is first returned to the system. If it were not, the result would include a random
+    Unused memory is first returned to the system. Without this, the result would include a random
     amount of unused memory that the allocator keeps.
     """
     gc.collect()

@@ -55,7 +55,7 @@ class Data:
 
 
 def table(name: str, text: str, **reading: Any) -> Data:
-    """A table beside three pictures, on which the pilot turned left, turned right and went on."""
+    """A table and three pictures, at which the pilot turned left, turned right and drove on."""
     return Data({name: text, **ABC}, reading=reading)
 
 

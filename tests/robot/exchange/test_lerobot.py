@@ -197,7 +197,8 @@ TRUTH: Labels = dict(enumerate([L, F, R, L, F, R, L, F], 1))
 
 @dataclass
 class Dataset:
-    """Two episodes of four frames, whose pictures are numbered from 1; TRUTH has their labels."""
+    """Two episodes of four frames each, whose pictures are numbered from 1. TRUTH has the labels of
+    the pictures."""
 
     is_v3: bool = True
     has_films: bool = False
@@ -284,7 +285,7 @@ def let_the_policy_drive(made: Dataset) -> Labels:
 
 
 def name_an_arm(made: Dataset) -> Labels:
-    """The elements of the action are joints, so none of them is steering."""
+    """The elements of this dataset's action are joints, so none of them is the steering."""
     made.names = {"motors": ["shoulder_pan.pos", "gripper.pos"]}
     return dict.fromkeys(TRUTH)
 

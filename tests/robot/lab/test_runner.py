@@ -211,7 +211,7 @@ def test_a_silent_worker_is_reported_and_its_task_goes_to_another(silent_s, told
 
 
 def test_a_worker_says_which_code_it_has_or_that_it_lacks_this_program():
-    """The other Python has neither this program nor numpy."""
+    """The worker's Python has neither this program nor numpy."""
     source = inspect.getsource(identity)
     program = f"source = {source!r}\nprint({_WHO}['drivelesson'])"
     assert run(sys.executable, "-I", "-S", "-c", program).stdout.strip() == MISSING

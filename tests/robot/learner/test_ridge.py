@@ -118,8 +118,9 @@ def alone(examples, context=None):
 
 @pytest.mark.parametrize("together", [0, 3, 8, 30])
 def test_contexts_are_one_until_they_differ(examples, together):
-    """The first frames count in all contexts, so it makes no difference that only one ridge learned
-    them. From then on each context knows its own examples, and the rest knows all."""
+    """The first frames count in all contexts, so it does not matter that only the common ridge has
+    learned them. From then on each context's ridge knows its own examples, and the common ridge
+    knows all."""
     mixed = [(x, t, ALL if i < together else some) for i, (x, t, some) in enumerate(examples)]
     ridge = in_contexts(mixed[:together])
     arrays = ridge.save()[1]
@@ -149,8 +150,8 @@ def test_an_example_that_counts_everywhere_is_taken_back_everywhere(examples):
 
 
 def test_each_context_changes_by_its_share_of_the_label(examples):
-    """Label 0 becomes label 1; a context that learned half of its frames gets half of the
-    change."""
+    """Label 0 becomes label 1. A context that has learned half of the label's frames gets half of
+    the change."""
     zeros = [(x, np.eye(3)[0], (0, 1) if i % 2 else (1,)) for i, (x, *_) in enumerate(examples)]
     ridge, x, change = in_contexts(zeros), examples[3][0], np.array([-4.0, 4.0, 0.0])
     before = [ridge.scores(x, context) for context in ALL]

@@ -99,7 +99,8 @@ def context_of(move):
 
 
 def run(moves, step_s):
-    """Return the contexts of each example of a drive: moves with their durations in seconds."""
+    """Return the contexts of each example of a drive, which is given by its moves with their
+    durations in seconds."""
     contexts, now_s, noted = MoveContext(KINDS), 0.0, []
     for move, length_s in moves:
         for _ in range(round(length_s / step_s)):

@@ -60,7 +60,8 @@ def history():
 
 @pytest.mark.parametrize("learner", ["published-8", "default-8", "integer-8"])
 def test_examples_taught_in_batches_leave_the_same_learner_bit_for_bit(learner):
-    """Batches of 1 to 5, at thirty frames a second, with pauses, points, turns and an undo."""
+    """Batches of 1 to 5 examples at thirty frames a second, with pauses, points, turns and an
+    undo."""
     one, many = (TrainingHistory(make_policy(learner)) for _ in range(2))
     random, at_s, lessons = np.random.default_rng(7), 0.0, []
     for i, x in enumerate(3 * vectors(one.policy, 50)):

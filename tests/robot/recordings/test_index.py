@@ -43,8 +43,8 @@ VECTOR = {"dtype": "<f4", "shape": [2], "data": "AACAPwAAAEA="}
 
 
 def begin(file: BinaryIO, model: bytes | None = None, **more: Any) -> EpisodeWriter:
-    """Begin the recording of a robot in a new file, with the bytes of its model if there are any;
-    `more` is for the writer."""
+    """Begin a robot's recording in a new file, with the bytes of its model if there are any; `more`
+    are arguments of the writer."""
     run = describe_run(
         episode_id=Path(file.name).stem,
         run_id="long",
@@ -58,7 +58,7 @@ def begin(file: BinaryIO, model: bytes | None = None, **more: Any) -> EpisodeWri
 
 
 def teach(writer: EpisodeWriter, first: int, count: int) -> None:
-    """Write lessons of every kind, in small chunks."""
+    """Write examples and edits of every kind, in small chunks."""
     for number in range(first, first + count):
         now_s, label = number / 30, DEFAULT_MOVES[number // 7 % 3]
         width, data = 160 if number % 50 else 80, b"\xff\xd8" + bytes(300)
@@ -77,7 +77,7 @@ def teach(writer: EpisodeWriter, first: int, count: int) -> None:
 
 
 def teach_long(writer: EpisodeWriter, count: int) -> None:
-    """Write everything that the recorder writes of a robot that is taught with every picture."""
+    """Write everything that the recorder writes if a robot is taught with every picture."""
     rng = np.random.default_rng(1)
     for number in range(1, count + 1):
         now_s, label = number / 30, DEFAULT_MOVES[number // 40 % 3]
@@ -104,7 +104,7 @@ def varied(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def long(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A drive of 6,000 pictures in some six chunks, with the last fifty lessons undone."""
+    """A drive of 6,000 pictures in about six chunks, whose last fifty examples were undone."""
     path = tmp_path_factory.mktemp("long") / "long.mcap"
     writer = begin(path.open("xb"))
     teach_long(writer, 6000)

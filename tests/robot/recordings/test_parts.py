@@ -51,7 +51,8 @@ MANY = 10**6
 
 
 def drive(folder: Path, **limits: float) -> RecordedBench:
-    """Drive through 80 pictures, undo lessons on both sides of a part's beginning, and drive on."""
+    """Drive through 80 pictures, undo examples on both sides of a part's beginning, and drive
+    on."""
     folder.mkdir(exist_ok=True)
     robot = RecordedBench(folder, **limits)
     robot.clock.set_wall(1_700_000_000)
@@ -69,7 +70,7 @@ def told(episode: Episode) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The same recording in one file."""
+    """The recording of the drive in one file."""
     return drive(tmp_path_factory.mktemp("whole")).finish()[0]
 
 
@@ -288,7 +289,8 @@ def test_a_missing_or_foreign_part_is_named_and_the_others_are_read(
 
 
 def test_the_recorder_keeps_nothing_of_earlier_parts(tmp_path: Path) -> None:
-    """Bytes kept at the beginning of each part; a page of marks covers 4096 frame ids."""
+    """Number of bytes that the recorder keeps in memory at the beginning of each part; a page of
+    marks covers 4096 frame ids."""
     clock = VirtualClock()
     config = RecorderConfig(spare_bytes=0, part_s=20.0)
     recording = OpenRecording(

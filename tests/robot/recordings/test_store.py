@@ -48,7 +48,7 @@ def folder(storage: Storage) -> Path:
 
 @pytest.fixture
 def store(storage: Storage, folder: Path) -> EpisodeStore:
-    """A store of one recording of 60 lessons."""
+    """A store with one recording of 60 examples."""
     record_drive(folder)
     return EpisodeStore(storage)
 
@@ -65,7 +65,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def four(storage: Storage, folder: Path, drive: Path) -> EpisodeStore:
-    """A store of four copies of one drive, each with another title."""
+    """A store with four copies of one drive, each with its own title."""
     store = EpisodeStore(storage)
     for name in NAMES:
         shutil.copy(drive, folder / f"{name}.mcap")

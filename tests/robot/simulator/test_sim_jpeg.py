@@ -85,7 +85,8 @@ def test_experiments_get_uncompressed_pixels() -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_larger_pictures_for_viewers_do_not_change_what_is_learned_and_recorded(seed: int) -> None:
-    """For any number of viewers, the frames are those of an unwatched robot."""
+    """However many viewers watch, the robot's frames are the same as those of an unwatched
+    robot."""
     chance = random.Random(seed)
     world = chance.choice(world_names())
     plan = [(chance.choice(MOVES), chance.random() < 0.5) for _ in range(60)]
@@ -161,7 +162,7 @@ def pose(k: int) -> Pose:
 
 
 def pictures(seed: int, count: int = 60) -> list[bytes]:
-    """Render from many poses, every tenth time also at twice the size."""
+    """Render from many poses, and every tenth time also at twice the size."""
     world = load_world("push")
     renderer, found = Renderer(world, seed), []
     for k in range(count):

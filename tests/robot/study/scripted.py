@@ -67,7 +67,7 @@ def tick(now_s: float, how: How) -> Tick:
 
 
 class Participant:
-    """One session as seen from outside the robot; `events` is its log."""
+    """One session without a robot; `events` is its log."""
 
     def __init__(
         self, plan: StudyPlan, code: str = "P01", slot: int = 0, seed: int = 0, pace: float = 1.0
@@ -89,8 +89,8 @@ class Participant:
         self.say("world", name="simulator", value="box")
 
     def drive(self, seconds: float, mode: Mode | None = None, how: How | None = None) -> None:
-        """Tick ten times a second: at random in the phase's own mode or in another, or like `how`,
-        which may go on after the last phase."""
+        """Tick ten times a second, either as `how` says, or at random in the phase's mode or in
+        another mode. `how` may go on after the last phase."""
         for _ in range(round(seconds * 10)):
             if self.session.phase is None and how is None:
                 return
@@ -137,7 +137,8 @@ class Participant:
 
 
 def driving(seconds: float = 0.0) -> Participant:
-    """Return a participant who has consented, begun the first condition, and driven so long."""
+    """Return a participant who has consented, begun the first condition, and driven for this
+    time."""
     person = Participant(small_plan())
     person.consent()
     person.begin()

@@ -139,7 +139,7 @@ def test_the_thresholds_are_the_papers():
 def test_a_profile_is_the_share_of_readings_below_each_threshold():
     profile = behavior_profile([F, F, L, F, F, Action.STOP], [0.03, 0.05, 0.01, 0.05, 9.0, 0.0])
     assert set(profile) == {F, L}
-    # Forward was driven at 3, 5, 5 cm and far away: 0, 0, 1, 3 of 4 readings are below 0, 2, 4, 6
+    # The four readings of FORWARD are 3, 5, 5 cm and far: of these 0, 0, 1, 3 are below 0, 2, 4, 6
     # cm.
     assert profile[F][:4].tolist() == [0, 0, 0.25, 0.75]
     assert profile[F][-1] == 0.75
@@ -151,7 +151,7 @@ def test_the_ssd_adds_squares_over_moves_and_thresholds():
     teacher = behavior_profile([F, L, L], [0.03, 0.03, 0.05])
     robot = behavior_profile([F, L], [0.07, 0.03])
     difference = compare(teacher, robot, (F, L))
-    # Forward: 1 against 0 at c = 0.04 and 0.06, alike from 0.08 on. Left: 0.5 against 1 at 0.04.
+    # FORWARD: 1 against 0 at c = 0.04 and 0.06, equal from 0.08 on. LEFT: 0.5 against 1 at 0.04.
     assert difference.per_move == {F: pytest.approx(2.0), L: pytest.approx(0.25)}
     assert difference.ssd == difference.made == pytest.approx(2.25)
     assert difference.never_by_robot == ()

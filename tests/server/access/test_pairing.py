@@ -29,7 +29,7 @@ FORMS = (
     *(" ".join(JOINED), "-".join(JOINED)),  # a person typed it letter by letter
     "".join(chr(ord(letter) + 0xFEE0) for letter in JOINED),  # full width, as in Chinese
 )
-"""What a person has in hand: the token, its address, or lines of the terminal."""
+"""The texts that a person may paste: the token, its address, or lines of the terminal."""
 WRONG = (
     *("", "##", TOKEN[:-5], f"{TOKEN[:-1]}T", f"0{TOKEN[1:]}", "http://10.0.0.2:8000"),
     *("x" * 5000, "%23" * 600, "\x00", "\ud800", "%ff%fe", "pair#\x1b["),

@@ -32,7 +32,7 @@ def _any_fault(dice: random.Random, number: int) -> str:
 async def test_if_some_robots_fail_the_others_stop_in_time_and_the_failed_ones_are_named(
     world, seed
 ):
-    """Faults before and after the robots were connected, drawn anew for each seed."""
+    """Draw, for each seed, the robots' faults before and after they were connected."""
     before = {p.port: p.fault for p in world.pupils.values()}
     good = [p for p in world.pupils.values() if p.fault in OPEN_FAULTS]
     await world.until_there(good)
@@ -187,7 +187,8 @@ async def test_one_robot_is_stopped_and_no_other_and_shown_as_free_when_a_phone_
 @pytest.mark.parametrize("seed", range(3))
 @in_class_time(robots=1)
 async def test_only_the_board_releases_what_the_board_stopped(world, seed):
-    """Pupils and teacher press at random; after each step the rule about the last stop holds."""
+    """Pupils and teacher press STOP and release at random; after each step the rule about the last
+    stop holds."""
     one, link = await world.first()
     phone = await one.pilot(sees=True)
     await phone.wait_for_state()

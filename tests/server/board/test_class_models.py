@@ -174,7 +174,7 @@ GOOD = {
 
 
 class Robots:
-    """Robots that answer like real ones, except one in one step."""
+    """Robots that answer like real ones, except that one robot fails in one step."""
 
     def __init__(self, step: str, fault: HttpAnswer | Exception) -> None:
         self.step, self.fault = step, fault

@@ -1,4 +1,5 @@
-"""A robot's lives on one data folder, in virtual time: taught, undone, edited, killed, damaged.
+"""A robot's starts and ends on one data folder, in virtual time: it is taught, undone, edited and
+killed, and its files are damaged.
 
 `Lives` runs the real autosave, journal and store with the real loop; only threads and the disk's
 waiting are left out. `Lives` remembers the learner at each moment that must survive a kill.
@@ -64,7 +65,8 @@ class _Refusing:
 
 
 class DiskStore(ModelStore):
-    """A store on such a disk, with a wall clock that a test can set anywhere."""
+    """A store on a disk that a test can fill up, with a wall clock that a test can set to any
+    time."""
 
     def __init__(self, storage: Storage, disk: Disk, wall_s: list[float]) -> None:
         super().__init__(storage, wall_s=lambda: wall_s[0])
@@ -117,8 +119,9 @@ class Life(BenchRobot):
             self.autosave.adopt(recovered)
         self.autosave.load_last()
         self.frame = 0
-        # The states that may be found after a kill: the newest written one, and later ones. Without
-        # the models' files, of which one may be damaged, they are those of the journal.
+        # `durable` has the states that the next start may find after a kill: the newest written
+        # state, and later ones. `journalled` has those of the journal only, because a model's file
+        # may be damaged.
         self.durable, self.journalled = [self.state()], [self.state()]
         if writes:
             self.write()
@@ -183,7 +186,7 @@ class Life(BenchRobot):
             self._switch(lambda: self.autosave.load(self.rng.choice(names)))
 
     def _switch(self, switch: Any) -> None:
-        """Change the model; a refused change may have changed nothing."""
+        """Change the model. A change that is refused must not have changed anything."""
         before = self.state()
         had_unsaved = self.autosave.has_unsaved
         try:
@@ -203,7 +206,7 @@ class Life(BenchRobot):
         self.write()
 
     def write(self) -> None:
-        """Give the journal's thread its turn: everything before it must survive from now on."""
+        """Let the journal's thread write; from now on, all earlier changes must survive."""
         self.writer.write_waiting()
         if self.writer.fault is None and not self.journal._needs_checkpoint:
             self.durable, self.journalled = [self.state()], [self.state()]
