@@ -94,10 +94,7 @@ def _readme() -> str:
 
 
 def default_root() -> Path:
-    """Return the default data folder.
-
-    It is the value of DRIVELESSON_DATA if this variable is set, else the user's data folder.
-    """
+    """Return the default data folder: $DRIVELESSON_DATA if set, else the user\'s data folder."""
     chosen = os.environ.get("DRIVELESSON_DATA")
     if chosen:
         return Path(chosen).expanduser()
@@ -256,22 +253,21 @@ def make_private(folder: Path) -> None:
 
 
 class Storage:
-    """The data folder. The constructor creates the folder and its subfolders, unless `is_created`
-    is False.
+    """The data folder. Unless `creates` is False, the constructor creates it and its subfolders.
 
     Raises ConfigurationError if the folder cannot be written. If `must_be_usable` is False, the
     error is not raised but stored as `fault`, because a robot can also be driven without storage. A
     full disk does not count as a fault.
     """
 
-    def __init__(self, root: Path, *, must_be_usable: bool = True, is_created: bool = True) -> None:
+    def __init__(self, root: Path, *, must_be_usable: bool = True, creates: bool = True) -> None:
         self.root = root.expanduser()
         self.models = self.root / "models"
         self.exports = self.root / "exports"
         self.trash = self.root / "trash"
         self.journal = self.root / "journal"
         self.fault: str | None = None
-        if not is_created:
+        if not creates:
             return
         try:
             make_private(self.root)
@@ -331,8 +327,7 @@ class Storage:
         with contextlib.suppress(OSError):
             kinds = folder_kinds()
             places = (self.root, *self.models.glob("*/"), *(self.root / k.name for k in kinds))
-            parts = [path for place in places for path in place.glob(".*.part")]
-            parts = [path for path in parts if _PART.fullmatch(path.name)]
+            parts = [p for at in places for p in at.glob(".*.part") if _PART.fullmatch(p.name)]
             for kind in kinds:
                 parts += kind.debris(self.root / kind.name)
             for path in parts:
@@ -348,10 +343,8 @@ class Storage:
                 path.unlink()
 
     def discard(self, *paths: Path) -> str:
-        """Move files or folders to the trash together; on an OSError nothing is moved.
-
-        Returns the key for `restore`.
-        """
+        """Move files or folders to the trash together, and return the key for `restore`. On an
+        OSError nothing is moved."""
         after = int(max(self.deleted(), default="0")) + 1  # the clock may have been set back
         key = f"{max(after, time.time_ns()):020d}"
         place = self.trash / key
@@ -410,9 +403,8 @@ class Storage:
 
     def empty_trash(self) -> int:
         """Delete all items of the trash; return the bytes freed."""
-        places = self._ours_in_trash()
         size = size_below(self.trash)
-        for place in places:
+        for place in self._ours_in_trash():
             with contextlib.suppress(ConfigurationError):
                 if place.name.startswith("."):
                     FolderLock(place).start()  # fails while an import is unpacking into this folder

@@ -22,9 +22,9 @@ from server.clients.video import Encoder, VideoHub
 from server.config import Config
 from server.protocol import encode_message
 
-LASTING = ("set_aside", "nothing_kept", "check_battery")
+LASTING = ("set_aside", "nothing_kept", "check_battery", "unfit")
 """Events that are also sent to clients that join later."""
-_ENDS = {"kept_again": "nothing_kept", "battery_bears": "check_battery"}
+_ENDS = {"kept_again": "nothing_kept", "battery_bears": "check_battery", "model_loaded": "unfit"}
 """Maps an event to the lasting event that it ends."""
 
 

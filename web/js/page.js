@@ -15,7 +15,7 @@ const HINT_MS = 20_000;
 const SLOW_PHONE_MS = 15; // average delay of heartbeats above which a phone counts as slow
 const SLOW_STATE_MS = 300;
 /** @type {Record<string, string>} events that are shown as a sentence */
-const TOLD = { model_not_saved: 'not_saved', set_aside: 'set_aside', put_back: 'put_back', nothing_kept: 'nothing_kept', kept_again: 'kept_again', recording_off: 'recording_off', check_battery: 'check_battery' };
+const TOLD = { model_not_saved: 'not_saved', set_aside: 'set_aside', put_back: 'put_back', unfit: 'unfit', nothing_kept: 'nothing_kept', kept_again: 'kept_again', recording_off: 'recording_off', check_battery: 'check_battery' };
 const SHOWING = ['drive', 'gallery', 'why']; // the screens that show the robot's picture
 
 /** @typedef {import('./protocol.js').Mode} Mode */

@@ -122,21 +122,25 @@ class Autosave:
         self.save_if_changed()
         if self.has_unsaved:
             return self.name
+        unfit: list[str] = []
         for name, model in self.store.good_models():
-            if learner in (None, model.summary.learner) and not self._lacks(model):
-                self._use(name, model)
-                return name
-        return None
+            if learner in (None, model.summary.learner):
+                if not (lacking := self._lacks(model)):
+                    self._use(name, model)
+                    break
+                unfit.append(f"{name} ({lacking})")
+        else:
+            name = None
+        self._tell_unfit(unfit)
+        return name
 
     def adopt(self, recovered: Recovered) -> None:
         """Use the recovered model, and save it immediately if possible."""
         with self.lock:
-            if self._lacks(recovered.model):
-                log.warning(
-                    "the recovered model is not used: this robot does not have all its moves"
-                )
+            if lacking := self._lacks(recovered.model):
                 name = recovered.name or self.store.free_name(self._wanted_name)
                 self.store.save(name, recovered.model)
+                self._tell_unfit([f"{name} ({lacking})"])
                 return
             self._use(recovered.name, recovered.model)
             self._saved_changes = -1
@@ -186,6 +190,12 @@ class Autosave:
     def _lacks(self, model: Model) -> str:
         """Return the model's moves that this robot does not have, as text."""
         return ", ".join(sorted(set(model.summary.moves) - self._moves))
+
+    def _tell_unfit(self, models: list[str]) -> None:
+        """Tell people which models are not used because this robot does not have their moves."""
+        if models:
+            log.warning("this robot does not have all moves of these models: %s", ", ".join(models))
+            self.announce("unfit", detail=", ".join(models)[:300])
 
     def _check_stopped(self) -> None:
         if self._loop.mode is not Mode.STOPPED:

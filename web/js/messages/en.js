@@ -143,6 +143,7 @@ export default {
   unreachable: 'The robot did not answer.',
   unreadable: 'The browser can no longer read this file because it has changed. Choose it again.',
   not_saved: 'The model could not be saved: {detail}',
+  unfit: 'I do not have all moves of these models, so I did not load them. They stay saved: {detail}',
   set_aside: 'Damaged files were set aside: {detail}',
   check_battery: 'The robot has switched off {detail} times just when it started to drive. Check its battery: it may be too weak for the motors.',
   put_back: 'These versions are readable again and were put back: {detail}',

@@ -142,6 +142,7 @@ export default {
   unreachable: 'El robot no respondió.',
   unreadable: 'El navegador ya no puede leer este archivo porque ha cambiado. Elígelo de nuevo.',
   not_saved: 'No se pudo guardar el modelo: {detail}',
+  unfit: 'No tengo todos los movimientos de estos modelos, así que no los he cargado. Siguen guardados: {detail}',
   set_aside: 'Se han apartado archivos dañados: {detail}',
   check_battery: 'El robot se ha apagado {detail} veces justo al arrancar. Revisa la batería: puede ser demasiado débil para los motores.',
   put_back: 'Estas versiones vuelven a poder leerse y se han recuperado: {detail}',

@@ -142,6 +142,7 @@ export default {
   unreachable: '机器人没有回应。',
   unreadable: '文件已被改动，无法再读取。请重新选择。',
   not_saved: '模型无法保存：{detail}',
+  unfit: '我没有这些模型所需的全部动作，所以没有加载它们。它们仍然保存着：{detail}',
   set_aside: '已移开损坏的文件：{detail}',
   check_battery: '机器人已有 {detail} 次刚一开动就断电。请检查电池：可能带不动电机。',
   put_back: '这些版本又能读取了，已恢复：{detail}',

@@ -13,11 +13,12 @@ from pathlib import Path
 import pytest
 
 from robot.errors import ConfigurationError, NotFoundError, RecordingError
+from robot.policy.registry import make_policy
 from robot.policy.undo import undo_examples
 from robot.store.folder import Storage
 from robot.store.models.autosave import Autosave
 from robot.store.models.journal import Journal
-from robot.store.models.model import JournalPosition, Model, encode_model, stamp
+from robot.store.models.model import JournalPosition, Model, encode_model, stamp, take_model
 from robot.store.models.store import KEEP_VERSIONS, ModelStore
 from robot.types import Action, Example
 from tests.kit.sizes import crossed
@@ -253,6 +254,18 @@ def robot(tmp_path):
     yield robot
     robot.autosave.stop()
     robot.rig.stop()
+
+
+def test_a_model_with_moves_that_the_robot_does_not_have_is_named_and_kept(robot):
+    truck = take_model(make_policy("published-8", (Action.FORWARD, Action("wave"))), {})
+    robot.store.save("truck", truck)
+    robot.store.current = "truck"
+    assert robot.autosave.load_last() is None
+    assert robot.told == ["truck (wave)"]
+    robot.store.save("old", some_model())
+    assert robot.autosave.load_last() == "old"
+    assert robot.told[1:] == ["model_loaded", "truck (wave)"], "it is told after the loading"
+    assert versions(robot.store, "truck") == ["00001.npz"]
 
 
 def test_examples_of_the_current_tick_are_saved(robot):
