@@ -1,4 +1,4 @@
-"""The page as in a wheel: made once for a run of tests."""
+"""Joins the page's files as in a wheel, once for a run of tests."""
 
 from __future__ import annotations
 

@@ -233,11 +233,11 @@ class ChangeOfMind(Stateful):
     those of its own label, and clearly nearer than those of driving straight. After a change of
     mind, most examples contradict the old label; on a drive in the other direction, few do.
 
-    A label loses most of its votes at a view in two cases. In the first case, the label was
-    contradicted often enough, and its nearest image was last taught before the contradictions
-    began. In the second case, another label's image is at least as near and was taught much later.
-    Both rules reduce votes only while they are counted; the stored histograms stay. So teaching the
-    old label again at such views cancels the effect.
+    A label loses most of its votes at a view if it was contradicted often enough, and its nearest
+    image was last taught before the contradictions began. The label also loses them if another
+    label's image is at least as near and was taught much later. Both rules reduce votes only while
+    they are counted; the stored histograms stay. So teaching the old label again at such views
+    cancels the effect.
 
     The pilot can also declare a change of mind (`outdate`), which is better evidence than
     contradictions. If a label's nearest image was last taught before `outdate`, the label's votes

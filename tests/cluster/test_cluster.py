@@ -1,6 +1,6 @@
 """Experiments on real Dask schedulers and workers in separate processes, intact and faulty.
 
-Each must give the results of one process to the last digit, or end with one sentence.
+Each experiment must give the results of one process to the last digit, or end with one sentence.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""LeRobot's commands with robots that are served here: a pilot drives one, LeRobot the other."""
+"""Tests LeRobot's commands with two served robots: a pilot drives one, and LeRobot drives the
+other."""
 
 from __future__ import annotations
 

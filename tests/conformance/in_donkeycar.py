@@ -1,4 +1,4 @@
-"""Runs with donkeycar: uses an exported tub as its users do."""
+"""Runs in donkeycar's environment: uses an exported tub as donkeycar's users do."""
 
 from __future__ import annotations
 

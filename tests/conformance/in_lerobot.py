@@ -1,4 +1,4 @@
-"""Runs with LeRobot: uses an export as its users do, and makes one of its datasets."""
+"""Runs in LeRobot's environment: uses an export as LeRobot's users do, and makes a dataset."""
 
 from __future__ import annotations
 

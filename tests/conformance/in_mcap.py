@@ -1,4 +1,4 @@
-"""Runs with mcap of Python: reads a recording with all checksums."""
+"""Runs in the environment of Python's mcap: reads a recording, and checks all checksums."""
 
 from __future__ import annotations
 

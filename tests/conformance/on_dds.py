@@ -1,4 +1,5 @@
-"""A ROS 2 robot's DDS with Fast DDS in another process, which `__main__.py` builds."""
+"""Tests the DDS of a ROS 2 robot against Fast DDS in another process, which `__main__.py`
+builds."""
 
 from __future__ import annotations
 

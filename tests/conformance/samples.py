@@ -1,5 +1,5 @@
-"""Samples for the other programs: one simulated drive in every format; and imports of their
-data."""
+"""Makes samples for the other programs, one simulated drive in every format, and imports the
+programs' data."""
 
 from __future__ import annotations
 

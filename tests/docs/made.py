@@ -1,4 +1,4 @@
-"""All generated parts of the documents: one build, and one test of it."""
+"""Builds all generated parts of the documents; one test compares them with the files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The documents are true: links lead somewhere, and what they name exists."""
+"""The documents are true: links lead somewhere, and everything that the documents name exists."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""docs/reference/asyncapi.json describes the server's messages and the accepted ones."""
+"""docs/reference/asyncapi.json describes the messages that the server sends and accepts."""
 
 from __future__ import annotations
 

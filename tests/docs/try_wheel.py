@@ -1,4 +1,5 @@
-"""Tries a wheel as a new user does, in a fresh environment: `make dist`, and CI on every system.
+"""Tries a wheel as a new user does, in a fresh environment: `make dist` runs it, and CI on every
+system.
 
     python tests/docs/try_wheel.py FOLDER_WITH_THE_WHEEL
 

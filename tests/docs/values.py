@@ -4,9 +4,9 @@ A page marks such a number, in two comments that no reader sees:
 
     within <!--= gate.pilot_timeout_s -->0.3 s<!--/--> the robot stands
 
-The name is that of a constant or of a setting below. A number whose name ends in `_s` or `_S` is
-written in seconds, or in milliseconds after `ms`; `bare` leaves the unit out. To change a number,
-change it in the code, and run `make docs`.
+A marker contains the name of a constant, or of a setting below. A number whose name ends in `_s` or
+`_S` is written in seconds, or in milliseconds after `ms`; `bare` leaves the unit out. To change a
+number, change it in the code, and run `make docs`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Paired browsers directly and behind a proxy: page, sockets and STOP.
+"""Paired browsers get the page, its sockets and STOP, directly and behind a proxy.
 
 The proxies are a real nginx and a real Caddy with the docs' files: two robots under paths, and TLS.
 """

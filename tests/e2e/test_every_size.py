@@ -1,4 +1,4 @@
-"""Every screen at every size and in every language: nothing is truncated, nothing overlaps.
+"""No text is truncated and nothing overlaps, on every screen, at every size and in every language.
 
 The drive screen has a test of its own (test_holds_still.py). `make test` measures each size in one
 of the languages; at full size each is measured in all of them. The language `longer` is made up.

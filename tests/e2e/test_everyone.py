@@ -1,4 +1,5 @@
-"""The page is for everyone: accessible, read out in order, small, and still if the person wants."""
+"""The page is for everyone: it is accessible, small, read out in order, and does not move if the
+person wants so."""
 
 from __future__ import annotations
 

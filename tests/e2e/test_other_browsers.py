@@ -1,4 +1,5 @@
-"""The whole loop in Firefox and WebKit: open, hold, train, let it drive, stop."""
+"""The whole loop works in Firefox and WebKit: open the page, teach, let the robot drive, stop
+it."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""A study on the page: a scripted participant from consent to the last answer, and the table.
+"""A scripted participant goes through a study on the page, from consent to the last answer, which
+yields the table.
 
-The participant drives with a hand on the glass. A phase of teaching hardly advances before enough
-was taught, however slow the machine, and then runs faster than its plan says.
+The participant drives with a hand on the glass. However slow the machine is, a phase of teaching
+hardly advances before the robot was taught enough, and then runs faster than planned.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""The page shows the learner truthfully, and changes it: one journey over its screens."""
+"""One journey over the screens on which the page shows what the learner has learned, and changes
+it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The whole loop on a phone: teach, see the agreement, let it drive, correct it, stop it."""
+"""The whole loop works on a phone: teach, see the agreement, let the robot drive, correct it, stop
+it."""
 
 from __future__ import annotations
 

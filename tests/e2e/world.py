@@ -1,4 +1,4 @@
-"""A real server around a simulated robot, and a Chromium that shows its page."""
+"""Serves a simulated robot by a real server, and shows its page in a real Chromium."""
 
 from __future__ import annotations
 

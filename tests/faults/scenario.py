@@ -1,4 +1,5 @@
-"""One fault at a random moment of a drive, in virtual time; one server serves a thousand drives."""
+"""Causes one fault at a random moment of a drive, in virtual time. One server serves a thousand
+drives."""
 
 from __future__ import annotations
 

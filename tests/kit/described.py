@@ -1,4 +1,5 @@
-"""Routes as an application describes them in `/openapi.json`, so that new routes are included."""
+"""Lists the routes that an application describes in `/openapi.json`, so that new routes are
+included."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Servers of asyncio on a separate thread, which end without losing a connection."""
+"""Runs servers of asyncio on a separate thread, and ends them without losing a connection."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ports of this machine for servers that run in other processes."""
+"""Finds free ports of this machine for servers that run in other processes."""
 
 from __future__ import annotations
 

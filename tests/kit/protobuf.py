@@ -1,4 +1,4 @@
-"""Messages of protobuf, read by the schema in their own file, like a viewer."""
+"""Reads messages of protobuf by the schema in their own file, as a viewer does."""
 
 from __future__ import annotations
 

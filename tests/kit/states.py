@@ -1,4 +1,4 @@
-"""Comparing the states of learners."""
+"""Compares the states of learners."""
 
 from __future__ import annotations
 

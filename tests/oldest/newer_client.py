@@ -1,6 +1,7 @@
-"""For `make test-oldest`: the tests' own client is of today, though the server's library is old.
+"""For `make test-oldest`: gives the tests a new websocket client although the server's library is
+old.
 
-The tests speak through `websockets.sync` and `.asyncio`, which websockets 10.4 has not. A copy of a
+The tests use `websockets.sync` and `websockets.asyncio`, which websockets 10.4 lacks. A copy of a
 newer release is installed as `newer_websockets`, and only the tests see it.
 """
 

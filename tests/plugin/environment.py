@@ -1,4 +1,4 @@
-"""An environment in which a third-party package is installed by pip, beside the project."""
+"""Makes an environment in which pip installs a third-party package beside the project."""
 
 from __future__ import annotations
 

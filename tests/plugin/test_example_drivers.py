@@ -1,4 +1,5 @@
-"""Driver packages under docs/examples: real MAVLink bytes, and the Thymio manager's own classes."""
+"""The driver packages under docs/examples work with real MAVLink bytes, and with the Thymio
+manager's own classes."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""docs/howto/write-a-driver.md, followed literally: a third-party robot is made, installed, served
-and taught. Recordings and exports of a robot's own moves are tested in tests/robot/recordings and
+"""Follows docs/howto/write-a-driver.md literally: makes, installs, serves and teaches a third-party
+robot. Recordings and exports of a robot's own moves are tested in tests/robot/recordings and
 tests/robot/exchange."""
 
 from __future__ import annotations

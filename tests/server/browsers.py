@@ -1,4 +1,4 @@
-"""Paired browsers behind one address load the page at once: how many pages stay dead?
+"""Counts the pages that stay dead if many paired browsers behind one address load the page at once.
 
 Each browser has six connections, like a real one, and requests what a first visit needs: the
 document, its files, its service worker, both websockets and a first picture.

@@ -1,4 +1,5 @@
-"""A bench robot served with pairing, in a process with few descriptors, and requests to it."""
+"""Serves a bench robot with pairing, in a process with few descriptors, and sends requests to
+it."""
 
 from __future__ import annotations
 

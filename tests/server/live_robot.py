@@ -1,4 +1,4 @@
-"""A bench robot in real time, a server around it, and a pilot's program."""
+"""Serves a bench robot in real time, and drives it by a pilot's program."""
 
 from __future__ import annotations
 

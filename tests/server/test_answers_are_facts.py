@@ -1,7 +1,7 @@
 """A change that was answered as done and saved survives a kill, whichever call the disk refuses.
 
-Each route that writes runs on a robot in virtual time. Its disk refuses one call, or all calls from
-one on. The folder is copied when the answer arrives, as a kill would leave it, and a new start
+Each route that writes runs on a robot in virtual time, whose disk refuses one call, or all calls
+from one on. The folder is copied when the answer arrives, as a kill would leave it, and a new start
 reads the copy. Unless the answer is a refusal or has `kept` false, the copy must be the same as
 with a sound disk. A copy at any earlier call of the disk must have the content before the change,
 or that after it. cli/test_main.py tests commands on a full disk.

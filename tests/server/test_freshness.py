@@ -1,4 +1,4 @@
-"""Nothing moves without a fresh message: every fault at every moment of every message.
+"""Whatever fault comes at whatever moment of a message, nothing moves without a fresh message.
 
 Each run is drawn from a seed: (freeze | stall up | stall down | cut | reorder) x (before | while |
 after each message) x (client gone | silent | back) x every message of the protocol, over the real

@@ -1,4 +1,4 @@
-"""Nonsense to a real server: it answers, its memory stays small, and the loop continues.
+"""A real server answers nonsense; its memory stays small, and the loop continues.
 
 Every route keeps its description in `/openapi.json`: bodies, answers and errors, with valid and
 invalid values. DRIVELESSON_FUZZ is the number of messages; `make test` sends 1,000, CI 100,000.

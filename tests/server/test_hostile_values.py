@@ -1,4 +1,5 @@
-"""Nonsense values at every described route: a 4xx with a sentence, never 5xx, no crash.
+"""Every described route answers nonsense values by a 4xx with a sentence, never by a 5xx or a
+crash.
 
 test_fuzz.py tests memory, and malformed models.
 """

@@ -1,4 +1,4 @@
-"""A real process and its folder: everything taught is there again, however the process ended.
+"""However a real process ends, everything that was taught is there again at the next start.
 
 test_damaged_folder.py tests other damage to a folder.
 """

@@ -1,4 +1,5 @@
-"""docs/examples/lerobot with a served robot, without LeRobot, which its connection does not need.
+"""Uses docs/examples/lerobot with a served robot, but without LeRobot, which the example's
+connection does not need.
 
 DRIVELESSON_FULL=1 compares 10,000 orders (.ci/run).
 """

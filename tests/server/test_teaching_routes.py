@@ -1,4 +1,4 @@
-"""Gallery, teaching and settings over HTTP, on a bench robot."""
+"""The routes of gallery, teaching and settings, on a bench robot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A served robot and its pilots in virtual time: real app, hub, protocol, loop and gate.
+"""Serves a robot to pilots in virtual time, with the real app, hub, protocol, loop and gate.
 
 Only uvicorn and the sockets are missing. See CONTRIBUTING.md, "Tests in virtual time".
 """

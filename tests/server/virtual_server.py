@@ -1,4 +1,4 @@
-"""A served robot in virtual time, with the interfaces of a real one: httpx, websockets, a pilot.
+"""Serves a robot in virtual time; tests use it like a real one, by httpx, websockets and a pilot.
 
 The robot's own threads run on the virtual clock. Time passes only where the test waits.
 """

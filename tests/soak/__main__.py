@@ -1,4 +1,5 @@
-"""Serves, teaches and hands over for some minutes, and reports growth: outside CI.
+"""Serves a robot that is taught and drives for some minutes, and reports growth. CI does not run
+it.
 
 `python -m tests.soak --minutes 60`: a real server with the simulator; a pilot teaches for 20 s and
 hands over for 10, again and again; viewers connect, watch, stall and vanish. The report has the

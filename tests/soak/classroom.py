@@ -1,5 +1,5 @@
-"""A class in separate processes, measured from outside: `drivelesson class` with simulated
-robots."""
+"""Runs a class in separate processes, and measures them from outside: `drivelesson class` with
+simulated robots."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A ROS 2 robot on DDS: a base that never stops by itself, a camera, and our watchdog."""
+"""A ROS 2 robot on DDS, with a base that never stops by itself, a camera, and our watchdog."""
 
 from __future__ import annotations
 

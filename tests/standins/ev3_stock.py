@@ -1,8 +1,8 @@
 """A simulated brick with LEGO's firmware on this machine: beacon, unlock and direct commands.
 
 The simulated brick has its own reader of bytecodes, and shares no code with the driver's codec. The
-third-party client `ev3-dc` checks it (tests/robot/bodies/ev3/test_stock.py), and then it checks our
-driver.
+third-party client `ev3-dc` checks the simulated brick (tests/robot/bodies/ev3/test_stock.py), which
+in turn checks our driver.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The sample firmware as a process of Debian's micropython; its pins print lines."""
+"""Runs the sample firmware in a process of Debian's micropython, whose pins print lines."""
 
 from __future__ import annotations
 

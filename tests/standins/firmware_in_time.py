@@ -1,4 +1,4 @@
-"""The sample firmware and the hub's program in virtual time, run by this Python.
+"""Runs the sample firmware and the hub's program in virtual time, in this Python.
 
 Their modules `machine`, `network` and `pybricks` are the same as in other tests with Debian's
 micropython, but use the virtual clock. So thousands of moments can be tested.

@@ -1,5 +1,5 @@
-"""A LEGO hub with Pybricks: its program really runs, on Debian's micropython, with modules instead
-of `pybricks`; around it is the GATT service, as the library `bleak` shows it to a program.
+"""A LEGO hub with Pybricks. Its program really runs, on Debian's micropython with replaced
+`pybricks` modules, and the library `bleak` seems to show the hub's GATT service.
 
 `hub.bluetooth` replaces the module `bleak`.
 """

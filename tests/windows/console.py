@@ -1,4 +1,5 @@
-"""A program in a console of Windows, which can be closed, and in which Ctrl-C can be pressed."""
+"""Runs a program in a console of Windows, in which a test can press Ctrl-C, and which it can
+close."""
 
 from __future__ import annotations
 

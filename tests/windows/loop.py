@@ -1,4 +1,5 @@
-"""The tutorial's loop on Windows, by a client: taught, handed over, ended, and restored."""
+"""A client runs the tutorial's loop on Windows: it teaches, hands over, ends the program, and
+restores the model."""
 
 from __future__ import annotations
 

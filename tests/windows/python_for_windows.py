@@ -2,8 +2,8 @@
 
 No installer of Windows' Python runs unattended in every Wine, and the package index has none. But
 panda3d's wheel for Windows contains the whole interpreter except python.exe, and the standard
-library is the one that runs this script. The code names each thing that Wine 8 lacks where it
-replaces it.
+library is the one that runs this script. Where the code replaces something that Wine 8 lacks, a
+comment names it.
 """
 
 from __future__ import annotations

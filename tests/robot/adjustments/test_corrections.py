@@ -1,4 +1,5 @@
-"""Bodies and cameras that are built differently: each way of mounting, of wiring and of pulling."""
+"""Corrections of bodies and cameras for each way to mount a camera, to wire motors, and to pull to
+one side."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The challenge, in virtual time: tricks score less than an honest average robot."""
+"""In the challenge, tricks score less than an honest average robot; runs in virtual time."""
 
 from __future__ import annotations
 

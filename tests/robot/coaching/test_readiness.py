@@ -1,4 +1,4 @@
-"""When the robot counts as ready, what resets this, and that each gap has a location."""
+"""When the robot counts as ready, what resets this, and where each gap lies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The trail: which points are kept, and how a client gets the points that it lacks."""
+"""Which points the trail keeps, and how a client gets the points that it lacks."""
 
 from __future__ import annotations
 

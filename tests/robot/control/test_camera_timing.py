@@ -1,4 +1,5 @@
-"""The limits follow the camera: limits, speed and learning with cameras from quick to useless."""
+"""The limits adapt to the camera; how the robot drives and learns with cameras from quick to
+useless."""
 
 from __future__ import annotations
 

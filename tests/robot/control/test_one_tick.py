@@ -1,8 +1,9 @@
-"""One taught tick of a served robot: the number of modules and lines that a reader has to follow.
+"""Counts the modules and lines through which a taught tick of a served robot runs, and which a
+reader has to follow.
 
-The simulator is driven through a page's messages, with everything subscribed that `drivelesson`
-subscribes. The path contains the camera's picture, the command, the tick, and its processing for
-the disk and the pages.
+The test drives the simulator by a page's messages, with all listeners that `drivelesson`
+subscribes. The path begins at the camera's picture and the command, and ends when disk and pages
+have got the tick.
 """
 
 from __future__ import annotations

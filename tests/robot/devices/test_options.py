@@ -1,4 +1,4 @@
-"""Options: dataclass fields as flags."""
+"""Fields of a dataclass become options and flags."""
 
 from __future__ import annotations
 

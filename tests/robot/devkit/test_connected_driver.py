@@ -1,4 +1,4 @@
-"""The services of the drivers' base class: it reconnects, and leaves all other names to authors."""
+"""The base class of drivers reconnects, and leaves all names except its own to authors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Two wheels: their speeds from a point, and the pose to which they lead."""
+"""The speeds of two wheels at each steering and throttle, and the pose to which they lead."""
 
 from __future__ import annotations
 

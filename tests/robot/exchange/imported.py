@@ -1,4 +1,5 @@
-"""Pictures that show their number, donkeycar's tubs of them, and what an import makes of drives."""
+"""Writes pictures that show their numbers, and donkeycar's tubs of them, and reads the results of
+imports."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""LeRobot datasets of both versions: written as LeRobot reads them, and read, even damaged, without
-teaching anything wrong.
+"""LeRobot datasets of both versions are written in LeRobot's format, and read without teaching
+anything wrong, even if they are damaged.
 
 LeRobot itself reads, edits and merges exports in tests/conformance.
 """

@@ -1,4 +1,4 @@
-"""Labels, degrees and a driver's own moves survive every export and import, exact to float32."""
+"""Labels, points and a driver's own moves survive every export and import, exact to float32."""
 
 from __future__ import annotations
 

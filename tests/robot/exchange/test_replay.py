@@ -1,4 +1,4 @@
-"""Recorded footage as a camera."""
+"""A camera replays recorded footage."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The drives that are found at a path: among other files, at any depth, packed or not."""
+"""All drives at a path are found: among other files, at any depth, packed or not."""
 
 from __future__ import annotations
 

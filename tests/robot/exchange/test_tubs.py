@@ -1,5 +1,5 @@
-"""Donkeycar's tubs, intact, damaged and hostile: every intact record is imported, and nothing
-wrong is taught."""
+"""From donkeycar's tubs, even damaged and hostile ones, every intact record is imported, and
+nothing wrong is taught."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables, reports, and the plans and figures of every experiment."""
+"""Tables and reports show the plans and figures of every experiment."""
 
 from typing import Any
 

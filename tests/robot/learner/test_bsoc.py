@@ -1,4 +1,4 @@
-"""The images of a learner and their votes: equal to the paper's, fast, and safe with any values."""
+"""A learner's images and votes equal the paper's, are computed quickly, and accept any values."""
 
 from __future__ import annotations
 

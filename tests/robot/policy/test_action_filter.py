@@ -1,4 +1,5 @@
-"""Steady driving from votes: for any votes and frame rate, the robot gets on or asks for help."""
+"""The filter drives steadily: for any votes and frame rate, the robot makes progress or asks for
+help."""
 
 from __future__ import annotations
 

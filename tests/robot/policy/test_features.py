@@ -1,4 +1,4 @@
-"""From a camera's frame to a grey picture, and to the vector that a learner sees."""
+"""A camera's frame becomes a grey picture, and then the vector that a learner sees."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Teaching, and undoing examples as if they had never been taught."""
+"""The history teaches examples, and undoes them as if they had never been taught."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A policy: what it learns and refuses, its name, and its size."""
+"""What a policy learns and refuses, and how its name and its size are chosen."""
 
 from __future__ import annotations
 

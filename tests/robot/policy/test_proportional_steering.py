@@ -1,4 +1,5 @@
-"""Proportional steering: learned beside the moves, and proposed in the pilot's style."""
+"""The policy learns proportional steering beside the moves, and proposes it in the pilot's
+style."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Cut, damaged and malicious files: read up to the damage, completed if they were cut, and never
-trusted."""
+"""Damaged and malicious files are read up to the damage and never trusted; truncated files are
+completed."""
 
 from __future__ import annotations
 

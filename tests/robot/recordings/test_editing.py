@@ -1,4 +1,4 @@
-"""A recording with its edits: the data of each picture, and copies with the edits applied."""
+"""The data of each picture after a recording's edits, and copies with the edits applied."""
 
 from __future__ import annotations
 

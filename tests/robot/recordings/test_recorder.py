@@ -1,4 +1,4 @@
-"""Runs are recorded while driven: everything that happened, without delaying the loop."""
+"""The recorder records everything that happens in a run, without delaying the loop."""
 
 from __future__ import annotations
 

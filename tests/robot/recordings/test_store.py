@@ -1,5 +1,5 @@
-"""Episodes on disk: listed in any state, edited, deleted, restored, compacted, zipped, and none
-disappears while it is read."""
+"""Episodes on disk are listed in any state, edited, deleted, restored, compacted and zipped, and
+none disappears while it is read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The simulated body's motion, collisions and sensors; the numbers were computed by hand."""
+"""The simulated body's motion, collisions and sensors equal numbers that were computed by hand."""
 
 from __future__ import annotations
 

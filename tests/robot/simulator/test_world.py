@@ -1,4 +1,4 @@
-"""Worlds as files: the built-in ones, a user's own, and broken ones."""
+"""Worlds are read from files: built-in worlds, a user's own worlds, and broken ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One data folder, on any system's disk and with any other installed programs."""
+"""The data folder works on any system's disk, beside any other programs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A session can be resumed from its log, which is read as it was written, or refused."""
+"""A session can be resumed from its log. A log is read as it was written, or refused."""
 
 import csv
 import io

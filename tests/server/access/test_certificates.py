@@ -1,4 +1,5 @@
-"""The certificate that a browser gets if it trusts the robot's authority, and its renewal."""
+"""Which certificate a browser gets that trusts the robot's authority, and when the certificate is
+renewed."""
 
 import datetime as dt
 import ssl

@@ -1,4 +1,5 @@
-"""The listening socket: counting, back-off, and its behaviour without free descriptors."""
+"""The listening socket counts connections, makes clients wait, and survives a lack of
+descriptors."""
 
 import asyncio
 import contextlib

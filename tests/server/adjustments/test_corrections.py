@@ -1,4 +1,4 @@
-"""Corrections of body and camera: set on the page, saved with the robot, and recorded."""
+"""Corrections of body and camera are set on the page, saved with the robot, and recorded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A class in virtual time: the robots' real apps, the real board, and a network that can fail."""
+"""Runs a class in virtual time, with the robots' real apps, the real board, and a network that can
+fail."""
 
 import asyncio
 import contextlib

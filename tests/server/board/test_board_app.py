@@ -1,4 +1,4 @@
-"""The board's own server: only for the teacher's machine, and no request crashes it."""
+"""The board's own server serves only the teacher's machine, and no request crashes it."""
 
 import contextlib
 import json

@@ -1,4 +1,4 @@
-"""Models of a class: kept, reset, handed over or copied at one press, with undo.
+"""One press keeps, resets, hands over or copies the models of a class, and can be undone.
 
 Each failure says what has not changed.
 """

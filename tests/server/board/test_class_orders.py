@@ -1,4 +1,5 @@
-"""`drivelesson class`: orders, its ready-made lesson, and a port in use; see also tests/e2e."""
+"""`drivelesson class` gives orders, makes its ready-made lesson, and reports a port in use; see
+also tests/e2e."""
 
 import socket
 from urllib.parse import urlsplit

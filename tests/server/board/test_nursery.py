@@ -1,4 +1,5 @@
-"""Robots forked from one process: each can end separately, and all end with the class."""
+"""Each of the robots that are forked from one process can end separately, and all end with the
+class."""
 
 import os
 import re

@@ -1,4 +1,5 @@
-"""Whatever is announced: the robots of the class are on the board, and STOP reaches them."""
+"""Whatever the network announces, the robots of the class are on the board, and STOP reaches
+them."""
 
 import asyncio
 import random

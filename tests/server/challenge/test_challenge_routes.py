@@ -1,4 +1,5 @@
-"""The challenge over HTTP, in the recording of its drive, and on a class's board."""
+"""The challenge works over HTTP, and appears in the recording of its drive and on a class's
+board."""
 
 from __future__ import annotations
 

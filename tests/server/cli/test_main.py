@@ -1,4 +1,4 @@
-"""The command line in general: suggestions, errors, a full disk, completion."""
+"""The command line makes suggestions, reports errors and a full disk, and completes words."""
 
 import os
 import subprocess

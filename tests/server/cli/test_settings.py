@@ -1,4 +1,5 @@
-"""Settings: their sources, the refused values, and that the reference lists each of them."""
+"""Which sources settings have, which values are refused, and that the reference lists each
+setting."""
 
 import argparse
 import os

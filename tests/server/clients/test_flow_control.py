@@ -1,4 +1,5 @@
-"""The window of frames in flight and their size; time is an argument. On links: test_video.py."""
+"""How many frames are in flight, and how large they are; time is an argument. On links:
+test_video.py."""
 
 from __future__ import annotations
 

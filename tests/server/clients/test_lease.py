@@ -1,4 +1,4 @@
-"""The lease of control: who has the wheel, and who gets it next."""
+"""Which client has the lease of control, and which one gets it next."""
 
 from __future__ import annotations
 

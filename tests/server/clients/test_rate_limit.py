@@ -1,4 +1,4 @@
-"""The rate limit of a client's messages: a burst, and then a rate."""
+"""The rate limit of a client's messages allows a burst, and then a steady rate."""
 
 from __future__ import annotations
 

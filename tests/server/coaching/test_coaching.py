@@ -1,4 +1,4 @@
-"""What the page asks the coach: the curve of agreement, and why the robot proposes a move."""
+"""The page gets the curve of agreement, and the reason why the robot proposes a move."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Differences of Windows in sockets, loops, clocks, streams and modules, simulated here."""
+"""Simulates how Windows differs in sockets, loops, clocks, streams and modules."""
 
 import asyncio
 import io

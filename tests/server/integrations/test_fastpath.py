@@ -1,4 +1,4 @@
-"""Uvicorn's websocket protocol, over a connection in memory."""
+"""The fast path of uvicorn's websocket protocol, over a connection in memory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Models renamed, copied, loaded and restored: in the data folder, and over HTTP."""
+"""Models are renamed, copied, loaded and restored, in the data folder and over HTTP."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The recordings of one robot over HTTP: driven, shown, edited, restored."""
+"""Over HTTP, the recordings of a robot are listed, shown, edited, deleted and restored."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Long work on recordings, in a separate process or in the background: its results, its errors and
-its end."""
+"""Long work on recordings runs in a separate process or in the background, and reports its results,
+errors and end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The robot's path, requested in parts over HTTP."""
+"""A client gets the robot's path in parts over HTTP."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Stored studies: damaged logs, a participant who withdraws, and `drivelesson study`."""
+"""Stored studies survive damaged logs and participants who withdraw; `drivelesson study` reads
+them."""
 
 import errno
 import unicodedata

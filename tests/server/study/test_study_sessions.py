@@ -1,4 +1,5 @@
-"""Sessions of a study over HTTP, in virtual time: phases, questions, places, refusals.
+"""Sessions of a study over HTTP, in virtual time, with their phases, questions, places and
+refusals.
 
 tests/e2e/test_study.py runs a whole study, from the plan to its table.
 """

@@ -1,5 +1,5 @@
 // <why-screen>: the screen "Why?" explains the robot's current proposal.
-// The screen shows the learned image that decides and the robot's current picture.
+// The screen shows the robot's current picture, and the learned image that decides.
 // The areas in which the image and the picture are most alike are marked.
 
 import { ask } from '../api.js';

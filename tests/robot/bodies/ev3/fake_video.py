@@ -1,4 +1,4 @@
-"""A simulated camera at /dev/video9, for processes that are started with its environment."""
+"""Simulates a camera at /dev/video9 for processes that are started with its environment."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A film of YUYV pictures, and its camera, installed as a plugin for a server under test."""
+"""Installs a film of YUYV pictures, and the camera that shows it, as a plugin for a server under
+test."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A camera of YUYV pictures from a file, like a USB camera, for a brick without one.
+"""A camera that shows YUYV pictures from a file, in place of a USB camera, for a brick without a
+camera.
 
 The camera is installed in the emulated brick like a third-party plugin, and reads one picture at a
 time.

@@ -1,4 +1,4 @@
-"""The agent, its callers, and the driver's use of a connection to it, in virtual time."""
+"""The agent, its callers, and the driver that uses a connection to the agent, in virtual time."""
 
 from __future__ import annotations
 

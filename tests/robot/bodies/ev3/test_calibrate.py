@@ -1,4 +1,5 @@
-"""Calibration: its computations, its file, and a drive on an EV3 made of files."""
+"""Calibration computes the right values, writes them to the file, and works on an EV3 made of
+files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The camera of Linux: its real ioctl code in another process, and its parts in virtual time."""
+"""The Linux camera: its ioctl code runs in another process, and its parts in virtual time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The brick's features and regression in whole numbers, beside plain computations in floats.
+"""The brick's features and regression in whole numbers equal plain computations in floats.
 
 tests/robot/learner/test_properties.py tests the regression inside a learner.
 """

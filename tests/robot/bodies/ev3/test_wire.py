@@ -1,4 +1,4 @@
-"""The wire protocol: framing, sealing and refusals, without sockets."""
+"""The wire protocol frames, seals and refuses messages; these tests use no sockets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The real ioctl code with a made-up camera; test_v4l2.py runs this in a process that sees one."""
+"""Runs the real ioctl code with a simulated camera; test_v4l2.py starts this in a process that sees
+the camera."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The agent in virtual time: its own code on a thread of the clock, with connections in memory."""
+"""Runs the agent's own code in virtual time, on a thread of the clock, with connections in
+memory."""
 
 from __future__ import annotations
 

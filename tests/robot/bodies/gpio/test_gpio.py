@@ -1,6 +1,6 @@
-"""Motors on pins: their logic in virtual time, and the process that holds the pins.
+"""Motors on pins: the logic of moves in virtual time, and the process that holds the pins.
 
-That process has gpiozero's mock pins; the robot stops whichever process dies.
+That process has gpiozero's mock pins; the robot stops, no matter which process dies.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""Gymnasium environments as robots: moves, pictures and games in every form, and that they wait."""
+"""Gymnasium environments as robots, with moves, pictures and games in every form; an environment
+waits for the loop."""
 
 from __future__ import annotations
 

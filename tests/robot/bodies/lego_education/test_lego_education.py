@@ -1,4 +1,4 @@
-"""LEGO's double motor, by LEGO's own library over a transport of ours."""
+"""Drives LEGO's double motor by LEGO's own library, over a simulated transport."""
 
 from __future__ import annotations
 

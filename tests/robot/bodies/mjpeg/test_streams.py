@@ -1,4 +1,4 @@
-"""Streams as cameras write them: the page shows a picture or a true sentence, never nothing."""
+"""Whatever stream a camera writes, the page shows a picture or a true sentence, never nothing."""
 
 from __future__ import annotations
 

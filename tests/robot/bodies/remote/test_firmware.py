@@ -1,4 +1,5 @@
-"""The sample firmware, on Debian's micropython: driven, killed, frozen, flooded and attacked."""
+"""Runs the sample firmware on Debian's micropython; it is driven, killed, frozen, flooded and
+attacked."""
 
 from __future__ import annotations
 

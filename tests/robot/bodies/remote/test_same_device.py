@@ -1,5 +1,5 @@
-"""A robot keeps its device through drops, renames and twins, by the code that searches for hubs and
-bricks. tests/robot/devkit/test_cameras.py has cameras."""
+"""A driver keeps its device although connections drop and hubs or bricks are renamed or have twins.
+tests/robot/devkit/test_cameras.py has cameras."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A ROS robot over DDS: messages by a third-party codec, options, and a robot on the network."""
+"""A ROS robot over DDS: its messages equal those of a third-party codec, its options, and a robot
+on the network."""
 
 from __future__ import annotations
 

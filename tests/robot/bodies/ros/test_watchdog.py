@@ -1,4 +1,4 @@
-"""The node that stops a ROS robot, in virtual time: which orders it passes on, and for how long."""
+"""Which orders the watchdog of a ROS robot passes on, and for how long, in virtual time."""
 
 from __future__ import annotations
 

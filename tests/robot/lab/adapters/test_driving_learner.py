@@ -1,4 +1,4 @@
-"""The learner as it drives, in a loop of another program: the same as in ours, including undo."""
+"""In the loop of another program, the driving learner does the same as in ours, including undo."""
 
 import math
 

@@ -1,4 +1,5 @@
-"""Models from any source: each is refused with a reason, or drives, learns, is edited and saved."""
+"""A model from any source is either refused with a reason, or can drive, learn, and be edited and
+saved."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Models by name: saved automatically, and in versions, so that a damaged one costs no lesson."""
+"""Models are saved automatically by name, and in versions, so that a damaged version loses no
+teaching."""
 
 from __future__ import annotations
 
