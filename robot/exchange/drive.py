@@ -20,6 +20,7 @@ import numpy as np
 from robot.clock import RealClock
 from robot.devkit.pictures import Picture
 from robot.errors import RecordingError
+from robot.exchange.stamps import date_or_zero
 from robot.exchange.timeline import make_timeline
 from robot.moves import CLASSIC, Move, point_of
 from robot.policy.events import Taught
@@ -162,7 +163,8 @@ def drive_of(
     if stands > 0:
         report.remark(f"left out, because the car stood or drove backward: {stands} pictures")
     moves = _moves_with(shot.label for shot in shots)
-    known = {"moves": moves, "declared_moves": _declared(shots)}
+    known: dict[str, Any] = {"moves": moves, "declared_moves": _declared(shots)}
+    known["started_at_s"] = date_or_zero(shots[0].t_s)
     return Drive(shots=shots, report=report, **{**known, **about})
 
 

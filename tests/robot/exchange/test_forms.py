@@ -390,6 +390,22 @@ def test_a_table_may_begin_at_zero_or_state_times_of_day(tmp_path: Path) -> None
         episode = import_from(folder, tmp_path / f"{times[:4].replace(':', '')}.mcap")
         after_s = [entry.captured_s - episode.start_s for entry in episode.frames.values()]
         assert after_s[:2] == pytest.approx([0.0, 0.5]), times
+        assert float(episode.run["started_at_s"]) == 0.0, "not a date"
+
+
+@pytest.mark.parametrize(
+    ("stamp", "began_s"),
+    [
+        *(("1700000000.5", 1700000000.5), ("1700000000500", 1700000000.5)),
+        *(("2023-11-14 23:13:20.5+01:00", 1700000000.5), ("16e8", 1.6e9), ("5e9", 0.0)),
+    ],
+)
+def test_a_drive_whose_times_are_dates_keeps_its_date(
+    stamp: str, began_s: float, tmp_path: Path
+) -> None:
+    folder = put(tmp_path / "set", "a.jpg")
+    (folder / "t.csv").write_text(f"file,label,time\na.jpg,left,{stamp}\n")
+    assert import_from(folder, tmp_path / "got.mcap").started_at_s == began_s
 
 
 @pytest.mark.parametrize("name", ["table.csv", "table.txt"])
