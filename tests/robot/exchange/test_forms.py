@@ -8,8 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from robot.errors import RecordingError
 from robot.exchange.drive import ImportReport, write_episode
@@ -248,9 +250,18 @@ CHANNELS = {"mono": 1, "bayer": 1, "yuv422": 2}
 
 
 def write_bag(
-    path: Path, form: str, encoding: str, is_stamped: bool, size: tuple[int, int] = (160, 120)
+    path: Path,
+    form: str,
+    encoding: str,
+    is_stamped: bool,
+    size: tuple[int, int] = (160, 120),
+    rows: NDArray[np.uint8] | None = None,
 ) -> Labels:
-    """Write a bag of ROS 1 or 2 by the library `rosbags`; return the label of each picture."""
+    """Write a bag of ROS 1 or 2 by the library `rosbags`; return the label of each picture.
+
+    `rows` are the bytes of each picture, shape (height, bytes of a row); by default they show the
+    picture's number.
+    """
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin
     from rosbags.rosbag2 import Writer as Writer2
@@ -270,14 +281,15 @@ def write_bag(
             kind, packed = types["sensor_msgs/msg/CompressedImage"], picture(number)
             data = np.frombuffer(packed, np.uint8)
             return kind(header=header(at_ns), format="jpeg", data=data)
-        channels = next((n for name, n in CHANNELS.items() if name in encoding), 3)
-        shown = pixels(number)[: size[1], : size[0], :channels]
-        if encoding.endswith("16"):
-            shown = np.ascontiguousarray(shown.astype("<u2") << 8).view(np.uint8)
-        step = size[0] * shown.shape[2]
-        sides = {"height": size[1], "width": size[0], "step": step, "is_bigendian": 0}
-        kind, data = types["sensor_msgs/msg/Image"], np.ascontiguousarray(shown).reshape(-1)
-        return kind(header=header(at_ns), encoding=encoding, data=data, **sides)
+        kind, data = types["sensor_msgs/msg/Image"], rows
+        if data is None:
+            channels = next((n for name, n in CHANNELS.items() if name in encoding), 3)
+            shown = pixels(number)[: size[1], : size[0], :channels]
+            if encoding.endswith("16"):
+                shown = np.ascontiguousarray(shown.astype("<u2") << 8).view(np.uint8)
+            data = np.ascontiguousarray(shown).reshape(size[1], -1)
+        sides = {"height": size[1], "width": size[0], "step": data.shape[1], "is_bigendian": 0}
+        return kind(header=header(at_ns), encoding=encoding, data=data.reshape(-1), **sides)
 
     def order(turn: float, at_ns: int) -> Any:
         vector, kind = types["geometry_msgs/msg/Vector3"], "geometry_msgs/msg/Twist"
@@ -319,6 +331,53 @@ def test_a_ros_bag_is_imported_and_a_velocity_holds_until_the_next(
     if form == "mcap file":
         [path] = path.glob("*.mcap")
     assert labels_by_number(import_from(path, tmp_path / "got.mcap")) == labels
+
+
+RED, BLUE = (200, 0, 0), (0, 0, 200)
+RED_YUV, BLUE_YUV = (65, 103, 221), (40, 221, 111)
+"""Brightness from 16 to 235, and the two colour differences around 128 (ITU-R BT.601)."""
+
+
+def coded(encoding: str, width: int, height: int) -> NDArray[np.uint8]:
+    """Return the rows of a picture that is red on the left and blue on the right."""
+    is_right = np.arange(width) >= width // 2
+    rgb = np.broadcast_to(np.where(is_right[:, None], BLUE, RED), (height, width, 3))
+    yuv = np.broadcast_to(np.where(is_right[:, None], BLUE_YUV, RED_YUV), (height, width, 3))
+    if encoding.startswith("bayer"):
+        pattern = np.array(["rgb".index(letter) for letter in encoding[6:10]]).reshape(2, 2)
+        channel = np.tile(pattern, (height // 2, width // 2))[..., None]
+        rows = np.take_along_axis(rgb, channel, axis=2)
+    elif encoding in ("uyvy", "yuyv"):
+        difference = np.where(np.arange(width) % 2, yuv[..., 2], yuv[..., 1])
+        rows = np.stack([difference, yuv[..., 0]], axis=2)
+        if encoding == "yuyv":
+            rows = rows[..., ::-1]
+    else:
+        rows = rgb[..., ["rgb".index(letter) for letter in encoding[:3]]]
+        if encoding[3] == "a":
+            rows = np.pad(rows, ((0, 0), (0, 0), (0, 1)), constant_values=255)
+    wide = rows.astype("<u2") << 8 if encoding.endswith("16") else rows.astype("u1")
+    return np.ascontiguousarray(wide).view(np.uint8).reshape(height, -1)
+
+
+@pytest.mark.parametrize(
+    "encoding",
+    [
+        *("rgb8", "bgr8", "rgba8", "bgra8", "rgb16", "uyvy", "yuyv"),
+        *("bayer_rggb8", "bayer_bggr8", "bayer_gbrg8", "bayer_grbg16"),
+    ],
+)
+def test_colours_of_a_bag_are_right_and_the_padding_of_rows_is_left_out(
+    encoding: str, tmp_path: Path
+) -> None:
+    width, height = 48, 32
+    rows = np.pad(coded(encoding, width, height), ((0, 0), (0, 5)), constant_values=99)
+    write_bag(tmp_path / "drive.bag", "bag", encoding, False, (width, height), rows)
+    shown = drive_at(tmp_path / "drive.bag").shots[0].picture()
+    assert (shown.width, shown.height) == (width, height)
+    bgr = cv2.imdecode(np.frombuffer(shown.data, np.uint8), cv2.IMREAD_COLOR)
+    for column, colour in ((10, RED), (38, BLUE)):
+        assert np.abs(bgr[4:-4, column, ::-1].astype(int) - colour).max() < 25
 
 
 @pytest.mark.parametrize(
