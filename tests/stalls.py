@@ -1,8 +1,7 @@
 """`make test-stalls`: runs the real-time tests while the machine is paused at random.
 
-A laptop that wakes up pauses like this, and so does a shared machine. All processes of the run are
-paused for some seconds and then continue. A test may take longer because of this, but must not
-fail.
+Pauses occur on a laptop that wakes up, and on a shared machine. All processes of the run are paused
+for some seconds and then continue. A test may take longer because of a pause, but must not fail.
 """
 
 from __future__ import annotations

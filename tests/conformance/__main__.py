@@ -37,7 +37,7 @@ class Result(NamedTuple):
 
 
 class NotToBeHadError(Exception):
-    """No index, package manager or machine has this program."""
+    """A program that no index, package manager or machine provides."""
 
 
 def check_lerobot(home: Path, samples: Samples) -> Iterator[Result]:
@@ -239,7 +239,7 @@ def _program(*names: str, package: str = "", home: Path | None = None) -> str:
 
 
 def _tried(words: list[object], **how: Any) -> subprocess.CompletedProcess[str]:
-    """Run a command; it may fail."""
+    """Run a command, which may fail."""
     words = list(map(str, words))
     return subprocess.run(words, **{"capture_output": True, "text": True, "check": False, **how})
 

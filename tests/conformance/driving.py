@@ -109,7 +109,7 @@ def tries(python: Path, out: Path, samples: Samples) -> Iterator[Tried]:
 
 
 def _run(python: Path, *words: object) -> None:
-    """Run a command of LeRobot; it must succeed."""
+    """Run a command of LeRobot, which must succeed."""
     done = subprocess.run(
         list(map(str, (python, *words))),
         capture_output=True,

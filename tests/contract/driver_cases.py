@@ -87,8 +87,8 @@ def gymnasium_driver(moves: str = "") -> Iterator[DriverCase]:
 
 
 def real_brick_case(address: str) -> DriverCase:
-    """A brick on the table, by `pytest --ev3 ADDRESS`; it counts as moving if its wheels' counters
-    do."""
+    """A brick on the table, by `pytest --ev3 ADDRESS`. The brick counts as moving while its wheels'
+    counters change."""
     driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=address))
 
     def is_moving() -> bool:

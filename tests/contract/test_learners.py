@@ -96,8 +96,8 @@ def test_images_can_be_edited_or_the_learner_says_that_it_has_none(kind: str) ->
 
 
 def test_the_current_move_counts_or_the_learner_says_that_it_does_not(kind: str) -> None:
-    """Alternate between two moves each second; they begin with different views and end with one
-    view."""
+    """Alternate between two moves each second. The moves begin with different views and end with
+    the same view."""
     policy = make(kind)
     for i in range(240):
         move = i // 10 % 2

@@ -126,7 +126,7 @@ def rovers_phone(rovers_page: Callable[[dict[str, int]], Any]) -> Any:
 
 @pytest.fixture
 def shelf(rover: World) -> Iterator[World]:
-    """The rover with exactly one recording; it learns nothing here."""
+    """The rover with exactly one recording; the tests teach it nothing."""
     episodes = rover.persistence.part(Recordings).episodes
     put_recording(rover)
     yield rover

@@ -34,8 +34,8 @@ LIMIT_S = 240.0
 SOON_S = 120.0
 ALONE_S = 60.0
 RATE_HZ = 10.0
-"""Pictures a second, as the camera of a real EV3 sends. Tests of the page use half of that, with
-which a robot learns half as much in the same time and reacts later."""
+"""Pictures a second, as the camera of a real EV3 sends. Tests of the page use half of this rate,
+with which a robot learns half as much in the same time and reacts later."""
 PUSHED_S = 0.5
 """Driving against something for longer than this is pushing; a brief touch is not."""
 READ_EVERY_S = 0.4

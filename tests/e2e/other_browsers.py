@@ -184,7 +184,7 @@ def _webkit() -> Iterator[OtherBrowser]:
 
 @contextlib.contextmanager
 def _display() -> Iterator[str]:
-    """Run an X server without a screen; it chooses its number itself."""
+    """Run an X server without a screen, which chooses its number itself."""
     reading, writing = os.pipe()
     words = ["Xvfb", "-displayfd", str(writing), "-screen", "0", "1280x1024x24", "-nolisten", "tcp"]
     process = subprocess.Popen(words, pass_fds=[writing], stderr=subprocess.DEVNULL)

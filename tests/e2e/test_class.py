@@ -90,7 +90,8 @@ def test_the_board_renames_pairs_locks_copies_models_and_stops(
         page.locator("[data-number='2'] h2", has_text="Zora").wait_for()
         assert school.robots[1].identity.now.name == "Zora"
 
-        # A phone scans the code on paper, and two that on the board; all of them can drive.
+        # One phone scans the code on paper, and two phones scan the code on the board; all three
+        # can drive.
         sheet = chromium.new_context(device_scale_factor=3).new_page()
         sheet.goto(f"{school.address}/codes")
         card = sheet.locator("article", has_text="Zora")
@@ -138,7 +139,8 @@ def test_the_board_renames_pairs_locks_copies_models_and_stops(
             assert driver.now is Action.STOP
         page.mouse.up()
 
-        # This is the teacher's stop: the phones say so and offer no release; the board offers it.
+        # The teacher pressed this STOP: the phones say so and do not offer to release it, but the
+        # board does.
         pupil = phones[1].pages[0]
         pupil.locator(".notice", has_text="Your teacher has stopped the robot").wait_for()
         assert pupil.locator(".notice button:visible").count() == 0

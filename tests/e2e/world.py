@@ -38,7 +38,8 @@ CHROMIUMS = (
 )
 """Paths of Chromium. The first program shows no windows, and uses a third less CPU time."""
 PATIENCE_MS = 90_000
-"""Timeout if a test names none; it must not judge the speed of a machine."""
+"""Timeout for tests that name none; it is long, because a test must not judge the speed of a
+machine."""
 CHROMIUM_FLAGS = [
     "--no-sandbox",
     "--disable-gpu",

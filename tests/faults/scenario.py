@@ -243,7 +243,7 @@ class Fault:
 
     @property
     def title(self) -> str:
-        """The fault's name in the docs; it says from which moment the time counts."""
+        """The fault's name in the docs, which says from which moment the time counts."""
         return f"{self.name}{self.note}"
 
 

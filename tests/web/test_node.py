@@ -1,4 +1,4 @@
-"""The page's own tests run in node; this file adds them to the suite."""
+"""Adds the page's own tests, which run in node, to the suite."""
 
 from __future__ import annotations
 

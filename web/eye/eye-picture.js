@@ -2,7 +2,7 @@
 
 const QUALITY = 0.85;
 const DARK = 20; // brightness from 0 to 255; if every pixel is darker, the lens is covered
-const LOOK_EVERY = 5; // number of pictures between two checks for a covered lens
+const LOOK_EVERY = 5; // the lens is checked once in this number of pictures
 
 export class Packer {
   /** @param {(width: number, height: number) => any} makeCanvas  an OffscreenCanvas or an element */

@@ -95,8 +95,7 @@ export const askWhy = (path) => ask('GET', path, undefined, WHY_MS).catch(({ sta
 export const askLong = (path) => ask('GET', path, undefined, LONG_MS);
 
 /**
- * Wrap repeated requests: return the answer, or null if there was none, or if a newer request was answered
- * before.
+ * Wrap repeated requests: return the answer, or null if there was no answer, or if a newer request was answered earlier.
  */
 export function inOrder() {
   let [asked, answered] = [0, 0];

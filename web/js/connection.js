@@ -78,7 +78,7 @@ export class Connection extends EventTarget {
     return Math.max(0, this.env.nowMs() + best.offsetMs - serverMs);
   }
 
-  /** Connect now; request pictures as soon as it is decided whether a worker or the page draws them. @param {Promise<unknown>} ready */
+  /** Connect now, and request pictures as soon as it is known whether a worker or the page draws them. @param {Promise<unknown>} ready */
   async begin(ready) {
     this.isDrawn = false;
     this.connect();

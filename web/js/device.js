@@ -2,7 +2,7 @@
 
 const KEY = 'drivelesson.preferences';
 
-/** Keeps the screen on while `wanted` is true. Browsers allow this only over https. */
+/** Keeps the screen on while `wanted` is true. Browsers keep the screen on only over https. */
 export class WakeLock {
   constructor() {
     /** @type {any} */

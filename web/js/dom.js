@@ -46,8 +46,7 @@ export function append(parent, children) {
 }
 
 /**
- * Replace the children. The focus stays on the element of the same name, because otherwise keyboard users
- * would be back at the top of the page. @param {Element} parent @param {...(Node | string | null | false)}
+ * Replace the children. The focus stays on the element of the same name, so that keyboard users do not find themselves at the top of the page. @param {Element} parent @param {...(Node | string | null | false)}
  * children
  */
 export function fill(parent, ...children) {

@@ -116,7 +116,7 @@ export class Helm extends EventTarget {
     this.dispatchEvent(new Event('held'));
   }
 
-  /** Send a heartbeat if one is due. Not only a timer calls this, because timers of a slow phone are late. @param {number} nowMs */
+  /** Send a heartbeat if one is due. A timer calls this method, and so do other events, because timers of a slow phone are late. @param {number} nowMs */
   beatIfDue(nowMs) {
     const sinceMs = nowMs - this.beatMs;
     if (sinceMs < (this.isSteered ? STEERED_MS : HEARTBEAT_MS) - EARLY_MS) return;

@@ -116,7 +116,7 @@ export class Page {
     if (this.isStopping) this.connection.say('stop'); // send it on the new link, too, because the request may wait behind data of the dead link
     declare(hello.declared_moves ?? []);
     const [before, device] = [this.devices.drive_fault, hello.device];
-    // Say which device the robot uses, because after a restart it may be another one of the same kind.
+    // Say which device the robot uses, because after a restart the robot may have found another device of the same kind.
     if (device && device !== before) this.toast(t(before ? 'device_other' : 'device_now', { device, before: before ?? '' }));
     this.devices = { drive_fault: device ?? before, camera_fault: hello.camera_device };
     this.beginEra();
@@ -166,7 +166,7 @@ export class Page {
     this.wakeLock.want(robot.mode !== 'stopped');
   }
 
-  /** Note that the learned images have changed, but not by teaching. */
+  /** Note that the learned images were changed by something else than teaching. */
   beginEra() {
     this.era += 1;
     this.refreshCurve();
@@ -287,7 +287,7 @@ export class Page {
     this.endStop();
     this.isReleasing = true;
     const own = await this.stopping;
-    // The robot may have counted our own request, which repeats the STOP that is shown, as the next STOP.
+    // The robot may have counted our own request as the next STOP, although it repeats the STOP that is shown.
     if (this.isReleasing) this.connection.send(encodeRelease(own === shown + 1 ? own : shown));
     this.isReleasing = false;
   }

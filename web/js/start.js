@@ -3,7 +3,7 @@
 // A request to start must prove that it is fresh (docs/reference/protocol.md, "Freshness").
 // Right after connecting, and after a pause, the page may have no proof, or only one that is too old.
 // The page then waits for the next picture and sends the request with its nonce, while the tap is young.
-// Nobody has to tap twice, and no robot starts when the person no longer expects it.
+// So nobody has to tap twice, and the robot does not start when the person no longer expects it.
 
 import { encodeMode } from './protocol.js';
 

@@ -1,5 +1,5 @@
 // The emergency stop is in the browser's top layer, above everything else.
-// The button reacts to any finger on it, whether pressed there or slid there, captured by another element or not.
+// The button reacts to any finger on it, no matter whether the finger was pressed there or slid there, or another element has captured it.
 //
 // Each button has a placeholder in the page's layout and is positioned exactly over it.
 // A press is recognised by its position on the screen, before any element gets the event, so no element can intercept it.

@@ -21,7 +21,7 @@ export function doingOf(answer) {
   return answer.driven_by === 'robot' ? 'alone' : 'driven';
 }
 
-/** True if this is a robot's answer, not that of another server at its address. @param {any} answer */
+/** True if a robot has answered, and not another server at its address. @param {any} answer */
 const isRobots = (answer) => typeof answer?.mode === 'string' && typeof answer.driven_by === 'string';
 
 /**
@@ -77,7 +77,7 @@ export class WayFinder {
     await this.look();
   }
 
-  /** Count lost websockets while the robot answers HTTP requests; only repeated losses are blamed on the network. */
+  /** Count lost websockets while the robot answers HTTP requests; the page blames the network only for repeated losses. */
   count() {
     const { loss } = this;
     this.loss = null;

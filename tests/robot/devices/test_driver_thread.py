@@ -35,7 +35,7 @@ class StepClock(VirtualClock):
 
 @dataclass
 class Body(ReplayDriver):
-    """A body in virtual time that notes each request and its time; it may fail."""
+    """A body in virtual time that records each request and its time, and can fail."""
 
     clock: VirtualClock
     requests: list[tuple[float, str]] = field(default_factory=list)

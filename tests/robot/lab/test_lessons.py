@@ -160,7 +160,8 @@ GOOD = {
 
 
 def gate(first: dict[str, Any], pilot: dict[str, Any] = GOOD) -> dict[str, Any]:
-    """Return the gate's rows, if one robot and its pilot drove like this, and all others well.
+    """Return the gate's rows if one robot and its pilot drove with these figures, and all others
+    well.
 
     Robots with thirty pictures a second differ more from their pilots.
     """

@@ -100,7 +100,7 @@ def an_evicted_connection_sees_the_end(listener: AdmissionListener) -> None:
 
 
 def a_reused_port_is_counted_again(listener: AdmissionListener) -> None:
-    """The previous connection is closed late; that must not free the current connection's slot."""
+    """The late end of the previous connection must not free the current connection's slot."""
     admission, port = listener.admission, 0
     held = []
     for _ in range(3):

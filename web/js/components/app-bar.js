@@ -1,4 +1,4 @@
-// <app-bar>: the robot's face and name, and the menu with the other screens and the figures.
+// <app-bar>: the robot's face and name, and the menu with the other screens and with figures about the connection.
 // On every screen but the drive screen it also has the emergency stop.
 
 import { append, h, icon, say, svg } from '../dom.js';

@@ -2,7 +2,7 @@
 //
 // Each finger is tracked separately and may slide from one direction to another.
 // A finger that slides off the pad lets go.
-// After a stop, a call or a turned screen, a finger must be lifted and pressed again; small movements do not count.
+// After a stop, a call or a turned screen, the pilot must lift a finger and press again; a small movement of the finger is not enough.
 
 import { append, fill, h, hasLetGo, icon } from '../dom.js';
 import { t } from '../i18n.js';

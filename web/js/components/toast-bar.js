@@ -15,7 +15,7 @@ export class ToastBar extends HTMLElement {
 }
 
 /**
- * The button for a toast's step, if it has one.
+ * The button for a toast's action, if the toast has one.
  * @param {import('../page.js').Page} page
  * @param {import('../store.js').Toast} toast
  */

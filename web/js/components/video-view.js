@@ -46,7 +46,7 @@ export class VideoView extends HTMLElement {
     setInterval(() => this.classList.toggle('frozen', performance.now() - this.drawnMs > FROZEN_MS), 500);
   }
 
-  /** Let a worker draw the pictures if the browser supports it, otherwise the page. Resolves once that is decided. @param {HTMLCanvasElement} canvas */
+  /** Let a worker draw the pictures if the browser supports it, otherwise the page. Resolves once it is decided who draws. @param {HTMLCanvasElement} canvas */
   async receive(canvas) {
     const { connection } = /** @type {import('../page.js').Page} */ (this.page);
     connection.addEventListener('shown', (event) => this.note(/** @type {CustomEvent} */ (event).detail));
@@ -98,7 +98,7 @@ export class VideoView extends HTMLElement {
     this.renderLike(robot);
   }
 
-  /** Choose what fits into the picture: words, only symbols, or less (drive.css). That depends on its width and on the language. */
+  /** Choose what fits into the picture: words, only symbols, or less (drive.css). What fits depends on the picture's width and on the language. */
   measure() {
     const votes = [...(this.votes?.children ?? [])];
     this.classList.toggle('many-votes', votes.length > 3);

@@ -93,7 +93,7 @@ export function listenToGamepads(helm, { stop, isDriving, desk }) {
     return { id: pad.id, reading: new RestedPad(), move: null, isPushed: false, stop: false, sinceMs: performance.now(), first: null, choosing: null };
   };
 
-  /** Follow a pad whose layout the browser does not know. Until a person has shown its directions, it can only stop the robot. @param {Gamepad} pad @param {Followed} state */
+  /** Follow a pad whose layout the browser does not know. Until a person has shown the pad's directions, the pad can only stop the robot. @param {Gamepad} pad @param {Followed} state */
   const findLayout = (pad, state) => {
     const values = valuesOf(pad);
     state.first ??= values;

@@ -2,7 +2,7 @@
 // With proportional steering, a key steers further the longer it is held.
 // The digits 1 to 9 drive the robot's moves, in the order of the robot's list.
 //
-// If a browser does not say which key was released, all keys count as released.
+// If the browser does not say which key was released, all keys count as released.
 
 import { isEnter } from './key-name.js';
 import { moveOfKey, Presses } from './keys.js';
@@ -84,7 +84,7 @@ class Silence {
     this.letGo = letGo;
     this.newest = '';
     this.atMs = 0;
-    /** The longest pause between two events of a held key; 0: no key has repeated yet. */
+    /** The longest pause between two events of a held key; 0 if no key has repeated yet. */
     this.pauseMs = 0;
     /** @type {string[]} the keys that were counted as released */
     this.missed = [];

@@ -1,6 +1,6 @@
 // Decides which inputs of a game pad count.
 // An axis, a trigger or a button counts once it was seen at rest.
-// A pedal that rests at one end, a worn stick or a throttle that nobody has touched therefore does not drive the robot.
+// So a pedal that rests at one end, a worn stick, or a throttle that nobody has touched does not drive the robot.
 // Pure.
 
 import { REST } from '../points.js';
@@ -27,7 +27,7 @@ export const LET_GO_MS = 600;
 const valueOf = (button) => button?.value ?? Number(button?.pressed ?? false);
 /** The values of all of a pad's axes, and then of its buttons. @param {Pad} pad */
 export const valuesOf = (pad) => [...pad.axes, ...pad.buttons.map(valueOf)];
-/** Values of a cross on one axis that differ by less are neighbours: it has eight, 2/7 apart. */
+/** Two values of a cross on one axis are neighbours if they differ by less than this; a cross has eight values, 2/7 apart. */
 const HAT_STEP = 0.3;
 /** True for a cross that the browser reports as one axis: at rest its value is beyond the ends of an axis. @param {number} rest */
 const isHat = (rest) => Math.abs(rest) > 1.1;

@@ -12,7 +12,7 @@ import { sectionsOf } from '../parts.js';
  *   taught: Record<string, number>, lessons: number, nodes: number}} Model
  */
 
-/** Minimum number of examples of a model for a new model to begin like it. */
+/** A new model can begin like an earlier model that has at least this number of examples. */
 const ENOUGH = 300;
 const MOST = 8;
 

@@ -23,7 +23,7 @@ export class StudyScreen extends Screen {
 
   async build() {
     append(this, [this.refusal, this.body]);
-    if (this.page) await refreshSession(this.page); // a page that was just loaded does not know the session yet
+    if (this.page) await refreshSession(this.page); // the page was just loaded, and does not know the session yet
     if (!this.isConnected) return undefined;
     /** @type {Promise<void> | undefined} */
     let shown;

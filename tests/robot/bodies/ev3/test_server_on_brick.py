@@ -153,7 +153,7 @@ def keep_at_it(
 def test_a_brick_is_taught_and_drives_by_itself_in_little_memory(
     served: Served, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One server is used for all of this, because the emulator takes a minute to start."""
+    """One server is used for the whole test, because the emulator takes a minute to start."""
     it_is_taught_and_drives_in_36_mb(served, capsys)
     nothing_is_imported_that_the_loop_does_not_use(served)
     every_move_on_the_brick_was_timed(served)

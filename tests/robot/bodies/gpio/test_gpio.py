@@ -165,7 +165,8 @@ class NotedPin(MockPWMPin):
 Device.pin_factory = MockFactory(pin_class=NotedPin)
 keeper.main()
 """
-"""The process that holds the pins, on gpiozero's mock pins; it notes the values that are set."""
+"""The process that holds the pins, with gpiozero's mock pins; the process records the values that
+are set."""
 
 
 def driver_for(notes: Path) -> GpioDriver:

@@ -67,7 +67,7 @@ class Typist:
 
 @pytest.mark.realtime
 def test_a_hub_is_driven_again_after_it_hung_or_was_lost(hub: FakeHub) -> None:
-    """One hub is used for all of this: its program runs until somebody ends it."""
+    """One hub is used for the whole test: its program runs until somebody ends it."""
     assert len(PROGRAM.read_text().splitlines()) <= 80, "it fits a page"
     check_driver_on_its_real_line("pybricks")
     a_hub_that_is_missing_or_runs_another_program_is_told(hub)

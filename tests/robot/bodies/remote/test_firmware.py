@@ -71,7 +71,7 @@ NONSENSE: tuple[dict[str, Any], ...] = ({"speed": "x"}, {"move": 7}, {"for_ms": 
 
 @pytest.mark.realtime
 def test_the_sample_firmware_drives_and_stops_after_every_fault_and_attack() -> None:
-    """One robot is used for all of this."""
+    """One robot is used for the whole test."""
     check_driver_on_its_real_line("udp")
     with FirmwareRobot() as robot:
         a_wrong_secret_moves_nothing_and_is_told(robot)
