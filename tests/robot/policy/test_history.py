@@ -279,6 +279,7 @@ def test_declaring_earlier_examples_outdated_is_an_edit():
     teach(history, xs[:20])
     assert not is_outdated()
     history.edit("outdate")
+    assert history.events[-1].node_id == 0, "as documented"
     teach(history, xs[20:], first=20)
     undo_examples(history, 0.25)
     assert is_outdated(), "it stays when lessons are undone"
@@ -300,8 +301,9 @@ def test_a_bad_edit_is_refused_and_changes_nothing(history):
     before = history.policy.get_state()
     with pytest.raises(LookupError):
         history.edit("delete", 10_000)
-    with pytest.raises(ValueError, match="paint"):
-        history.edit("paint", images(history.policy)[0].node_id)
+    for verb, why in (("paint", "unknown edit"), ("relabel", "not one of the moves")):
+        with pytest.raises(ValueError, match=why):
+            history.edit(verb, images(history.policy)[0].node_id, Action("fly"))
     assert same_nodes(history.policy.get_state(), before)
 
 
