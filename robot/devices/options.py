@@ -38,9 +38,9 @@ class Option:
     def read(self, value: Any) -> Any:
         """Return the value in this option's type, converted from a person's text."""
         least, most = self.range or (None, None)
-        if self.choices is not None and value not in self.choices:
+        if self.choices is not None and str(value) not in self.choices:
             raise ConfigurationError(
-                f"{self.flag} cannot be {value!r}{did_you_mean(value, self.choices)}; "
+                f"{self.flag} cannot be {value!r}{did_you_mean(str(value), self.choices)}; "
                 f"choose one of: {', '.join(self.choices)}"
             )
         declare = _NUMBERS.get(self.type)
@@ -92,7 +92,7 @@ def options_of(options_type: type[Any]) -> list[Option]:
             type=plain_type(hints[field.name]),
             default=None if field.default is MISSING else field.default,
             help=field.metadata.get("help", ""),
-            choices=field.metadata.get("choices"),
+            choices=None if (of := field.metadata.get("choices")) is None else (*map(str, of),),
             range=field.metadata.get("range"),
             is_secret=field.metadata.get("secret", False),
         )

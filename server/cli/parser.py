@@ -66,10 +66,9 @@ def declare(group: Any, option: Option) -> None:
     """
     shown = "" if option.default is None else f" (default: {option.default})"
     choices = "" if option.choices is None else f": {', '.join(option.choices)}"
+    text = f"{option.help}{choices}{shown}".replace("%", "%%")  # argparse would insert values
     try:
-        group.add_argument(
-            option.flag, dest=option.name, default=None, help=f"{option.help}{choices}{shown}"
-        )
+        group.add_argument(option.flag, dest=option.name, default=None, help=text)
     except argparse.ArgumentError as error:
         raise ConfigurationError(
             f"the option {option.flag} is declared twice; the robot or camera must rename it"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from argparse import ArgumentParser
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 from robot.devices.options import Option, make_options, options_of
 from robot.devices.plugins import CAMERAS, DRIVERS, load_camera, load_driver
 from robot.errors import ConfigurationError
+from server.cli.parser import declare
 from tests.own_plugins import own_plugins
 
 
@@ -45,6 +47,20 @@ def test_text_is_parsed_and_unknown_names_are_ignored() -> None:
 def test_a_bad_value_is_a_clear_error(given: dict[str, str], expected: str) -> None:
     with pytest.raises(ConfigurationError, match=expected):
         make_options(Sample, given)
+
+
+def test_choices_may_be_numbers_and_help_may_have_a_percent_sign() -> None:
+    @dataclass(frozen=True, kw_only=True)
+    class Motor:
+        gear: int = field(default=1, metadata={"help": "50 % or 100 %s", "choices": [1, 2, 4]})
+
+    assert make_options(Motor, {"gear": "4"}) == make_options(Motor, {"gear": 4}) == Motor(gear=4)
+    for wrong in ("3", 3):
+        with pytest.raises(ConfigurationError, match="choose one of: 1, 2, 4"):
+            make_options(Motor, {"gear": wrong})
+    parser = ArgumentParser()
+    declare(parser, options_of(Motor)[0])
+    assert "50 % or 100 %s: 1, 2, 4 (default: 1)" in " ".join(parser.format_help().split())
 
 
 NUMBERS = [
