@@ -34,15 +34,17 @@ def main(argv: Sequence[str] | None = None) -> int:
             file=sys.stderr,
         )
         return 2
-    from server.cli.main import main as run
-
     for stream in (sys.stdout, sys.stderr):
         # By default a pipe on Windows can encode only few characters; replace the others.
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
     try:
+        from server.cli.main import main as run
+
         status = run(argv)
         sys.stdout.flush()
+    except KeyboardInterrupt:  # Ctrl-C while the modules are imported
+        return 130
     except BrokenPipeError:  # the program that reads our output, for example `head`, has ended
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0

@@ -97,6 +97,7 @@ class NetworkGateway(Gateway):
         self._watch: Watch | None = None
         self._renewed: RenewedCertificates | None = None
         self._show: Callable[[str], None] = lambda address: None
+        self._more: Callable[[], list[str]] = list
         self.pairing: Pairing | None = None
         if pairing is not None:
             self._use(pairing)
@@ -165,6 +166,7 @@ class NetworkGateway(Gateway):
             self._use(Pairing(failures, config.data / "paired.json", self._tell_soon))
         if self._watch is not None:
             self._watch.wait_for_the_first(_NAME_S)
+        self._follow_changes()
         show(self.address_for(Role.PILOT))
 
     def _tell_soon(self, role: Role, token: str) -> None:
@@ -178,14 +180,17 @@ class NetworkGateway(Gateway):
         if role is Role.PILOT:
             self._show(pairing_address(address, token))
 
-    @contextlib.contextmanager
-    def serving(self, more: Callable[[], list[str]]) -> Iterator[None]:
-        self.surroundings.listeners.append(lambda before, now: self._follow(before, now, more))
+    def _follow_changes(self) -> None:
+        self.surroundings.listeners.append(self._follow)
         if self._renewed is not None:
             self.surroundings.ticks.append(self._renew)
+
+    @contextlib.contextmanager
+    def serving(self, more: Callable[[], list[str]]) -> Iterator[None]:
+        self._more = more
         try:
             yield
-        finally:
+        finally:  # even if the server never started, because the robot is already announced
             if self._watch is not None:
                 self._watch.stop()
             if self._announcement is not None:
@@ -195,7 +200,7 @@ class NetworkGateway(Gateway):
         if self._renewed is not None:
             self._renewed.use(context)
 
-    def _follow(self, before: Place, now: Place, more: Callable[[], list[str]]) -> None:
+    def _follow(self, before: Place, now: Place) -> None:
         """Print the new addresses and pairing codes.
 
         Phones have to pair again, because a browser does not send the cookie of the old address to
@@ -207,7 +212,7 @@ class NetworkGateway(Gateway):
         if now.hostname != before.hostname:
             print(f"{before.hostname}.local is another robot's: this one is {now.hostname}.local.")
         if self.pairing is not None:
-            print(f"The network has changed.\n{self.greet(more())}", flush=True)
+            print(f"The network has changed.\n{self.greet(self._more())}", flush=True)
             self._show(self.address_for(Role.PILOT))
 
     def _renew(self, _: Place) -> None:

@@ -138,18 +138,19 @@ def run(args: argparse.Namespace) -> int:
         def greet_more() -> list[str]:
             return [line for each in services.extensions.values() for line in each.greet()]
 
-        gateway.open(services.identity.now.name, rig.driver.announce)
-        app, starting.part = create_app(services), StartingPart.ROBOT
-        with rig, kept, gateway.serving(greet_more):
-            starting.part = StartingPart.MODEL
-            for extension in services.extensions.values():
-                extension.prepare()
-            _choose_model(kept.autosave, args, learner)
-            starting.stop()
-            print(gateway.greet(greet_more()), flush=True)
-            if gateway.admits_all and not args.no_page and sys.stdout.isatty():
-                show_page(gateway.addresses()[0])
-            serve(app, listeners)
+        with gateway.serving(greet_more):
+            gateway.open(services.identity.now.name, rig.driver.announce)
+            app, starting.part = create_app(services), StartingPart.ROBOT
+            with rig, kept:
+                starting.part = StartingPart.MODEL
+                for extension in services.extensions.values():
+                    extension.prepare()
+                _choose_model(kept.autosave, args, learner)
+                starting.stop()
+                print(gateway.greet(greet_more()), flush=True)
+                if gateway.admits_all and not args.no_page and sys.stdout.isatty():
+                    show_page(gateway.addresses()[0])
+                serve(app, listeners)
     return 0
 
 

@@ -80,11 +80,11 @@ class Gateway:
         return Config(host=args.host or "127.0.0.1", **given)
 
     def open(self, robot: str, show: Callable[[str], None]) -> None:
-        """Prepare to serve a robot; `show` is called with each new address for a pilot."""
+        """Prepare to serve a robot, within `serving`; `show` gets each new address for a pilot."""
         show(self.addresses()[0])
 
     def serving(self, more: Callable[[], list[str]]) -> contextlib.AbstractContextManager[object]:
-        """Watch the network while the `with` block runs. `more` returns lines for the banner."""
+        """End what `open` began when the `with` block ends; `more` returns lines for the banner."""
         return contextlib.nullcontext()
 
     def use_tls(self, context: ssl.SSLContext) -> None:

@@ -3,6 +3,7 @@
 import contextlib
 import secrets
 import socket
+import subprocess
 import sys
 import threading
 from collections.abc import Sequence
@@ -10,6 +11,7 @@ from unittest import mock
 
 import pytest
 
+from robot.store.lock import FolderLock
 from robot.testing import VirtualClock
 from server.access.announcement import Announcement, announced
 from server.access.banner import greet_phones
@@ -55,7 +57,7 @@ def test_an_address_that_comes_late_is_announced_and_shown(capsys):
     around, shown = network.around, list[str]()
     gateway = NetworkGateway(LAN, VirtualClock(), pairing, around)
     gateway._show = shown.append
-    gateway.serving(list).__enter__()
+    gateway._follow_changes()
     around.look()
     assert around.page_addresses == ["http://drivelesson.local:8000"]
     network.there = ["192.168.1.7"]
@@ -213,6 +215,29 @@ def test_two_robots_announce_themselves_and_the_board_finds_both():
         info = asker.get_service_info(kind, f"Drivelesson ada-test.{kind}", 10_000)
     assert (info.server, info.port) == ("ada-test.local.", 8123)
     assert info.parsed_addresses() == here
+
+
+def test_a_robot_that_ends_by_an_error_before_it_serves_is_no_longer_announced(tmp_path):
+    zeroconf = pytest.importorskip("zeroconf")
+    here = f"127.{secrets.randbelow(250) + 2}.{secrets.randbelow(250)}.2"
+    heard, is_gone = list[str](), threading.Event()
+
+    def note(zeroconf, service_type, name, state_change):
+        heard.append(state_change.name)
+        if state_change.name == "Removed":
+            is_gone.set()
+
+    words = ["serve", "--lan", "--host", here, "--port", "0", "--data", str(tmp_path)]
+    lock = FolderLock(tmp_path)
+    with contextlib.closing(zeroconf.Zeroconf(interfaces=[here])) as asker:
+        zeroconf.ServiceBrowser(asker, "_http._tcp.local.", handlers=[note])
+        lock.start()
+        command = [sys.executable, "-m", "server", *words]
+        ended = subprocess.run(command, capture_output=True, text=True, check=False)
+        lock.stop()
+        assert ended.returncode == 1 and "uses the data folder" in ended.stderr
+        is_gone.wait()  # the test's own time limit ends this wait
+    assert heard == ["Added", "Removed"]
 
 
 @pytest.mark.parametrize("address", ["raspberrypi", ""])

@@ -1,6 +1,7 @@
 """The command line makes suggestions, reports errors and a full disk, and completes words."""
 
 import os
+import signal
 import subprocess
 import sys
 
@@ -15,6 +16,7 @@ from robot.errors import (
     PluginError,
     RecordingError,
 )
+from server.__main__ import main as start
 from server.cli.main import commands, load_command, main
 from tests.kit.run import run
 
@@ -89,6 +91,20 @@ def test_an_error_is_one_line_and_its_status_says_whether_a_restart_can_help(
     if said:
         assert told.startswith("drivelesson: ") and said in told and told.count("\n") == 1
     assert main(["completoin"]) == 2
+
+
+@pytest.mark.parametrize("module", ["server.cli.main", "server.cli.parser"])
+def test_ctrl_c_while_the_modules_are_imported_prints_no_traceback(module, monkeypatch, capsys):
+    class Interrupting:
+        def find_spec(self, name, path=None, target=None):
+            if name == module:
+                signal.raise_signal(signal.SIGINT)
+
+    for name in ("server.cli.main", "server.cli.parser"):
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setattr(sys, "meta_path", [Interrupting(), *sys.meta_path])
+    assert start(["--version"]) == 130
+    assert capsys.readouterr() == ("", "")
 
 
 def test_a_reader_that_ends_early_is_not_an_error():
