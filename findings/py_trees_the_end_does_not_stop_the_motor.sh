@@ -5,8 +5,8 @@
 # the tree is interrupted or shut down, or when another behaviour of the same tree raises an exception.
 # Outcome: wrong for all three. The motor is switched on, and never off. interrupt() ends only the loop of tick_tock(),
 # and shutdown() calls the behaviours' shutdown(), which is empty unless it is written; afterwards the behaviour still
-# says RUNNING. A behaviour that a timeout or a more important one ends is terminated, so tests of a single tree pass.
-# root.stop(Status.INVALID) does switch the motor off.
+# says RUNNING. A behaviour that a timeout ends is terminated, so a test of that passes. root.stop(Status.INVALID) does
+# switch the motor off.
 #
 # Our robots stop when the program does not give them a new order in time.
 set -eu
