@@ -15,9 +15,12 @@ from robot.devkit.freshness import Freshness
 from robot.devkit.pictures import Picture
 from robot.driver import Driver
 from robot.errors import CameraError, PluginErrors, RobotError
-from robot.types import Frame
+from robot.types import Encoding, Frame
 
 _WATCH_EVERY_S = 0.05
+LARGEST_PX = 65_535
+"""Largest width and height of a picture, in pixels. A message with a picture has no larger number,
+and neither has a JPEG."""
 
 
 class ThreadedCamera(Camera):
@@ -89,6 +92,19 @@ class ThreadedCamera(Camera):
         """
         clock_s = self.clock.now_s()
         return clock_s - max(0.0, time.monotonic() - taken_s)
+
+    def _publish(
+        self, data: bytes, *, width: int, height: int, encoding: Encoding, captured_s: float
+    ) -> Frame:
+        """Make this picture the newest frame, as `Camera` does. Raises CameraError if the picture
+        is wider or higher than `LARGEST_PX`."""
+        if max(width, height) > LARGEST_PX:
+            raise CameraError(
+                f"The camera {self.name} gives pictures of {width}x{height} pixels, but at most "
+                f"{LARGEST_PX}x{LARGEST_PX} can be shown; set a smaller picture."
+            )
+        about: dict[str, Any] = {"width": width, "height": height, "encoding": encoding}
+        return super()._publish(data, **about, captured_s=captured_s)
 
     def _show_picture(self, picture: Picture | Frame, captured_s: float) -> None:
         self._publish(

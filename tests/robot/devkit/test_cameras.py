@@ -32,6 +32,31 @@ class BenchCamera(ThreadedCamera):
         """Take no pictures."""
 
 
+class WideCamera(BenchCamera):
+    def _begin(self) -> None:
+        """Take pictures of 2x1 and then of 70,000x1 pixels, on a thread."""
+
+        def take() -> None:
+            for width in (2, 70_000):
+                picture = Picture(
+                    encoding=Encoding.RGB, width=width, height=1, data=bytes(3 * width)
+                )
+                self._show_picture(picture, self.clock.now_s())
+
+        self._work(take)
+
+
+def test_a_picture_that_is_too_wide_for_a_message_is_a_fault_that_names_its_size() -> None:
+    clock = VirtualClock()
+    camera = WideCamera(None, clock)
+    camera.start()
+    clock.sleep(1.0)
+    assert "bench gives pictures of 70000x1 pixels" in (camera.fault or "")
+    frame = camera.latest()
+    assert frame is not None and frame.width == 2
+    camera.stop()
+
+
 @pytest.fixture
 def machine(monkeypatch: pytest.MonkeyPatch) -> VirtualClock:
     """The machine's own clock, by which kernel drivers stamp their pictures."""
