@@ -133,7 +133,16 @@ class _Bag:
             raise
         except Exception as error:  # errors of the library or its dependencies
             why = str(error)[:200] or repr(error)
-            raise RecordingError(f"the ROS bag {self._path} cannot be read: {why}") from error
+            text = f"the ROS bag {self._path} cannot be read: {why}{self._remedy()}"
+            raise RecordingError(text) from error
+
+    def _remedy(self) -> str:
+        """Return a clause that names the tool for a bag that was not closed, as after a power cut;
+        empty if there is no tool."""
+        is_mcap = self._path.suffix.lower() == ".mcap" or any(self._path.glob("*.mcap"))
+        tool = "mcap recover" if is_mcap else "rosbag reindex"
+        has_tool = is_mcap or self._path.suffix.lower() == ".bag"
+        return f"; if the recording was cut off, repair it with: {tool}" if has_tool else ""
 
     def pictures(self, topic: str) -> Callable[[int], Picture]:
         """Return a function that takes a number and returns the picture of this topic with this

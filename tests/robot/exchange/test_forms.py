@@ -505,8 +505,8 @@ def test_pictures_of_classes_that_are_not_imported_are_reported(tmp_path: Path) 
         (["000001-0.50.jpg", "000002-0.10.jpg"], "may be a minus sign or a separator"),
         (["sensor_data/rgbFrames.txt"], "OpenBot without sensor_data/ctrlLog.txt"),
         (["xy_030_091_0f9d2c4e-1111-11ea.jpg"], "a point to drive to"),
-        (["drive.bag"], "the ROS bag .* cannot be read"),
-        (["drive.mcap"], "the ROS bag .* cannot be read"),
+        (["drive.bag"], "the ROS bag .* cannot be read: .*repair it with: rosbag reindex"),
+        (["drive.mcap"], "the ROS bag .* cannot be read: .*repair it with: mcap recover"),
         ([], "does not exist"),
     ],
 )
