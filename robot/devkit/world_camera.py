@@ -68,10 +68,7 @@ class WorldCamera(ThreadedCamera, Generic[_D]):
             self._live()
         except RobotError as error:
             self._fail(error, first)
-        except (
-            Exception,
-            SystemExit,
-        ) as error:  # the world may be a plugin, which may raise any error
+        except (Exception, SystemExit) as error:  # the world may be a plugin that raises anything
             self._fail(CameraError(f"the world of this camera failed: {error}"), first)
         finally:
             self._leave()

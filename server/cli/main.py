@@ -83,8 +83,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (RobotError, OSError) as error:
         print(f"drivelesson: {error}", file=sys.stderr)
         return status_of(error)
-    except KeyboardInterrupt:
-        return INTERRUPTED
+    except KeyboardInterrupt as end:  # Ctrl-C, or SIGTERM, which names the exit status
+        return int(end.args[0]) if end.args else INTERRUPTED
 
 
 def status_of(error: RobotError | OSError) -> int:
@@ -130,7 +130,5 @@ def _print_overview() -> None:
     print("usage: drivelesson [COMMAND] [OPTION ...]\n\nTeach a small robot to drive by example.\n")
     for name, text in commands().items():
         print(f"  {name:12} {text}")
-    print(
-        f"\nWithout a command: {FIRST}. Options of a command: drivelesson COMMAND --help"
-        "\nVersion: drivelesson --version"
-    )
+    print(f"\nWithout a command: {FIRST}. Options of a command: drivelesson COMMAND --help")
+    print("Version: drivelesson --version")

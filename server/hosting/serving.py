@@ -9,7 +9,6 @@ import gc
 import logging
 import signal
 import socket
-import sys
 from collections.abc import Coroutine, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -136,7 +135,11 @@ def serve(app: Any, listeners: Sequence[socket.socket]) -> None:
 def end_by_signals() -> None:
     """Let SIGTERM and a closed terminal end the program like Ctrl-C. After its shutdown uvicorn
     raises the signal again; the default handler would not stop the motors or save the model."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+
+    def end(*_: object) -> None:  # no SystemExit, which would count as an error of a plugin
+        raise KeyboardInterrupt(0)
+
+    signal.signal(signal.SIGTERM, end)
     for name in ("SIGHUP", "SIGBREAK"):
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) is signal.SIG_DFL:  # ignored under nohup

@@ -14,10 +14,12 @@ from robot.errors import (
     MissingExtraError,
     NotFoundError,
     PluginError,
+    PluginErrors,
     RecordingError,
 )
 from server.__main__ import main as start
 from server.cli.main import commands, load_command, main
+from server.hosting.serving import end_by_signals
 from tests.kit.run import run
 
 WRONG = {
@@ -91,6 +93,23 @@ def test_an_error_is_one_line_and_its_status_says_whether_a_restart_can_help(
     if said:
         assert told.startswith("drivelesson: ") and said in told and told.count("\n") == 1
     assert main(["completoin"]) == 2
+
+
+def test_a_signal_that_comes_during_a_plugins_call_ends_the_program_without_an_error(
+    monkeypatch, capsys
+):
+    def be_ended(args):
+        before = signal.getsignal(signal.SIGTERM)
+        end_by_signals()
+        try:
+            with PluginErrors("camera", "sim", CameraError).named("start"):
+                signal.raise_signal(signal.SIGTERM)
+        finally:
+            signal.signal(signal.SIGTERM, before)
+
+    monkeypatch.setattr(load_command("completion"), "run", be_ended)
+    assert main(["completion", "bash"]) == 0
+    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize("module", ["server.cli.main", "server.cli.parser"])
