@@ -90,7 +90,7 @@ def _own_data_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]
 def _own_folder_for_inner_runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """If a test starts pytest, this pytest shares no folder with that of another worker.
 
-    Each pytest removes old temporary folders when it ends. Two that do so in one folder at the
+    Each pytest removes old temporary folders when it ends. Two pytests that clean one folder at the
     same time warn of an unclosed `scandir`, and a warning is an error here (pytest 9).
     """
     with pytest.MonkeyPatch.context() as patch:

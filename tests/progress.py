@@ -21,7 +21,8 @@ class Progress:
         self._total = 0
 
     def pytest_collection_finish(self, session: pytest.Session) -> None:
-        """Count the tests that this process has collected; with workers, theirs count."""
+        """Count the tests that this process has collected; with workers, only the tests of the
+        workers count."""
         self._expect(item.nodeid for item in session.items)
 
     @pytest.hookimpl(optionalhook=True)

@@ -7,7 +7,7 @@ A test's name is its promise. Its level follows from what it runs:
 - real: sockets, processes and threads on the wall clock;
 - browser: Chromium before a server; full: only with DRIVELESSON_FULL=1 (`only_full`).
 
-With words, only the promises that name one of them, and how many there are at each level.
+If the command line has words, only promises that contain one of the words are listed and counted.
 """
 
 from __future__ import annotations

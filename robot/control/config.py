@@ -16,7 +16,7 @@ class GateConfig:
     earliest moment at which the last command can have been sent, so it includes the transit. Even
     if the stop comes one tick later, the robot stands still within 0.5 s."""
     command_timeout_s: float = 0.3
-    """Largest age of a command that is obeyed. The age is measured in the same way."""
+    """Largest age of a command that is obeyed, counted like `supervision_timeout_s`."""
     frame_timeout_s: float = 0.2
     """Largest age of the newest picture while the robot may move. The limit is higher for a slower
     camera: see `robot.control.camera_timing`."""

@@ -180,8 +180,8 @@ class DriverThread(Driver):
         """Remove and return the most urgent request: stop comes first, then sense or drive, then
         show.
 
-        STOP always comes before a reading of the sensors. So does a new action, unless the reading
-        is late by more than `SENSE_EVERY_S`. A repeated action waits for a reading that is due.
+        STOP always comes before a reading of the sensors. So does a new action, unless a reading is
+        late by more than `SENSE_EVERY_S`. A repeated action waits for a reading that is due.
         """
         order, since_s = self._order, now_s - self._sensed_s
         is_new = order is not None and order.action is not self._driven

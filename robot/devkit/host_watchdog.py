@@ -32,9 +32,9 @@ REPEATS = 5
 """Number of stops that are sent quickly to a body without acknowledgement; further stops are sent
 slowly. If one order in ten is lost, all five stops are lost once in 100,000 times."""
 REST_S = 0.2
-"""Period of the stops that follow the first `REPEATS`, in seconds. These stops go to a body that
-does not acknowledge stops, as long as nobody drives. If the link loses the first stops, a later one
-still stops the body."""
+"""Period of the stops that follow the first `REPEATS`, in seconds. As long as nobody drives, a body
+that does not acknowledge stops gets a stop each period. If the link loses the first stops, a later
+one still stops the body."""
 PATIENCE_S = 0.02
 """Time for which a stop waits for a call that is still sending a move, in seconds."""
 LONGEST_LEAD_S = 0.15
@@ -49,8 +49,8 @@ class MoveEnder:
     A stop is sent `ACTION_TIMEOUT_S` after the last move, minus the latency of stops, and is
     repeated until it succeeds. A stop never waits for a move. If the call that sends a move does
     not return, another thread calls `send_stop` nevertheless. When the move's call has returned,
-    `send_stop` is called once more, because the body may have received the move after the stop. But
-    a move waits until a running stop has ended.
+    `send_stop` is called once more, because the body may have received the move after the stop. A
+    move always waits until a running stop has ended.
 
     Args:
         send_stop: Stops the body, or raises an error.

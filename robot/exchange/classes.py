@@ -160,7 +160,7 @@ def read_steered(folder: Path, reading: Reading, report: ImportReport) -> Drive:
     """Read pictures whose names contain a number and the steering.
 
     The dash before the steering may be a minus sign or only a separator. Raises RecordingError if
-    the names do not show which of the two the dash is.
+    the names do not show whether the dash is a minus sign.
     """
     paths = files_ending(folder, *PICTURES)
     named = _steered_names(paths)

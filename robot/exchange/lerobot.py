@@ -248,8 +248,8 @@ class _Table:
     """The values of all frames, and the description of each column.
 
     The action of a frame is steering and throttle. If a move of the robot is not defined by
-    steering and throttle, the action is instead one number for each move. If all these numbers are
-    zero, the robot stands still.
+    steering and throttle, the action is instead one number for each move. If the number of every
+    move is zero, the robot stands still.
     """
 
     def __init__(self, parts: Sequence[_Part], fps: int) -> None:

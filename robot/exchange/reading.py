@@ -67,7 +67,7 @@ class Reading:
 
     def move(self, name: str) -> Action | None:
         """Return the move that a name in the data means: the move that the person gave for this
-        name, or else the move with this name. Return None if there is no such move."""
+        name, or else the move with this name. Return None if the name means no move."""
         return self.moves.get(as_word(name)) or _KNOWN.get(as_word(name))
 
 

@@ -72,8 +72,8 @@ def read_bag(path: Path, reading: Reading, report: ImportReport) -> Drive:
     """Read a bag. The pictures are not read now, but one by one when the imported recording is
     written.
 
-    Raises RecordingError if the bag is damaged, or if it has no camera or no velocities. It is also
-    raised if there are several of them and the person has chosen none with `--topics`.
+    Raises RecordingError if the bag is damaged, if it has no camera or no velocities, or if it has
+    several cameras or velocities of which the person has chosen none with `--topics`.
     """
     bag = _Bag(path)
     with bag.opened() as reader:

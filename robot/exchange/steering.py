@@ -130,11 +130,12 @@ def _clipped(share: float) -> float:
 
 
 def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Point | None]:
-    """Return the action at a picture, which is the pilot's label or else the action that was sent.
+    """Return the action at a picture (the pilot's label or else the action that was sent), and the
+    action's steering and throttle.
 
-    Also return its steering and throttle. If the pilot or the robot steered proportionally, these
-    are the values that were recorded. If nobody steered proportionally, they are the values that
-    the action declares, or None if it declares none.
+    If the pilot or the robot steered proportionally, steering and throttle are the recorded values.
+    If nobody steered proportionally, they are the values that the action declares, or None if it
+    declares none.
     """
     point = moment.point if moment.label else moment.sent_point
     done = moment.label or Action(moment.sent or Action.STOP)

@@ -131,8 +131,8 @@ def asking_share(log: DriveLog) -> float:
 
 
 def agreement(log: DriveLog) -> float | None:
-    """Return the share of ticks on which robot and teacher chose the same move. Ticks on which one
-    of them chose no move are left out."""
+    """Return the share of ticks on which robot and teacher chose the same move. Ticks on which
+    robot or teacher chose no move are left out."""
     both = [
         moment.proposed is moment.wanted
         for moment in log

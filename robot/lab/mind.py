@@ -107,7 +107,7 @@ def ask(policy: Policy, world: str, seed: int, seconds: float) -> dict[str, int]
     learns nothing.
 
     Returns:
-        Numbers of views. The pilot turns RIGHT on each of them.
+        Numbers of views, among the views at which the pilot turns RIGHT.
 
         - `turning`: all views; `turning_right`: those on which the policy would turn RIGHT, too.
         - `blocked`: the views with less than `BLOCKED_M` of free way; `right` and `left`: those on

@@ -47,7 +47,7 @@ def contents_of(task: Task) -> Contents:
 def run_task(task: Task, contents: Contents | None = None) -> Outcome:
     """Run a task; never raises an Exception.
 
-    `contents` contains the task's input files. A machine that has these files does not need
+    `contents` contains the task's input files. A machine that has the input files does not need
     `contents`.
     """
     try:

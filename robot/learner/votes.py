@@ -235,16 +235,16 @@ class ChangeOfMind(Stateful):
 
     A label loses most of its votes at a view if it was contradicted often enough, and its nearest
     image was last taught before the contradictions began. The label also loses them if another
-    label's image is at least as near and was taught much later. Both rules reduce votes only while
-    they are counted; the stored histograms stay. So teaching the old label again at such views
+    label's image is at least as near and was taught much later. Votes are reduced only while they
+    are counted; the stored histograms stay. So teaching the old label again at the same views
     cancels the effect.
 
     The pilot can also declare a change of mind (`outdate`), which is better evidence than
     contradictions. If a label's nearest image was last taught before `outdate`, the label's votes
     go to the nearest image that was taught after it.
 
-    All of these rules ignore the label to which the pilot switches most often, such as FORWARD. A
-    pilot returns to it after every other label, and not always at the same view.
+    The detector ignores the label to which the pilot switches most often, such as FORWARD. A pilot
+    returns to it after every other label, and not always at the same view.
 
     Labels are columns 0, 1, ...; times are counts of examples. Arrays of shape (n,) describe the
     images. `distances` are squared. `owners` are the labels with the most votes (-1: none).

@@ -98,14 +98,14 @@ class RunningVotes:
 class StallDetector:
     """Bars a move that has no effect: the robot should move, but the image does not change.
 
-    Pilots seldom get stuck, so the learner does not know such views, and its votes could make the
-    robot push indefinitely. An unchanged image or a pressed bumper shows that the robot is stuck. A
-    car that sets off changes successive images as little as a standing car does. So the image must
-    also be almost the same as when it stopped changing.
+    Pilots seldom get stuck, so the learner does not know the views of a stuck robot, and its votes
+    could make the robot push indefinitely. An unchanged image or a pressed bumper shows that the
+    robot is stuck. A car that sets off changes successive images as little as a standing car does.
+    So the image must also be almost the same as when it stopped changing.
 
     `Headway` watches turns instead, because near a plain wall a turn changes the picture little.
-    The effect of some moves is unknown, for example of gripping. The detector ignores such a move
-    if the body stood still when the pilot made it.
+    The effect of some moves is unknown, for example of gripping. The detector ignores a move if the
+    body stood still when the pilot made it.
 
     Attributes:
         is_stalled: True while the current move seems to have no effect.

@@ -178,7 +178,7 @@ SHORTEST_LOST_S, LONGEST_LOST_S = 1.5, 8.0
 """Bounds of the limit on lost time (`Headway`), in seconds. Beyond the limit, turning is useless.
 
 The upper bound is shorter than half a turn about one wheel. A pilot who alternates between left and
-right for longer does not get out of a corner in this way."""
+right for longer does not get out of a corner by turning."""
 _MEANT = 3
 """If a pilot pushes this many times, he pushes on purpose. A single push may be a mistake."""
 _PATIENCE, _LONGEST_PATIENCE_S = 1.5, 5.0

@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 
 _MOST_LOST_BYTES = 16 * 2**20
 """Maximum number of bytes after the last complete record of a truncated file. A truncation leaves
-at most a part of one record. So a file with more bytes there is damaged in another way."""
+at most a part of one record. A file with more bytes at its end is damaged in another way."""
 _SPARE_BYTES = 64 * 2**20
 _RECORDS_AT_ONCE = 32
 _REST_S = 0.003

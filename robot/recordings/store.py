@@ -247,8 +247,8 @@ class EpisodeStore:
         """Reserve a free path by creating an empty file there, because another program may choose
         the same path.
 
-        A name is also taken if only the notes of a deleted recording still have it. If that name
-        were free, the edits in these notes would apply to the new recording.
+        A name is also taken if only the notes of a deleted recording still have it. If a deleted
+        recording's name were free, the edits in its notes would apply to the new recording.
         """
         require_present(self._storage.folder(NAME))
         names = (path.name for path in paths_in(self._storage.folder(NAME)))

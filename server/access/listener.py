@@ -60,8 +60,8 @@ class AdmissionListener(socket.socket):
         super().__init__(listener.family, listener.type, listener.proto, fileno=listener.detach())
         self.admission, self.clock = admission, clock
         self._spare: int | None = os.open(os.devnull, os.O_RDONLY)
-        # Connections that wait until `accept` returns them, one by one. None marks the end of a
-        # batch: `accept` then waits for the next event of the socket.
+        # Connections that wait until `accept` returns them, one by one. A None in the queue marks
+        # the end of a batch: at a None, `accept` waits for the next event of the socket.
         self._waiting: deque[_Connection | None] = deque()
 
     def accept(self) -> tuple[socket.socket, Any]:

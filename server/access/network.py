@@ -18,8 +18,8 @@ EVERYWHERE = ("0.0.0.0", "::")
 _RESOLVER = Path("/etc/resolv.conf")
 _NAME = re.compile(r"[\w-]+(?:\.[\w-]+)*", re.ASCII)
 _PROBES = ((socket.AF_INET, "192.0.2.1"), (socket.AF_INET6, "2001:db8::1"))
-"""Addresses reserved for documentation. Connecting a UDP socket to one of them sends nothing, but
-shows which address of this machine the system would use."""
+"""Addresses reserved for documentation. Connecting a UDP socket to a reserved address sends
+nothing, but shows which address of this machine the system would use."""
 
 
 def lan_addresses(config: NetworkConfig) -> list[str]:

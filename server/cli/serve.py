@@ -131,7 +131,7 @@ def run(args: argparse.Namespace) -> int:
     gateway = gateway_type()(config, rig.clock)
     end_by_signals()
     with StartingPage([] if gateway.is_tls else listeners, rig.clock) as starting:
-        from server.app import create_app  # this takes a second, so the starting page is up
+        from server.app import create_app  # takes a second, with the starting page shown
 
         kept, services = _make_services(args, rig, gateway)
 

@@ -49,9 +49,10 @@ class Gallery:
     async def image(self, node: int) -> LearnedImage | None:
         """Return a learned image, or its last version if it has been merged since.
 
-        A client requests images from an earlier list, and each example can merge some of them. Then
-        the last version is the best answer. If nobody had listed it before the merge, return the
-        image that was used last. None if there never was such an image.
+        A client requests images from an earlier list, and each example can merge some of them; for
+        a merged image, its last version is the best answer. If nobody had listed the image before
+        the merge, return the image that was used last. Return None if no image ever had the number
+        `node`.
         """
         await self.images()
         if node not in self._seen:

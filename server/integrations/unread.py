@@ -19,7 +19,7 @@ _LEAST_ROOM = 2048
 """Number of unread bytes that are ignored, because TCP windows change in steps of kilobytes."""
 _PATIENCE = 2048
 """If a viewer seems not to read, it gets a frame anyway after this number of calls of `is_there`.
-The number must be a power of two. Before the next such frame, the number doubles."""
+The number must be a power of two. After each frame that is sent anyway, the number doubles."""
 _REPORTED = 256
 """A viewer that seems not to read, but got a frame anyway, is checked after this number of further
 calls of `is_there`. By then, after 2.56 s, the client's system has reported its window again. The

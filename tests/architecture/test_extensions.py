@@ -35,7 +35,7 @@ from .extensions import (
 
 
 def gone_with(extensions: set[str]) -> set[str]:
-    """Return the extensions and those that need them."""
+    """Return the given extensions and all extensions that need one of them."""
     gone, before = extensions, set[str]()
     while gone != before:
         before, gone = gone, gone | {name for name, needs in NEEDS.items() if gone & {*needs}}

@@ -9,7 +9,7 @@ from robot.learner.base import BaseLearner, Evidence, State
 
 
 class NotPicklableError(Exception):
-    """Pickle constructs it again with one argument, but it needs two."""
+    """An error whose constructor needs two arguments; Pickle constructs it again with one."""
 
     def __init__(self, one: str, two: int) -> None:
         super().__init__(one)

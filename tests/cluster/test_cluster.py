@@ -34,7 +34,8 @@ Kill = Callable[[], None]
 class Cluster:
     """A scheduler on a separate port, and the added workers.
 
-    Their code is ours (good), ours with one constant changed (changed), or none of ours (bare).
+    A worker has our code (good), our code with one constant changed (changed), or none of it
+    (bare).
     """
 
     def __init__(self, folder: Path) -> None:

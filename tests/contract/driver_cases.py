@@ -121,7 +121,7 @@ def timed_driver(name: str) -> Iterator[DriverCase]:
 
         def is_moving() -> bool:
             if name in ("ros", "ev3", "ev3-remote"):
-                body.clock.sleep(0.03)  # by then the order has arrived
+                body.clock.sleep(0.03)  # until the order has arrived
             return body.is_moving()
 
         def drives() -> Point:

@@ -60,7 +60,7 @@ def in_language(browser: Any, language: str) -> Any:
 def speak_longer(context: Any) -> None:
     """Have the page use a language half as long again as English, with tall letters.
 
-    Its words may fill a button's padding, which those of a real language may not.
+    Words of this invented language may fill a button's padding; words of a real one may not.
     """
     context.add_init_script("window.isMadeUp = true")
 

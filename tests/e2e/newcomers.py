@@ -1,14 +1,15 @@
 """Twelve scripted newcomers use the real page: python -m tests.e2e.newcomers
 
-Each opens the page for the first time, follows its sentences, and drives by real touch events with
-the irregular hand of one of `robot/lab/simulated_pilots/habits.py`. While the robot drives, the
-newcomer first corrects it by habit. After reading when the page wants to be touched, the newcomer
-touches it only then. Each has another screen and language: five sizes and en, es, zh in turn. The
+Each newcomer opens the page for the first time, follows its sentences, and drives by real touch
+events with the irregular hand of one of `robot/lab/simulated_pilots/habits.py`. While the robot
+drives, the newcomer first corrects it by habit. After reading when the page wants to be touched,
+the newcomer touches it only then. Each newcomer has another screen and language: five sizes and en,
+es, zh in turn. The
 requirement: within four minutes of opening the page the robot drives by itself for a minute without
 pushing a wall.
 
 Everything runs in real time: a newcomer takes two to four minutes. `--habits regular,late` chooses
-some.
+the newcomers with these habits.
 """
 
 from __future__ import annotations
@@ -79,7 +80,7 @@ class Story:
 class Lenient:
     """A teacher who has read when to correct: before a bump, or when the robot stands.
 
-    Before he has read this, he corrects everything that he would do differently.
+    Before he has read when to correct, he corrects everything that he would do differently.
     """
 
     def __init__(self, teacher: Teacher) -> None:

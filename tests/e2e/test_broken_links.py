@@ -1,8 +1,8 @@
 """If a page's path to its robot breaks, the robot stops, and the page and a second page tell the
 truth.
 
-tests/faults checks how soon it stops, and tests/web/way.test.mjs which sentence belongs to which
-fault.
+tests/faults checks how soon the robot stops, and tests/web/way.test.mjs which sentence belongs to
+which fault.
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ def complaints(page: Any, rules: list[str] = WCAG) -> list[str]:
 
 
 def in_both_schemes(page: Any) -> list[str]:
-    """All faults in light colours, and those of the contrast in dark ones."""
+    """All faults in light colours, and the faults of contrast in dark colours."""
     found = complaints(page)
     page.emulate_media(color_scheme="dark")
     found += complaints(page, ["color-contrast"])

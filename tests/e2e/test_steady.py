@@ -119,7 +119,7 @@ def test_a_screen_is_shown_even_if_the_robot_does_not_answer(rovers_phone: Any) 
 
 
 def test_the_map_moves_no_button_when_it_comes(chromium: Any, world: World) -> None:
-    """The page fetches this file after the first picture, when a hand may be on its way to the
+    """The page fetches the map's file after the first picture, when a hand may be on its way to the
     pad."""
     context = new_context(chromium, DESKTOP)
     on_its_way: list[Any] = []

@@ -55,7 +55,7 @@ def test_a_finger_slides_and_two_fingers_are_one_direction(phone: Any, world: Wo
 
 
 def _slides_without_a_stop(phone: Any, world: World) -> bool:
-    """Return False if a busy machine stopped the robot in between, as a slow link does."""
+    """Slide one finger and press a second one; return False if a busy machine stopped the robot."""
     choose(phone, world, Mode.TRAIN)
     fingers = Fingers(phone)
     hold_until(world, fingers, "forward", lambda: world.action is Action.FORWARD)
@@ -137,7 +137,7 @@ LETTING_GO: dict[str, tuple[str, Callable[[Any, Fingers], None]]] = {
 }
 """The ways in which a hold ends, each with the event in which the page reports it."""
 OWN = ("the finger is lifted", "the touch is cancelled", "the screen turns")
-"""Buttons and the stick handle these ends in their own code, and the page handles all others."""
+"""The ends that buttons and the stick handle in their own code; the page handles all other ends."""
 NOTE_SAID = """() => {
   window.said = [];
   const { connection } = document.querySelector('app-bar').page;
@@ -153,8 +153,8 @@ NOTE_SAID = """() => {
 def test_every_way_of_letting_go_stops_the_robot(
     rovers_page: Callable[[dict[str, int]], Any], world: World, by: str
 ) -> None:
-    """The page reports it while it handles the event itself. Later delays are due to the link;
-    tests/faults checks them in virtual time."""
+    """The page reports a release while it handles the event itself. Later delays are due to the
+    link; tests/faults checks them in virtual time."""
     phone = None
     others = [name for name in LETTING_GO if name not in OWN]
     for name in LETTING_GO if IS_FULL else [*OWN, *others[by == "stick" :: 2]]:

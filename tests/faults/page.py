@@ -53,7 +53,8 @@ def measure(n_seeds: int) -> dict[Cell, float]:
 
 
 def render(page: str, measured_ms: Mapping[Cell, float] | None = None) -> str:
-    """Return the page with its tables written again; without new figures they keep theirs."""
+    """Return the page with its tables written again; without new figures the tables keep the old
+    ones."""
     known = _figures(page) if measured_ms is None else measured_ms
 
     def row(first: str, name: str, columns: tuple[str, ...], last: str) -> str:

@@ -99,7 +99,7 @@ class FaultWorld(ServedWorld):
         """Drive, and have a fault begin and end; the robot must stop, and stay stopped.
 
         Raises:
-            AssertionError: If the robot does not.
+            AssertionError: If the robot does not stop, or moves again.
         """
         what = f"{fault.name}, {mode}, seed {seed}"
         await self.settle(seed)

@@ -17,7 +17,7 @@ class Described(NamedTuple):
     query: tuple[str, ...]
 
     def at(self, value: str = "1") -> str:
-        """Return its path with each parameter replaced by a value."""
+        """Return the route's path with each parameter replaced by a value."""
         return re.sub(r"{\w+}", lambda _: value, self.path)
 
 

@@ -18,7 +18,7 @@ class Disk:
 
     Attributes:
         calls: Number of calls since `fail` was called.
-        before_each: Called before each call after `fail` was called, until `heal`.
+        before_each: A function to call before each counted call; `heal` ends this.
     """
 
     def __init__(self, root: Path) -> None:
@@ -75,7 +75,7 @@ class Disk:
         put(os, "fsync", sync)
 
     def lay_beneath(self, persistence: Persistence) -> None:
-        """Also count the writes to the files that the journal has already open."""
+        """Count and fail the writes to the journal's open files, too."""
         disk, writer = self, persistence.writer._writer
 
         class File:

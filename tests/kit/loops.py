@@ -14,7 +14,8 @@ async def stop_accepting(server: Any) -> None:
     """Wait until every accepted connection belongs to the server, so that it can be closed.
 
     asyncio of Python 3.11 loses a connection if `Server.close()` comes between its acceptance and
-    the loop's next turn. The garbage collector closes it then, and warns, in another test.
+    the loop's next turn. The garbage collector closes the lost connection later, and warns in
+    another test.
     """
     for listener in server.sockets or ():
         asyncio.get_running_loop().remove_reader(listener.fileno())

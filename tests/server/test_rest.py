@@ -119,7 +119,7 @@ def test_a_page_without_a_picture_leaves_the_robot_at_rest(resting: VirtualServe
 def test_a_pilot_starts_at_once_and_the_rest_does_not_count_as_the_cameras_period(
     resting: VirtualServer, rested_s: float, sees: bool
 ) -> None:
-    """The first state once waited for its interval: up to 150 ms, by when the pilot came."""
+    """In an earlier version, the first state came up to 150 ms after the pilot."""
     resting.forward(rested_s)
     came_s = resting.clock.now_s()
     with VirtualPilot(resting, sees=sees) as pilot:

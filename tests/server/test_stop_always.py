@@ -1,7 +1,8 @@
 """Every STOP by anybody who may stop is obeyed, and two clients keep their slots.
 
-The machine runs the real application in virtual time, with small limits. The last check does the
-same with a real server, real sockets and a separate process for the greedy client.
+The machine runs the real application in virtual time, with small limits. The last check presses
+STOP on a real server with real sockets, while a greedy client floods the server from a separate
+process.
 """
 
 from __future__ import annotations

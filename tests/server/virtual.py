@@ -106,7 +106,7 @@ class ServedWorld(VirtualRobot):
         await super().__aexit__(*error)
 
     async def pilot(self, *, sees: bool = False) -> Pilot:
-        """Open a page. If it sees pictures, it knows the robot's state when this method returns."""
+        """Open a page. The page has the robot's first state when this method returns."""
         pilot = Pilot(self, sees=sees)
         await self.until(lambda: bool(pilot.state.get("frame")), what="the first state")
         return pilot

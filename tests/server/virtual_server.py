@@ -198,7 +198,7 @@ class VirtualServer:
         return self.clock.now_s() - start_s
 
     def poke(self) -> None:
-        """Does nothing: `until` checks again by itself."""
+        """Do nothing, because `until` checks its condition again by itself."""
 
     # Requests ----------------------------------------------------------------------------------
 

@@ -1,7 +1,7 @@
 """Runs the sample firmware and the hub's program in virtual time, in this Python.
 
-Their modules `machine`, `network` and `pybricks` are the same as in other tests with Debian's
-micropython, but use the virtual clock. So thousands of moments can be tested.
+The stand-ins for `machine`, `network` and `pybricks` are those of the tests with Debian's
+micropython, but use the virtual clock, so thousands of moments can be tested.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A LEGO hub with Pybricks. Its program really runs, on Debian's micropython with replaced
+"""A LEGO hub with Pybricks. The hub's program really runs, on Debian's micropython with replaced
 `pybricks` modules, and the library `bleak` seems to show the hub's GATT service.
 
 `hub.bluetooth` replaces the module `bleak`.

@@ -145,7 +145,7 @@ def test_bundled_files_are_cached_forever_and_the_document_is_requested_again() 
         assert file.headers["content-encoding"] == "gzip"
         kind = "javascript" if address.endswith(".js") else "css"
         assert kind in file.headers["content-type"]
-        # On Windows starlette requests it in this form.
+        # # On Windows, starlette asks for a file with backslashes.
         assert get(address.replace("/", "\\")).content == file.content
     plain = get("/", accept_encoding="identity")
     assert "content-encoding" not in plain.headers

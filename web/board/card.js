@@ -6,7 +6,7 @@ import { language, percent, t } from '../js/i18n.js';
 
 /** @typedef {import('./class-link.js').Robot} Robot */
 
-/** A robot's program should answer within this time after its start. Ten programs on a slow computer take longer. */
+/** A robot's program should answer within this time after its start. If ten programs start at once on a slow computer, each takes longer. */
 const STARTING_MS = 30000;
 
 /**

@@ -3,7 +3,7 @@
 import { parsePictures } from './pictures.js';
 
 const RETRY_MS = 1000;
-/** Time without an answer after which a stop counts as not received. While the board runs, it confirms a stop, or reports its failure, much sooner. */
+/** Time without an answer after which a stop counts as not received. A running board confirms a stop, or reports its failure, in a fraction of this time. */
 const NEWS_MS = 3000;
 const ALL = 'all';
 
@@ -55,7 +55,7 @@ export class ClassLink extends EventTarget {
     /** @type {number[]} */
     this.watched = [];
     this.isOpen = false;
-    /** @type {Set<string>} addresses of robots whose stop no board has received yet; numbers may differ on a restarted board */
+    /** @type {Set<string>} addresses, because a restarted board may number robots differently: the robots whose stop no board has received yet */
     this.owed = new Set();
     /** @type {Set<string>} robots whose stop was sent, without an answer so far */
     this.said = new Set();

@@ -78,7 +78,7 @@ export class EyeLink extends EventTarget {
     this.dispatchEvent(new CustomEvent(words.type, { detail: words }));
   }
 
-  /** Send a picture. If too many are in flight, drop it and return false. @param {Uint8Array} jpeg @param {number} takenMs @param {boolean} covered */
+  /** Send a picture. If too many pictures are in flight, drop the picture and return false. @param {Uint8Array} jpeg @param {number} takenMs @param {boolean} covered */
   show(jpeg, takenMs, covered) {
     if (!this.hasCredit || this.socket?.readyState !== 1) return false;
     this.seq += 1;
@@ -86,7 +86,7 @@ export class EyeLink extends EventTarget {
     return true;
   }
 
-  /** Send STOP. If this connection is dead, the next connection sends it again. */
+  /** Send STOP. If this connection is dead, the next connection sends the STOP again. */
   stop() {
     this.owesStop = true;
     this.say({ type: 'stop' });

@@ -51,7 +51,7 @@ export async function ask(method, path, body, patienceMs = method === 'GET' ? AN
     if (isPage) throw new Refused(answer.status, `${answer.status} text/html`, null);
     if (answer.ok) {
       const told = await answer.json();
-      // report this after the screen has shown its own message, so that the person reads both
+      // report the failed save after the screen's own message, so that the person reads both
       if (told?.kept === false) setTimeout(() => dispatchEvent(new Event(NOT_KEPT)));
       return told;
     }
@@ -85,7 +85,7 @@ export async function askToStop(isOwed) {
   return null;
 }
 
-/** Timeout of requests that ask why the link is lost. The timeout is short, so that no STOP by request waits behind these requests. */
+/** Timeout of requests that ask why the link is lost. The timeout is short, so that a STOP by request does not wait long behind a request for the reason. */
 export const WHY_MS = 2000;
 
 /** Ask by an HTTP request why a websocket was refused, because the websocket itself gives no reason. A browser that is no longer admitted is redirected. @param {string} path  a path that an admitted browser may request */

@@ -14,7 +14,7 @@ const FIRST_RETRY_MS = 250;
 const LAST_RETRY_MS = 2000;
 const PING_EVERY_MS = 1000;
 const CLOCK_SAMPLES = 8;
-const IDLE_SILENCE_MS = 4000; // the same for an idle page, which receives little more than a pong each second
+const IDLE_SILENCE_MS = 4000; // the time for an idle page, which receives little more than a pong each second
 
 /**
  * Events: `open` and `lost`; and `words` and `picture`, whose `detail` is the message.

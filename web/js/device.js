@@ -25,7 +25,7 @@ export class WakeLock {
   }
 }
 
-/** The browser's storage. If the browser forbids it, values are kept as long as the page is open. @type {Pick<Storage, 'getItem' | 'setItem'>} */
+/** The browser's storage. If the browser forbids storage, values are kept as long as the page is open. @type {Pick<Storage, 'getItem' | 'setItem'>} */
 export const memory = findMemory();
 
 function findMemory() {

@@ -38,7 +38,7 @@ export class Helm extends EventTarget {
     this.hasWheel = false;
     /** @type {Mode} */
     this.mode = 'stopped';
-    /** True while no picture is shown. No move can then be held, and heartbeats only renew the lease. */
+    /** True while no picture is shown. Without a picture no move can be held, and heartbeats only renew the lease. */
     this.isIdle = false;
     this.beats = 0;
     this.beatMs = -HEARTBEAT_MS;
@@ -63,7 +63,7 @@ export class Helm extends EventTarget {
     return this.hasWheel && this.mode !== 'stopped';
   }
 
-  /** True if the robot may be moving. It is also true right after a request to start, and after the link was lost. */
+  /** True if the robot may be moving. The value is also true right after a request to start, and after the link was lost. */
   get mayBeMoving() {
     return this.mode !== 'stopped' || this.start.tap !== null;
   }

@@ -66,7 +66,7 @@ export function t(key, values = {}) {
   return text.replace(/\{(\w+)\}/g, (whole, name) => String(values[name] ?? whole));
 }
 
-/** True if there is such a sentence. @param {string} key */
+/** True if the language has a sentence for the key. @param {string} key */
 export const has = (key) => key in messages;
 
 /** @param {number} value */

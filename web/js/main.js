@@ -79,7 +79,7 @@ async function listen(page) {
   const { listenToKeyboard } = await import('./inputs/keyboard.js');
   const { listenToGamepads } = await import('./inputs/gamepad.js');
   const { padDesk } = await import('./inputs/pad-desk.js');
-  await fetchScreenWords(); // these include the sentences about game pads
+  await fetchScreenWords(); // contains the sentences about game pads
   const reach = { stop: () => page.stop(), isDriving: () => page.isDriving() };
   listenToKeyboard(page.helm, reach);
   listenToGamepads(page.helm, { ...reach, desk: padDesk(page) });

@@ -281,7 +281,7 @@ export class Page {
     });
   }
 
-  /** Release the emergency stop that is shown, unless STOP was pressed since. Wait until none of our own requests can latch it again. */
+  /** Release the emergency stop that is shown, unless STOP was pressed since. The release waits until no request of this page can latch the stop again. */
   async release() {
     const shown = this.store.state.robot?.stop_number ?? 0;
     this.endStop();

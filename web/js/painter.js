@@ -56,7 +56,7 @@ export class Painter {
     const { canvas } = this;
     if (canvas.width !== bitmap.width) canvas.width = bitmap.width;
     if (canvas.height !== bitmap.height) canvas.height = bitmap.height;
-    // Request the context only once, because Firefox returns that of a transferred canvas only once.
+    // Request the context only once, because Firefox returns the context of a transferred canvas only once.
     this.context ??= canvas.getContext('2d');
     this.context?.drawImage(bitmap, 0, 0);
     if ('close' in bitmap) bitmap.close();

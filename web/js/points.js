@@ -13,7 +13,7 @@ const TURNS_BEYOND = 0.2;
 
 /**
  * A stick pushed ahead or aside drives faster the further it is pushed, and steers in proportion to its
- * sideways share. Pulled back, it reverses if the robot can. @param {number} x  to the right, as a share of
+ * sideways share. A stick pulled back reverses if the robot can. @param {number} x  to the right, as a share of
  * the travel @param {number} y  ahead @param {Reach} reach @returns {Point | null} null at rest
  */
 export function fromStick(x, y, { ahead, back }) {

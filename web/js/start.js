@@ -47,7 +47,7 @@ export class Start extends EventTarget {
     this.tap = null;
   }
 
-  /** Send the request if there is a proof of freshness. Called whenever there may be one. */
+  /** Send the request if there is a proof of freshness. Called whenever there may be a proof. */
   go() {
     const { tap } = this;
     if (!tap) return;

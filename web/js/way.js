@@ -39,7 +39,7 @@ export class WayFinder {
     this.isAsking = false;
     this.isOpen = false;
     this.openedMs = -Infinity;
-    /** When the last websocket was lost: soon after it opened (`cut`), later (`ended`), or before it opened; null once this is counted.
+    /** When the last websocket was lost: soon after it opened (`cut`), later (`ended`), or before it opened; null once the loss is counted.
      * @type {'cut' | 'ended' | 'unopened' | null} */
     this.loss = null;
     /** Numbers of websockets in a row that were cut, and that did not open, although the robot answered HTTP requests. */

@@ -42,8 +42,7 @@ LEFTOVERS = {
     "time_sp": "7000",
     "stop_action": "hold",
 }
-"""Attributes of the fake motors at the start. Another program may leave such values on a real
-brick."""
+"""Attributes of the fake motors at the start, as another program may leave them on a real brick."""
 
 
 @dataclass(frozen=True)

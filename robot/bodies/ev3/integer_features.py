@@ -36,12 +36,12 @@ around it, in units of 1/4096."""
 class IntegerGradientFeatures:
     """Histograms of gradient orientations, and a grey picture at half contrast: 1360 bytes.
 
-    These features are like `GradientFeatures`, but take a tenth of the time on a processor without
-    a floating-point unit. The gradients are computed on the small picture, in 5x4 cells of 6x10
-    pixels. A pixel's two differences are the index into a table of direction and magnitude, and one
-    call of `bincount` yields the histograms of all cells. Each histogram is divided by the sum of
-    the histograms of the 3x3 cells around it. A second table contains the square roots of the
-    results. The vector is the same on every machine.
+    The features resemble those of `GradientFeatures`, but take a tenth of the time on a processor
+    without a floating-point unit. The gradients are computed on the small picture, in 5x4 cells of
+    6x10 pixels. A pixel's two differences are the index into a table of direction and magnitude,
+    and one call of `bincount` yields the histograms of all cells. Each histogram is divided by the
+    sum of the histograms of the 3x3 cells around it. A second table contains the square roots of
+    the results. The vector is the same on every machine.
 
     The histograms' bytes are multiples of 4, because `IntegerRidge` ignores the lower two bits. The
     grey picture begins with every second pixel of every second line, because these pixels are

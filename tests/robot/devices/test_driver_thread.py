@@ -137,7 +137,7 @@ def test_the_wrapper_declares_what_its_body_declares() -> None:
     body = ReplayDriver(ReplayDriver.options_type(), VirtualClock())
     wrapped = DriverThread(body, VirtualClock())
     for name in (*Driver.__annotations__, "moves", "first_moves", "takes_advice"):
-        if name != "is_remote":  # it is not a fault any more
+        if name != "is_remote":  # the thread makes a remote body local
             assert getattr(wrapped, name) == getattr(body, name), name
 
 

@@ -273,7 +273,7 @@ def test_a_webcam_that_was_lost_is_not_replaced_by_another(tmp_path: Path, sourc
     assert camera._open() is not None
     unplug(tmp_path, 0)
     assert camera._open() is None
-    plug(tmp_path, 0, "1-9")  # the system gives it the number that became free
+    plug(tmp_path, 0, "1-9")  # the new camera gets the free number
     assert camera._open() is None and cv2.VideoCapture.call_args_list == [mock.call(0)]
     assert "C270 (USB socket 1-2) is unplugged, and no other" in camera._name_fault("gives nothing")
     plug(tmp_path, 2, "1-2")

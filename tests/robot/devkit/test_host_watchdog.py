@@ -45,7 +45,7 @@ class Body:
         self.changes.append((self.clock.now_s() + after_s, is_move))
 
     def close(self) -> None:
-        """Close the connection; the wheels turn on, as with these libraries."""
+        """Close the connection; the wheels turn on, as with the real robot's library."""
         self.is_open = False
 
     def is_moving(self) -> bool:

@@ -59,7 +59,7 @@ def test_ascending_time_stamps_are_not_changed() -> None:
 
 @pytest.mark.parametrize("name", CASES)
 def test_every_picture_is_shown_for_as_long_as_it_was_there(name: str) -> None:
-    """At the 20 pictures a second of data sets; a drive is split at long pauses."""
+    """Datasets have 20 pictures a second, and a drive is split at long pauses."""
     times_s, n_parts = CASES[name]
     line = make_timeline(times_s)
     stretches = line.evenly(20)

@@ -131,7 +131,7 @@ def test_a_run_during_which_its_idea_was_changed_counts_for_neither(tmp_path):
         run_all([task], store, jobs=1)
     assert store.get(task) is None
     assert run_all([task], store, jobs=1) == [{"mark": 1}]
-    # A change after its run, by another one, changes no figure.
+    # # A change by another run, after the first run has ended, changes no figure.
     idea.write_text("a = 1")
     mine = Task(run_edit, {"learner": f"{idea}:Name", "files": [], "mark": 1})
     other = Task(run_edit, {"learner": "default-32", "files": [str(idea)], "mark": 2})

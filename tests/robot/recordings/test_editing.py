@@ -31,7 +31,7 @@ def store(tmp_path: Path) -> EpisodeStore:
 
 @pytest.fixture
 def robot(tmp_path: Path) -> RecordedBench:
-    """Records into that store."""
+    """A bench robot that records into the folder of the fixture `store`."""
     return RecordedBench(Storage(tmp_path).folder("episodes"), "default-8")
 
 
@@ -88,7 +88,7 @@ def test_edits_of_images_and_their_undos_are_learned_again_also_from_rewritten_r
     before, left_out, _ = learned(names)
     n_later = max(2 - n_undone, 0) + 2 * (seed % 2)
     assert left_out == (n_later if seed % 3 < 2 else 0), "from the first edited recording on"
-    if n_undone > 1:  # if not, the split recording has an edit of an image, which is left out
+    if n_undone > 1:  # else an edit of an image is left out
         names.insert(2, store.split(edited, ids[10]))
     store.compact(edited)
     after, left_out_after, edits_after = learned(names)
@@ -151,7 +151,7 @@ def test_a_recording_can_be_split_however_long_its_name(
 def test_a_picture_of_a_standing_robot_has_no_data_of_the_next_drive(
     robot: RecordedBench, every_s: float
 ) -> None:
-    """For any camera rate, although the loop ticks twenty times a second."""
+    """The camera's period may be shorter or longer than the loop's, which is 50 ms."""
 
     def pass_time(seconds: float, held: Action | None) -> None:
         end_s = robot.clock.now_s() + seconds

@@ -1,4 +1,7 @@
-"""A scripted participant for the pure session: drives ticks, answers questions, leaves a log."""
+"""A scripted participant for a study session without a server.
+
+The participant advances the session tick by tick, answers its questions and returns its log.
+"""
 
 import random
 

@@ -115,7 +115,8 @@ def test_a_file_that_is_not_a_study_is_refused_with_a_sentence(tmp_path, fault):
 
 
 def test_a_zip_that_a_spreadsheet_saved_gives_the_same_and_a_changed_table_is_named(tmp_path):
-    """With a folder among its entries, and Windows' line ends and byte order marks in the logs."""
+    """The zip has a folder among its entries, and logs with Windows' line ends and byte order
+    marks."""
 
     def saved(name, data):
         is_saved = name.startswith("events/") or name == "plan.toml"

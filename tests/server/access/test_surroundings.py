@@ -167,7 +167,7 @@ def test_a_browser_at_an_unknown_name_is_led_to_the_address(accepted, language):
 
 @pytest.mark.realtime
 def test_of_two_robots_that_nobody_named_the_second_takes_another_name(monkeypatch):
-    """This also holds if both robots start at the same moment."""
+    """Two robots also get different names if they start at the same moment."""
     if not hasattr(pytest.importorskip("zeroconf"), "AddressResolver"):
         pytest.skip("this zeroconf cannot ask for a host's addresses")
     # All processes share one loopback: the name and the addresses are this test's own.

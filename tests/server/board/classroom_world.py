@@ -32,7 +32,7 @@ KEY = ClassKey("k" * 40)
 PATIENCE_S = 4.0
 FAULTS = ("none", "slow", "gone", "silent", "half", "nonsense", "wrong key", "no class", "refuses")
 OPEN_FAULTS = ("none", "slow")
-"""In spite of these faults, the board can reach a robot."""
+"""Faults of the network through which the board still reaches a robot."""
 
 
 class Pupil(ServedWorld):

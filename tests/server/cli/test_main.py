@@ -127,7 +127,8 @@ def test_ctrl_c_while_the_modules_are_imported_prints_no_traceback(module, monke
 
 
 def test_a_reader_that_ends_early_is_not_an_error():
-    """As in `drivelesson --help | head -1`; the text is longer than a pipe's buffer."""
+    """`drivelesson --help | head -1` ends its reader early. The text is longer than a pipe's
+    buffer."""
     printing = "import sys; from server.__main__ import main; "
     printing += "sys.exit(max(main(['--help']) for _ in range(50)))"
     program = subprocess.Popen(

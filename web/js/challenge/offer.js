@@ -1,5 +1,5 @@
 // Offers the challenge once the robot is ready, and shows a try's progress and result.
-// A robot without this extension does not answer these requests, so nothing is offered.
+// A robot without the challenge does not answer the requests for it, so nothing is offered.
 
 import { ask } from '../api.js';
 import { t } from '../i18n.js';

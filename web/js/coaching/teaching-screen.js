@@ -52,7 +52,7 @@ export class TeachingScreen extends Screen {
     if (readiness) drawReadiness(/** @type {Element} */ (this.readiness), readiness);
   }
 
-  /** The switch "left and right are alike". If only one side was taught, it is shown as a question. @param {{ alike: boolean, possible: boolean, one_sided: boolean }} word */
+  /** The switch "left and right are alike". If only one side was taught, the switch is shown as a question. @param {{ alike: boolean, possible: boolean, one_sided: boolean }} word */
   drawAlike(word) {
     const panel = /** @type {HTMLElement} */ (this.alike);
     panel.hidden = !word.possible;

@@ -14,7 +14,7 @@ import { bounds, fetchWorld, makeRobot, mark, room, standAt, way } from './from-
 /** @typedef {{first: number, pose: number[][], driven_by: string[], events: Record<string, string[]>, is_estimate: boolean}} Answer */
 
 const ASK_MS = 1000;
-const STAND_MS = 200; // interval at which the robot's symbol moves; it is long, because the browser redraws the map each time
+const STAND_MS = 200; // interval at which the robot's symbol moves; a long one, because the browser redraws the map each time
 const KINDS = ['asked', 'pushed', 'corrected'];
 /** Number of points of the path that the page remembers; the robot remembers as many. */
 const POINTS = 2000;

@@ -12,7 +12,7 @@ export class Screen extends HTMLElement {
 
   /**
    * Show the screen once its data has loaded, because later data would move a button away from under a
-   * finger. On a slow link the screen is shown incomplete after a while. @param {import('../page.js').Page}
+   * finger. On a slow link, the screen is shown after a while although data is missing. @param {import('../page.js').Page}
    * page
    */
   async start(page) {
@@ -28,7 +28,7 @@ export class Screen extends HTMLElement {
     }
   }
 
-  /** Subclasses override it to fill the screen. @returns {unknown} a promise, if it sends requests to the robot */
+  /** Subclasses override this method to fill the screen. @returns {unknown} a promise, if it sends requests to the robot */
   build() {
     return undefined;
   }

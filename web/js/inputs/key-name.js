@@ -1,8 +1,7 @@
 // Identifies a key by its position (`code`), its character (`key`), and its old number (`keyCode`).
-//
-// Any of the three may be missing.
+// Position, character or number may be missing:
 // Browsers on Android and televisions send no `code`, and input methods send no `key`.
-// A stop counts if any of the three means stop.
+// A key stops the robot if its position, its character or its number means stop.
 // This module is loaded with the page, because STOP keys must work before the code of the keyboard has loaded.
 
 /** @typedef {{code?: string, key?: string, keyCode?: number, location?: number, repeat?: boolean}} Key  the fields of a KeyboardEvent that are used here */

@@ -88,7 +88,7 @@ class Silence {
     this.pauseMs = 0;
     /** @type {string[]} the keys that were counted as released */
     this.missed = [];
-    /** Which silence was last taken for a release: true for that of a chord's older keys, false for that of a repeating key. */
+    /** Which silence was last taken for a release: true for the silence of a chord's older keys, false for the silence of a repeating key. */
     this.isChord = false;
     /** The kinds of silence that are no longer taken for a release, because a key was reported as released later. */
     this.isWrong = { chord: false, repeat: false };

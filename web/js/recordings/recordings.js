@@ -15,7 +15,7 @@ export class Recordings {
   offer = h('div', { class: 'stack' }, this.finder, this.chosen);
   /** @type {{episode: any, card: HTMLElement, isOn: boolean}[]} the recordings with their cards; `isOn` is true for the recording in progress */
   shelf = [];
-  /** Number of requests for the list. If two are under way, only the answer to the newer one is shown. */
+  /** Number of requests for the list. If two requests are under way, only the answer to the newer one is shown. */
   listing = 0;
   /** @type {Set<string>} recordings to fetch, delete or teach again from */
   ticked = new Set();

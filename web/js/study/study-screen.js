@@ -18,7 +18,7 @@ export class StudyScreen extends Screen {
   /** @type {string | null} the name of the shown study */
   chosen = null;
   drawn = '';
-  /** Number of requests for the list. If two are under way, only the answer to the newer one is shown. */
+  /** Number of requests for the list. If two requests are under way, only the answer to the newer one is shown. */
   listing = 0;
 
   async build() {

@@ -31,7 +31,7 @@ class MotorPair:
         """Find the left and the right motor, and reset both.
 
         Another program may have left ramps, a reversed polarity or a running motor; with a ramp
-        even `stop` is slow. `reset` comes first, because it undoes all these settings.
+        even `stop` is slow. `reset` undoes all of this, so it comes first.
         """
         self.close()  # close the motors that an earlier call found
         try:

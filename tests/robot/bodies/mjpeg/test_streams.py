@@ -225,7 +225,7 @@ def moved(place: str) -> bytes:
     [
         ("/new", b"GET /new ", True),
         ("http://CAMERA.local:80/new", b"GET /new ", True),
-        ("/k\u0105che", b"GET /k%C4%85che ", True),  # in Latin-1 one of its bytes is a line end
+        ("/k\u0105che", b"GET /k%C4%85che ", True),  # a byte of ā is a line end in Latin-1
         ("http://other.local:81/new", b"Host: other.local:81", False),
     ],
 )

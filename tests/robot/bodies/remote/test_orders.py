@@ -56,8 +56,8 @@ def test_an_impossible_sensor_value_is_ignored(number: bytes) -> None:
 
 @pytest.mark.parametrize("word", ["inf", "-nan", "Infinity", "ovf"])
 def test_a_report_may_contain_infinity(word: str) -> None:
-    """Like MicroPython's `json.dumps(float("inf"))`; such a report was dropped, and the robot
-    counted as silent."""
+    """MicroPython's `json.dumps` writes infinity as `inf`. A report with `inf` was once dropped,
+    and the robot counted as silent."""
     text = (
         f'{{"nonce": "inf nan \\" inf", "distance_m": {word}, "seq": 3, "ms": 9, "battery":{word}}}'
     )

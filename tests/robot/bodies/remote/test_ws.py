@@ -63,7 +63,7 @@ def check_that_it_catches_up_with_late_answers() -> None:
         robot.repeats = 5
         line.send(b'{"move": "stop", "seq": 0}\t')
         answers = 0
-        for _ in range(30_000):  # of one millisecond each
+        for _ in range(30_000):  # waits of 1 ms
             answers += line.receive(0.001) is not None
             if answers == 6:
                 break

@@ -184,7 +184,7 @@ def others_on_the_topic_are_in_the_log(caplog: pytest.LogCaptureFixture) -> None
 
 
 def a_publisher_that_leaves_sends_nothing_more() -> None:
-    """DDS reports it by a sample without fields."""
+    """DDS reports a leaving publisher by a sample without fields."""
     told: list[set[str]] = []
     listening = open_topics(
         RosOptions(transport="dds", address="127.0.0.1", domain=own_domain()),

@@ -1,4 +1,4 @@
-// The sentences on these screens.
+// The sentences on the screens of coaching.
 export default {
   'gallery.summary': '{n} images, of at most {max}. Each is a blend of the pictures that it stands for. The bright image decides the robot’s move now.',
   'gallery.empty': 'Nothing yet. Teach the robot something and its images will appear here.',

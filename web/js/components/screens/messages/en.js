@@ -1,4 +1,4 @@
-// The sentences of the core's screens except the drive screen. The page fetches this file after the first picture, or with the first such screen.
+// The sentences of the core's screens except the drive screen. The page fetches this file after the first picture, or earlier if a screen needs it.
 export default {
   'settings.size': 'How many images it remembers',
   'settings.size_hint': 'With more images the robot remembers more rare views and notices new views better. It also needs more time, and does not drive better. If you change this, the robot starts over; what it knows now is kept in “Models and recordings”.',

@@ -1,4 +1,4 @@
-// The sentences of the core's screens except the drive screen. The page fetches this file after the first picture, or with the first such screen.
+// The sentences of the core's screens except the drive screen. The page fetches this file after the first picture, or earlier if a screen needs it.
 export default {
   'settings.size': 'Cuántas imágenes recuerda',
   'settings.size_hint': 'Con más imágenes, el robot recuerda más vistas raras y nota mejor lo nuevo. Pero necesita más tiempo y no conduce mejor. Si lo cambias, empieza de cero; lo que sabe ahora queda en «Modelos y grabaciones».',

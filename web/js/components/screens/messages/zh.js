@@ -1,4 +1,4 @@
-// The sentences of the core's screens except the drive screen. The page fetches this file after the first picture, or with the first such screen.
+// The sentences of the core's screens except the drive screen. The page fetches this file after the first picture, or earlier if a screen needs it.
 export default {
   'settings.size': '记住多少张图像',
   'settings.size_hint': '图像越多，机器人能记住的少见画面越多，也更容易发现新画面；但需要更多时间，也不会开得更好。更改后会重新开始；现在学会的保留在“模型和记录”。',
