@@ -193,11 +193,18 @@ def _json_lines(text: str, name: str, report: ImportReport) -> Iterator[Row]:
 
 def _as_lines(text: str) -> str:
     """Return the rows of a JSON file as lines of JSON: of a list of objects, or of an object with
-    a label for each picture. A file of another form has no rows."""
+    a label, a steering or an object for each picture. A file of another form has no rows."""
     found = parse(text)
     if isinstance(found, dict):
-        found = [{"file": key, "label": of} for key, of in found.items() if isinstance(of, str)]
+        found = [{"file": key, **_named(of)} for key, of in found.items() if is_picture_name(key)]
     return "\n".join(map(json.dumps, found)) if isinstance(found, list) else ""
+
+
+def _named(of: object) -> dict[str, object]:
+    """Return what a JSON object says of a picture, with names of columns."""
+    if isinstance(of, dict):
+        return of
+    return {"label": of} if isinstance(of, str) else {"steering": of}
 
 
 def is_picture_name(text: str) -> bool:

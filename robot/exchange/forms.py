@@ -221,8 +221,9 @@ FORMS: tuple[Form, ...] = (
     ),
     Form(
         name="table of pictures",
-        there="`.csv`, `.tsv`, `metadata.jsonl`, `.json` (a list of objects, or a label for each "
-        "picture) or a list in `.txt`, with or without a line of column names, such as Udacity's "
+        there="`.csv`, `.tsv`, `metadata.jsonl`, `.json` (a list of objects, or a label, a "
+        "steering or an object for each picture) or a list in `.txt`, with or without a line of "
+        "column names, such as Udacity's "
         "`driving_log.csv`, Hugging Face's `metadata.csv`, Roboflow's `_classes.csv` or Label "
         "Studio's export; the pictures lie in the same folder or below it and are found by the "
         "last parts of their paths",

@@ -81,6 +81,12 @@ DATA = {
         "t.csv", "file,left,right,forward\na.jpg,TRUE,,\nb.jpg,,TRUE,\nc.jpg,False,False,1\n"
     ),
     "JSON": table("labels.json", '{"a.jpg": "left", "b.jpg": "right",\n "c.jpg": "forward"}'),
+    "JSON of steering": table("d.json", '{"a.jpg": -0.5, "b.jpg": 0.5, "c.jpg": 0, "n": 3}'),
+    "JSON of objects": table(
+        "d.json",
+        '{"a.jpg": {"steering": -1, "throttle": 0.5}, "b.jpg": {"steering": 1, "throttle": 0.5},'
+        '\n "c.jpg": {"steering": 0.0, "throttle": 0.5}}',
+    ),
     "Label Studio": table(
         "labels.json",
         '[{"image": "/data/a.jpg", "choice": "left"}, {"image": "b.jpg", "choice": "right"},'
