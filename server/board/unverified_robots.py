@@ -26,6 +26,9 @@ FORGOTTEN_S = 180.0
 each minute."""
 _MOST, _SHOWN = 4096, 30
 _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 2.0, 300.0
+_RETRIED_S = 16.0
+"""A robot that does not answer is asked again without a new announcement, after pauses of up to
+this time, in seconds: a robot is announced some seconds before its server answers."""
 
 
 @dataclass(slots=True)
@@ -56,6 +59,7 @@ class UnverifiedRobots:
         self._due: dict[RobotAddress, None] = {}
         self._asked: Counter[str] = Counter()
         self._asking: set[asyncio.Task[None]] = set()
+        self._waiting: set[asyncio.Task[None]] = set()
 
     def announce(self, address: RobotAddress) -> None:
         """Note an announcement, and ask the robot for its proof unless it was asked recently."""
@@ -85,9 +89,10 @@ class UnverifiedRobots:
 
     async def close(self) -> None:
         self._due.clear()
-        for task in self._asking:
+        tasks = self._asking | self._waiting
+        for task in tasks:
             task.cancel()
-        await asyncio.gather(*self._asking, return_exceptions=True)
+        await asyncio.gather(*tasks, return_exceptions=True)
 
     def _ask_next(self) -> None:
         while self._due and len(self._asking) < AT_ONCE:
@@ -112,8 +117,20 @@ class UnverifiedRobots:
             stranger.status, stranger.detail = error.status, str(error)
         except (UnreachableError, ValueError) as error:
             stranger.status, stranger.detail = Status.AWAY, str(error)
+            if stranger.pause_s <= _RETRIED_S:
+                again = asyncio.create_task(self._ask_again(address, stranger, stranger.pause_s))
+                self._waiting.add(again)
+                again.add_done_callback(self._waiting.discard)
         else:
             self._known.pop(address, None)
             self._welcome(address)
         stranger.not_before_s = self._clock.now_s() + stranger.pause_s
         stranger.pause_s = min(2 * stranger.pause_s, _LONGEST_PAUSE_S)
+
+    async def _ask_again(
+        self, address: RobotAddress, stranger: UnverifiedRobot, pause_s: float
+    ) -> None:
+        await self._clock.pause(pause_s)
+        if self._known.get(address) is stranger and self._clock.now_s() >= stranger.not_before_s:
+            self._due[address] = None
+            self._ask_next()

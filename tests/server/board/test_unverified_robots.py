@@ -71,6 +71,16 @@ async def test_a_silent_robot_is_forgotten_and_one_that_proves_the_key_later_joi
     assert world.board.strangers.describe() == {"count": 0, "some": []}
 
 
+@in_class_time(robots=1, is_told=False)
+async def test_a_robot_that_is_announced_before_it_serves_joins_without_a_new_announcement(world):
+    one = next(iter(world.pupils.values()))
+    one.fault = "refuses"
+    world.board.announce(RobotAddress("127.0.0.1", one.port))
+    await world.clock.pause(5.0)
+    one.fault = "none"
+    await world.until(lambda: world.board.robots, 5.0, "it has joined")
+
+
 def test_a_robot_is_queried_only_at_the_sender_of_its_announcement():
     zeroconf = pytest.importorskip("zeroconf")
 
