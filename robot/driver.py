@@ -209,11 +209,11 @@ class Driver(ABC):
 
         Args:
             point: Steering and throttle.
-            speed_scale: As for `send_action`; the radius of the curve stays the same.
+            speed_scale: Share of the driver's full speed, in (0, 1]; the curve keeps its radius.
 
         Raises:
             ValueError: If a number is out of range.
-            Exception: As `send_action`.
+            Exception: Any error of `send_action`.
         """
         return self.send_action(self.move_of(point), speed_scale=speed_scale)
 

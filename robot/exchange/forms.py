@@ -43,10 +43,10 @@ _NO_TIME = "none: 20 pictures a second are assumed, and reported"
 class Source(NamedTuple):
     """A drive that was found: its name for people, and the function that reads the drive.
 
-    The function raises RecordingError if no picture can be used, or MissingExtraError. The pictures
-    themselves are read only when the drive is written. Only recordings of this program have a
-    function `copy`, which is called instead of `read`. The function `copy` copies the recording to
-    a path.
+    The function raises RecordingError if no picture can be used, and MissingExtraError if a package
+    for the format is not installed. The pictures themselves are read only when the drive is
+    written. Only recordings of this program have a function `copy`, which is called instead of
+    `read`. The function `copy` copies the recording to a path.
     """
 
     name: str

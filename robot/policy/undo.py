@@ -1,6 +1,6 @@
 """Takes back the last examples or the last edit, exactly.
 
-Merging loses detail, so an example cannot be removed from a learner. Instead, undo restores a
+Merging loses detail, so an example cannot be removed from a learner. Undo therefore restores a
 snapshot of the `TrainingHistory`, and learns all later examples again except the undone examples.
 Afterwards the learner is the same, bit for bit, as if the undone examples had never been taught.
 """

@@ -172,8 +172,8 @@ class Simulation:
         )
 
     def _add_grain(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        # Shift one block of noise by a random amount for each picture. It looks as good as 57,600
-        # new random numbers, and is far faster.
+        # Shift one block of noise by a random amount for each picture. The shifted block looks as
+        # good as 57,600 new random numbers, and is far faster.
         if self._grain is None:
             rng = np.random.default_rng((self._seed, 3))
             parts = (rng.normal(0.0, _PIXEL_NOISE, picture.size).astype(np.int16) for _ in range(4))

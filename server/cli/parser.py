@@ -66,7 +66,7 @@ def declare(group: Any, option: Option) -> None:
     """
     shown = "" if option.default is None else f" (default: {option.default})"
     choices = "" if option.choices is None else f": {', '.join(option.choices)}"
-    text = f"{option.help}{choices}{shown}".replace("%", "%%")  # argparse would insert values
+    text = f"{option.help}{choices}{shown}".replace("%", "%%")  # argparse expands a single %
     try:
         group.add_argument(option.flag, dest=option.name, default=None, help=text)
     except argparse.ArgumentError as error:
