@@ -36,6 +36,8 @@ _ENOUGH_TO_HINT = 10
 """A drive that lacks examples of turns to one side, left or right, gets a hint if it has at least
 this number of examples."""
 _LEAST_TRIM = 0.01
+_2026_S, _2100_S = 1_767_225_600.0, 4_102_444_800.0
+"""The beginnings of these years, in seconds since 1970."""
 
 
 class ImportReport:
@@ -168,6 +170,12 @@ def drive_of(
     return Drive(shots=shots, report=report, **{**known, **about})
 
 
+def _latest_s(now_s: float) -> float:
+    """Return the latest time at which a drive can have begun. A clock before this program was
+    written is late: a Raspberry Pi without a network may start in 1970."""
+    return now_s if now_s >= _2026_S else _2100_S
+
+
 def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lambda: None) -> int:
     """Write a drive as an episode; return its number of pictures.
 
@@ -181,9 +189,9 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
     first = next(taken, None)
     if first is None:
         raise RecordingError(f"{drive.name} has no pictures to use{drive.report.why_nothing()}")
-    is_past = 0 < drive.started_at_s <= RealClock().wall_s()
+    is_date = 0 < drive.started_at_s <= _latest_s(RealClock().wall_s())
     # If the drive's time is unknown, write 0, so that the list begins with this drive.
-    started_at_s = drive.started_at_s if is_past else 0.0
+    started_at_s = drive.started_at_s if is_date else 0.0
     run = describe_run(
         episode_id=path.stem,
         run_id=path.stem,

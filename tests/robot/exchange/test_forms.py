@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from robot.clock import RealClock
 from robot.errors import RecordingError
 from robot.exchange.drive import ImportReport, write_episode
 from robot.exchange.reading import Reading
@@ -471,6 +472,15 @@ def test_a_drive_whose_times_are_dates_keeps_its_date(
     folder = put(tmp_path / "set", "a.jpg")
     (folder / "t.csv").write_text(f"file,label,time\na.jpg,left,{stamp}\n")
     assert import_from(folder, tmp_path / "got.mcap").started_at_s == began_s
+
+
+def test_a_drive_keeps_its_date_on_a_computer_whose_clock_is_late(
+    tmp_path: Path, monkeypatch: Any
+) -> None:
+    monkeypatch.setattr(RealClock, "wall_s", lambda clock: 60.0)
+    folder = put(tmp_path / "set", "a.jpg")
+    (folder / "t.csv").write_text("file,label,time\na.jpg,left,1700000000.5\n")
+    assert import_from(folder, tmp_path / "got.mcap").started_at_s == 1700000000.5
 
 
 @pytest.mark.parametrize("name", ["table.csv", "table.txt"])
