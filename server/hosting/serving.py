@@ -81,8 +81,7 @@ def open_sockets(host: str, port: int) -> list[socket.socket]:
 
 def websocket_protocol() -> Any:
     """Return the websocket protocol for uvicorn: that of an extension, or "websockets"."""
-    found = (point.load()() for point in points(PROTOCOLS))
-    return next(filter(None, found), "websockets")
+    return next(filter(None, (point.load()() for point in points(PROTOCOLS))), "websockets")
 
 
 def make_server(app: Any, tls_files: tuple[str, str] | None) -> Server:
@@ -174,4 +173,5 @@ async def serve_until_told(server: Server, gateway: Gateway, *listeners: socket.
 
 
 def _is_not_cancellation(record: logging.LogRecord) -> bool:
-    return not isinstance((record.exc_info or (None, None))[1], asyncio.CancelledError)
+    kind = record.exc_info[0] if record.exc_info else None  # starlette's message is a traceback
+    return kind is not asyncio.CancelledError and not record.msg.endswith("CancelledError\n")
