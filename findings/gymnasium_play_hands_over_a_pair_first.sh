@@ -8,7 +8,7 @@
 # `info`. And the seed is given to each reset, so all demonstrations begin in one place: of three games here there is
 # one beginning, where without a seed there are three. PlayPlot passes the pair on, too.
 #
-# Our recordings of the robots of the kind `gymnasium` take the observation out of the pair, and seed once.
+# Our robots of the kind `gymnasium` give each episode another seed: the number in the options plus that of the episode.
 set -eu
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
