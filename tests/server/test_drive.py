@@ -152,7 +152,7 @@ def test_plain_requests_return_the_robots_activity_and_pictures(server: VirtualS
         answer = client.get("/picture.jpg")
         assert (answer.status_code, answer.content[:2]) == (200, b"\xff\xd8")
         server.camera.show_rubbish()
-        answer = client.get("/picture.jpg")
+        answer = client.get("/video.mjpg")
         assert (answer.status_code, "data folder" in answer.text) == (503, False), answer.text
 
 
