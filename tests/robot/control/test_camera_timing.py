@@ -120,6 +120,13 @@ def test_the_allowed_delay_grows_slowly_while_moving_and_shrinks_at_once():
     assert timing.state.period_s == pytest.approx(USUAL_PERIOD_S)
 
 
+def test_the_delivery_age_is_the_one_that_four_of_five_pictures_do_not_exceed():
+    timing = CameraTiming(SHORTEST_S)
+    for i in range(15):
+        timing.note(i * 0.1, i * 0.1 + i * 0.01, is_moving=False)
+    assert timing.state.delivery_age_s == pytest.approx(0.12)
+
+
 @pytest.mark.parametrize("lost_every", [3, 7])
 def test_a_lost_or_late_picture_now_and_then_changes_nothing(lost_every):
     timing = CameraTiming(SHORTEST_S)
