@@ -134,7 +134,7 @@ class Cycle:
     # One tick --------------------------------------------------------------------------------
 
     def tick(self, now_s: float) -> Tick:
-        """Run one tick. Never raises: an error stops the robot and is reported in `state`."""
+        """Run one tick. An error stops the robot and is shown in `state`; only Ctrl-C is raised."""
         started_s, world_s = self.clock.now_s(), self.world_s(now_s)
         frame, sensors, link = None, Sensors(), self.state.link
         taken, refused = _Commands(), _Commands()
@@ -412,3 +412,5 @@ class Cycle:
         self.error = error
         if fault != before:  # log the fault once, not thirty times a second
             log.exception("the loop stopped the robot")
+        if isinstance(error, KeyboardInterrupt):  # Ctrl-C ends an experiment on the main thread
+            raise error

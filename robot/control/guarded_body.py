@@ -35,7 +35,6 @@ class GuardedBody(StartStop):
         self.errors = PluginErrors("robot", driver.name, DriveError, self.stop_motors)
         self._due_s = self._wakes_s = math.inf
         self._sooner = threading.Event()
-        self._is_ending: bool
         self._thread: Worker | None = None
 
     def ask(self, name: str, *args: object, **options: object) -> Any:
@@ -43,7 +42,7 @@ class GuardedBody(StartStop):
         try:
             with self.lock:
                 return getattr(self._driver, name)(*args, **options)
-        except RobotError:
+        except (RobotError, KeyboardInterrupt):
             raise
         except BaseException as error:  # a plugin may raise anything, and libraries call exit()
             raise self.errors.converted(name, error) from error

@@ -139,9 +139,8 @@ def end_by_signals() -> None:
         raise KeyboardInterrupt(0)
 
     signal.signal(signal.SIGTERM, end)
-    for name in ("SIGHUP", "SIGBREAK"):
-        number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) is signal.SIG_DFL:  # ignored under nohup
+    for name in {"SIGHUP", "SIGBREAK"} & set(dir(signal)):
+        if signal.getsignal(number := getattr(signal, name)) is signal.SIG_DFL:  # ignored by nohup
             signal.signal(number, lambda *_: signal.raise_signal(signal.SIGTERM))
 
 

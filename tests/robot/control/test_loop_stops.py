@@ -155,6 +155,20 @@ def test_a_body_that_fails_is_stopped_and_reported_and_nothing_is_learned(
     assert robot.loop.state.taught == {F: 1}, "what it did not drive it does not learn"
 
 
+def test_ctrl_c_during_a_tick_stops_the_robot_and_is_raised():
+    """An experiment runs its ticks on the main thread, which gets the signal."""
+    robot = started()
+    stops_before = robot.driver.stops
+
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    robot.driver.sense = interrupt
+    with pytest.raises(KeyboardInterrupt):
+        robot.step(1, F)
+    assert robot.driver.stops > stops_before
+
+
 @pytest.mark.parametrize(
     "sense",
     [
