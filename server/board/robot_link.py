@@ -197,6 +197,8 @@ class RobotLink:
             self.status, self.detail = Status.THERE, ""
             self.joined_s = self.heard_s = self._clock.now_s()
             self._on_news(self)
+            async with within():
+                await self.refresh()  # no event told what changed before the connection was open
             await first_of(self._hear(channel), self._ping(channel), self._look(), self._invite())
 
     def _note_stop(self) -> None:

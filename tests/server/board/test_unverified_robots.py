@@ -124,3 +124,17 @@ async def test_a_robot_whose_name_is_never_resolved_is_shown_with_a_reason(world
     assert world.board.at_leisure.is_set(), "no robot of the class has to stop: the news continues"
     [lost] = world.board.strangers.describe()["some"]
     assert (lost["status"], lost["detail"]) == ("away", "the robot does not answer in time")
+
+
+@in_class_time(robots=1)
+async def test_what_a_robot_changes_while_the_board_connects_is_shown(world, monkeypatch):
+    pupil, connect = next(iter(world.pupils.values())), world.network.connect
+
+    def connect_late(*where):
+        pupil.services.identity.change(name="Ida")
+        return connect(*where)
+
+    monkeypatch.setattr(world.network, "connect", connect_late)
+    await world.until_there()
+    await world.clock.pause(1.0)
+    assert world.link(pupil).name == "Ida"
