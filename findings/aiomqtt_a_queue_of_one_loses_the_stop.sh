@@ -4,10 +4,10 @@
 #
 # Guess before running: with max_queued_incoming_messages=1, a robot that was busy for a moment gets the newest
 # velocity, or all of those that were sent with QoS 1, because the broker sends again what was not accepted.
-# Outcome: wrong. Of 0.5, 0.4 and 0.0 it gets 0.5. What comes while the queue is full is discarded, the stop as well;
-# the library tells the broker that it arrived, and writes a line to the log. Without the option nothing is lost, and
-# the robot drives through all old velocities first. A queue of its own, given as queue_type, that drops the oldest when
-# it is full, gets 0.0.
+# Outcome: wrong. Of the velocities 0.5, 0.4 and 0.0 the robot gets 0.5. While the queue is full, the library discards
+# each message, also the stop. It acknowledges the message to the broker, and only writes a line to the log. Without the
+# option nothing is lost, and the robot drives through all old velocities first. With a queue of the user's own
+# (queue_type) that drops the oldest message when it is full, the robot gets 0.0.
 #
 # Our robots do not use MQTT.
 set -eu

@@ -29,7 +29,7 @@ class Camera(StartStop):
     its options as a driver does (`robot.driver.Driver`).
 
     Attributes:
-        fault: What is wrong with the camera, as a sentence for the page; None if nothing is wrong.
+        fault: A sentence for the page that says what is wrong with the camera, or None.
         source_age_s: For a camera on another computer: the age of a picture in seconds when it
             reaches that computer. The age does not include the time on the network. None if the
             camera belongs to this computer, or if the other computer reports no age.

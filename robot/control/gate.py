@@ -48,7 +48,7 @@ class Gate:
         self.stops: Counter[StopReason] = Counter()
         self._command: PilotCommand | None = None
         self._heard_s = self._proven_s = self._awaits_picture_until_s = -math.inf
-        self._has_refused: bool  # since the start
+        self._has_refused = False  # since the start
 
     @property
     def held(self) -> Action | None:

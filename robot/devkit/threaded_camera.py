@@ -103,8 +103,9 @@ class ThreadedCamera(Camera):
                 f"The camera {self.name} gives pictures of {width}x{height} pixels, but at most "
                 f"{LARGEST_PX}x{LARGEST_PX} can be shown; set a smaller picture."
             )
-        about: dict[str, Any] = {"width": width, "height": height, "encoding": encoding}
-        return super()._publish(data, **about, captured_s=captured_s)
+        return super()._publish(
+            data, width=width, height=height, encoding=encoding, captured_s=captured_s
+        )
 
     def _show_picture(self, picture: Picture | Frame, captured_s: float) -> None:
         self._publish(

@@ -61,8 +61,9 @@ def seconds_of(value: object, name: str = "") -> float | None:
 
 def date_or_zero(at_s: object) -> float:
     """Return a time in seconds if it is a date of the years 2001 to 2096; otherwise return 0."""
-    is_number = isinstance(at_s, int | float) and not isinstance(at_s, bool)
-    return float(at_s) if is_number and _FIRST_S < at_s < _LAST_S else 0.0  # type: ignore[arg-type, operator]
+    if isinstance(at_s, int | float) and _FIRST_S < at_s < _LAST_S:
+        return float(at_s)
+    return 0.0
 
 
 def unit_of(texts: Iterable[str], name: str) -> float | None:

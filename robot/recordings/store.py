@@ -163,9 +163,13 @@ class EpisodeStore:
                     raise
                 kept[episode_id] = str(error)
         files = [file for path in paths.values() for file in files_of(path)]
-        remove_old(self._storage, self._wall_s())
+        self.remove_old_trash()
         key = self._storage.discard(*files) if files else None
         return Deleted(ids=tuple(paths), key=key, kept=kept)
+
+    def remove_old_trash(self) -> None:
+        """Remove items that have been in the trash for `TRASH_DAYS`."""
+        remove_old(self._storage, self._wall_s())
 
     def _deletable(self, episode_id: str) -> Path:
         path = self._idle_path(episode_id)

@@ -34,7 +34,7 @@ class DiskThread(StartStop):
         self._jobs: list[Callable[[], None]] = []
         self._wake = threading.Event()
         self.wake = self._wake.set
-        self._is_ending: bool
+        self._is_ending = False
         self._thread: Worker | None = None
 
     def add(self, job: Callable[[], None]) -> None:

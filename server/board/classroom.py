@@ -69,7 +69,7 @@ class Classroom:
         self._saved_id = saved or secrets.token_hex(8)
         text = f"{self._saved_id} {_board_serial()}".encode()
         self.id = hashlib.sha256(text).hexdigest()[:16]
-        if saved is None and file is not None:
+        if saved is None:
             try:
                 self._write(self.locks)
             except OSError as error:  # the robot can start although its id is not saved

@@ -173,4 +173,4 @@ async def serve_until_told(server: Server, gateway: Gateway, *listeners: socket.
 
 def _is_not_cancellation(record: logging.LogRecord) -> bool:
     kind = record.exc_info[0] if record.exc_info else None  # starlette's message is a traceback
-    return kind is not asyncio.CancelledError and not record.msg.endswith("CancelledError\n")
+    return kind is not asyncio.CancelledError and not str(record.msg).endswith("CancelledError\n")

@@ -17,7 +17,6 @@ from robot.recordings.folder import NAME
 from robot.recordings.recorder import Recorder
 from robot.recordings.rejoining import rejoin
 from robot.recordings.store import EpisodeStore
-from robot.recordings.trash import remove_old
 from server.persistence import Persistence, PersistencePart
 from server.recordings.separate_process import SeparateWork
 
@@ -40,9 +39,11 @@ class Recordings(PersistencePart):
             config=RecorderConfig(keeps_drives=kept.settings.get("keep_drives", True)),
             disk=kept.disk,
         )
-        self._kept, self._wall_s = kept, rig.clock.wall_s
+        self._kept = kept
         recording = self.recorder.recording
-        self.episodes = EpisodeStore(kept.storage, lambda: recording.episode_id, _write_edited)
+        self.episodes = EpisodeStore(
+            kept.storage, lambda: recording.episode_id, _write_edited, rig.clock.wall_s
+        )
 
     def _announce(self, name: str, **fields: Any) -> None:
         """Announce an event of the recorder. Before this, set `run` to the name of the current
@@ -51,7 +52,7 @@ class Recordings(PersistencePart):
         self._kept.announce(name, **fields)
 
     def start(self) -> None:
-        remove_old(self._kept.storage, self._wall_s())
+        self.episodes.remove_old_trash()
         rejoin(self._kept.storage)
         self.recorder.start()
 

@@ -49,7 +49,7 @@ def open_data(args: argparse.Namespace, *, changes: bool, may_create: bool = Fal
         raise ConfigurationError(
             f"there is no data folder {root}; choose the robot's folder with --data FOLDER"
         )
-    return Storage(root, must_be_usable=changes, creates=changes)
+    return Storage(root, creates=changes)
 
 
 def find_id(store: EpisodeStore, name: str) -> str:
