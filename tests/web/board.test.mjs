@@ -299,7 +299,7 @@ test('a robot that stands is not said to be slow, and what its pilots chose to s
   globalThis.document = { documentElement: {} };
   t.after(() => { delete globalThis.document; });
   await loadLanguage([(code) => import(`../../web/board/messages/${code}.js`)]);
-  const robot = { address: 'http://10.0.0.7:8000', agreement: null, lessons: 40, battery: null, busy: true, link: 'slow', delay_ms: null, shown: { challenge: { best_m: 3.25, tries: 3 } } };
+  const robot = { page: 'http://10.0.0.7:8000', agreement: null, lessons: 40, battery: null, busy: true, link: 'slow', delay_ms: null, shown: { challenge: { best_m: 3.25, tries: 3 } } };
   assert.deepEqual(figures({ ...robot, mode: 'stopped' }), ['challenge 3.3\u00a0m']);
   assert.deepEqual(figures({ ...robot, mode: 'train', shown: {} }), ['computer busy']);
   assert.deepEqual(figures({ ...robot, mode: 'train', shown: {}, busy: false }), ['slow link']);

@@ -92,6 +92,21 @@ test('no generated pad drives that no hand has touched, and each that has rested
   assert.ok(driven > PADS / 200, `${driven}`);
 });
 
+test('a released stick stops the robot while the browser draws no frames', () => {
+  const page = drivingPage();
+  const pad = makePad();
+  page.pads = [pad];
+  page.look();
+  pad.axes = [0, -1];
+  assert.equal(page.look(), 'forward');
+  pad.axes = [0, 0];
+  page.nowMs += 100; // another window covers the page: its timers run, its frames do not
+  page.helm.beatIfDue(page.nowMs);
+  assert.equal(page.helm.held, null);
+  page.pads = [];
+  assert.equal(page.look(), null);
+});
+
 test('a cross that woke its pad drives at its next press', () => {
   const page = drivingPage();
   const pad = makePad();

@@ -42,6 +42,8 @@ export class Helm extends EventTarget {
     this.isIdle = false;
     this.beats = 0;
     this.beatMs = -HEARTBEAT_MS;
+    /** Reads the inputs that send no events. @type {() => void} */
+    this.read = () => {};
     /** Smoothed delay of heartbeats on this phone. */
     this.lateMs = 0;
   }
@@ -118,6 +120,7 @@ export class Helm extends EventTarget {
 
   /** Send a heartbeat if one is due. A timer calls this method, and so do other events, because timers of a slow phone are late. @param {number} nowMs */
   beatIfDue(nowMs) {
+    this.read();
     const sinceMs = nowMs - this.beatMs;
     if (sinceMs < (this.isSteered ? STEERED_MS : HEARTBEAT_MS) - EARLY_MS) return;
     if (this.beatMs > 0 && !this.isSteered) this.lateMs += (Math.max(0, sinceMs - HEARTBEAT_MS) - this.lateMs) / 8;

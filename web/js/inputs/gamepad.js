@@ -46,6 +46,9 @@ const isUnknown = ({ mapping }) => mapping === '';
 /** How long a stick may be off its middle from the start before the page reports it, in milliseconds. */
 export const UNRESTED_MS = 2000;
 
+/** Age of the last look at the pads above which a heartbeat looks again, in milliseconds. */
+const UNDRAWN_MS = 50;
+
 /** A pad's name for people, without the numbers that browsers add. @param {string} id */
 export const padName = (id = '') => id.replace(/\s*\([^()]*(?:Vendor|STANDARD)[^()]*\)|^[\da-f]{1,4}-[\da-f]{1,4}-/gi, '').trim().slice(0, 40) || 'Gamepad';
 
@@ -66,6 +69,7 @@ export function listenToGamepads(helm, { stop, isDriving, desk }) {
   /** @type {Map<number, Followed>} */
   const followed = new Map();
   let polling = false;
+  let lookedMs = -Infinity;
   /** @type {number | null} the last touched pad */
   let inUse = null;
 
@@ -75,7 +79,8 @@ export function listenToGamepads(helm, { stop, isDriving, desk }) {
     helm.release(`gamepad ${index} stick`);
   };
 
-  const poll = () => {
+  const look = () => {
+    lookedMs = performance.now();
     const pads = navigator.getGamepads().filter((pad) => pad?.connected);
     for (const [index, { id }] of followed) {
       if (!pads.some((pad) => pad?.index === index && pad.id === id)) {
@@ -84,8 +89,16 @@ export function listenToGamepads(helm, { stop, isDriving, desk }) {
       }
     }
     for (const pad of pads) if (pad) follow(pad);
-    polling = pads.length > 0;
+  };
+
+  const poll = () => {
+    look();
+    polling = followed.size > 0;
     if (polling) requestAnimationFrame(poll);
+  };
+  // A browser draws no frames while another window covers the page, but the page's heartbeats go on.
+  helm.read = () => {
+    if (polling && performance.now() - lookedMs >= UNDRAWN_MS) look();
   };
 
   /** @param {Gamepad} pad @returns {Followed} */
