@@ -55,10 +55,6 @@ _BUSY = (5, 32)
 _PAUSES_S = (0.01, 0.03, 0.1, 0.3, 1.0)
 
 
-def _no_debris(folder: Path) -> Iterable[Path]:
-    return ()
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FolderKind:
     """An extension's folder in the data folder.
@@ -76,7 +72,7 @@ class FolderKind:
     reads: re.Pattern[str] | None = None
     files: tuple[str, ...] = ()
     secrets: tuple[str, ...] = ()
-    debris: Callable[[Path], Iterable[Path]] = _no_debris
+    debris: Callable[[Path], Iterable[Path]] = lambda folder: ()
 
 
 @cache
@@ -95,8 +91,7 @@ def _readme() -> str:
 
 def default_root() -> Path:
     """Return the default data folder: $DRIVELESSON_DATA if set, else the user\'s data folder."""
-    chosen = os.environ.get("DRIVELESSON_DATA")
-    if chosen:
+    if chosen := os.environ.get("DRIVELESSON_DATA"):
         return Path(chosen).expanduser()
     import platformdirs
 
@@ -149,9 +144,10 @@ def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
     """Open a temporary file. It atomically replaces `path` if the block ends without an exception.
 
     After a power cut `path` is the old file or the new file. If the disk fails (OSError), the old
-    file stays. A missing folder is created. `mode` 0o600 is for secrets.
+    file stays. A missing folder is created, unless this fails. `mode` 0o600 is for secrets.
     """
     require_present(path)
+    is_new = not path.parent.exists()
     path.parent.mkdir(parents=True, exist_ok=True)
     # The name contains the thread's number, so that two writers never use the same file.
     temporary = path.with_name(f".{path.name}.{get_native_id()}.part")
@@ -168,6 +164,8 @@ def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
     except BaseException:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
+            if is_new:
+                path.parent.rmdir()
         raise
     sync_folder(path.parent)
 
@@ -175,7 +173,7 @@ def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
 def move(path: Path, target: Path) -> None:
     """Rename atomically, and replace an existing target; raises OSError.
 
-    On Windows this waits briefly for other programs that read the files, such as a virus scanner.
+    On Windows, wait briefly for other programs that read the files, such as a virus scanner.
     """
     for pause_s in (*_PAUSES_S, None):
         try:
@@ -189,9 +187,8 @@ def move(path: Path, target: Path) -> None:
 
 def set_aside(path: Path, ending: str = ".set-aside") -> str:
     """Rename an unusable file, and return its new name; never raises OSError."""
-    name = f"{path.name}{ending}"
-    others = (f"{name}-{number}" for number in range(2, 1000))
-    return move_aside(path, [path.with_name(one) for one in (name, *others)]).name
+    names = (f"{path.name}{ending}{more}" for more in ("", *(f"-{n}" for n in range(2, 1000))))
+    return move_aside(path, map(path.with_name, names)).name
 
 
 def move_aside(path: Path, targets: Iterable[Path]) -> Path:
@@ -229,11 +226,14 @@ def size_of(path: Path) -> int:
 
 
 def sync_folder(folder: Path) -> None:
-    """Flush the folder's directory entries to the disk, if the operating system supports this."""
+    """Flush the folder's directory entries to the disk, if system and file system support this."""
     if hasattr(os, "O_DIRECTORY"):
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
         try:
             os.fsync(handle)
+        except OSError as error:
+            if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # a network or shared folder
+                raise
         finally:
             os.close(handle)
 

@@ -99,5 +99,5 @@ class Journal:
         """Make the next record contain the complete learner. After a failed write (`has_failed`)
         the record waits for `_TRY_AGAIN_S`, not for a change."""
         if not has_failed:
-            self._try_again_s = 0.0  # set before `_needs_checkpoint`: the loop reads both
+            self._try_again_s = 0.0  # the loop reads both values, so set this one first
         self._needs_checkpoint = True

@@ -27,6 +27,7 @@ from robot.store.folder import (
     default_root,
     free_name,
     move,
+    sync_folder,
     whole_file,
     write_whole,
 )
@@ -79,6 +80,18 @@ def test_two_threads_that_write_one_file_at_once_do_not_mix(tmp_path):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux has a folder that takes nothing")
+@pytest.mark.skipif(sys.platform != "linux", reason="/proc is such a file system")
+def test_a_folder_of_a_file_system_that_cannot_flush_folders_is_used_all_the_same():
+    """Older Linux systems cannot flush the folders of Windows and of virtual machines."""
+    handle = os.open("/proc", os.O_RDONLY)
+    with pytest.raises(OSError, match="Invalid argument"):
+        os.fsync(handle)
+    os.close(handle)
+    sync_folder(Path("/proc"))
+    with pytest.raises(FileNotFoundError):
+        sync_folder(Path("/proc/none"))
+
+
 def test_an_unwritable_trash_does_not_prevent_saving(tmp_path):
     (tmp_path / "trash").symlink_to("/proc/self")
     assert Storage(tmp_path, must_be_usable=False).fault is None

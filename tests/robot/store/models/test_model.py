@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 from collections import Counter
+from copy import deepcopy
+from functools import cache
 
 import numpy as np
 import pytest
@@ -25,6 +27,7 @@ def taught_policy(learner: str, lessons: int = 40) -> Policy:
     return policy
 
 
+@cache
 def some_model(learner: str = "published-8") -> Model:
     taught = Counter({Action.FORWARD: 30, Action.LEFT: 10})
     return take_model(taught_policy(learner), taught, saved_at_s=1.5e9, place="the kitchen")
@@ -82,7 +85,7 @@ def test_a_description_of_another_form_is_refused_and_pickles_are_never_opened(m
 
 
 def test_a_model_of_an_unknown_learner_is_refused():
-    model = some_model()
+    model = deepcopy(some_model())
     object.__setattr__(model.summary, "learner", "multi-place-7")  # of 0.2
     said = r"learner .multi-place-7. cannot be opened: unknown learner .multi-place-7.; choose "
     with pytest.raises(RecordingError, match=said):

@@ -119,8 +119,10 @@ def test_a_name_that_leads_elsewhere_is_refused(store, tmp_path, name):
     assert everything(tmp_path) == before
 
 
-def test_a_full_disk_leaves_the_version_before(store, monkeypatch):
+def test_a_full_disk_leaves_the_version_before_and_takes_no_new_name(store, monkeypatch):
     store.save("kitchen", some_model())
+    own = store._storage.models / "made by a person"
+    own.mkdir()
 
     def refuse(descriptor):
         raise OSError(28, "No space left on device")
@@ -129,7 +131,11 @@ def test_a_full_disk_leaves_the_version_before(store, monkeypatch):
         patch.setattr("os.fsync", refuse)
         with pytest.raises(OSError, match="No space"):
             store.save("kitchen", some_model())
+        for name in ("hall", own.name):
+            with pytest.raises(OSError, match="No space"):
+                store.save(name, some_model())
     assert store.load("kitchen").summary.n_examples == 40
+    assert store.free_name("hall") == "hall" and own.is_dir()
 
 
 def test_incomplete_files_of_a_power_cut_are_removed(store):
