@@ -28,7 +28,8 @@ from server.routes.bodies import HANDLERS, Short, do
 from server.routes.sockets import end_with_either
 
 SEND_EVERY_S = 0.1
-"""The board collects news and pictures for this time before it sends them to a page, in seconds."""
+"""Time for which the board collects news and pictures before it sends them to a page, in
+seconds."""
 LANGUAGES = ("en", "es", "zh")
 """The languages of the lessons."""
 PICTURE_HEADER = struct.Struct("<HI")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any
 
@@ -16,8 +16,11 @@ from server.board.stopping import Stopping
 from server.board.teacher_session import TeacherSession
 from server.board.transport import NetworkTransport, RobotAddress
 from server.board.unverified_robots import UnverifiedRobots
+from server.routes.bodies import do
 
 PICTURE_EVERY_S = 1.0
+OWN_ADDRESS_EVERY_S = 2.0
+"""Interval at which the board looks up this computer's address, in seconds."""
 
 
 class BoardViewer:
@@ -61,6 +64,7 @@ class Board:
         self.robots: dict[int, RobotLink] = {}
         self._moved = MovedRobots()
         self._noted: dict[RobotAddress, object] = {}
+        self._own_host: str | None = None
         self.strangers = UnverifiedRobots(self._meet, clock, self.add, self._note_strangers)
         self._tasks: list[asyncio.Task[None]] = []
         self._onlookers: list[BoardViewer] = []
@@ -83,10 +87,28 @@ class Board:
             self._note_picture,
             self.at_leisure,
         )
+        robot.own_host = self._own_host
         self.robots[robot.number] = robot
         self._tasks.append(asyncio.create_task(robot.run()))
         self._note_news(robot)
         return robot
+
+    def follow_own_address(self, look: Callable[[], str | None]) -> None:
+        """From now on, show phones the address that `look` returns for robots on this computer.
+
+        `look` runs on a thread, every `OWN_ADDRESS_EVERY_S`.
+        """
+        self._tasks.append(asyncio.create_task(self._follow_own_address(look)))
+
+    async def _follow_own_address(self, look: Callable[[], str | None]) -> None:
+        while True:
+            found = await do(look)
+            if found != self._own_host:
+                self._own_host = found
+                for robot in self.robots.values():
+                    robot.own_host = found
+                    self._note_news(robot)
+            await self._clock.pause(OWN_ADDRESS_EVERY_S)
 
     def announce(self, address: RobotAddress) -> None:
         """Note an announced robot; it is added once it has proved that it knows the class key."""

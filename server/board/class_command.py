@@ -51,14 +51,13 @@ def run(args: argparse.Namespace) -> int:
         print("\n".join(lines))
         return 0 if is_done else 1
     from robot.simulator.world import load_world
-    from server.access.config import NetworkConfig
-    from server.access.network import lan_addresses
+    from server.access.network import EVERYWHERE
     from server.board.class_key import keep_class_key
     from server.board.command import BOARD_HOST, serve_board
     from server.board.discovery import read_list
     from server.board.ready_lesson import left_turns, locale_of_computer, name_of_left_turns
     from server.board.simulated_robot import simulated_robots
-    from server.board.transport import RobotAddress
+    from server.board.transport import HERE, RobotAddress
     from server.hosting.logs import start_logging
     from server.hosting.serving import open_socket
 
@@ -70,8 +69,7 @@ def run(args: argparse.Namespace) -> int:
     listener = open_socket(BOARD_HOST, args.port)
     file = args.data / "class.key"
     key = keep_class_key(file)
-    # The board connects to its robots at the address that the QR codes contain.
-    here = next(iter(lan_addresses(NetworkConfig(host=args.host, lan=True))), "127.0.0.1")
+    here = HERE if args.host in EVERYWHERE else args.host
 
     def make_model() -> tuple[str, bytes]:
         print("Making the lesson of left turns ...", flush=True)
@@ -81,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
     place["make_model"] = make_model if args.lesson == "fair-data" else None
     with listener, simulated_robots(count, **place, world=world, key=file) as ports:
         listed = [*(RobotAddress(here, port) for port in ports), *listed]
-        serve_board(key, listener, listed, lesson=args.lesson or "")
+        serve_board(key, listener, listed, lesson=args.lesson or "", host=args.host)
     return 0
 
 

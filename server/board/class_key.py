@@ -80,9 +80,11 @@ def read_class_key(file: Path) -> ClassKey:
 
 def keep_class_key(file: Path) -> ClassKey:
     """Read the key in a file. If there is no file, first create a file with a new key, which only
-    the user can read."""
+    the user can read. A full disk or a power cut may have left an empty file, which is replaced."""
     with told_as(ConfigurationError, f"cannot write a class key {file}"), suppress(FileExistsError):
         file.parent.mkdir(parents=True, exist_ok=True)
+        if file.is_file() and not file.stat().st_size:
+            file.unlink()
         with os.fdopen(os.open(file, os.O_CREAT | os.O_WRONLY | os.O_EXCL, 0o600), "w") as out:
             out.write(secrets.token_urlsafe(32) + "\n")
     return read_class_key(file)

@@ -41,8 +41,8 @@ class ClassOrder(StrEnum):
     RESET = "reset"
     """Save the model in use, and start an empty one."""
     HAND_OVER = "hand_over"
-    """Do the same as `RESET`, and sign out the phones of the class, so that another class can use
-    the robots."""
+    """Save the model in use, start an empty one, and sign out the phones of the class, so that
+    another class can use the robots."""
     LOAD = "load"
     """Save the model in use, and load a given one."""
 
@@ -52,9 +52,9 @@ class RobotOutcome:
     """The result of an order, or of its undo, at one robot.
 
     Attributes:
-        did: The order's value if the robot carried it out. Otherwise `undone` (the order was
-            undone), `empty` (there was no model to keep), `away` (the robot did not answer) or
-            `failed`.
+        did: The order's value if the robot carried it out; `undone` if the order was undone;
+            `empty` if there was no model to keep; `away` if the robot did not answer; `failed` if
+            the order failed.
         model: Name of the model that was saved; empty if no model was saved.
         detail: The failure's cause, in English.
     """

@@ -60,6 +60,7 @@ def serve_board(
     listed: Sequence[RobotAddress],
     picture_every_s: float = 1.0,
     lesson: str = "",
+    host: str = "0.0.0.0",
 ) -> None:
     """Serve the board until interrupted.
 
@@ -70,7 +71,10 @@ def serve_board(
         listed: The robots; if empty, all robots that the network announces.
         picture_every_s: The time between two pictures of a robot, in seconds.
         lesson: The lesson that the lessons' page opens; if empty, the first lesson.
+        host: The address on which the robots of this computer serve.
     """
+    from server.access.config import NetworkConfig
+    from server.access.network import lan_addresses
     from server.board.app import create_board_app
     from server.board.board import Board
     from server.board.discovery import browsing
@@ -84,6 +88,8 @@ def serve_board(
     with contextlib.ExitStack() as stack:
 
         def begin() -> None:
+            own = NetworkConfig(host=host, lan=True)
+            board.follow_own_address(lambda: next(iter(lan_addresses(own)), None))
             for address in listed:
                 board.add(address)
             if not listed:

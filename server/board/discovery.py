@@ -23,6 +23,8 @@ log = logging.getLogger(__name__)
 _KINDS = {"_http._tcp.local.": False, "_https._tcp.local.": True}
 _GROUP, _PORT = "224.0.0.251", 5353
 _LONGEST = 9000
+_LOOK_EVERY_S = 2.0
+"""Interval at which this computer's addresses are looked up, in seconds."""
 _ASK_EVERY_S = 60.0
 """Longest time between two queries, in seconds; at first it is 1 s, and then doubles."""
 
@@ -45,17 +47,16 @@ def read_list(text: str) -> list[RobotAddress]:
 
 @contextmanager
 def browsing(
-    found: Callable[[RobotAddress], None], interfaces: Sequence[str] | None = None
+    found: Callable[[RobotAddress], None], interfaces: Callable[[], Sequence[str]] = own_addresses
 ) -> Iterator[None]:
     """While the `with` block runs, call `found` on another thread for each robot's announcement.
 
-    Queries are sent from all of this computer's addresses, or only from `interfaces`. Raises
-    MissingExtraError if zeroconf is not installed.
+    Queries are sent from the addresses that `interfaces` returns; they may change, for example if
+    the computer joins another Wi-Fi. Raises MissingExtraError if zeroconf is not installed.
     """
     _zeroconf()
-    addresses = own_addresses() if interfaces is None else interfaces
     try:
-        network = _join(addresses)
+        network = _open()
     except OSError as error:
         log.warning("cannot look for robots on the network: %s", error)
         yield
@@ -63,8 +64,17 @@ def browsing(
     ending, clock = threading.Event(), RealClock()
 
     def work() -> None:
-        ask_s, pause_s = clock.now_s(), 1.0
+        addresses: Sequence[str] = []
+        look_s = ask_s = clock.now_s()
+        pause_s = 1.0
         while not ending.is_set():
+            if clock.now_s() >= look_s:
+                before, look_s = addresses, clock.now_s() + _LOOK_EVERY_S
+                with suppress(OSError):
+                    addresses = interfaces()
+                if addresses != before:  # ask at once in the new network
+                    _join(network, addresses)
+                    ask_s, pause_s = clock.now_s(), 1.0
             if clock.now_s() >= ask_s:
                 _ask(network, addresses)
                 ask_s, pause_s = ask_s + pause_s, min(2 * pause_s, _ASK_EVERY_S)
@@ -83,8 +93,8 @@ def browsing(
         network.close()
 
 
-def _join(addresses: Sequence[str]) -> socket.socket:
-    """Open a socket that receives announcements on these addresses of this computer."""
+def _open() -> socket.socket:
+    """Open a socket for announcements."""
     network = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         # share the port of mDNS with other programs on this computer
@@ -93,13 +103,18 @@ def _join(addresses: Sequence[str]) -> socket.socket:
                 network.setsockopt(socket.SOL_SOCKET, getattr(socket, name), 1)
         network.bind(("", _PORT))
         network.settimeout(0.25)
-        for address in addresses:
-            member = socket.inet_aton(_GROUP) + socket.inet_aton(address)
-            network.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
     except OSError:
         network.close()
         raise
     return network
+
+
+def _join(network: socket.socket, addresses: Sequence[str]) -> None:
+    """Receive announcements on these addresses of this computer, too."""
+    for address in addresses:
+        member = socket.inet_aton(_GROUP) + socket.inet_aton(address)
+        with suppress(OSError):  # the address is gone, or its adapter has joined before
+            network.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
 
 
 def _zeroconf() -> Any:

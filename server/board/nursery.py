@@ -35,7 +35,7 @@ BELOW = 5
 """Niceness of the robots: the board and the browsers have priority."""
 _POLL_S = 1.0
 _COLD = 6.0
-"""A robot in a class needs this many times the CPU time that `measure_picture_s` returns. In a
+"""Factor by which a robot in a class needs more CPU time than `measure_picture_s` returns. In a
 class, caches are cold, sockets and the disk add time, and a tenth of the computer must stay free
 for a STOP. Measured with thirty robots on two cores."""
 _BATCHES, _BATCH = 5, 20

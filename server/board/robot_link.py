@@ -13,6 +13,7 @@ import json
 import logging
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from robot.clock import Clock
@@ -21,7 +22,7 @@ from server.access.banner import pairing_address
 from server.board.classroom import TEACHER
 from server.board.stopping import RobotStop
 from server.board.teacher_session import RefusedError, Status, TeacherSession, WrongClassError
-from server.board.transport import UnreachableError, within
+from server.board.transport import HERE, RobotAddress, UnreachableError, within
 from server.protocol import (
     ErrorCode,
     ProtocolError,
@@ -35,12 +36,12 @@ log = logging.getLogger(__name__)
 
 PING_EVERY_S, SILENCE_S = 1.0, 3.0
 START_S = 30.0
-"""A robot that has never answered counts as starting for this time, in seconds."""
+"""Time for which a robot that has never answered counts as starting, in seconds."""
 _RETRY_S, _LONGEST_RETRY_S, _STOP_RETRY_S = 0.5, 5.0, 0.25
 _STARTING_RETRY_S = 1.0
 """Longest time between two attempts to connect to a robot that may still be starting, in seconds.
 The time is short, so that the robots of a new class appear soon."""
-_INVITE_EVERY_S = 100.0
+_INVITE_EVERY_S, _INVITE_AGAIN_S = 100.0, 10.0
 _FIELDS = (
     *("mode", "driven_by", "action", "stop_reason", "emergency", "asks_pilot", "fault", "link"),
     *("busy", "agreement", "lessons", "battery", "pilot", "viewers", "stop_held_by"),
@@ -86,6 +87,8 @@ class RobotLink:
         self._hurry = asyncio.Event()
         self._was_there, self._is_starting = False, True
         self._added_s = clock.now_s()
+        self.own_host: str | None = None
+        """This computer's address for phones, in place of 127.0.0.1; None if it has none."""
         self.joined_s = self.heard_s = -math.inf
         """When the last connection was opened, and when the robot was last heard, on the clock."""
 
@@ -103,11 +106,21 @@ class RobotLink:
         value = self.about.get(field)
         return value if isinstance(value, str) else None
 
+    @property
+    def _place(self) -> RobotAddress:
+        return self._session.place.address if self._session.place is not None else self.address
+
+    @property
+    def page(self) -> str:
+        """The address at which phones open the robot's page."""
+        is_here = self._place.host == HERE and self.about.get("needs_pairing")
+        return str(replace(self._place, host=self.own_host or HERE) if is_here else self._place)
+
     def describe(self) -> dict[str, Any]:
-        place = self._session.place.address if self._session.place is not None else self.address
         return {
             "number": self.number,
-            "address": str(place),
+            "address": str(self._place),
+            "page": self.page,
             "name": self.name,
             "status": self.status.value,
             "detail": self.detail,
@@ -127,11 +140,10 @@ class RobotLink:
         """The address in the robot's QR code; None if there is no code yet."""
         if self._session.place is None or self.status is not Status.THERE:
             return None
-        address = str(self._session.place.address)
         token = self._session.key.code if printed else self.invitation
         if not self.about.get("needs_pairing"):
-            return address
-        return pairing_address(address, token) if token else None
+            return self.page
+        return pairing_address(self.page, token) if token else None
 
     def show(self, every_s: float | None) -> None:
         """From now on, receive a picture every `every_s` seconds, or no pictures if it is None."""
@@ -189,6 +201,9 @@ class RobotLink:
             except RefusedError:
                 self._session.forget()  # the robot has restarted, perhaps without the class key
                 raise
+            except UnreachableError:
+                self._session.doubt()  # look the robot's name up again
+                raise
         async with self._session.connect("/ws/drive") as channel:
             await self.stop.send_again(channel)
             await channel.send(json.dumps({"type": "idle"}))
@@ -198,7 +213,7 @@ class RobotLink:
             self.joined_s = self.heard_s = self._clock.now_s()
             self._on_news(self)
             async with within():
-                await self.refresh()  # no event told what changed before the connection was open
+                await self.refresh()  # no event reports changes from before the connection was open
             await first_of(self._hear(channel), self._ping(channel), self._look(), self._invite())
 
     def _note_stop(self) -> None:
@@ -250,13 +265,25 @@ class RobotLink:
                 raise UnreachableError("the robot no longer answers")
 
     async def _invite(self) -> None:
-        """Renew the QR code's token before it expires."""
+        """Renew the QR code's token before it expires.
+
+        A failed request does not end the open connection, on which a STOP still arrives.
+        """
         while True:
-            token = (await self.ask("POST", "/api/class/invitation", {})).json().get("token")
-            self.invitation = token if isinstance(token, str) else None
-            self.invitations += 1
-            self._on_news(self)
-            await self._clock.pause(_INVITE_EVERY_S)
+            pause_s = _INVITE_EVERY_S
+            try:
+                if not self._session.is_open:
+                    await self._session.join()
+                token = (await self.ask("POST", "/api/class/invitation", {})).json().get("token")
+                self.invitation = token if isinstance(token, str) else None
+                self.invitations += 1
+                self._on_news(self)
+            except RobotError as error:
+                log.debug("robot=%s no invitation: %s", self.address, error)
+                if isinstance(error, UnreachableError):
+                    self._session.doubt()  # the robot may have renewed its certificate
+                pause_s = _INVITE_AGAIN_S
+            await self._clock.pause(pause_s)
 
     async def _look(self) -> None:
         while True:

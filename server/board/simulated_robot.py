@@ -21,6 +21,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from robot.errors import reason
 from robot.store.folder import Storage
 from robot.store.models.store import ModelStore
 from server.board.nursery import BELOW, END_S, Nursery
@@ -62,12 +63,19 @@ class SimulatedRobot:
         self._process: subprocess.Popen[bytes] | None = None
         self.model = ""
         """Name of the model with which the robot begins; empty for the model that it used last."""
+        self.unsaved_name = ""
+        """The robot's name, if it could not be saved; else empty."""
+        self.log = folder / "log.txt"
         self._ending, self._has_ended = threading.Event(), threading.Event()
         if not (folder / "robot.json").exists():
             again, place = divmod(number - 1, len(NAMES))
             name = f"{NAMES[place]} {again + 1}" if again else NAMES[place]
             off = {c: (hue - self._hue_deg + 180) % 360 - 180 for c, hue in _HUES_DEG.items()}
-            IdentityFile(folder, name).change(colour=min(off, key=lambda colour: abs(off[colour])))
+            try:
+                own = IdentityFile(folder, name)
+                own.change(colour=min(off, key=lambda colour: abs(off[colour])))
+            except OSError:  # the robots can also be driven if nothing can be saved
+                self.unsaved_name = name
 
     def keep_model(self, name: str, data: bytes) -> None:
         """Save a model in the robot's folder, and let the robot start with it. If the folder
@@ -80,19 +88,21 @@ class SimulatedRobot:
     ) -> bool:
         """Start the robot's process, and wait until it serves; return False if it never does.
 
-        The output of the process goes to `log.txt` in the robot's folder.
+        The output of the process goes to `log.txt` in the robot's folder, if that can be written.
         """
         if self._ending.is_set():
             return False
+        self.open_log()
         words = ["--lan", "--host", host, "--port", self.port, "--hostname", f"robot-{self.number}"]
         words += ["--data", self.folder, "--class-key", key, "--world", world]
         words += ["--model", self.model] if self.model else []
+        words += ["--name", self.unsaved_name] if self.unsaved_name else []
         words += ["--seed", self.number, "--hue", self._hue_deg, "--frame-rate-hz", rate_hz]
         texts = list(map(str, words))
         if nursery is None:
             self._spawn(texts)
         else:
-            self._has_ended = nursery.start(texts, self.folder / "log.txt") or self._has_ended
+            self._has_ended = nursery.start(texts, self.log) or self._has_ended
         threading.Thread(target=self._report, daemon=True).start()
         here = "127.0.0.1" if host == "0.0.0.0" else host
         for _ in range(_ASKS):
@@ -102,8 +112,16 @@ class SimulatedRobot:
                 return True
         return False
 
+    def open_log(self) -> None:
+        """Create the robot's log; without a writable folder, its lines are lost."""
+        try:
+            self.log.open("wb").close()
+        except OSError as error:
+            log.warning("robot %d runs without its log.txt: %s", self.number, reason(error))
+            self.log = Path(os.devnull)
+
     def _spawn(self, words: list[str]) -> None:
-        with (self.folder / "log.txt").open("wb") as log:
+        with self.log.open("wb") as log:
             self._process = process = subprocess.Popen(
                 [sys.executable, "-m", __name__, *words],
                 stdin=subprocess.PIPE,
@@ -140,7 +158,7 @@ class SimulatedRobot:
     def _report(self) -> None:
         self._has_ended.wait()
         if not self._ending.is_set():
-            log.error("robot %d has ended: see %s", self.number, self.folder / "log.txt")
+            log.error("robot %d has ended: see %s", self.number, self.log)
 
 
 def _serves(host: str, port: int) -> bool:

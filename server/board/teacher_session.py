@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from contextlib import AbstractAsyncContextManager
 from enum import StrEnum
 from typing import Any
@@ -60,22 +61,27 @@ class TeacherSession:
         self.address, self.key, self._transport = address, key, transport
         self.place: ServerPlace | None = None
         self._secret: str | None = None
+        self._is_doubted = False
 
     @property
     def is_open(self) -> bool:
         """True while the robot is believed to know this session."""
-        return self._secret is not None
+        return self._secret is not None and not self._is_doubted
 
     async def join(self) -> None:
         """Open a session with the robot. Before this, board and robot prove to each other that they
         have the same class key.
 
+        If an earlier session was only doubted, a STOP still uses it until this one is open.
+
         Raises:
             WrongClassError: If board and robot are of different classes.
         """
-        place = self.place = await self._transport.locate(self.address)
+        place = await self._transport.locate(self.address)
+        if self._secret is None:
+            self.place = place
         nonce = new_nonce()
-        answer = await self.send("POST", "/api/class/hello", {"nonce": nonce})
+        answer = await self._send_to(place, {}, "POST", "/api/class/hello", {"nonce": nonce})
         if answer.status in (401, 404):
             raise WrongClassError(
                 Status.NO_CLASS, "the robot is in no class: start it with --class-key FILE"
@@ -88,13 +94,13 @@ class TeacherSession:
             raise WrongClassError(Status.NOT_OURS, "the robot has the key of another class")
         own = self.key.prove("board", nonce, robot_nonce, place.endpoint)
         words = {"board_nonce": nonce, "nonce": robot_nonce, "proof": own}
-        answer = await self.send("POST", "/api/class/join", words)
+        answer = await self._send_to(place, {}, "POST", "/api/class/join", words)
         secret = answer.json().get("secret")
         if answer.status != 200 or not isinstance(secret, str):
             raise WrongClassError(
                 Status.NOT_OURS, "the robot does not accept this board's proof of the class key"
             )
-        self._secret = secret
+        self.place, self._secret, self._is_doubted = place, secret, False
 
     async def ask(self, method: str, path: str, body: Any = None) -> HttpAnswer:
         """Send a request as the teacher; close the session if the robot has forgotten it.
@@ -116,12 +122,17 @@ class TeacherSession:
 
         A body of bytes is sent unchanged, any other as JSON.
         """
+        return await self._send_to(self._there, self.headers, method, path, body)
+
+    async def _send_to(
+        self, place: ServerPlace, own: Mapping[str, str], method: str, path: str, body: Any
+    ) -> HttpAnswer:
         is_file = isinstance(body, bytes)
         data = body if is_file else b"" if body is None else json.dumps(body).encode()
         kind = "application/octet-stream" if is_file else "application/json"
-        headers = {**self.headers, "content-type": kind}
+        headers = {**own, "content-type": kind}
         async with within(None):
-            return await self._transport.request(self._there, method, path, headers, data)
+            return await self._transport.request(place, method, path, headers, data)
 
     def connect(self, path: str) -> AbstractAsyncContextManager[Any]:
         return self._transport.connect(self._there, path, self.headers)
@@ -129,6 +140,11 @@ class TeacherSession:
     def forget(self) -> None:
         """Close the session; `join` opens a new one."""
         self._secret = None
+
+    def doubt(self) -> None:
+        """Open a new session before the next request of `ask`: the robot may have another address
+        or certificate."""
+        self._is_doubted = True
 
     @property
     def _there(self) -> ServerPlace:

@@ -27,6 +27,8 @@ from robot.errors import ConfigurationError, RobotError, reason
 from server.board.class_key import endpoint
 from server.protocol import ProtocolError, parse_object
 
+HERE = "127.0.0.1"
+"""The address of a robot on the board's computer. No change of network breaks this connection."""
 LARGEST_BYTES = 64_000_000
 """Maximum size of an answer in bytes; the largest answers are models."""
 _PATIENCE_S = 4.0

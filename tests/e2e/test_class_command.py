@@ -13,7 +13,6 @@ from server.board.class_orders import give_order
 from tests.kit.sizes import size
 from tests.soak.classroom import Class, descendants
 
-pytestmark = pytest.mark.slow
 ROBOTS = size("ROBOTS", 2, 10)
 
 

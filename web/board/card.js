@@ -106,7 +106,7 @@ export class Card {
 }
 
 /** The address of a robot's newest QR code. @param {Robot} robot */
-export const codeOf = (robot) => `api/robots/${robot.number}/qr.svg?${robot.invitations}`;
+export const codeOf = (robot) => `api/robots/${robot.number}/qr.svg?${robot.invitations}&at=${encodeURIComponent(robot.page)}`;
 
 /** @param {Record<string, string | number>} values */
 const plain = (values) => Object.fromEntries(Object.entries(values).map(([name, value]) => [name, value.toLocaleString(language, { maximumFractionDigits: 1 })]));
@@ -118,7 +118,7 @@ export function figures(robot) {
   else if (robot.lessons === 0) found.push(t('board.untaught'));
   for (const [what, values] of Object.entries(robot.shown ?? {})) found.push(t(`board.shown.${what}`, plain(values)));
   if (robot.battery !== null) found.push(t('board.battery', { share: percent(robot.battery) }));
-  const isHere = /^https?:\/\/(127\.|localhost|\[::1\])/.test(robot.address);
+  const isHere = /^https?:\/\/(127\.|localhost|\[::1\])/.test(robot.page);
   const isSlow = robot.mode !== 'stopped' && robot.link && robot.link !== 'good'; // a slow link does not matter while the robot stands
   if (robot.mode !== 'stopped' && robot.busy || (isHere && isSlow)) found.push(t('board.busy'));
   else if (isSlow) found.push(t('board.link_slow'));

@@ -10,7 +10,8 @@ const ALL = 'all';
 /**
  * @typedef {object} Robot  described in server/board/robot_link.py
  * @property {number} number
- * @property {string} address
+ * @property {string} address  at which the board reaches the robot
+ * @property {string} page  the address of its page for phones
  * @property {string} name
  * @property {'connecting' | 'there' | 'away' | 'not_ours' | 'no_class'} status
  * @property {string} detail  why, in English

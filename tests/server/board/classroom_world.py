@@ -30,6 +30,7 @@ from tests.server.virtual_server import WEB, threads_of_the_pool_inline
 
 KEY = ClassKey("k" * 40)
 PATIENCE_S = 4.0
+STOP_S = 0.3
 FAULTS = ("none", "slow", "gone", "silent", "half", "nonsense", "wrong key", "no class", "refuses")
 OPEN_FAULTS = ("none", "slow")
 """Faults of the network through which the board still reaches a robot."""
@@ -76,6 +77,11 @@ class Pupil(ServedWorld):
             socket.cut()
 
 
+def latched(pupil: Pupil) -> bool:
+    """True while an emergency stop holds the robot."""
+    return pupil.loop.state.emergency and pupil.driver.now is Action.STOP
+
+
 class Absent:
     """An announced robot that only has an address and a fault of its network."""
 
@@ -92,10 +98,13 @@ class VirtualNetwork:
         self.requests: list[tuple[int, str]] = []
         self.sees_as: dict[int, str] = {}
         """The endpoints that the board sees if an attacker is between board and robot."""
+        self.hosts: dict[int, str] = {}
+        """The addresses that robots have got from the network since they were listed."""
 
     async def locate(self, address: RobotAddress) -> ServerPlace:
         at = self.sees_as.get(address.port, endpoint(address.host, address.port))
-        return ServerPlace(address, at)
+        host = self.hosts.get(address.port, address.host)
+        return ServerPlace(RobotAddress(host, address.port), at)
 
     async def request(
         self,
@@ -107,6 +116,8 @@ class VirtualNetwork:
     ) -> HttpAnswer:
         pupil = self.pupils[place.address.port]
         self.requests.append((pupil.port, f"{method} {path}"))
+        if place.address.host != self.hosts.get(pupil.port, place.address.host):
+            raise UnreachableError("no route to host")
         fault = getattr(pupil, "fault", "none")
         if fault == "gone":
             raise UnreachableError("connection refused")

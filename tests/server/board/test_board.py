@@ -8,19 +8,20 @@ from typing import Any
 
 import pytest
 
-from robot.types import Action
-from server.board.board import BoardViewer
-from server.board.robot_link import START_S
+from server.board.board import OWN_ADDRESS_EVERY_S, BoardViewer
+from server.board.robot_link import _INVITE_EVERY_S, START_S
 from server.board.stopping import CONFIRM_S, Stopping
 from server.board.teacher_session import Status
 
-from .classroom_world import FAULTS, OPEN_FAULTS, PATIENCE_S, Pupil, break_down, in_class_time
-
-STOP_S = 0.3
-
-
-def _latched(pupil: Pupil) -> bool:
-    return pupil.loop.state.emergency and pupil.driver.now is Action.STOP
+from .classroom_world import (
+    FAULTS,
+    OPEN_FAULTS,
+    PATIENCE_S,
+    STOP_S,
+    break_down,
+    in_class_time,
+    latched,
+)
 
 
 def _any_fault(dice: random.Random, number: int) -> str:
@@ -42,7 +43,7 @@ async def test_if_some_robots_fail_the_others_stop_in_time_and_the_failed_ones_a
     lost = [p for p in world.pupils.values() if p not in reached]
     await world.clock.pause(world.dice.uniform(0, 8))
     world.board.stop()
-    took_s = await world.until(lambda: all(map(_latched, reached)), 5.0, "the reached stand")
+    took_s = await world.until(lambda: all(map(latched, reached)), 5.0, "the reached stand")
     assert took_s < STOP_S, "a robot that fails delays no other"
     named_s = await world.until(
         lambda: {world.link(p).stop.stage for p in lost} == {Stopping.NOT_REACHED}, 5.0, str(lost)
@@ -53,7 +54,7 @@ async def test_if_some_robots_fail_the_others_stop_in_time_and_the_failed_ones_a
     await world.clock.pause(12.0)  # while a stop is under way, the board tries again often
     for pupil in mendable:
         break_down(pupil, "none")
-    await world.until(lambda: all(map(_latched, mendable)), PATIENCE_S + 0.5, "they are back")
+    await world.until(lambda: all(map(latched, mendable)), PATIENCE_S + 0.5, "they are back")
     for pupil in lost:
         if pupil not in mendable:
             wanted = Status.NOT_OURS if before[pupil.port] == "wrong key" else Status.NO_CLASS
@@ -174,7 +175,7 @@ async def test_a_late_request_of_a_stop_does_not_stop_a_released_robot(world):
 async def test_one_robot_is_stopped_and_no_other_and_shown_as_free_when_a_phone_releases_it(world):
     one, link = await world.first()
     world.board.stop(link.number)
-    await world.until(lambda: _latched(one), STOP_S, "it stands")
+    await world.until(lambda: latched(one), STOP_S, "it stands")
     await world.until(lambda: link.stop.stage is Stopping.STOPPED, 1.0, "confirmed")
     await world.clock.pause(3.0)
     assert [p for p in world.pupils.values() if p.loop.state.emergency] == [one]
@@ -223,6 +224,53 @@ async def test_a_restarted_robot_is_joined_again(world):
     await one.hub.stop()
 
 
+@in_class_time(robots=1)
+async def test_a_robot_whose_name_leads_to_another_address_is_found_and_stopped_there(world):
+    """The network has given the robot another address while its process runs on."""
+    one, link = await world.first()
+    break_down(one, "gone")
+    await world.until(lambda: link.status is Status.AWAY, 5.0, "it is lost")
+    world.network.hosts[one.port] = "127.0.0.2"
+    break_down(one, "none")
+    world.board.stop()
+    await world.until(lambda: latched(one), 3.0, "it is stopped at its new address")
+    await world.until_there()
+    assert link.describe()["address"] == f"http://127.0.0.2:{one.port}"
+
+
+@pytest.mark.parametrize("fault", ["refuses", "silent", "nonsense"])
+@in_class_time(robots=1)
+async def test_stop_keeps_its_open_connection_while_the_robot_refuses_requests(world, fault):
+    """A robot whose places are all taken refuses new connections and requests."""
+    one, link = await world.first()
+    joined_s = link.joined_s
+    one.fault = fault  # of new connections only
+    await world.clock.pause(2 * _INVITE_EVERY_S)
+    assert link.status is Status.THERE and link.joined_s == joined_s
+    world.board.stop()
+    await world.until(lambda: latched(one), STOP_S, "by the open connection")
+    one.fault, before = "none", link.invitations
+    await world.until(
+        lambda: link.invitations > before and link.invitation, 1.1 * _INVITE_EVERY_S, "a new code"
+    )
+
+
+@in_class_time(robots=1)
+async def test_phones_get_the_new_address_of_this_computer_and_its_robots_stay_connected(world):
+    """The teacher's laptop starts without a network, and then changes between two."""
+    one, link = await world.first()
+    joined_s, own = link.joined_s, [None]
+    world.board.follow_own_address(lambda: own[-1])
+    await world.until(lambda: link.page_address(), 5.0, "a code")
+    assert link.page_address().startswith(f"http://127.0.0.1:{one.port}/pair#")
+    for host in ("10.0.0.5", "10.0.1.7"):
+        own.append(host)
+        await world.clock.pause(2 * OWN_ADDRESS_EVERY_S)
+        assert link.joined_s == joined_s, "the connection of STOP is the same"
+        assert link.describe()["page"] == f"http://{host}:{one.port}"
+        assert link.page_address().startswith(f"http://{host}:{one.port}/pair#")
+
+
 @in_class_time()
 async def test_pictures_come_only_while_somebody_looks_and_about_one_a_second(world):
     (_, link), page = await world.first(), BoardViewer()
@@ -256,7 +304,7 @@ async def test_pictures_and_news_wait_while_a_stop_is_under_way(world):
     assert not world.board.at_leisure.is_set()
     page.pictures.clear()
     sent = one.hub.broadcast.video.frames_sent
-    await world.until(lambda: _latched(one), STOP_S, "it stands")
+    await world.until(lambda: latched(one), STOP_S, "it stands")
     await world.clock.pause(CONFIRM_S - 0.1)
     assert one.hub.broadcast.video.frames_sent <= sent + 1, "the last one was under way"
     await world.until(world.board.at_leisure.is_set, CONFIRM_S, "it is told who is lost")

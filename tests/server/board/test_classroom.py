@@ -1,8 +1,10 @@
 """Who becomes a robot's teacher, and what its pupils may change afterwards."""
 
 import json
+import os
 import random
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,6 +14,8 @@ from server.access.pairing import Pairing
 from server.board.class_command import split
 from server.board.class_key import ClassKey, endpoint, keep_class_key, new_nonce, read_class_key
 from server.board.classroom import LOCKS, Classroom
+from server.board.simulated_robot import SimulatedRobot
+from server.identity import NAMES
 from tests.kit.described import described_routes
 from tests.kit.sizes import seeds
 
@@ -66,10 +70,24 @@ def test_a_key_is_made_once_and_is_readable_only_by_its_owner(tmp_path):
     assert keep_class_key(file) == keep_class_key(file)
     assert file.stat().st_mode & 0o077 == 0
     assert file.read_text().strip() not in repr(read_class_key(file))
+    file.write_text("")  # as a full disk or a power cut leaves it
+    assert keep_class_key(file) == read_class_key(file)
     for text in ("", "short", "ä" * 40):
         file.write_text(text)
         with pytest.raises(ConfigurationError, match="class key"):
             read_class_key(file)
+
+
+def test_a_simulated_robot_whose_folder_cannot_be_written_keeps_its_name_and_runs_unlogged(
+    tmp_path,
+):
+    saved = SimulatedRobot(1, 8481, tmp_path / "01")
+    saved.open_log()
+    assert saved.unsaved_name == "" and saved.log == tmp_path / "01" / "log.txt"
+    unwritable = tmp_path / "01" / "log.txt" / "02"  # below a file
+    robot = SimulatedRobot(2, 8482, unwritable)
+    robot.open_log()
+    assert robot.unsaved_name == NAMES[1] and robot.log == Path(os.devnull)
 
 
 def test_locks_and_id_survive_a_restart_and_an_unknown_lock_is_refused(tmp_path):

@@ -9,11 +9,7 @@ from server.board.stopping import Stopping
 from server.board.teacher_session import Status
 from server.board.transport import RobotAddress
 
-from .classroom_world import ClassWorld, Pupil, break_down, in_class_time
-
-
-def latched(pupil: Pupil) -> bool:
-    return pupil.loop.state.emergency and pupil.driver.now is Action.STOP
+from .classroom_world import ClassWorld, Pupil, break_down, in_class_time, latched
 
 
 def same_robot(world: ClassWorld) -> list[Pupil]:

@@ -11,8 +11,7 @@ from server.board.discovery import read_announcement
 from server.board.teacher_session import Status
 from server.board.transport import RobotAddress
 
-from .classroom_world import Absent, ClassWorld, in_class_time
-from .test_board import STOP_S, _latched
+from .classroom_world import STOP_S, Absent, ClassWorld, in_class_time, latched
 
 FOREIGN, OWN = 1000, 10
 _DOES = ("gone", "silent", "refuses", "nonsense")
@@ -49,7 +48,7 @@ async def test_a_thousand_foreign_announcements_do_not_keep_the_robots_of_the_cl
     await world.drive_all(pupils)
     announce(world, FOREIGN, host)
     world.board.stop()
-    took_s = await world.until(lambda: all(map(_latched, pupils)), 5.0, "all stand")
+    took_s = await world.until(lambda: all(map(latched, pupils)), 5.0, "all stand")
     assert took_s < STOP_S
     told = world.board.strangers.describe()
     assert told["count"] == FOREIGN and 0 < len(told["some"]) < 100
