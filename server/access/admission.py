@@ -32,13 +32,14 @@ Close = Callable[[], object]
 Peer = tuple[str, int]
 """Address and port of the remote side, as the socket reports them."""
 _READ_S = 0.25
-"""The first request of a new connection is read within this time, even under load, in seconds."""
+"""Time within which the first request of a new connection is read, even under load, in seconds."""
 _ANSWER_S = 2.0
-"""If no slot is free, a connection keeps its pending slot this long for an answer, in seconds."""
+"""Time for which a connection keeps its pending slot for an answer if no slot is free, in
+seconds."""
 _LOG_S = 60.0
 """Minimum time between log lines about one person who exceeds the rate limit, in seconds."""
 _SELDOM_S = 1.0
-"""If more time passes between two calls of `expire`, in seconds, the computer is busy."""
+"""Time between two calls of `expire` above which the computer counts as busy, in seconds."""
 
 
 @lru_cache(maxsize=1024)

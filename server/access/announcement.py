@@ -137,7 +137,7 @@ class Announcement:
         with contextlib.suppress(OSError):
             self._responder.send(question)  # the next call reads the answers
         before = [other for other in others if own and _lowest([other]) < _lowest(own)]
-        # so that robots that give way at the same time choose different numbers
+        # robots that give way at the same time then choose different numbers
         self._next = max(2, 1 + len(before))
         return bool(before)
 

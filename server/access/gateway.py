@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 _NAME_S = 1.5
-"""The server starts at the latest after this time without a name on the network, in seconds."""
+"""Longest time for which the start of the server waits for a name on the network, in seconds."""
 _BAD_KEY = Refusal(401, "key", "The key in this address is not valid. Maybe it was replaced.")
 _LABEL = re.compile(r"[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?", re.IGNORECASE)
 _WATCH_BY = (
@@ -190,7 +190,7 @@ class NetworkGateway(Gateway):
         self._more = more
         try:
             yield
-        finally:  # even if the server never started, because the robot is already announced
+        finally:  # end the announcement even if the server never started
             if self._watch is not None:
                 self._watch.stop()
             if self._announcement is not None:

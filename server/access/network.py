@@ -16,6 +16,8 @@ ROBOT, ADDRESS = "drivelesson", "address"
 """Names of two properties of the announced service: the robot's name and its best address."""
 EVERYWHERE = ("0.0.0.0", "::")
 _RESOLVER = Path("/etc/resolv.conf")
+_WHOLE = 32
+"""The prefix length of an IPv4 network of a single address."""
 _NAME = re.compile(r"[\w-]+(?:\.[\w-]+)*", re.ASCII)
 _PROBES = ((socket.AF_INET, "192.0.2.1"), (socket.AF_INET6, "2001:db8::1"))
 """Addresses reserved for documentation. Connecting a UDP socket to a reserved address sends
@@ -39,8 +41,13 @@ def is_for_others(address: str) -> bool:
 
 
 def own_addresses(version: int = 4) -> list[str]:
-    """Return this machine's IPv4 or IPv6 addresses, the most likely to be reachable first."""
+    """Return this machine's IPv4 or IPv6 addresses, the most likely to be reachable first.
+
+    An IPv4 network of a single address is a tunnel of a VPN, in which no phone is. Such an address
+    is last, even if the system uses it for the internet.
+    """
     found: list[str] = []
+    tunnels = set[str]()
     family, elsewhere = _PROBES[version == 6]
     with contextlib.suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as probe:
         probe.connect((elsewhere, 9))
@@ -49,12 +56,12 @@ def own_addresses(version: int = 4) -> list[str]:
         import ifaddr  # zeroconf installs this package
 
         for adapter in ifaddr.get_adapters():
-            found += [
-                str(ip.ip) if ip.is_IPv4 else ip.ip[0]
-                for ip in adapter.ips
-                if ip.is_IPv4 == (version == 4)
-            ]
-    return list(dict.fromkeys(found))
+            for ip in adapter.ips:
+                if ip.is_IPv4 == (version == 4):
+                    found.append(str(ip.ip) if ip.is_IPv4 else ip.ip[0])
+                    if ip.is_IPv4 and ip.network_prefix == _WHOLE:
+                        tunnels.add(found[-1])
+    return sorted(dict.fromkeys(found), key=tunnels.__contains__)
 
 
 def page_addresses(config: NetworkConfig, addresses: Sequence[str] | None = None) -> list[str]:

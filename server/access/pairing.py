@@ -51,7 +51,7 @@ _SESSIONS = 192
 or by a class's board). There are more sessions than websockets, so not all sessions can be in
 use."""
 INVITATION_S = 300.0
-"""A token on a class's board is valid for this time, in seconds, for any number of phones."""
+"""Time for which a token on a class's board is valid, for any number of phones, in seconds."""
 _INVITATIONS = 16
 
 

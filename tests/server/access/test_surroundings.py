@@ -1,6 +1,7 @@
 """The robot announces and shows its names and addresses, and follows their changes."""
 
 import contextlib
+import itertools
 import secrets
 import socket
 import subprocess
@@ -17,7 +18,7 @@ from server.access.announcement import Announcement, announced
 from server.access.banner import greet_phones
 from server.access.config import NetworkConfig, PublicAddress
 from server.access.gateway import NetworkGateway
-from server.access.network import lan_addresses, names_in_network, page_addresses
+from server.access.network import lan_addresses, names_in_network, own_addresses, page_addresses
 from server.access.pairing import Paired, Pairing
 from server.access.surroundings import CLAIM_EVERY_S, LOOK_EVERY_S, Surroundings, Watch
 from server.access.terminal_code import draw_qr
@@ -112,7 +113,8 @@ def test_the_watch_looks_again_and_outlives_a_network_that_fails():
     ("asked", "is_known"),
     [
         *(("rover.fritz.box", True), ("printer.school.example", True), ("localhost", True)),
-        *(("robot_1", True), ("drivelesson", True)),
+        *(("robot_1", True), ("drivelesson", True), ("drivelesson.local", True)),
+        ("10.1.1.1", True),  # any address
         *(("evil.example", False), ("drivelesson.local.evil.example", False)),
         *(("rover.fritz.box.evil.example", False), ("rover.evil.example", False), ("", False)),
     ],
@@ -194,11 +196,29 @@ def test_of_two_robots_that_nobody_named_the_second_takes_another_name(monkeypat
         assert named.announce(high) == f"ada-{name}"
 
 
+def test_the_address_in_a_vpn_comes_last(monkeypatch):
+    """A VPN often takes the whole internet, so the system prefers its address."""
+
+    def prefer_the_tunnel(probe, address):
+        probe.bind(("127.66.0.2", 0))
+
+    ifaddr = pytest.importorskip("ifaddr")
+    adapters = [
+        ifaddr.Adapter(name, name, [ifaddr.IP(address, prefix, name)])
+        for name, address, prefix in (("tun0", "127.66.0.2", 32), ("wlan0", "192.168.7.5", 24))
+    ]
+    monkeypatch.setattr(ifaddr, "get_adapters", lambda: adapters)
+    monkeypatch.setattr(socket.socket, "connect", prefer_the_tunnel)
+    assert own_addresses() == ["192.168.7.5", "127.66.0.2"]
+
+
 def test_two_robots_announce_themselves_and_the_board_finds_both():
+    """The board's computer gets its address only after the board has started."""
     zeroconf = pytest.importorskip("zeroconf")
     kind, here = "_http._tcp.local.", ["127.0.0.1"]
     both = {RobotAddress("127.0.0.1", 8123), RobotAddress("127.0.0.1", 8124, is_tls=True)}
     found, is_complete = set[RobotAddress](), threading.Event()
+    own = itertools.chain([[]], itertools.repeat(here))
 
     def note(address):
         found.add(address)
@@ -208,7 +228,7 @@ def test_two_robots_announce_themselves_and_the_board_finds_both():
     with (
         announced(NetworkConfig(port=8123, lan=True, hostname="ada-test"), "Ada"),
         announced(NetworkConfig(port=8124, lan=True, hostname="bolt-test", tls=True), "Bolt"),
-        browsing(note, here),
+        browsing(note, lambda: next(own)),
         contextlib.closing(zeroconf.Zeroconf(interfaces=here)) as asker,
     ):
         is_complete.wait()  # the test's own time limit ends this loop
@@ -220,14 +240,16 @@ def test_two_robots_announce_themselves_and_the_board_finds_both():
 def test_a_robot_that_ends_by_an_error_before_it_serves_is_no_longer_announced(tmp_path):
     zeroconf = pytest.importorskip("zeroconf")
     here = f"127.{secrets.randbelow(250) + 2}.{secrets.randbelow(250)}.2"
-    heard, is_gone = list[str](), threading.Event()
+    robot, heard, is_gone = secrets.token_hex(4), list[str](), threading.Event()
 
     def note(zeroconf, service_type, name, state_change):
-        heard.append(state_change.name)
-        if state_change.name == "Removed":
+        if robot in name:  # other tests announce robots, too
+            heard.append(state_change.name)
+        if heard[-1:] == ["Removed"]:
             is_gone.set()
 
     words = ["serve", "--lan", "--host", here, "--port", "0", "--data", str(tmp_path)]
+    words += ["--hostname", f"robot-{robot}"]
     lock = FolderLock(tmp_path)
     with contextlib.closing(zeroconf.Zeroconf(interfaces=[here])) as asker:
         zeroconf.ServiceBrowser(asker, "_http._tcp.local.", handlers=[note])
