@@ -29,7 +29,7 @@ _DAMAGED = (
     *(zipfile.BadZipFile, tarfile.TarError, zlib.error, lzma.LZMAError),
     *(EOFError, OSError, RuntimeError),
 )
-_OF_ONE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, RuntimeError, ValueError)
+_BAD_FILE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, RuntimeError, ValueError)
 """Errors after which only the damaged file of an archive is skipped. Files with names that the
 system rejects (`_NO_NAME`) are skipped, too."""
 _NO_NAME = (errno.ENAMETOOLONG, errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.EINVAL)
@@ -104,6 +104,6 @@ def _unpack(entries: Iterator[Entry], folder: Path, report: ImportReport) -> Non
         except BaseException as error:
             with contextlib.suppress(OSError):
                 target.unlink()
-            if not isinstance(error, _OF_ONE) and getattr(error, "errno", None) not in _NO_NAME:
+            if not isinstance(error, _BAD_FILE) and getattr(error, "errno", None) not in _NO_NAME:
                 raise
             report.skip(name[:80], f"cannot be unpacked: {reason(error)}")

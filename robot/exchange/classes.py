@@ -27,7 +27,7 @@ from robot.exchange.reading import Reading
 from robot.exchange.steering import read_meant
 from robot.types import Action
 
-_OF_PROJECT = "-!-"
+_SEPARATOR = "-!-"
 """Separator of class and number in the names of pictures in a Teachable Machine project."""
 _STEERED_NAME = re.compile(r"(\d{6})([-_+]?)([-+]?\d?\.\d+|[-+]?[01])(?:\(\d+\))?")
 _POINT_NAME = re.compile(r"(?:xy_)?\d+_\d+_[0-9a-f]{8}(?:-[0-9a-f]+)+")
@@ -94,7 +94,7 @@ def read_project(folder: Path, reading: Reading, report: ImportReport) -> Drive:
     """Read the samples of a Teachable Machine project."""
     classes: dict[str, list[Path]] = {}
     for path in by_number(files_ending(folder, *PICTURES)):
-        name, sign, _ = path.name.rpartition(_OF_PROJECT)
+        name, sign, _ = path.name.rpartition(_SEPARATOR)
         if sign:
             classes.setdefault(name, []).append(path)
     if not classes:
@@ -182,7 +182,7 @@ def read_steered(folder: Path, reading: Reading, report: ImportReport) -> Drive:
             place=place,
             t_s=None,
             label=label,
-            steering=float(angle) / reading.full_lock,
+            steering=float(angle),
             picture=partial(read_picture_file, folder, path.name),
         )
 

@@ -201,7 +201,7 @@ def _as_lines(text: str) -> str:
 
 
 def _named(of: object) -> dict[str, object]:
-    """Return what a JSON object says of a picture, with names of columns."""
+    """Return a picture's values by column: a text is its label, a number its steering."""
     if isinstance(of, dict):
         return of
     return {"label": of} if isinstance(of, str) else {"steering": of}

@@ -21,7 +21,7 @@ from robot.clock import RealClock
 from robot.devkit.pictures import Picture
 from robot.errors import RecordingError
 from robot.exchange.stamps import date_or_zero
-from robot.exchange.timeline import make_timeline
+from robot.exchange.timeline import make_timeline, order_if_shuffled
 from robot.moves import CLASSIC, Move, point_of
 from robot.policy.events import Taught
 from robot.recordings.writer import EpisodeWriter, describe_run
@@ -103,7 +103,8 @@ class FrameEvent:
     """The steering and throttle that the labelled move has on the robot that drove; None if the
     source does not state them."""
     steering: float | None = None
-    """The steering as written, as a share of full lock; None if it is missing."""
+    """The steering as written, in the source's unit, which is also the unit of `Reading.trim`; None
+    if it is missing."""
     is_intervention: bool = False
     is_others: bool = False
     """True if somebody other than the pilot drove, so the picture is not an example."""
@@ -159,6 +160,9 @@ def drive_of(
             report.skip(place, str(error))
     if not shots:
         raise RecordingError(f"{what} to use{report.why_nothing()}")
+    if order := order_if_shuffled([shot.t_s for shot in shots]):
+        shots = [shots[index] for index in order]
+        report.remark("the pictures were not in the order of their times, and were sorted by time")
     if others := sum(shot.is_others for shot in shots):
         report.remark(f"left out, because the pilot did not drive: {others} pictures")
     stands = sum(shot.label is None and shot.steering is not None for shot in shots) - others
@@ -171,8 +175,8 @@ def drive_of(
 
 
 def _latest_s(now_s: float) -> float:
-    """Return the latest time at which a drive can have begun. A clock before this program was
-    written is late: a Raspberry Pi without a network may start in 1970."""
+    """Return the latest time at which a drive can have begun: now, unless this machine's clock is
+    clearly wrong. For example, a Raspberry Pi without a network may start in 1970."""
     return now_s if now_s >= _2026_S else _2100_S
 
 
@@ -189,9 +193,10 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
     first = next(taken, None)
     if first is None:
         raise RecordingError(f"{drive.name} has no pictures to use{drive.report.why_nothing()}")
-    is_date = 0 < drive.started_at_s <= _latest_s(RealClock().wall_s())
-    # If the drive's time is unknown, write 0, so that the list begins with this drive.
-    started_at_s = drive.started_at_s if is_date else 0.0
+    # If the drive's date is unknown, write 0, so that the drive does not count as the last one.
+    started_at_s = date_or_zero(drive.started_at_s)
+    if started_at_s > _latest_s(RealClock().wall_s()):
+        started_at_s = 0.0
     run = describe_run(
         episode_id=path.stem,
         run_id=path.stem,
@@ -237,6 +242,8 @@ def _hint(drive: Drive) -> str | None:
     if len(steered) < _ENOUGH_TO_HINT or len(missing) != 1:
         return None
     middle = median(steered)
+    if abs(middle) == max(map(abs, steered)):
+        return None  # the car mostly turned, so the median is not straight on
     trim = f"--trim {middle:.2f}" if abs(middle) >= _LEAST_TRIM else "a smaller --threshold"
     return (
         f"no example of {missing[0]}: steering lies between {min(steered):.2f} and "

@@ -1,4 +1,4 @@
-"""Reads text and picture files of other programs. Their names are not trusted."""
+"""Reads text and picture files of other programs, and does not trust the names of the files."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import io
 import json
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from robot.devices.encoders import encode_png
 from robot.devkit.pictures import Picture, read_picture
-from robot.errors import RecordingError, told_as
+from robot.errors import ConfigurationError, RecordingError, told_as
 from robot.policy.image import to_rgb
 from robot.store.folder import fold
 from robot.store.records import read_regular
@@ -35,6 +35,14 @@ def files_ending(folder: Path, *suffixes: str) -> list[Path]:
     that macOS adds (`._NAME`) are left out."""
     found = (path for path in folder.iterdir() if path.suffix.lower() in suffixes)
     return sorted(path for path in found if path.is_file() and not path.name.startswith("."))
+
+
+def check_suffix(path: Path, what: str, suffixes: Sequence[str]) -> None:
+    """Raise ConfigurationError for unsupported suffixes; the error lists the supported ones."""
+    if path.suffix.lower() not in suffixes:
+        raise ConfigurationError(
+            f"{what}'s name must end in {' or '.join(suffixes)}, not in {path.suffix!r}: {path}"
+        )
 
 
 def folders_in(folder: Path) -> list[Path]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from robot.devkit.pictures import MAX_SIDE_PX, Picture
-from robot.errors import ConfigurationError, RecordingError, need
+from robot.errors import RecordingError, need
 from robot.exchange.timeline import make_timeline
 from robot.policy.image import Pixels, swap_red_and_blue, to_rgb
 from robot.recordings.editing import EpisodeFrame, moments
@@ -184,14 +184,6 @@ class FilmReader:
             return
 
 
-def check_suffix(path: Path) -> None:
-    """Raise ConfigurationError for unsupported suffixes; the error lists the supported ones."""
-    if path.suffix.lower() not in SUFFIXES:
-        raise ConfigurationError(
-            f"a film's name must end in {' or '.join(SUFFIXES)}, not in {path.suffix!r}: {path}"
-        )
-
-
 def write_look(episode: Episode, notes: Notes, path: Path, *, fps: int | None = None) -> int:
     """Write an episode as a film for people: large, with the label and the prediction below.
 
@@ -222,8 +214,8 @@ def _captioned(picture: Pixels, moment: EpisodeFrame) -> Any:
     """Return a video frame: the picture, enlarged to at least 480 rows, above a bar of text.
 
     FFmpeg enlarges the picture and converts its colours in one step. The text is grey, so it is
-    drawn only in the brightness plane. In films of small pictures, both save most of the time of
-    encoding.
+    drawn only in the brightness plane. For small pictures, these two measures save most of the time
+    of encoding.
     """
     import cv2
 

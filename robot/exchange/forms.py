@@ -45,8 +45,8 @@ class Source(NamedTuple):
 
     The function raises RecordingError if no picture can be used, and MissingExtraError if a package
     for the format is not installed. The pictures themselves are read only when the drive is
-    written. Only recordings of this program have a function `copy`, which is called instead of
-    `read`. The function `copy` copies the recording to a path.
+    written. A recording of this program needs no conversion, so its source has a function `copy`,
+    which the import calls instead of `read`. Its arguments are the new file's path and the report.
     """
 
     name: str
@@ -190,7 +190,7 @@ FORMS: tuple[Form, ...] = (
         there="`images/N_crop.jpeg`, `sensor_data/rgbFrames.txt` and `ctrlLog.txt`, or its "
         "notebook's `matched_frame_ctrl_cmd_processed.txt`",
         label="left and right wheel, -255 to 255, ahead positive; a faster left wheel turns right; "
-        "a control holds until the next",
+        "a control applies until the next one",
         time="nanoseconds",
         find=_one(_folder(is_openbot), read_openbot),
     ),
@@ -199,8 +199,8 @@ FORMS: tuple[Form, ...] = (
         there="ROS 1: `.bag`; ROS 2: a folder with `metadata.yaml`, or one `.db3` or `.mcap`; "
         "`CompressedImage` or `Image`, and `Twist` or `TwistStamped` (`--topics` chooses)",
         label=f"`linear.x` in m/s, ahead positive, full at {FULL_MPS:g}; `angular.z` in rad/s, "
-        f"left positive, full at {FULL_TURN_RAD_S:.3f} (45 degrees a second); a velocity holds "
-        "until the next",
+        f"left positive, full at {FULL_TURN_RAD_S:.3f} (45 degrees a second); a velocity applies "
+        "until the next one",
         time="nanoseconds at which the bag received a message",
         find=_one(is_bag, read_bag),
     ),

@@ -1,4 +1,4 @@
-"""Writes LeRobotDataset v3 (parquet tables, pictures as films) without the lerobot package.
+"""Writes LeRobotDataset v3 without the lerobot package: parquet tables, and pictures as films.
 
 The files of a dataset are:
 
@@ -74,7 +74,8 @@ the same for all."""
 SENSORS = "sensors"
 _SENSORS = ("distance_m", "bumped", "battery")
 _NOTHING = 1e30
-"""Older recordings have larger numbers where a sensor saw nothing."""
+"""A larger reading means that the sensor saw nothing; only older recordings contain such
+readings."""
 _QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 _STATISTICS = ("min", "max", "mean", "std", *_QUANTILES)
 _OWN = ("intervention", PILOT, DEGREES, SENSORS)
@@ -123,9 +124,9 @@ def write_lerobot(
 
     `fps` is the number of pictures per second; `task` describes the robot's task. The columns of a
     dataset depend only on the robot's moves, so datasets of one robot can be merged. A `plain`
-    dataset contains only taught frames. A plain dataset has the same columns as a dataset that the
-    command `lerobot-record` makes with the same robot. So a plain dataset can be merged with one of
-    `lerobot-record`. Raises RecordingError if there are no pictures.
+    dataset contains only taught frames. It has the same columns as a dataset that the command
+    `lerobot-record` makes with the same robot, so the two can be merged. Raises RecordingError if
+    there are no pictures.
     """
     need(*PYARROW)
     need(*AV)
@@ -322,8 +323,8 @@ def _moves(parts: Sequence[_Part]) -> list[str]:
 
 def _sensed(parts: Sequence[_Part]) -> Iterator[NDArray[np.float32]]:
     """For each part, yield the values that the sensors had at each picture, shape (pictures,
-    sensors). A sensor has its last reported value. Pictures before a sensor's first value get the
-    first value, and all pictures get 0 if the sensor has no value."""
+    sensors). The value is the last that the sensor reported. Pictures before a sensor's first value
+    get the first value, and all pictures get 0 if the sensor has no value."""
     for _, same in groupby(parts, key=lambda part: part.source):
         of = list(same)
         readings = _readings(of[0].episode)

@@ -7,10 +7,15 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from robot.errors import ConfigurationError, did_you_mean
 from robot.moves import CLASSIC, TURNS_BEYOND
 from robot.types import Action
 
+FULL = 1.001
+"""Largest share of full lock or full throttle. Shares from 1 to this count as 1: a stick's -32768
+divided by 32767 is -1.00003, and float32 rounds."""
 DEFAULT_THRESHOLD = TURNS_BEYOND
 """Steering, as a share of full lock, beyond which a car counts as turning."""
 
@@ -58,12 +63,19 @@ class Reading:
         are scaled by different factors.
         """
         share, trim = written / self.full_lock, self.trim / self.full_lock
-        if not -1.0 <= share <= 1.0:
+        if not -FULL <= share <= FULL:
             raise ValueError(
                 f"steering is {written:g}, which is more than full lock; set full lock with "
                 "--full-lock"
             )
+        share = min(max(share, -1.0), 1.0)
         return (share - trim) / (1.0 - trim if share > trim else 1.0 + trim)
+
+    @property
+    def turns_beyond(self) -> float:
+        """The threshold, rounded up to a float32. Many programs store steering as float32, which
+        changes 0.2 to 0.200000003. With a threshold of 0.2, this value is not a turn."""
+        return max(self.threshold, float(np.float32(self.threshold)))
 
     def move(self, name: str) -> Action | None:
         """Return the move that a name in the data means: the move that the person gave for this

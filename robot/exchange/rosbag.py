@@ -30,9 +30,9 @@ ROSBAGS = ("rosbags.highlevel", "reading ROS bags", "rosbags")
 installs it."""
 _COMPRESSED, _RAW = "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image"
 _TWISTS = ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped")
-_AS_IT_IS = "RGB"
+_UNCHANGED = "RGB"
 _CONVERTED = {
-    "rgb8": _AS_IT_IS,
+    "rgb8": _UNCHANGED,
     "bgr8": "BGR2RGB",
     "8UC3": "BGR2RGB",
     "mono8": "GRAY2RGB",
@@ -52,7 +52,7 @@ _CONVERTED = {
 }
 """For each encoding of ROS, the OpenCV conversion that makes a colour picture from it. An encoding
 with 16 bits, such as `mono16`, is converted like the encoding with 8 bits."""
-_CHANNELS = {_AS_IT_IS: 3, "BGR2RGB": 3, "RGBA2RGB": 4, "BGRA2RGB": 4}
+_CHANNELS = {_UNCHANGED: 3, "BGR2RGB": 3, "RGBA2RGB": 4, "BGRA2RGB": 4}
 _LEAST_BAYER_PX = 3
 """Smallest width and height of a Bayer picture: below it, OpenCV returns black pixels."""
 Order = tuple[int, float, float]
@@ -242,7 +242,7 @@ def _picture(message: Any, kind: str) -> Picture:
     rows = data[: message.step * height].reshape(height, message.step)[:, :row]
     high = rows[:, 0 if message.is_bigendian else depth - 1 :: depth]
     pixels = np.ascontiguousarray(high).reshape(height, width, channels)
-    if conversion != _AS_IT_IS:
+    if conversion != _UNCHANGED:
         import cv2
 
         pixels = cv2.cvtColor(pixels, getattr(cv2, f"COLOR_{conversion}"))

@@ -48,7 +48,7 @@ def _within(path: Path, depth: int) -> list[Source]:
 
 
 def _at(path: Path, *, is_whole: bool) -> list[Source]:
-    """Return the drives at a path, as found by the first format that recognises the path."""
+    """Return the recorded drives at a path, from the first format that recognises the path."""
     for form in FORMS:
         if form.is_whole is is_whole and (found := form.find(path)):
             return list(found)

@@ -32,8 +32,7 @@ _FIRST_S, _LAST_S = 1e9, 4e9
 """Bounds of times since 1970 in seconds: the years 2001 and 2096."""
 _LONGEST_STEP_S, _LONGEST_PAUSE_S = 5.0, 3600.0
 """Upper bounds of the usual time between two pictures, in seconds: in a drive, and in pictures that
-somebody took one by one. The unit of pictures that were taken one by one is known only from times
-since 1970."""
+somebody took one by one. The second bound applies only to times since 1970, whose unit is known."""
 
 
 def seconds_of(value: object, name: str = "") -> float | None:

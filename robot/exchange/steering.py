@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 from robot.errors import RecordingError
-from robot.exchange.reading import Reading
+from robot.exchange.reading import FULL, Reading
 from robot.moves import Move, describe, move_at, point_of
 from robot.recordings.editing import EpisodeFrame
 from robot.types import DEFAULT_MOVES, Action, Point
@@ -21,8 +21,8 @@ robot. Higher speeds count as full speed."""
 FULL_TURN_DEG_S = math.degrees(FULL_TURN_RAD_S)
 _TURNING = (*DEFAULT_MOVES, Action.SPIN_LEFT, Action.SPIN_RIGHT)
 _UNIT_SHARE, _LEAST_BEYOND = 10, 2
-"""The steering is in degrees or another unit if at least one in `_UNIT_SHARE` values is beyond 1,
-and `_LEAST_BEYOND` values are, because a single value may be damaged."""
+"""The steering counts as written in degrees or another unit if at least one in `_UNIT_SHARE` values
+is beyond 1. `_LEAST_BEYOND` values must be beyond 1, because a single value may be damaged."""
 _STANDING = 0.02
 """Mean speed of two wheels, as a share of full speed, below which a turning robot counts as
 spinning."""
@@ -56,7 +56,7 @@ def read_meant(
     angle = read_steering(written[0], names[0], reading)
     throttle = read_share(written[1], names[1]) if is_whole else 1.0
     point = Point(angle, throttle)
-    move = move_at(point, describe(moves), reading.threshold)
+    move = move_at(point, describe(moves), reading.turns_beyond)
     return move, point if move and is_whole else None
 
 
@@ -76,7 +76,7 @@ def check_unit(written: Iterable[object], name: str, reading: Reading) -> None:
     for value in written if reading.full_lock == 1.0 else ():
         with contextlib.suppress(ValueError):
             found.append(read_number(value, name))
-    n_beyond = sum(abs(value) > 1.0 for value in found)
+    n_beyond = sum(abs(value) > FULL for value in found)
     if n_beyond >= max(1, min(_LEAST_BEYOND, len(found)), len(found) / _UNIT_SHARE):
         raise RecordingError(
             f"the steering in {name!r} goes from {min(found):g} to {max(found):g}, not from -1 to "
@@ -121,7 +121,7 @@ def at_wheels(left: float, right: float, reading: Reading) -> LabelAndPoint:
 def _turning(point: Point, reading: Reading) -> LabelAndPoint:
     throttle = point.throttle if abs(point.throttle) >= _STANDING else 0.0
     point = Point(reading.steering(reading.full_lock * point.steering), throttle)
-    move = move_at(point, describe(_TURNING), reading.threshold)
+    move = move_at(point, describe(_TURNING), reading.turns_beyond)
     return move, point if move else None
 
 
@@ -147,8 +147,8 @@ def read_share(value: object, name: str) -> float:
     the value is not a number from -1 to 1."""
     with contextlib.suppress(ValueError):
         share = read_number(value, name)
-        if -1.0 <= share <= 1.0:
-            return share
+        if -FULL <= share <= FULL:
+            return min(max(share, -1.0), 1.0)
     raise ValueError(f"{name} is {str(value)[:40]!r}, not a number from -1 to 1")
 
 

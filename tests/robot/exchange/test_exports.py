@@ -14,7 +14,8 @@ import pytest
 
 from robot.errors import ConfigurationError, RecordingError
 from robot.exchange.drive import ImportReport, write_episode
-from robot.exchange.film import _BAR_PX, _captioned, check_suffix, write_film, write_look
+from robot.exchange.files import check_suffix
+from robot.exchange.film import _BAR_PX, SUFFIXES, _captioned, write_film, write_look
 from robot.exchange.folder import write_folder
 from robot.exchange.lerobot import CAMERA, write_lerobot
 from robot.exchange.npz import write_npz
@@ -54,20 +55,20 @@ def test_a_folder_has_its_labels_where_imagefolder_looks_for_them(
 
 def test_pictures_of_several_sizes_are_all_kept_and_every_reader_takes_them(tmp_path: Path) -> None:
     """A camera changes its resolution and is turned while it is recorded."""
-    shots = [pixels(n % 13) for n in range(90)]
-    shots[30:60] = [shot.repeat(2, axis=0).repeat(2, axis=1) for shot in shots[30:60]]
-    shots[60:] = [np.ascontiguousarray(np.rot90(shot)) for shot in shots[60:]]
-    labels = [(Action.LEFT, Action.FORWARD)[n // 10 % 2] for n in range(90)]
+    shots = [pixels(n % 13) for n in range(45)]
+    shots[15:30] = [shot.repeat(2, axis=0).repeat(2, axis=1) for shot in shots[15:30]]
+    shots[30:] = [np.ascontiguousarray(np.rot90(shot)) for shot in shots[30:]]
+    labels = [(Action.LEFT, Action.FORWARD)[n // 5 % 2] for n in range(45)]
     several = import_pictures(tmp_path / "several.mcap", shots, labels)
     ids = list(several.frames)
     assert {entry.size for entry in several.frames.values()} == {(160, 120), (320, 240), (120, 160)}
     report = learn_again(make_policy("default-8"), [(several, Notes())])
-    assert (report.missing_frames, report.taught.total()) == (0, 90)
+    assert (report.missing_frames, report.taught.total()) == (0, 45)
 
-    assert write_tub(several, Notes(), tmp_path / "tub") == 90
-    assert write_npz(several, Notes(), tmp_path / "x.npz") == 90
-    assert write_look(several, Notes(), tmp_path / "film.mp4") == 90
-    turned = Notes(edits=(Edit(verb="delete", ranges=((ids[0], ids[65]),)),))
+    assert write_tub(several, Notes(), tmp_path / "tub") == 45
+    assert write_npz(several, Notes(), tmp_path / "x.npz") == 45
+    assert write_look(several, Notes(), tmp_path / "film.mp4") == 45
+    turned = Notes(edits=(Edit(verb="delete", ranges=((ids[0], ids[32]),)),))
     write_lerobot([(several, Notes()), (several, turned)], tmp_path / "set")
     info = json.loads((tmp_path / "set/meta/info.json").read_text())
     assert info["features"][CAMERA]["shape"] == [120, 160, 3]
@@ -82,15 +83,23 @@ def test_pictures_of_several_sizes_are_all_kept_and_every_reader_takes_them(tmp_
         assert told.skipped == []
 
 
+def test_a_tub_without_a_taught_picture_is_refused_and_all_may_be_exported(tmp_path: Path) -> None:
+    seen = import_pictures(tmp_path / "seen.mcap", [pixels(1), pixels(2)], [None, None])
+    with pytest.raises(RecordingError, match="--all"):
+        write_tub(seen, Notes(), tmp_path / "taught")
+    assert write_tub(seen, Notes(), tmp_path / "all", taught_only=False) == 2
+
+
 def test_a_film_to_look_at_plays_as_long_as_the_drive(episode: Episode, tmp_path: Path) -> None:
     count = write_look(episode, Notes(), tmp_path / "film.mp4")
     shown = shown_in(tmp_path / "film.mp4")
     assert len(shown) == count == len(episode.frames)
     for frame_id, picture in zip(episode.frames, shown, strict=True):
-        seen, bar = np.split(picture.astype(int), [480])
-        taken = to_rgb(episode.frame(frame_id)).repeat(4, axis=0).repeat(4, axis=1)
-        assert np.abs(seen - taken).mean() < 6
-        assert np.abs(bar[:, -50:] - 24).max() < 6
+        seen, bar = np.split(picture, [480])
+        in_four = [seen[i::4, i::4].astype(int) for i in (1, 2)]  # the picture, four times as large
+        taken = to_rgb(episode.frame(frame_id))
+        assert max(np.abs(each - taken).mean() for each in in_four) < 6
+        assert np.abs(bar[:, -50:].astype(int) - 24).max() < 6
         assert bar[:, :200].max() > 200
     with av.open(str(tmp_path / "film.mp4")) as film:
         length_s = film.duration / av.time_base
@@ -121,7 +130,7 @@ def test_a_film_needs_pictures_of_more_than_one_row_and_the_name_of_a_film(
             write_film([np.zeros((*sides, 3), np.uint8)], path, 10)
     for name in ("film.txt", "film", "film.mcap", "film.mp4.bak"):
         with pytest.raises(ConfigurationError, match=r"\.mp4"):
-            check_suffix(Path(name))
+            check_suffix(Path(name), "a film", SUFFIXES)
 
 
 def test_measurements_stay_with_every_copy_and_export(tmp_path: Path) -> None:

@@ -1,17 +1,14 @@
-"""Data in every format is imported correctly, or refused with a true sentence."""
+"""Pictures with a table, with named folders or with labels in their names are imported, or refused
+with a true sentence."""
 
 from __future__ import annotations
 
-import json
 import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import cv2
-import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from robot.clock import RealClock
 from robot.errors import RecordingError
@@ -19,11 +16,17 @@ from robot.exchange.drive import ImportReport, write_episode
 from robot.exchange.reading import Reading
 from robot.exchange.sources import find_drives, unpacked
 from robot.recordings.episode import open_episode
-from robot.recordings.messages import Topic
-from robot.types import Action
+from robot.types import DEFAULT_MOVES, Action
 
-from .imported import drive_at, import_from, labels_by_number, picture, pixels, put, taught_labels
-from .sim_drive import drive_in_simulator
+from .imported import (
+    drive_at,
+    import_from,
+    labels_by_number,
+    number_of,
+    picture,
+    put,
+    taught_labels,
+)
 
 L, F, R = Action.LEFT, Action.FORWARD, Action.RIGHT
 ABC = {"a.jpg": 1, "b.jpg": 2, "c.jpg": 3}
@@ -253,156 +256,6 @@ def test_the_data_of_each_program_is_imported(data: Data, tmp_path: Path) -> Non
     assert times_s == sorted(set(times_s))
 
 
-CHANNELS = {"mono": 1, "bayer": 1, "yuv422": 2}
-
-
-def write_bag(
-    path: Path,
-    form: str,
-    encoding: str,
-    is_stamped: bool,
-    size: tuple[int, int] = (160, 120),
-    rows: NDArray[np.uint8] | None = None,
-) -> Labels:
-    """Write a bag of ROS 1 or 2 by the library `rosbags`; return the label of each picture.
-
-    `rows` are the bytes of each picture, shape (height, bytes of a row); by default they show the
-    picture's number.
-    """
-    from rosbags.rosbag1 import Writer as Writer1
-    from rosbags.rosbag2 import StoragePlugin
-    from rosbags.rosbag2 import Writer as Writer2
-    from rosbags.typesys import Stores, get_typestore
-
-    is_first = form == "bag"
-    store = get_typestore(Stores.ROS1_NOETIC if is_first else Stores.ROS2_HUMBLE)
-    types = store.types
-
-    def header(at_ns: int) -> Any:
-        stamp = types["builtin_interfaces/msg/Time"](sec=at_ns // 10**9, nanosec=at_ns % 10**9)
-        more = {"seq": 0} if is_first else {}
-        return types["std_msgs/msg/Header"](stamp=stamp, frame_id="camera", **more)
-
-    def image(number: int, at_ns: int) -> Any:
-        if not encoding:
-            kind, packed = types["sensor_msgs/msg/CompressedImage"], picture(number)
-            data = np.frombuffer(packed, np.uint8)
-            return kind(header=header(at_ns), format="jpeg", data=data)
-        kind, data = types["sensor_msgs/msg/Image"], rows
-        if data is None:
-            channels = next((n for name, n in CHANNELS.items() if name in encoding), 3)
-            shown = pixels(number)[: size[1], : size[0], :channels]
-            if encoding.endswith("16"):
-                shown = np.ascontiguousarray(shown.astype("<u2") << 8).view(np.uint8)
-            data = np.ascontiguousarray(shown).reshape(size[1], -1)
-        sides = {"height": size[1], "width": size[0], "step": data.shape[1], "is_bigendian": 0}
-        return kind(header=header(at_ns), encoding=encoding, data=data.reshape(-1), **sides)
-
-    def order(turn: float, at_ns: int) -> Any:
-        vector, kind = types["geometry_msgs/msg/Vector3"], "geometry_msgs/msg/Twist"
-        ahead, side = vector(x=0.3, y=0.0, z=0.0), vector(x=0.0, y=0.0, z=turn)
-        twist = types[kind](linear=ahead, angular=side)
-        return types[f"{kind}Stamped"](header=header(at_ns), twist=twist) if is_stamped else twist
-
-    plugin = StoragePlugin.SQLITE3 if form == "db3" else StoragePlugin.MCAP
-    writer: Any = Writer1(path) if is_first else Writer2(path, version=9, storage_plugin=plugin)
-    write = store.serialize_ros1 if is_first else store.serialize_cdr
-    labels: Labels = {4: None, 1: L, 2: R, 3: F, 5: F}
-    turns = {1: 0.5, 2: -0.5, 3: 0.0}
-    with writer:
-        connections: dict[str, Any] = {}
-        for place, number in enumerate(labels):
-            at_ns = (17 * 10**9 + place) * 10**8
-            told = [("/cmd_vel", order(turns[number], at_ns))] if number in turns else []
-            for topic, message in (*told, ("/camera/image", image(number, at_ns))):
-                kind = message.__msgtype__
-                if topic not in connections:
-                    connections[topic] = writer.add_connection(topic, kind, typestore=store)
-                writer.write(connections[topic], at_ns, write(message, kind))
-    return labels
-
-
-@pytest.mark.parametrize(
-    ("form", "encoding", "is_stamped"),
-    [
-        *(("bag", "", False), ("bag", "rgb8", True), ("db3", "bgr8", False), ("db3", "", True)),
-        *(("mcap", "mono8", False), ("mcap file", "", True)),
-        *(("bag", "mono16", False), ("db3", "bayer_rggb16", False), ("db3", "bayer_rggb8", True)),
-    ],
-)
-def test_a_ros_bag_is_imported_and_a_velocity_holds_until_the_next(
-    form: str, encoding: str, is_stamped: bool, tmp_path: Path
-) -> None:
-    path = tmp_path / ("drive.bag" if form == "bag" else "drive")
-    labels = write_bag(path, form, encoding, is_stamped)
-    if form == "mcap file":
-        [path] = path.glob("*.mcap")
-    assert labels_by_number(import_from(path, tmp_path / "got.mcap")) == labels
-
-
-RED, BLUE = (200, 0, 0), (0, 0, 200)
-RED_YUV, BLUE_YUV = (65, 103, 221), (40, 221, 111)
-"""Brightness from 16 to 235, and the two colour differences around 128 (ITU-R BT.601)."""
-
-
-def coded(encoding: str, width: int, height: int) -> NDArray[np.uint8]:
-    """Return the rows of a picture that is red on the left and blue on the right."""
-    is_right = np.arange(width) >= width // 2
-    rgb = np.broadcast_to(np.where(is_right[:, None], BLUE, RED), (height, width, 3))
-    yuv = np.broadcast_to(np.where(is_right[:, None], BLUE_YUV, RED_YUV), (height, width, 3))
-    if encoding.startswith("bayer"):
-        pattern = np.array(["rgb".index(letter) for letter in encoding[6:10]]).reshape(2, 2)
-        channel = np.tile(pattern, (height // 2, width // 2))[..., None]
-        rows = np.take_along_axis(rgb, channel, axis=2)
-    elif encoding in ("uyvy", "yuyv"):
-        difference = np.where(np.arange(width) % 2, yuv[..., 2], yuv[..., 1])
-        rows = np.stack([difference, yuv[..., 0]], axis=2)
-        if encoding == "yuyv":
-            rows = rows[..., ::-1]
-    else:
-        rows = rgb[..., ["rgb".index(letter) for letter in encoding[:3]]]
-        if encoding[3] == "a":
-            rows = np.pad(rows, ((0, 0), (0, 0), (0, 1)), constant_values=255)
-    wide = rows.astype("<u2") << 8 if encoding.endswith("16") else rows.astype("u1")
-    return np.ascontiguousarray(wide).view(np.uint8).reshape(height, -1)
-
-
-@pytest.mark.parametrize(
-    "encoding",
-    [
-        *("rgb8", "bgr8", "rgba8", "bgra8", "rgb16", "uyvy", "yuyv"),
-        *("bayer_rggb8", "bayer_bggr8", "bayer_gbrg8", "bayer_grbg16"),
-    ],
-)
-def test_colours_of_a_bag_are_right_and_the_padding_of_rows_is_left_out(
-    encoding: str, tmp_path: Path
-) -> None:
-    width, height = 48, 32
-    rows = np.pad(coded(encoding, width, height), ((0, 0), (0, 5)), constant_values=99)
-    write_bag(tmp_path / "drive.bag", "bag", encoding, False, (width, height), rows)
-    shown = drive_at(tmp_path / "drive.bag").shots[0].picture()
-    assert (shown.width, shown.height) == (width, height)
-    bgr = cv2.imdecode(np.frombuffer(shown.data, np.uint8), cv2.IMREAD_COLOR)
-    for column, colour in ((10, RED), (38, BLUE)):
-        assert np.abs(bgr[4:-4, column, ::-1].astype(int) - colour).max() < 25
-
-
-@pytest.mark.parametrize(
-    ("encoding", "size", "complaint"),
-    [
-        ("yuv422", (7, 5), "7x5 pixels, which is impossible for yuv422"),
-        ("bayer_rggb8", (4, 2), "4x2 pixels, which is impossible for bayer_rggb8"),
-        ("yuv444", (8, 6), r"of an unknown encoding \(yuv444\)"),
-    ],
-)
-def test_a_picture_that_its_encoding_cannot_hold_is_refused(
-    encoding: str, size: tuple[int, int], complaint: str, tmp_path: Path
-) -> None:
-    write_bag(tmp_path / "drive.bag", "bag", encoding, False, size)
-    with pytest.raises(RecordingError, match=complaint):
-        import_from(tmp_path / "drive.bag", tmp_path / "got.mcap")
-
-
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
@@ -445,6 +298,33 @@ def test_a_table_that_is_ambiguous_or_damaged_is_refused(
     with pytest.raises(RecordingError, match=complaint):
         import_from(folder, tmp_path / "got.mcap")
     assert not (tmp_path / "got.mcap").exists()
+
+
+@pytest.mark.parametrize(
+    ("order", "is_sorted"),
+    [
+        ([3, 1, 4, 0, 5, 2, 7, 6, 8], True),
+        ([8, 7, 6, 5, 4, 3, 2, 1, 0], True),
+        ([6, 7, 8, 0, 1, 2, 3, 4, 5], False),
+    ],
+    ids=["shuffled", "the last first", "two sessions"],
+)
+def test_the_rows_of_a_shuffled_table_are_sorted_by_time(
+    order: list[int], is_sorted: bool, tmp_path: Path
+) -> None:
+    names = [f"{number}.jpg" for number in range(9)]
+    folder, report = put(tmp_path / "set", *names), ImportReport()
+    rows = "".join(f"{n}.jpg,{n / 10},{('left', 'right', 'forward')[n % 3]}\n" for n in order)
+    (folder / "t.csv").write_text(f"file,time,label\n{rows}")
+    write_episode(drive_at(folder, report), tmp_path / "got.mcap")
+    episode = open_episode(tmp_path / "got.mcap")
+    shown = [number_of(episode.frame(each)) - 1 for each in episode.frames]
+    assert shown == (sorted(order) if is_sorted else order)
+    assert any("sorted by time" in line for line in report.lines()) is is_sorted
+    if is_sorted:
+        times_s = episode.frames.captured_s - episode.start_s
+        assert list(times_s) == pytest.approx([n / 10 for n in range(9)], abs=1e-6)
+        assert [*taught_labels(episode).values()] == [Action.LEFT, Action.RIGHT, Action.FORWARD] * 3
 
 
 def test_a_table_may_begin_at_zero_or_state_times_of_day(tmp_path: Path) -> None:
@@ -534,37 +414,32 @@ def test_a_refusal_says_what_was_recognised_and_why(
         drive_at(folder / "drive.mp4" if names == ["drive.mp4"] else folder)
 
 
-def test_a_dataset_that_was_never_finalized_is_named_as_such(tmp_path: Path) -> None:
-    info = {"codebase_version": "v3.0", "fps": 10, "features": {}}
-    files = {"meta/info.json": json.dumps(info), "data/0/file-000.parquet": b"PAR1 and no end"}
-    with pytest.raises(RecordingError, match="never finalized"):
-        drive_at(Data(files).write(tmp_path))
-
-
-def test_a_hint_names_a_car_whose_straight_ahead_is_not_zero(tmp_path: Path) -> None:
+@pytest.mark.parametrize("full_lock", [1.0, 100.0])
+def test_a_hint_names_a_car_whose_straight_ahead_is_not_zero(
+    full_lock: float, tmp_path: Path
+) -> None:
     names = [f"{n}.jpg" for n in range(12)]
-    angles = [-0.9, -0.13, -0.13, 0.1] * 3
+    angles = [full_lock * share for share in (-0.9, -0.13, -0.13, 0.1)] * 3
     rows = "".join(f"{n},{a}\n" for n, a in zip(names, angles, strict=True))
     folder, report = put(tmp_path / "set", *names), ImportReport()
     (folder / "log.csv").write_text(f"file,angle\n{rows}")
-    write_episode(drive_at(folder, report), tmp_path / "a.mcap")
+    write_episode(drive_at(folder, report, full_lock=full_lock), tmp_path / "a.mcap")
     [hint] = [line for line in report.lines() if "no example of right" in line]
-    assert "--trim -0.13" in hint and report.labels == {Action.FORWARD: 9, Action.LEFT: 3}
+    assert report.labels == {Action.FORWARD: 9, Action.LEFT: 3}
+    trim = float(hint.rpartition("--trim ")[2])
+    back = drive_at(folder, trim=trim, full_lock=full_lock)
+    assert {shot.label for shot in back.shots} == {*DEFAULT_MOVES}
 
 
-def test_a_recording_of_another_robot_is_the_same_and_an_import(tmp_path: Path) -> None:
-    (tmp_path / "other").mkdir()
-    path = drive_in_simulator(tmp_path / "other", "default-8", steps=40).path
-    report, target = ImportReport(), tmp_path / "mine.mcap"
-    [source] = find_drives(path)
-    assert source.copy is not None
-    given = open_episode(path)
-    assert source.copy(target, report) == len(given.frames)
-    back = open_episode(target)
-    assert back.run == {**given.run, "source": "recording of another robot"}
-    for topic in set(Topic) - {Topic.CAMERA, Topic.POSE}:  # protobuf, not JSON
-        assert [*back.messages(topic)] == [*given.messages(topic)], topic
-    assert [*given.events] and repr([*back.events]) == repr([*given.events])
-    assert back.attachments == given.attachments and not back.damage
-    assert all(back.frame(i) == given.frame(i) for i in given.frames)
-    assert sum(report.labels.values()) == len(taught_labels(given)) > 0
+@pytest.mark.parametrize("head", ["file,angle", "file,angle,label"])
+def test_no_trim_is_suggested_that_cannot_help(head: str, tmp_path: Path) -> None:
+    """A pilot with a keyboard drove mostly to the left; or the labels do not depend on steering."""
+    names = [f"{n}.jpg" for n in range(12)]
+    angles = [-1, -1, 0] * 4 if head == "file,angle" else [-0.9, -0.5, -0.5] * 4
+    labels = ["" if head == "file,angle" else f",{move}" for move in ("left", "forward")] * 6
+    rows = [f"{n},{a}{label}" for n, a, label in zip(names, angles, labels, strict=True)]
+    folder, report = put(tmp_path / "set", *names), ImportReport()
+    (folder / "log.csv").write_text("\n".join([head, *rows, ""]))
+    write_episode(drive_at(folder, report), tmp_path / "a.mcap")
+    assert report.labels[Action.LEFT] and not report.labels[Action.RIGHT]
+    assert not any("import again" in line for line in report.lines())

@@ -34,7 +34,7 @@ from robot.recordings.edits import Edit, Notes
 from robot.recordings.episode import Episode, open_episode, taught_frames
 from robot.types import Action
 
-from .imported import labels_by_number, picture, pixels, taught_labels
+from .imported import drive_at, labels_by_number, picture, pixels, taught_labels
 
 FILM = f"videos/{CAMERA}/chunk-000/file-000.mp4"
 L, F, R = Action.LEFT, Action.FORWARD, Action.RIGHT
@@ -88,25 +88,25 @@ def test_its_film_shows_the_pictures_frame_by_frame_and_its_statistics_are_true(
 
 
 def corrections(one: Episode) -> int:
-    return sum(event.example.is_intervention for _, event in one.events)  # type: ignore[union-attr]
+    return sum(event.example.is_intervention for _, event in one.events)
 
 
 def test_actions_say_what_was_done_and_what_was_corrected(episode: Episode, exported: Path) -> None:
     data = pq.read_table(exported / "data/chunk-000/file-000.parquet").to_pydict()
     for name in ("action", "observation.state"):
         assert set(map(tuple, data[name])) <= {(0.0, 0.5), (-1.0, 0.5), (0.0, 0.0)}
-    assert sum(data["intervention"]) == corrections(episode) == len(taught_frames(episode)) - 99
+    assert sum(data["intervention"]) == corrections(episode) == len(taught_frames(episode)) - 59
     sensors = np.array(data["sensors"])
     assert sensors.shape[1] == 3 and 0 < sensors[:, 0].mean() < 2.55
 
 
 def test_deleted_ranges_split_a_dataset(episode: Episode, tmp_path: Path) -> None:
     ids = list(episode.frames)
-    notes = Notes(edits=(Edit(verb="delete", ranges=((ids[60], ids[120]),)),))
+    notes = Notes(edits=(Edit(verb="delete", ranges=((ids[40], ids[80]),)),))
     assert write_lerobot([(episode, notes)], tmp_path / "dataset") == 2
     rows = pq.read_table(tmp_path / "dataset/meta/episodes/chunk-000/file-000.parquet").to_pylist()
-    assert [row["length"] for row in rows] == [60, len(ids) - 121]
-    assert rows[1]["dataset_from_index"] == rows[0]["dataset_to_index"] == 60
+    assert [row["length"] for row in rows] == [40, len(ids) - 81]
+    assert rows[1]["dataset_from_index"] == rows[0]["dataset_to_index"] == 40
 
 
 def imported(folder: Path, **reading: Any) -> Iterator[tuple[Episode, ImportReport]]:
@@ -368,6 +368,16 @@ def test_a_dataset_without_a_valid_description_is_refused(tmp_path: Path, text: 
         find_drives(tmp_path)
 
 
+def test_a_dataset_that_was_never_finalized_is_named_as_such(tmp_path: Path) -> None:
+    (tmp_path / "meta").mkdir()
+    info = {"codebase_version": "v3.0", "fps": 10, "features": {}}
+    (tmp_path / "meta/info.json").write_text(json.dumps(info))
+    (tmp_path / "data/0").mkdir(parents=True)
+    (tmp_path / "data/0/file-000.parquet").write_bytes(b"PAR1 and no end")
+    with pytest.raises(RecordingError, match="never finalized"):
+        drive_at(tmp_path)
+
+
 @pytest.mark.parametrize(
     ("names", "actions"),
     [
@@ -394,6 +404,14 @@ def test_the_actions_of_other_robots_are_labels(
         for row, action in zip(made.rows, actions, strict=False)
     ]
     assert labels_in(made.write(tmp_path / "set")) == {1: L, 2: R, 3: F, 4: None}
+
+
+def test_steering_at_the_threshold_is_straight_as_float32_too(tmp_path: Path) -> None:
+    made = Dataset(names=["steering.pos", "throttle.vel"])
+    made.rows = made.rows[:4]
+    for row, steering in zip(made.rows, (0.2, -0.2, 0.21, -0.21), strict=True):
+        row["action"] = [np.float32(steering).item(), 0.5]
+    assert labels_in(made.write(tmp_path / "set")) == {1: F, 2: F, 3: R, 4: L}
 
 
 def test_a_dataset_of_an_arm_says_why_it_teaches_nothing(tmp_path: Path) -> None:

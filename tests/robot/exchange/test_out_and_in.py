@@ -169,9 +169,9 @@ def test_a_damaged_declaration_is_a_broken_recording(tmp_path: Path) -> None:
 
 
 def test_an_exported_and_imported_drive_teaches_the_same_nodes(tmp_path: Path) -> None:
-    driven = drive_in_simulator(tmp_path, "default-32", undo_s=1.0)
+    driven = drive_in_simulator(tmp_path, "default-32", steps=120, undo_s=1.0)
     episode = open_episode(driven.path)
-    assert driven.lessons > 80
+    assert driven.lessons > 50
     assert write_tub(episode, Notes(), tmp_path / "tub") == driven.lessons
     write_folder(episode, Notes(), tmp_path / "folder")
     for form, source in (("tub", "donkeycar tub v2"), ("folder", "")):

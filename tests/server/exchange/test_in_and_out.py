@@ -1,7 +1,5 @@
 """`drivelesson episodes export`, `import` and `play`, as a user types them."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys
@@ -18,20 +16,18 @@ from robot.store.folder import Storage
 from robot.store.prepare import prepare
 from robot.types import Frame, Mode
 from server.__main__ import main
+from tests.kit.run import run
 from tests.robot.recordings.drives import RecordedBench
-from tests.server.conftest import Say
 
 
 @pytest.fixture
-def exported(episode_id: str, tmp_path: Path, say: Say) -> Path:
+def exported(episode_id, tmp_path, say):
     """The recording of the data folder as a folder of pictures."""
     say(f"episodes export last --as folder --out {tmp_path}/out")
     return tmp_path / "out"
 
 
-def test_models_among_recordings_are_reported_and_do_not_stop_an_import(
-    episode_id: str, tmp_path: Path, say: Say
-) -> None:
+def test_models_among_recordings_are_reported_and_do_not_stop_an_import(episode_id, tmp_path, say):
     folder = tmp_path / "drives"
     folder.mkdir()
     say(f"episodes export last --as npz --out {folder}/b.npz")
@@ -47,9 +43,7 @@ def test_models_among_recordings_are_reported_and_do_not_stop_an_import(
     assert "found no drive to import" in say(f"episodes import {folder}", status=2)
 
 
-def test_tubs_in_a_zip_are_imported_each_or_with_strict_none(
-    episode_id: str, data: Path, tmp_path: Path, say: Say
-) -> None:
+def test_tubs_in_a_zip_are_imported_each_or_with_strict_none(episode_id, data, tmp_path, say):
     for name in ("one!", "two"):
         say(f"episodes export last --as folder --out {tmp_path}/drives/{name}")
         say(f"episodes export last --as tub --out {tmp_path}/drives/tub-{name}")
@@ -65,8 +59,8 @@ def test_tubs_in_a_zip_are_imported_each_or_with_strict_none(
 
 
 def test_neither_a_starting_server_nor_emptying_the_trash_disturbs_an_import(
-    exported: Path, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, say: Say
-) -> None:
+    exported, data, tmp_path, monkeypatch, say
+):
     archive = shutil.make_archive(str(tmp_path / "all"), "zip", exported)
     moved: list[tuple[str, str]] = []
 
@@ -83,17 +77,13 @@ def test_neither_a_starting_server_nor_emptying_the_trash_disturbs_an_import(
     assert moved == [] and not any((data / "trash").iterdir())
 
 
-def test_an_import_without_times_does_not_count_as_the_last_recording(
-    episode_id: str, exported: Path, say: Say
-) -> None:
+def test_an_import_without_times_does_not_count_as_the_last_recording(episode_id, exported, say):
     say(f"episodes import {exported} --name zzz")
     assert say("episodes show last") == say(f"episodes show {episode_id}")
     assert "unknown" in say("episodes list")
 
 
-def test_two_imports_of_one_name_at_once_lose_nothing(
-    episode_id: str, exported: Path, data: Path, monkeypatch: pytest.MonkeyPatch, say: Say
-) -> None:
+def test_two_imports_of_one_name_at_once_lose_nothing(episode_id, exported, data, monkeypatch, say):
     words = f"episodes import {exported} --name Hall"
     meanwhile = [words, words.replace("Hall", "hall"), "episodes list"]
 
@@ -109,7 +99,7 @@ def test_two_imports_of_one_name_at_once_lose_nothing(
     assert all(len(store.open(name).frames) == 61 for name in store.ids())
 
 
-def test_a_name_is_free_again_when_an_import_fails(exported: Path, data: Path, say: Say) -> None:
+def test_a_name_is_free_again_when_an_import_fails(exported, data, say):
     images = list((exported / "images").iterdir())
     kept = {path: path.read_bytes() for path in images}
     for path in images:
@@ -121,27 +111,26 @@ def test_a_name_is_free_again_when_an_import_fails(exported: Path, data: Path, s
     assert len(list((data / "episodes").iterdir())) == 2
 
 
-def test_an_export_says_how_much_and_which_times_it_wrote(
-    data: Path, say: Say, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Between two lessons the robot drives by itself for 65 s, which only `--all` exports."""
+def test_an_export_says_how_much_and_which_times_it_wrote(data, say, capsys, monkeypatch):
+    """Between two lessons the robot drives by itself for 5 s, which only `--all` exports."""
+    monkeypatch.setattr("robot.exchange.timeline._LONGEST_PAUSE_S", 4.0)
     robot = RecordedBench(Storage(data).folder("episodes"))
     robot.drive(range(8))
     robot.start(Mode.AUTONOMOUS, 0)
-    for number in range(1300):
+    for number in range(100):
         robot.step(number % 8, None)
     robot.stop()
     robot.drive(range(8))
     robot.finish()
     told = say("episodes export last --as npz")
-    assert told.endswith("times repaired: 1 pauses of up to 65 s shortened to 2 s\n")
+    assert told.endswith("times repaired: 1 pauses of up to 5 s shortened to 2 s\n")
     assert ": 16 records" in say("episodes export last --as tub")
     assert ": 16 records" not in say("episodes export last --as tub --all")
     assert main(["episodes", "export", "last", "--as", "tub"]) == 0
     assert "100%" in capsys.readouterr().err, "what is left out is done, too"
 
 
-def test_films_and_datasets_go_to_the_exports(episode_id: str, data: Path, say: Say) -> None:
+def test_films_and_datasets_go_to_the_exports(episode_id, data, say):
     say("episodes export last --as film")
     say("episodes export last --as lerobot --fps 10")
     names = sorted(path.name for path in (data / "exports").iterdir())
@@ -149,9 +138,7 @@ def test_films_and_datasets_go_to_the_exports(episode_id: str, data: Path, say: 
 
 
 @pytest.mark.parametrize("form", ["tub", "film", "npz"])
-def test_an_export_that_fails_leaves_no_file(
-    episode_id: str, data: Path, form: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_export_that_fails_leaves_no_file(episode_id, data, form, monkeypatch):
     if form == "film":
         pytest.importorskip("av", reason="NOT TESTED: PyAV is not installed (the extra export)")
     seen: list[int] = []
@@ -169,13 +156,18 @@ def test_an_export_that_fails_leaves_no_file(
 
 
 def test_an_export_under_a_wrong_name_is_refused_before_anything_is_read(
-    episode_id: str, monkeypatch: pytest.MonkeyPatch, say: Say
-) -> None:
+    episode_id, monkeypatch, say
+):
     def refuse(*_: object) -> None:
         raise AssertionError("it was read")
 
     monkeypatch.setattr("server.recordings.selection.open_episode", refuse)
-    for words in ("--as film --out cinema", "--as npz --fps 3", "--as tub --out ."):
+    for words in (
+        "--as film --out cinema",
+        "--as npz --out hall_A",
+        "--as npz --fps 3",
+        "--as tub --out .",
+    ):
         assert say(f"episodes export last {words}", status=2)
 
 
@@ -183,21 +175,19 @@ PLAY = [sys.executable, "-m", "server", "episodes", "play"]
 
 
 @pytest.mark.slow
-def test_a_recording_is_played_into_a_page(episode_id: str, data: Path) -> None:
+def test_a_recording_is_played_into_a_page(episode_id, data):
     words = [*PLAY, episode_id, "--port", "0", "--data", str(data)]
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as playing:
         try:
-            assert playing.stdout is not None
             assert any("Drivelesson is ready: open http" in line for line in playing.stdout)
         finally:
             playing.terminate()
 
 
-def test_a_file_that_is_not_a_recording_is_reported(data: Path, tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_recording_is_reported(data, tmp_path):
     (tmp_path / "broken.mcap").write_bytes(b"no recording")
     data.mkdir()
-    words = [*PLAY, str(tmp_path / "broken.mcap"), "--port", "0", "--data", str(data)]
-    played = subprocess.run(words, capture_output=True, text=True, check=False)
+    played = run(*PLAY, tmp_path / "broken.mcap", "--port", "0", "--data", data)
     assert (played.returncode, played.stdout) == (2, "")
     said = "drivelesson: broken.mcap cannot be read: broken.mcap is not an MCAP file"
     assert played.stderr.splitlines()[-1] == said
