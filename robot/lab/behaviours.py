@@ -60,7 +60,7 @@ _COLUMNS: Columns = {
 }
 
 AT_WALL_M = 0.02
-"""A thing that is at most this far from a wall, in metres, counts as brought to the wall."""
+"""Largest distance from a wall at which a thing counts as brought to the wall, in metres."""
 _IN_VIEW_RAD = math.radians(31.0)
 _IN_REACH_M = 1.0
 

@@ -44,8 +44,7 @@ _FETCH_S = 3.0
 answer would not end.
 """
 _MOST_LOSSES = 3
-"""If this number of workers is lost while they run the same task, the experiment ends with an
-error."""
+"""Number of workers lost by the same task after which the experiment ends with an error."""
 
 OnWorkers = Callable[[int, str], object]
 """A callback that receives the number of workers in use, and a sentence about the latest change.
@@ -90,7 +89,7 @@ def _tidy_up() -> None:
 
     A trial's objects have reference cycles and take some MB. In a process with as many objects as
     Dask's, Python rarely collects such cycles. Dask's profiler also keeps samples of call stacks,
-    for about a thousand seconds. The samples are deleted, too.
+    for about a thousand seconds. This function collects the cycles and deletes the samples.
     """
     gc.collect()
     with contextlib.suppress(AttributeError, ValueError):
@@ -113,7 +112,7 @@ class _Worker:
     """The key of the worker's task; empty while the worker is being identified."""
     is_used: bool = False
     said_s: float = 0.0
-    """The user was last told that the worker had been silent for this time, in seconds."""
+    """The duration of the worker's silence that was last reported to the user, in seconds."""
 
 
 class _Run:

@@ -69,7 +69,7 @@ _COLUMNS: Columns = {
 
 
 BLOCKED_M = TEACHER_PARAMS["usual"].turn_at_m
-"""Free distance ahead, in metres, below which both pilots turn. The robot is tested on views with
+"""Free distance ahead below which both pilots turn, in metres. The robot is tested on views with
 less free distance than `BLOCKED_M`."""
 LOOKS_HZ = 10.0
 NEW_S, ASKED_S, ALONE_S = 30.0, 40.0, 60.0

@@ -18,6 +18,7 @@ from robot.study.rows import columns, condition_logs, rows_of
 
 PLAN, EVENTS, TABLE = "plan.toml", "events/", "phases.csv"
 _LARGEST_ZIP_MB = 2000
+_OF_MACS = "__MACOSX", ".DS_Store"
 _ABOUT = """\
 A study made with Drivelesson.
 
@@ -70,7 +71,7 @@ def unpack(path: Path) -> tuple[str, dict[str, bytes], dict[str, bytes]]:
         entries = [info for info in archive.infolist() if not info.is_dir()]
         if sum(info.file_size for info in entries) > _LARGEST_ZIP_MB * 1_000_000:
             raise ValueError(f"the file unpacks to more than {_LARGEST_ZIP_MB} MB")
-        files = {info.filename: archive.read(info) for info in entries}
+        files = _own({info.filename: archive.read(info) for info in entries})
     if PLAN not in files:
         raise ConfigurationError(f"{path} is not a study: it contains no {PLAN}")
     with told_as(ConfigurationError, f"{path}: {PLAN} is not UTF-8", UnicodeDecodeError):
@@ -87,6 +88,21 @@ def unpack(path: Path) -> tuple[str, dict[str, bytes], dict[str, bytes]]:
         )
     files.pop("README.txt", None)
     return plan_text, logs, files
+
+
+def _own(files: dict[str, bytes]) -> dict[str, bytes]:
+    """Return the study's files of a zip. A Mac's browser unpacks the zip that it downloads. If the
+    folder is packed again, the names begin with the folder's name, and the Mac's own files are
+    added: `__MACOSX`, `.DS_Store` and `._NAME`."""
+    kept = {
+        name: data
+        for name, data in files.items()
+        if not any(part in _OF_MACS or part.startswith("._") for part in name.split("/"))
+    }
+    folders = {name.partition("/")[0] for name in kept}
+    if PLAN in kept or len(folders) != 1:
+        return kept
+    return {name.partition("/")[2]: data for name, data in kept.items()}
 
 
 def report(zip_file: Path, out: Path) -> tuple[list[str], list[str]]:

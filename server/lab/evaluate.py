@@ -8,10 +8,10 @@ import os
 import sys
 from pathlib import Path
 
-from robot.errors import ConfigurationError, MissingExtraError, told_as
+from robot.errors import ConfigurationError, MissingExtraError
 from robot.lab import evaluation
 from server.cli.parser import number, progress, several, whole
-from server.lab.output import write_json
+from server.lab.output import check_writable, write_json
 
 OURS = ["published-32", "integer-32", "default-32", "linear-alone-32", "without-angle-32"]
 BASELINES = [
@@ -57,9 +57,7 @@ def run(args: argparse.Namespace) -> int:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     learners = _learners(args.learners)
     pairs = evaluation.load_pairs(args.folder)
-    if args.json is not None:  # if the file cannot be written, fail now, not after hours of work
-        with told_as(ConfigurationError, f"cannot write {args.json}"):
-            args.json.open("a").close()
+    check_writable(args.json)
     results = []
     lessons = [evaluation.FramesToLearn(n, in_a_row=True) for n in args.first or ()]
     lessons = [*lessons, *map(evaluation.FramesToLearn, args.examples or ())] or [

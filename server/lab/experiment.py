@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import fields
 from pathlib import Path
 
@@ -19,7 +19,18 @@ from robot.lab.experiment import (
 )
 from robot.lab.task import Task
 from server.cli.parser import progress, whole
-from server.lab.output import write_json, write_text
+from server.lab.output import check_writable, write_json, write_text
+
+_ROBOT = "sim"
+USED_BY: dict[str, tuple[str, Collection[str]]] = {
+    "learners": ("--learner", EXPERIMENTS.keys() - {"ablation", "streams"}),
+    "teacher": ("--teacher", ("figure3", "figure6", "figure7", "figure8", "ablation")),
+    "recordings": ("--recordings", ("figure3", "ablation")),
+    "worlds": ("--world", ("ablation", "ground")),
+    "robot": ("--robot", ("figure5",)),
+}
+"""The settings that only some experiments use. Maps each setting to its option, and to the names
+of the experiments that use it."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -55,7 +66,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "several times",
     )
     add("--recordings", metavar="FOLDER", help="folder of real footage for figure3")
-    add("--robot", default="sim", help=f"robot whose speed figure5 measures{shown}")
+    add("--robot", default=_ROBOT, help=f"robot whose speed figure5 measures{shown}")
     add(
         "--folder",
         type=Path,
@@ -79,6 +90,8 @@ def run(args: argparse.Namespace) -> int:
     planned = {name: load_experiment(name) for name in names}
     # Plan all experiments before the first run, so that errors are reported immediately.
     tasks = {name: list(experiment.plan(settings)) for name, experiment in planned.items()}
+    for path in (args.json, args.report):
+        check_writable(path)
     made: list[tuple[Experiment, Runs]] = []
     everything = {}
     for name, experiment in planned.items():
@@ -111,9 +124,21 @@ def _settings(args: argparse.Namespace) -> ExperimentSettings:
         make_teacher(args.teacher, DEFAULT_MOVES)
     if args.recordings is not None and not Path(args.recordings).is_dir():
         raise ConfigurationError(f"--recordings: there is no folder {args.recordings}")
+    _refuse_unused(args)
     args.recordings = args.recordings or os.environ.get("DRIVELESSON_RECORDINGS")
     names = (field.name for field in fields(ExperimentSettings))
     return ExperimentSettings(**{name: getattr(args, name) for name in names})
+
+
+def _refuse_unused(args: argparse.Namespace) -> None:
+    """Raise ConfigurationError for an option that none of the experiments uses."""
+    for name, (flag, users) in USED_BY.items():
+        is_given = getattr(args, name) not in (None, [], _ROBOT)
+        if is_given and not {*users, "all"} & {*args.names}:
+            raise ConfigurationError(
+                f"{', '.join(args.names)} does not use {flag}; leave it out (used by "
+                f"{', '.join(each for each in EXPERIMENTS if each in users)})"
+            )
 
 
 def _run_all(

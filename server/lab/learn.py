@@ -108,7 +108,7 @@ def _say(report: Report, policy: Policy, episodes: list[EditedEpisode], seconds:
 def _driven(policy: Policy, last: EditedEpisode, *, must_be: bool) -> Model | None:
     """Return the model that the learner had after the recorded drive; None if there is none.
 
-    If `must_be`, a ConfigurationError is raised instead of returning None.
+    If `must_be` is true, a missing model raises ConfigurationError.
     """
     episode, notes = last
     after = episode.model_after()

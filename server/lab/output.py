@@ -9,6 +9,14 @@ from typing import Any
 from robot.errors import ConfigurationError, told_as
 
 
+def check_writable(path: Path | None) -> None:
+    """Raise ConfigurationError if the file cannot be written. Commands check this first, because
+    their work may take hours."""
+    if path is not None:
+        with told_as(ConfigurationError, f"cannot write {path}"):
+            path.open("a").close()
+
+
 def write_text(path: Path, text: str) -> None:
     with told_as(ConfigurationError, f"cannot write {path}"):
         path.write_text(text, encoding="utf-8")

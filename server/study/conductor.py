@@ -316,7 +316,7 @@ class Conductor(StartStop):
         events += session.note(tick, wall_s, self._measure)
         event_log.note(events)
         if any(event.event == "phase_ended" for event in events):
-            self._episode = None  # so that the log of the next phase also names this recording
+            self._episode = None  # the log of the next phase then names this recording, too
             self._loop.set_mode(Mode.STOPPED)
             self._tell()
 

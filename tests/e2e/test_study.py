@@ -27,8 +27,6 @@ from .hand import Fingers, choose, drive_on, teach
 from .test_everyone import complaints
 from .world import World
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
-
 
 @pytest.fixture
 def frame_rate_hz() -> float:
@@ -39,7 +37,7 @@ def frame_rate_hz() -> float:
 WAITING, SLOW, FAST = 0.01, 2.0, 8.0
 """How fast a phase's clock runs: until the robot was taught enough, while the robot drives, and
 otherwise."""
-EXAMPLES = 20
+EXAMPLES = 10
 PLAN = """
 title = "Short or long teaching"
 participants = 12

@@ -28,7 +28,8 @@ lacked at the beginning. A limit is needed, because a robot that makes no mistak
 corrections."""
 _ALONE_SEED = 1_000_000
 TEACHER = "teacher"
-"""With this name in place of a learner's name, the scripted teacher itself drives and is scored."""
+"""Name of the scripted teacher in place of a learner's name: the teacher then drives and is
+scored."""
 
 
 def run_ground(params: Params) -> Result:

@@ -66,7 +66,7 @@ _SIDES = {Action.LEFT: 1, Action.RIGHT: -1}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TeacherParams:
-    """How a teacher drives: the distances, in metres, at which it turns and drives on."""
+    """How a teacher drives: the distances at which it turns and drives on, in metres."""
 
     turn_at_m: float = 0.22
     """If the free distance ahead is below `turn_at_m`, the teacher turns."""
@@ -90,7 +90,7 @@ class Wanderer:
     """
 
     LONG_TURN_S = 8.0
-    """Duration of a turn, in seconds, after which the place counts as narrow: the teacher has then
+    """Duration of a turn after which the place counts as narrow, in seconds: the teacher has then
     turned by 150 degrees. In a narrow place, less free distance is enough for the teacher to drive
     on."""
     STUCK_S, STUCK_M = 13.0, 0.15

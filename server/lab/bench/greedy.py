@@ -37,7 +37,7 @@ def main(port: int, cookie: str) -> None:
         try:
             read(path)
         except (OSError, http.client.HTTPException):
-            line.close()  # the connection was evicted; the next request connects again
+            line.close()  # the server evicted the connection; the next request reconnects
 
 
 if __name__ == "__main__":

@@ -128,7 +128,7 @@ async def _measure_commands(count: int, rate_hz: float) -> dict[str, Any]:
 def _pair_up(
     sent: Sequence[tuple[float, str]], changes: Sequence[tuple[float, str]]
 ) -> list[float]:
-    """Return the time from each command to its effect; commands without an effect are left out."""
+    """Return the time from each command to its effect. Commands that had no effect are left out."""
     took_s = []
     until_s = [at_s for at_s, _ in sent[1:]] + [sent[-1][0] + 1.0]
     for (at_s, held), next_s in zip(sent, until_s, strict=True):
@@ -138,7 +138,7 @@ def _pair_up(
 
 
 Send = Callable[..., Awaitable[None]]
-"""Function that sends a message of a pilot with the newest nonce."""
+"""Sends a message as the pilot, with the number and the nonce of the newest frame."""
 
 
 @contextlib.asynccontextmanager
@@ -198,7 +198,8 @@ async def _watch(port: int, watched: Watched) -> None:
 
 @contextlib.asynccontextmanager
 async def watching(subject: ServerUnderTest, count: int) -> AsyncIterator[list[Watched]]:
-    """While the `with` block runs, let `count` viewers watch; yield what each viewer has got."""
+    """While the `with` block runs, let `count` viewers watch; yield the frames that each
+    viewer has received so far."""
     viewers: list[Watched] = [[] for _ in range(count)]
     tasks = [asyncio.create_task(_watch(subject.port, viewer)) for viewer in viewers]
     try:

@@ -174,7 +174,7 @@ def _touch(tools: Any, kind: str, **point: float) -> None:
 
 
 def _metrics(tools: Any) -> dict[str, float]:
-    """Return Chromium's counters of this page's main thread, in seconds."""
+    """Return Chromium's metrics of this page. All durations are in seconds."""
     rows = tools.send("Performance.getMetrics")["metrics"]
     return {row["name"]: row["value"] for row in rows}
 

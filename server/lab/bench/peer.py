@@ -1,7 +1,8 @@
 """A plain websocket server on uvicorn, with which the link benchmark compares Drivelesson's server.
 
-This server sends ready bytes: it makes no pictures, reads no acknowledgements and has no limits.
-The plain server runs in a separate process, in turns with our server.
+The plain server sends bytes that were prepared beforehand. It makes no pictures, reads no
+acknowledgements and has no limits. It runs in a separate process; the benchmark measures it and
+Drivelesson's server in turns.
 """
 
 from __future__ import annotations

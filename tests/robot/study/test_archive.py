@@ -132,6 +132,17 @@ def test_a_zip_that_a_spreadsheet_saved_gives_the_same_and_a_changed_table_is_na
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
 
 
+@pytest.mark.parametrize("folder", ["", "walk/"])
+def test_a_zip_that_a_mac_packed_again_gives_the_same(folder: str, tmp_path: Path) -> None:
+    packed = io.BytesIO(pack(SMALL_PLAN, logs_of(2)))
+    with zipfile.ZipFile(packed) as old, zipfile.ZipFile(tmp_path / "walk.zip", "w") as new:
+        for name in old.namelist():
+            new.writestr(f"{folder}{name}", old.read(name))
+            new.writestr(f"__MACOSX/{folder}._{name.rpartition('/')[2]}", b"attributes")
+        new.writestr(f"{folder}events/.DS_Store", b"icons")
+    assert report(tmp_path / "walk.zip", tmp_path / "out") == (["phases.csv"], [])
+
+
 def test_the_thresholds_are_the_papers():
     assert len(THRESHOLDS_M) == 201
     assert [*THRESHOLDS_M[:2], THRESHOLDS_M[-1]] == pytest.approx([0, 0.02, 4.0])

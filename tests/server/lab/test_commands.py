@@ -18,7 +18,7 @@ from server.__main__ import main
 from server.lab.bench import link, subject
 from server.lab.bench.report import TOO_BUSY, in_turns, percentiles
 from server.lab.bench.subject import ServerUnderTest
-from tests.kit.sizes import IS_FULL
+from tests.kit.sizes import only_full
 from tests.robot.recordings.drives import RecordedBench
 
 
@@ -112,16 +112,14 @@ def test_a_failed_check_suggests_continue_and_saves_nothing(data, say, capsys):
     assert [path.name for path in storage.models.iterdir()] == ["x"]
 
 
-@pytest.mark.slow
 @pytest.mark.realtime
-def test_bench_link_measures_viewers_and_commands(tmp_path, monkeypatch, capsys):
-    pytest.importorskip("websockets.asyncio.client", reason="Debian 12's websockets has it not")
+def test_bench_link_measures_viewers_and_commands(tmp_path, monkeypatch):
     monkeypatch.setattr(link, "_SETTLE_S", 0.05)  # figures that are not judged need no pause
     monkeypatch.setattr(link, "_COMMANDS", 8)
     monkeypatch.setattr(link, "_COMMAND_EVERY_S", 0.1)
     file = tmp_path / "link.json"
     # Long enough for a busy machine to send some pictures.
-    words = ["bench", "link", "--viewers", "2", "--seconds", "3", "--turns", "1"]
+    words = ["bench", "link", "--viewers", "1", "--seconds", "2", "--turns", "1"]
     assert main([*words, "--json", str(file)]) == 0
     result = json.loads(file.read_text())
     [ours] = result["viewers"]
@@ -130,13 +128,12 @@ def test_bench_link_measures_viewers_and_commands(tmp_path, monkeypatch, capsys)
         assert 0 < figures["p50"] <= figures["p95"]
     assert 0 <= ours["serving_cpu_share_idle_after"] < 1
     assert ours["beside_plain"]["own"] > 0 and ours["beside_plain"]["peer"] > 0
-    if IS_FULL:
-        check_bench_crowd_measures_both_sides(capsys)
 
 
-def check_bench_crowd_measures_both_sides(capsys: pytest.CaptureFixture[str]) -> None:
+@only_full
+@pytest.mark.realtime
+def test_bench_crowd_compares_commands_with_and_without_a_crowd(capsys):
     words = ["bench", "crowd", "--greedy", "2", "--viewers", "3", "--seconds", "0.5", "--json"]
-    capsys.readouterr()
     assert main(words) == 0
     result = json.loads(capsys.readouterr().out)
     for side in ("without", "with"):
