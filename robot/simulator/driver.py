@@ -10,6 +10,7 @@ from robot.devices.options import Options, option
 from robot.driver import ACTION_TIMEOUT_S, Driver, Sensors
 from robot.errors import ConfigurationError, NotConnectedError, did_you_mean
 from robot.moves import CLASSIC
+from robot.simulator.body import WHEELS_MPS
 from robot.simulator.simulation import Simulation
 from robot.simulator.world import World, load_world, tinted, world_names
 from robot.types import Action, Point
@@ -93,6 +94,11 @@ class SimDriver(Driver):
 
     def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
         self.check_action(action, speed_scale)
+        if point is None and action not in WHEELS_MPS:
+            raise ConfigurationError(
+                f"the simulator has no wheel speeds for the move {str(action)!r}; add the speeds "
+                "of the left and the right wheel in m/s to robot.simulator.body.WHEELS_MPS"
+            )
         if not self._is_connected:
             raise NotConnectedError("the robot 'sim' is not connected; call connect() first")
         with self._lock:

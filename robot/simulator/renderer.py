@@ -269,7 +269,7 @@ def _floor_pixels(world: World, rng: np.random.Generator) -> NDArray[np.uint8]:
         coarse = rng.integers(0, len(colours), (_FLOOR_PX // 8, _FLOOR_PX // 8)).astype(np.uint8)
         picked = coarse.repeat(8, axis=0).repeat(8, axis=1)
     pixels = np.empty((_FLOOR_PX, _FLOOR_PX, 3), np.uint8)
-    # Large temporary arrays would remain in the process's memory.
+    # Few rows at a time: the process would never return the memory of large temporary arrays.
     for first in range(0, _FLOOR_PX, _FLOOR_ROWS):
         rows = slice(first, first + _FLOOR_ROWS)
         grain = rng.normal(0.0, 9.0, (_FLOOR_ROWS, _FLOOR_PX, 1))

@@ -26,8 +26,8 @@ DRIFT_S = 1.0
 
 
 _SLIP_SHARE, _PIXEL_NOISE = 0.04, 3.0
-"""Standard deviations of the noise of each wheel's speed (as a share of the speed) and of each
-pixel (of 255). The noise of the wheels is given for a step of 0.02 s. In shorter steps the standard
+"""Standard deviations of the noise of each wheel's speed, as a share of the speed, and of each
+pixel, of 255. The noise of the wheels is given for a step of 0.02 s. In shorter steps the standard
 deviation is larger. With an equal deviation, the noise would average out at high frame rates."""
 
 

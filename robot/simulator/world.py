@@ -68,7 +68,7 @@ class World:
 
 
 def world_names() -> list[str]:
-    """Names of the built-in worlds."""
+    """Return the names of the built-in worlds."""
     return sorted(path.stem for path in _FOLDER.glob("*.toml"))
 
 

@@ -27,6 +27,7 @@ from robot.simulator.world import load_world, world_names
 from robot.store.models.model import encode_model, take_model
 from robot.testing import VirtualClock
 from robot.types import Action, Encoding, Mode, PilotCommand
+from tests.kit.sizes import seeds
 
 core = pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
 pytest.importorskip("mcap")
@@ -41,13 +42,13 @@ def watched(clock: VirtualClock | None = None, **options: Any) -> tuple[SimDrive
 
 
 def test_a_minute_of_driving_costs_at_most_eight_megabytes(tmp_path: Path) -> None:
-    """Record ten seconds, in the simulation's own time, through the real loop and recorder."""
+    """Record six seconds, in the simulation's own time, through the real loop and recorder."""
     clock = VirtualClock(1.0)
     driver, camera = watched(clock, world="office")
     loop = ControlLoop(driver, camera, make_policy("default-32"), clock)
     recorder = Recorder(loop, tmp_path, config=RecorderConfig(spare_bytes=0))
     recorder.start()
-    seconds = 10
+    seconds = 6
     camera._take()
     loop.tick(clock.now_s())
     loop.set_mode(Mode.TRAIN)
@@ -83,7 +84,7 @@ def test_experiments_get_uncompressed_pixels() -> None:
     driver.disconnect()
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", seeds(1, 3))
 def test_larger_pictures_for_viewers_do_not_change_what_is_learned_and_recorded(seed: int) -> None:
     """However many viewers watch, the robot's frames are the same as those of an unwatched
     robot."""

@@ -14,6 +14,7 @@ import pytest
 
 from robot.driver import Pose
 from robot.errors import ConfigurationError
+from robot.moves import CLASSIC, Move
 from robot.simulator.body import RADIUS_M, WHEELS_MPS, move, push_out
 from robot.simulator.driver import SimDriver, SimOptions
 from robot.simulator.sensors import bumpers, sonar_m
@@ -215,3 +216,15 @@ def test_another_thread_never_sees_the_place_that_the_robot_has_left() -> None:
     simulation.step(0.1)
     sys.settrace(None)
     assert (set(shown), len(shown) > 10) == ({"office"}, True)
+
+
+def test_a_declared_move_without_wheel_speeds_is_refused_with_the_remedy() -> None:
+    class Gripper(SimDriver):
+        declared_moves = (*CLASSIC.values(), Move(Action("grip")))
+
+    with Gripper(SimOptions()) as driver:
+        driver.send_action(Action.FORWARD)
+        with pytest.raises(ConfigurationError, match=r"'grip'; add .* to robot\.simulator\.body"):
+            driver.send_action(Action("grip"))
+        driver.advance(0.1)
+        assert driver.simulation.action is Action.FORWARD
