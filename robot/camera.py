@@ -115,7 +115,7 @@ class Camera(StartStop):
         return frame
 
     def rest(self, every_s: float) -> None:
-        """Set the period at which pictures are needed, in seconds, until the next call. Never
+        """Set the period at which pictures are needed until the next call, in seconds. Never
         blocks.
 
         If 0, all pictures are needed, the next one immediately. If infinite, no picture is needed.

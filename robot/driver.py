@@ -165,7 +165,7 @@ class Driver(ABC):
 
     @property
     def takes_advice(self) -> bool:
-        """True if `receive_prediction` gets each prediction, also while the pilot drives."""
+        """True if `advise` gets each prediction, also while the pilot drives."""
         return False
 
     @property

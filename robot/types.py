@@ -170,9 +170,9 @@ class PilotCommand:
 class Prediction:
     """The policy's proposal on one frame, and the reasons for it.
 
-    `probabilities` are the smoothed votes per move and sum to 1 (empty before the first example);
-    `novelty` is 0 for a familiar view and 1 or more for a view unlike all examples; `node` is the
-    learned image nearest to the view, and `distance` is the distance between them.
+    `probabilities` are the smoothed votes per move, which sum to 1; empty before the first example.
+    `novelty` is 0 for a familiar view, and 1 or more for a view unlike all examples. `node` is the
+    learned image nearest to the view, and `distance` the distance between the two.
     """
 
     frame_id: int

@@ -46,8 +46,8 @@ class Config:
     def __post_init__(self) -> None:
         if not is_loopback(self.host):
             raise ConfigurationError(
-                f"--host {self.host} would serve other computers, which needs the extension "
-                "'access'; it is not installed; remove --host to serve this computer only"
+                f"--host {self.host} opens the robot to other computers and needs the extension "
+                "'access', which is not installed; remove --host to serve this computer only"
             )
 
 

@@ -125,8 +125,8 @@ class Persistence(StartStop):
     def start(self) -> None:
         """Lock the data folder, recover what a power cut has interrupted, and start saving.
 
-        If nothing can be saved, this is only reported, and the robot drives nevertheless. Raises
-        ConfigurationError if another program uses the folder.
+        If nothing can be saved, the fault is only reported, and the robot drives nevertheless.
+        Raises ConfigurationError if another program uses the folder.
         """
         if self.storage.fault is not None:
             for part in self._parts.values():

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from robot.devices.rig import Rig
 
 MOST_TRIM = 0.3
-"""Largest trim. If a larger trim is needed, a motor or a wheel is broken."""
+"""Largest trim that can be set, as a share of full lock. A robot that needs more has a broken motor
+or wheel."""
 REVERSED = ("none", "left", "right", "both")
 TURNS_DEG = (0, 90, 180, 270)
 _JPEG_QUALITY = 90
@@ -35,7 +36,8 @@ _NOT_CORRECTED = {
     "swap_sides": "it has no moves that steer left and right",
     "trim": "it is not steered proportionally",
 }
-"""For each correction, why a body may be unable to apply it; part of an error message."""
+"""The reasons why a body cannot apply a correction, by the correction's name. Error messages quote
+them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,7 +189,7 @@ class CameraCorrection(Mounting):
             return picture
         try:
             return _TURNS[picture.encoding](self, picture)
-        except ValueError:  # the picture's length is wrong; the reader of the picture reports this
+        except ValueError:  # the picture's length is wrong, as its reader will report
             return picture
 
     def _turned(self, pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -29,7 +29,7 @@ SOON_S = 5.0
 ENOUGH = 2
 """Number of consecutive early ends after which the program warns of a weak battery."""
 _AGAIN_S = 60.0
-"""Minimum time between two markers, in seconds, to save writes to the disk."""
+"""Minimum time between two markers, in seconds. It saves writes to the disk."""
 
 
 class EarlyEnds:

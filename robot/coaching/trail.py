@@ -17,8 +17,8 @@ from robot.policy.events import Replaced
 from robot.types import Action, DrivenBy, Mode
 
 STEP_M, STEP_RAD = 0.03, math.radians(10)
-"""Distance in metres, or turn in radians, after which a new point is added. A change between pilot
-and robot also adds a point."""
+"""Distance in metres, or turn in radians, after which a new point is added. A point is also
+added when the pilot or the robot takes over."""
 POINTS = 2000
 """Maximum number of points, enough for seven minutes at the paper's speed. The oldest points are
 dropped first."""

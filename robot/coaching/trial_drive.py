@@ -12,7 +12,7 @@ from robot.control.state import Tick
 from robot.types import Action, StopReason
 
 CLEAN_S = 45.0
-"""A robot that drives this long without a mistake is ready, in seconds."""
+"""Time for which a robot must drive without a mistake to be ready, in seconds."""
 NOVEL_SHARE = 0.015
 """Largest share of hardly known views (`HARDLY_KNOWN`) in the trial of a ready robot."""
 HARDLY_KNOWN = 0.8
@@ -20,8 +20,8 @@ HARDLY_KNOWN = 0.8
 that comes near to 1 in a trial will probably ask later."""
 PUSHED_S = 0.3
 FORGOTTEN_S = 2 * CLEAN_S
-"""When a trial has lasted this long, in seconds, its times are halved, because old driving says
-little about the robot's present abilities."""
+"""Duration in seconds after which a trial's times are halved, because what the robot did long ago
+says little about its present abilities."""
 
 
 class TrialDrive:

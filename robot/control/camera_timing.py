@@ -1,10 +1,10 @@
 """Timeouts that adapt to the camera: its period and delivery age are measured. Pure.
 
-A webcam on a fast bus delivers thirty pictures a second, 5 ms old; a webcam on a slow computer ten,
-95 to 145 ms old. A fixed limit would stop the slow webcam or be too lax for the fast one. The
-limits are quantiles over the last pictures, so a lost picture changes nothing. The limits shrink
-quickly, but grow slowly while the robot moves. No limit may let the robot travel too far without a
-newer picture.
+A webcam on a fast bus delivers thirty pictures a second, which are 5 ms old. On a slow computer it
+delivers ten, 95 to 145 ms old. A fixed limit would stop the slow webcam or be too lax for the fast
+one. The limits are quantiles over the last pictures, so a lost picture changes nothing. The limits
+shrink quickly, but grow slowly while the robot moves. No limit may let the robot travel too far
+without a newer picture.
 """
 
 from __future__ import annotations

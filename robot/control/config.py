@@ -35,7 +35,7 @@ class LinkGovernorConfig:
     stop_learning_s: float = 0.3
     stop_s: float = 0.5
     busy_s: float = 0.1
-    """If this computer is later than this, the robot drives slower, but does not stop yet."""
+    """Lateness of this computer above which the robot drives slower, but does not stop yet."""
     capped_speed_scale: float = 0.5
     """Share of full speed while the age exceeds `cap_speed_s` or the lateness exceeds `busy_s`."""
     recovery_share: float = 0.85

@@ -1,4 +1,4 @@
-"""The body as the loop drives it: one call at a time, and stopped at the pilot's deadline.
+"""Calls the body for the loop, one call at a time, and stops the body at the pilot's deadline.
 
 A tick may be late because of a busy computer, a slow learner, or a picture that takes long to read.
 So each order to the body has a deadline: the time at which the pilot counts as silent. Unless the

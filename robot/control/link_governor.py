@@ -69,7 +69,7 @@ class LinkGovernor:
         reported_s = command.frame_age_s
         if reported_s is not None:
             reported_s -= delivered_s - captured_s
-        # Do not add a camera period if the page reports how long the phone had the picture.
+        # The slack covers a picture's unknown time on the phone; here the page reports that time.
         slack_s = camera.slack_s if command.phone_s is None else 0.0
         age_s = age_of_link_s(command.received_s - delivered_s, reported_s, command.phone_s)
         self.note_age(age_s, now_s, slack_s)

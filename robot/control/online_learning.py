@@ -93,7 +93,7 @@ class Labeller:
 CORRECTS_BEYOND = 0.1
 """Difference in steering above which a proportional command corrects the robot."""
 MEMORY_FRAMES = 64
-"""A command can label one of this many newest frames: two seconds at 30 frames a second."""
+"""Number of newest frames that a command can label: two seconds at 30 frames a second."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -238,9 +238,9 @@ class OnlineLearning:
     def times_of(
         self, frame_id: int | None, seen_id: int | None = None
     ) -> tuple[tuple[float, float], float] | None:
-        """Return when the frame `frame_id` was taken and reached the loop, and when the older of
-        the frames `frame_id` and `seen_id` reached the loop. A forgotten frame gets the times of
-        the oldest remembered frame. None before the first frame or without `frame_id`."""
+        """Return when the frame `frame_id` was taken, when it reached the loop, and when the older
+        of the frames `frame_id` and `seen_id` did. A forgotten frame gets the times of the oldest
+        remembered frame. None before the first frame or without `frame_id`."""
         if not self._seen or frame_id is None:
             return None
         newest_id, oldest = next(reversed(self._seen)), next(iter(self._seen.values()))

@@ -24,7 +24,7 @@ class LinkLevel(StrEnum):
     GOOD = "good"
     SLOW = "slow"  # the pilot is warned
     CAPPED = "capped"  # the robot also drives slower
-    NOT_LEARNING = "not_learning"  # also stops learning: labels would name the wrong pictures
+    NOT_LEARNING = "not_learning"  # and does not learn: the labels would belong to other pictures
     TOO_SLOW = "too_slow"  # the robot stops
 
 

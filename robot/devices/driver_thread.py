@@ -21,12 +21,12 @@ from robot.errors import DriveError, NotConnectedError
 from robot.types import Action, Mode, Point
 
 SENSE_EVERY_S = 0.1
-"""Period at which the sensors are read, in seconds, even if actions wait to be sent."""
+"""Period at which the sensors are read, even if actions wait to be sent, in seconds."""
 STALE_S = 0.25
-"""An action that has waited longer than this, in seconds, is outdated: the body is stopped."""
+"""Waiting time after which an action is outdated and the body is stopped instead, in seconds."""
 SILENT_S = 0.5
-"""A request that takes longer than this, in seconds, is a fault. By then the body has ended its
-move by itself."""
+"""Time after which an unfinished request is a fault, in seconds. The body's move has ended by
+then."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,12 +16,12 @@ DEFAULT = "drivelesson.default-robot"
 
 
 def driver_names() -> list[str]:
-    """Names of all installed drivers, sorted."""
+    """Return the names of all installed drivers, sorted."""
     return sorted({point.name for point in points(DRIVERS)})
 
 
 def camera_names() -> list[str]:
-    """Names of all installed cameras, sorted."""
+    """Return the names of all installed cameras, sorted."""
     return sorted({point.name for point in points(CAMERAS)})
 
 

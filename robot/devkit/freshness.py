@@ -10,8 +10,8 @@ fault is therefore detected within 500 ms plus the camera's period."""
 LONGEST_PERIOD_S = 1.2
 """Upper bound for the period that a camera is assumed to have, in seconds."""
 _BURST_S = 0.02
-"""If two pictures arrive within this time, in seconds, the link sent them together, so their
-distance in time says nothing about the camera's period."""
+"""Time within which two pictures count as sent together by the link, in seconds. The time between
+such pictures says nothing about the camera's period."""
 
 
 class Freshness:

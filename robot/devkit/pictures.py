@@ -83,7 +83,8 @@ def read_picture(data: bytes, name: str) -> Picture:
 def _decode_reduced(data: bytes, how: str) -> Pixels | None:
     """Decode a JPEG at a part of its width and height, rounded up; None if it cannot be decoded.
 
-    `how` ends the name of OpenCV's flag, such as `GRAYSCALE_8`: in grey, at an eighth.
+    `how` is the end of the name of OpenCV's flag. For example, `GRAYSCALE_8` means grey, at an
+    eighth.
     """
     cv2 = need("cv2", "reading pictures", "camera")
     flag = getattr(cv2, f"IMREAD_REDUCED_{how}")

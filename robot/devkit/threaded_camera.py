@@ -19,8 +19,8 @@ from robot.types import Encoding, Frame
 
 _WATCH_EVERY_S = 0.05
 LARGEST_PX = 65_535
-"""Largest width and height of a picture, in pixels. A message with a picture has no larger number,
-and neither has a JPEG."""
+"""Largest width and height of a picture, in pixels. Neither a JPEG nor the head of a picture's
+message can state a larger number."""
 
 
 class ThreadedCamera(Camera):

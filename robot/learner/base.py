@@ -133,7 +133,7 @@ class Learner(Protocol):
     abilities: Abilities = Abilities()
     """The learner's capabilities beyond learning and predicting."""
     sharpness: float = 1.0
-    """The power to which shares of votes are raised to calibrate them; 1 calibrates nothing."""
+    """The power to which shares of votes are raised to calibrate them; 1 leaves them unchanged."""
     mirror: Mirror | None = None
     """Mirrors each example while left and right count as alike; both are learned."""
     last_node_: int | None = None
@@ -169,16 +169,16 @@ class Learner(Protocol):
         return self.explain_one(x)
 
     def begin_like(self, earlier: Sequence[State]) -> int:
-        """Start from what the places of earlier models have in common; examples soon outweigh it.
+        """Start with what earlier models, taught in other places, have in common.
 
-        Call this before the first example. Return how many of the earlier models were used; 0 if
-        the learner cannot use any.
+        Call this before the first example; a few examples outweigh this start. Return how many of
+        the earlier models were used; 0 if the learner cannot use any.
         """
         return 0
 
     def begin_angles(self, of_labels: Mapping[Label, float]) -> None:
-        """Learn an angle from -1 to 1 with each example from now on. Each frame learned before gets
-        its label's angle in `of_labels`, or 0."""
+        """Learn an angle from -1 to 1 with each example from now on. Each frame that was
+        learned before gets the angle of its label: `of_labels[label]`, or 0 if it is missing."""
         return
 
     def predict_one(self, x: Vector) -> Label:

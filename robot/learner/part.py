@@ -183,7 +183,7 @@ class Stateful:
         return ()
 
     def parts(self) -> Sequence[tuple[str, Stateful]]:
-        """Return the contained parts, with their names.
+        """Return the parts that this part contains, with their names.
 
         The values of a part are saved in a table named after the part. The names of its arrays
         begin with the name of the part. A part with an empty name is saved among its owner's values

@@ -41,13 +41,13 @@ class PublishedBSOC(Clusters):
 
     @property
     def fields(self) -> Sequence[Value | Array]:
-        """The values and arrays: the images are bytes with `integer`, else exact means."""
+        """The values and arrays. The images are bytes if `integer` is set, else exact means."""
         least, most = (0.0, 255.0) if self.integer else (-MOST_VALUES, MOST_VALUES)
         return (*SHARED, Array("images", self._dtype, ("n_rows", "d"), least, most))
 
     @property
     def nodes_(self) -> NDArray[Any]:
-        """Image of each node, shape (n, d): float64, or uint8 with `integer`."""
+        """The image of each node, shape (n, d), as uint8 if `integer` is set, else as float64."""
         images = self._images[: self.n_nodes_]
         return images.astype(np.uint8) if self.integer else images.copy()
 

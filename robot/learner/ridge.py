@@ -344,5 +344,5 @@ class ContextRidge(RecursiveRidge):
         for i, ridge in enumerate(self._ridges):
             for field in ridge.fields:  # check before copying: a copy would hide bad values
                 field.check(ridge)
-            if ridge.is_indefinite:  # it lost more frames than it had learned in this context
+            if ridge.is_indefinite:  # more frames were taken back than this context had learned
                 self._ridges[i] = self._copy()

@@ -141,8 +141,8 @@ class Novelty(Stateful):
     """Compares a view's distance with those of earlier examples.
 
     Before the learner learns an example, it measures the example's distance from the nearest node,
-    except nodes that got one of the latest examples. Such distances are typical when the robot
-    passes a place again. Their median is novelty 0; a little more than their 98th percentile is
+    except nodes that got one of the latest examples. The distances are typical of places that the
+    robot passes again. Their median is novelty 0, and a little more than their 98th percentile is
     novelty 1. Only the latest distances count, because they shrink as the nodes cover the place.
 
     Args:
@@ -235,9 +235,9 @@ class ChangeOfMind(Stateful):
 
     A label loses most of its votes at a view if it was contradicted often enough, and its nearest
     image was last taught before the contradictions began. The label also loses them if another
-    label's image is at least as near and was taught much later. Votes are reduced only while they
-    are counted; the stored histograms stay. So teaching the old label again at the same views
-    cancels the effect.
+    label's image is at least as near and was taught much later. Votes lose this weight only while
+    they are counted; the stored histograms do not change. So teaching the old label again at the
+    same views cancels the effect.
 
     The pilot can also declare a change of mind (`outdate`), which is better evidence than
     contradictions. If a label's nearest image was last taught before `outdate`, the label's votes
@@ -246,9 +246,9 @@ class ChangeOfMind(Stateful):
     The detector ignores the label to which the pilot switches most often, such as FORWARD. A pilot
     returns to it after every other label, and not always at the same view.
 
-    Labels are columns 0, 1, ...; times are counts of examples. Arrays of shape (n,) describe the
-    images. `distances` are squared. `owners` are the labels with the most votes (-1: none).
-    `taught` is the time of each image's latest example.
+    A label is the number of its column, and a time is a count of examples. Arrays of shape (n,)
+    describe the images. `distances` are squared. `owners` are the labels with the most votes (-1:
+    none). `taught` is the time of each image's latest example.
     """
 
     fields = (
@@ -350,7 +350,7 @@ class ChangeOfMind(Stateful):
 
     @property
     def _kept_taken_up(self) -> NDArray[np.int64]:
-        """For the file: how often each label began, then the latest label's column plus 1, or 0."""
+        """The saved state: how often each label began, then the last label's column + 1, or 0."""
         return np.append(self._taken_up, self._last + 1)
 
     @_kept_taken_up.setter

@@ -10,7 +10,7 @@ the labels and their teaching times, so they are the same after an undo.
 
 If a view comes again with the label that it had last time, the policy counts the example, but does
 not learn it again (`Repeats`). Otherwise, after sixteen equal laps, the linear part would have
-learned the noise of this lap by heart, and the images would adapt too slowly to new views.
+learned the noise of the lap by heart, and the images would adapt too slowly to new views.
 """
 
 from __future__ import annotations
@@ -62,8 +62,8 @@ class ExampleRate(PolicyPart):
 STRAIGHT, TURNING = 0, 1
 BOTH = (STRAIGHT, TURNING)
 ONSET_S = 0.5
-"""For this time after a change, in seconds, an example also counts in the previous move's
-context."""
+"""Time after a change in which an example also counts in the previous move's context, in
+seconds."""
 
 
 class MoveContext(PolicyPart):
@@ -112,7 +112,7 @@ class MoveContext(PolicyPart):
 
 
 _BITS, _SETS, _WAYS = 128, 4096, 4
-"""Number of pairs of feature values that a sketch compares, number of sets, and sketches in a set.
+"""A sketch compares `_BITS` pairs of feature values. There are `_SETS` sets of `_WAYS` sketches.
 All 16,384 sketches are enough for a lap of 27 minutes at ten examples a second."""
 
 

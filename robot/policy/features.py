@@ -70,7 +70,7 @@ class PictureFeatures:
 
 
 class GreyFeatures(PictureFeatures):
-    """Grey, 40x30, area average: 1200 bytes."""
+    """A grey picture of 40x30 pixels, each the average of an area of the frame: 1200 bytes."""
 
     name = "grey"
 
@@ -106,7 +106,7 @@ class GradientFeatures(PictureFeatures):
     """Prior correlation of the linear part's weights in neighbouring cells: its range in cells
     (horizontal and vertical), and the correlated share of a weight."""
     noise = 100.0
-    """A cell with less gradient energy is plain: one grey level at each of 100 samples."""
+    """Gradients that count as noise on a plain surface: one grey level at each of 100 samples."""
 
     def extract(self, frame: Frame) -> Vector:
         """Return shape (1584,), uint8: 6x8x8 gradient bins, then 30x40 grey values, halved."""
@@ -181,7 +181,7 @@ class GradientFeatures(PictureFeatures):
         return _normalised(np.stack(bins, axis=2).astype(np.float64), self.noise).ravel()
 
     def _gradients(self, grey: NDArray[np.uint8]) -> tuple[Singles, Singles]:
-        """Central differences at the sampled points, each of shape (60, 80)."""
+        """Return the differences across and down at the sampled points, each of shape (60, 80)."""
         rows, before, after = _sampled(grey.shape[0], self.n_rows * self.samples)
         columns, left, right = _sampled(grey.shape[1], self.n_columns * self.samples)
         lines, stripes = grey.take(rows, 0), grey.take(columns, 1)

@@ -1,4 +1,4 @@
-"""Event-sourced training history: the events of the last minute, with snapshots of the learner.
+"""Event-sourced training history: the events that can be undone, with snapshots of the learner.
 
 `undo.py` takes recent events back, exactly.
 """
@@ -67,7 +67,7 @@ class TrainingHistory:
             type(part).__module__.startswith("robot.") for part in (policy.learner, policy.features)
         )
         self.batch = 64 if self._is_ours else 1
-        """Frames a call of `teach_all`: 1 for a plugin, so a refused example changes nothing."""
+        """Frames per call of `teach_all`: 1 for a plugin, so a refused example changes nothing."""
         policy.kinds.describe(self.declared)
         self.taught = taught
         self._is_drive_new = True

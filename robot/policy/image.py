@@ -113,7 +113,7 @@ def _stretched(pixels: Pixels, axis: int, length: int) -> Pixels:
 
 
 def _shrink_by_halves(pixels: Pixels, halvings: int) -> Pixels:
-    """Like `shrink` by 2 or 4, but six times as fast, because whole slices are added.
+    """Shrink both sides by 2 or 4 like `shrink`, in a sixth of the time, by adding whole slices.
 
     Rows are added first, because they are contiguous in memory for any number of channels.
     """

@@ -28,7 +28,7 @@ class Seen:
     Attributes:
         number: The frame's number, counted by the policy.
         x: The vector that is shown to the learner.
-        picture: The grey values as they were taken.
+        picture: The frame's grey values, not adapted to the light.
         step_s: Time since the previous frame was taken, in seconds.
         in_context: True if the votes depend on the current move.
         context: The context of the current move; None if all contexts count.

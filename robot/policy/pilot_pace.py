@@ -20,8 +20,8 @@ from robot.policy.part import PolicyPart, TaughtExample
 from robot.types import Action, Point
 
 STUCK_S = 0.5
-"""Time after which a move without effect is given up, in seconds, if the pilot never pushed on
-purpose."""
+"""Time after which a move without effect is given up if the pilot never pushed on purpose, in
+seconds."""
 STEP_S = 0.1
 _STILL_SHARE = 0.25
 MEMORY, _FEWEST_CHANGES = 100, 5
@@ -91,8 +91,8 @@ def difference(picture: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
 PAYS_BACK = 4.0
 """One second of driving straight reduces the lost time by this many seconds."""
 EFFECT_S = 0.2
-"""Driving straight reduces the lost time only after this time, in seconds. Earlier, the picture
-does not show whether the move has an effect."""
+"""Driving straight reduces the lost time only after this many seconds: the picture does not show
+sooner whether the move has an effect."""
 STRAIGHT_S = 0.3
 """Time for which a robot must drive straight before its earlier turns are forgotten, in seconds."""
 _LONGEST_STEP_S = 0.25
@@ -183,14 +183,14 @@ _MEANT = 3
 """If a pilot pushes this many times, he pushes on purpose. A single push may be a mistake."""
 _PATIENCE, _LONGEST_PATIENCE_S = 1.5, 5.0
 _RUNS, _FEWEST_RUNS = 64, 8
-ALTERNATING_S, OF_A_RUN = 2.0, 0.75
-"""Two changes of side within `ALTERNATING_S` seconds count as alternating; for quick pilots, within
-`OF_A_RUN` times the usual duration of a move."""
-AWAY_S, OF_A_TURN = 1.5, 0.6
-"""Time for which a move without effect stays barred: `AWAY_S` seconds, or `OF_A_TURN` times the
+ALTERNATING_S, RUN_SHARE = 2.0, 0.75
+"""Two changes of side count as alternating within `ALTERNATING_S` seconds, or within `RUN_SHARE` of
+the usual duration of a move, if that is shorter."""
+AWAY_S, TURN_SHARE = 1.5, 0.6
+"""Time for which a move without effect stays barred: `AWAY_S` seconds, or `TURN_SHARE` of the
 pilot's longest turn if that is shorter. By then a quick body has turned back to the obstacle."""
 PAUSE_S = 0.45
-"""A longer pause between two examples, in seconds of teaching time, separates two manoeuvres."""
+"""Longest pause between two examples of one manoeuvre, in seconds of teaching time."""
 
 
 class PilotPace(PolicyPart):
@@ -240,11 +240,11 @@ class PilotPace(PolicyPart):
     def away_s(self) -> float:
         """Time for which a move without effect is barred, in seconds."""
         longest_s = self.longest_lost_s
-        return min(max(OF_A_TURN * longest_s, STUCK_S), AWAY_S) if longest_s else AWAY_S
+        return min(max(TURN_SHARE * longest_s, STUCK_S), AWAY_S) if longest_s else AWAY_S
 
     @property
     def lost_limit_s(self) -> float:
-        """If more time is lost than this, in seconds, further turning does not help."""
+        """The lost time beyond which further turning does not help, in seconds."""
         return max(self.longest_lost_s, SHORTEST_LOST_S)
 
     @property
@@ -256,7 +256,7 @@ class PilotPace(PolicyPart):
     def alternating_s(self) -> float:
         """Time within which two changes of side count as alternating, in seconds."""
         run_s = self.usual_run_s
-        return ALTERNATING_S if run_s is None else min(ALTERNATING_S, OF_A_RUN * run_s)
+        return ALTERNATING_S if run_s is None else min(ALTERNATING_S, RUN_SHARE * run_s)
 
     def on_example(self, lesson: TaughtExample) -> None:
         label, at_s = lesson.label, lesson.at_s

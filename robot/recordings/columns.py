@@ -89,7 +89,7 @@ class FrameTable(Mapping[int, FrameEntry]):
                 raise RecordingError("a picture belongs to an unknown channel")
             table["channel"] = numbers[table["channel"]]
             if int(table["chunk"].min()) < 0:
-                raise RecordingError("a picture is before the file's beginning")
+                raise RecordingError("a picture lies before the beginning of the file")
             table["chunk"] += base
         self._table = None
         self._rows += table.tobytes()
@@ -138,7 +138,7 @@ class FrameTable(Mapping[int, FrameEntry]):
 
     @property
     def sizes(self) -> set[tuple[int, int]]:
-        """The widths and heights of the pictures, in pixels, from the channels."""
+        """The sizes of the pictures (width and height in pixels), as the channels state them."""
         return {_size(self._channels[n]) for n in _different(self.table["channel"])}
 
     def rank(self, frame_id: int) -> int | None:

@@ -22,8 +22,8 @@ class RecorderConfig:
     trail_s: float = 1.0
     """Time for which pictures are still recorded after the robot stopped, in seconds."""
     lead_frames: int = 15
-    """This many pictures from before the start are also recorded, because the pilot may label them.
-    They fill at most a quarter of the queue."""
+    """Number of pictures from before the start that are also recorded, because the pilot may label
+    them. The pictures fill at most a quarter of the queue."""
     part_bytes: int = 64 * 2**20
     """Size at which a recording continues in another file, in bytes."""
     part_s: float = 600.0

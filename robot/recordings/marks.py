@@ -23,8 +23,8 @@ class FrameMarks:
     def __init__(self) -> None:
         self._pages: dict[int, array[int]] = {}
         self._newest_s: dict[int, float] = {}
-        """The time at which the newest example of each page (`_PAGE` successive frame ids) was
-        taught."""
+        """The time at which the newest example of each page was taught. A page is `_PAGE`
+        successive frame ids."""
 
     def __getitem__(self, frame_id: int) -> int:
         page, index = divmod(frame_id, _PAGE)

@@ -79,7 +79,7 @@ class OpenRecording:
         self._announce("recording_on", episode=self.episode_id)
 
     def write(self, write: Callable[..., None], *what: Any) -> None:
-        """Call `write` with the file's writer; do nothing if there is no recording."""
+        """Call `write(writer, *what)` with the file's writer, if a recording is open."""
         if self._writer is not None:
             write(self._writer, *what)
             lasted_s = self._clock.now_s() - self._part_began_s

@@ -238,7 +238,7 @@ def read_metadata(path: Path) -> dict[str, dict[str, str]]:
 
 
 def metadata_of(file: BinaryIO) -> dict[str, dict[str, str]]:
-    """Do the same as `read_metadata` with a file that is already open."""
+    """Return the metadata that are listed in the summary of an open, complete file, by name."""
     indexes = [body for kind, body in _summary(file) if kind == _METADATA_INDEX]
     return _metadata_at(file, [int.from_bytes(body[:8], "little") for body in indexes])
 

@@ -1,9 +1,9 @@
 """Removes deleted items from the trash after some days.
 
-The age of an item is not the time since its deletion by the clock. A Raspberry Pi or an EV3 without
-a battery for its clock starts in the past and sets its clock when it finds a network, so such an
-item could be decades old at once. Instead, a file adds up the time between two checks, in which a
-clock that was set counts as a week at most.
+The age of an item is not measured by the clock since its deletion. A Raspberry Pi or an EV3 without
+a battery for its clock starts in the past, and sets its clock when it finds a network. By the
+clock, an item that was deleted before would then be decades old. Instead, a file adds up the times
+between checks; a time in which the clock was set counts as a week at most.
 """
 
 from __future__ import annotations

@@ -23,8 +23,8 @@ from robot.testing.cases import DriverCase
 from robot.types import Action, Mode, Point
 
 LOCAL_BUDGET_S = 0.01
-"""The fastest of several equal calls of a driver must return within this time, in seconds, because
-the control loop waits for each call."""
+"""Time limit for the fastest of several equal calls of a driver, in seconds. The control loop waits
+for each call."""
 REMOTE_BUDGET_S = 0.2
 """Limit like `LOCAL_BUDGET_S`, for drivers that declare `is_remote`, in seconds. The limit is less
 than 0.4 s, because a robot stops if its move is not renewed within that time."""
@@ -32,8 +32,8 @@ STANDS_WITHIN_S = 0.5
 """Time within which the body must stand still after its connection was cut, in seconds."""
 CUTS_S = (0.5, 5.0)
 BACK_WITHIN_S = 5.0
-"""After its connection is restored, the body must obey within this time, in seconds, however long
-the connection was cut."""
+"""Time within which the body must obey after its connection was restored, in seconds. The limit is
+the same after a short and a long cut."""
 POINTS = [
     Point(steering, throttle) for steering in (-1.0, -0.5, 0.0, 0.4, 1.0) for throttle in (0.3, 0.8)
 ]
@@ -45,7 +45,7 @@ _REQUESTS = 20
 _PATIENCE_S = 5.0
 _LOOK_EVERY_S = 0.01
 _GRACE_S = 0.1
-"""A move may end this much late, in seconds, because on a busy machine the threads of the driver
+"""Time by which a move may end too late, in seconds. On a busy machine the threads of the driver
 and of the fake robot wake late."""
 _CORRECTIONS = {"reverse": "both", "swap_sides": True, "trim": 0.1}
 _STEP_S, _HALF_WAY_S = 0.1, ACTION_TIMEOUT_S / 2
@@ -316,6 +316,7 @@ class DriverContract:
                 driver.sense()
         end_s = _REAL.now_s() + _PATIENCE_S
         while (left := _leftovers() - before) and _REAL.now_s() < end_s:
+            gc.collect()  # what nobody refers to any more is closed only now
             _REAL.sleep(0.02)  # other threads may take a moment to end
         assert not left, f"{_PATIENCE_S:.0f} s after disconnect() there are still: {left}"
 
@@ -569,7 +570,6 @@ def _quickest_s(request: Callable[[], object], now_s: Callable[[], float]) -> fl
 
 def _leftovers() -> set[object]:
     """Return the existing threads, processes and open files."""
-    gc.collect()
     found: set[object] = {*threading.enumerate(), *multiprocessing.active_children()}
     folder = Path("/proc/self/fd")
     if folder.is_dir():

@@ -21,7 +21,7 @@ class LinkConditions:
 
     delay_s: float = 0.0
     jitter_s: float = 0.0
-    """Each packet gets a random extra delay up to this, in seconds; packets stay in order."""
+    """Largest random extra delay of a packet, in seconds. Packets stay in order."""
     bytes_per_second: float | None = None
     """Bandwidth towards the page; the other direction is unlimited."""
     stall_share: float = 0.0

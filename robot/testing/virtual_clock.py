@@ -213,7 +213,7 @@ class _JumpingEventLoop(asyncio.SelectorEventLoop):
     def __init__(self, clock: VirtualClock) -> None:
         super().__init__()
         self._clock = clock
-        self._clock_resolution = 1e-9  # with the 16 ms of Windows' clock, timers would fire early
+        self._clock_resolution = 1e-9  # with Windows' resolution of 16 ms, timers would fire early
         self._now_us = round(clock._now_s * 1e6)
         self.now_s = self._now_us / 1e6
         self._selector.select = self._let_time_pass  # type: ignore[attr-defined]

@@ -9,7 +9,7 @@ from server.gateway.roles import Role
 from server.protocol import ErrorCode, ProtocolError
 
 _RECENT_S = 2.0
-"""Time after a STOP, in seconds, in which a start must prove that it was sent after the STOP. Older
+"""Time after a STOP in which a start must prove that it was sent after the STOP, in seconds. Older
 starts do not arrive later than that, because a page resends a start for only one second."""
 
 
@@ -22,7 +22,7 @@ class EmergencyStop:
     """
 
     def __init__(self) -> None:
-        self.number = 1 + secrets.randbelow(2**31)  # so that no old message contains it by chance
+        self.number = 1 + secrets.randbelow(2**31)  # an old message cannot contain this number
         self.held_by: Role | None = None
         self._pressed_s = -math.inf
 

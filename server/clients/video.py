@@ -20,8 +20,8 @@ from server.protocol import encode_picture
 _REMEMBERED_FRAMES = 256
 """Number of frames of which the capture time is remembered."""
 _FREQUENT_S = 0.06
-"""If frames are further apart than this, in seconds, each requests an acknowledgement, so that the
-server soon notices if the pilot sees nothing."""
+"""Interval of frames above which each frame requests an acknowledgement, in seconds. So the server
+soon notices if the pilot sees nothing."""
 
 _SELDOM_S, _EARLY_SHARE = 0.25, 0.95
 """A robot that stands still may rest if every viewer's interval exceeds `_SELDOM_S` seconds.

@@ -57,7 +57,7 @@ class Gallery:
         await self.images()
         if node not in self._seen:
             await self.images(fresh=True)
-        if node not in self._seen and 0 <= node < self._n_seen:  # ids are numbers of examples
+        if node not in self._seen and 0 <= node < self._n_seen:  # an id is an example's number
             return max(self._images, key=lambda image: image.last_used, default=None)
         return self._seen.get(node)
 

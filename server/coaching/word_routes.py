@@ -17,8 +17,8 @@ from server.services import services_of
 
 router = APIRouter(prefix="/api", route_class=Route)
 _ONE_SIDED = 20
-"""After this many examples of turns to one side and none to the other, the page asks whether left
-and right are alike."""
+"""Number of examples of turns to one side, and none to the other, after which the page asks whether
+left and right are alike."""
 
 
 class AlikeWord(RawValue):

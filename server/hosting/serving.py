@@ -151,11 +151,11 @@ def run(served: Coroutine[Any, Any, None]) -> None:
 
 
 async def serve_until_told(server: Server, gateway: Gateway, *listeners: socket.socket) -> None:
-    """Serve until a signal ends the server. Then close connections that hang (in an upload or a
-    handshake), and cancel requests that wait (for a thread)."""
+    """Serve until a signal ends the server. Then close connections that hang, for example in an
+    upload, and cancel requests that wait for a thread."""
     logging.getLogger("uvicorn.error").addFilter(_is_not_cancellation)
     serving = asyncio.ensure_future(server.serve(sockets=list(listeners)))
-    # Newer versions of uvicorn raise the signal again. asyncio logs an error that nobody has read.
+    # Newer versions of uvicorn raise the signal again. Read the error, or asyncio would log it.
     serving.add_done_callback(lambda done: done.cancelled() or done.exception())
     while not server.should_exit and not serving.done():
         gateway.expire()

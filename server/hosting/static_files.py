@@ -18,7 +18,7 @@ from starlette.types import Scope
 from server.gateway.guard import content_policy
 
 _TEXT = ("text/", "application/json", "application/manifest+json", "image/svg+xml")
-_FOR_EVER = "max-age=31536000, immutable"
+_IMMUTABLE = "max-age=31536000, immutable"
 _HASHED = re.compile(r"(?:css|js)/[0-9a-f]{10}-")
 
 
@@ -52,7 +52,7 @@ class PageFiles(CompressedFiles):
                 scope["scheme"], Headers(scope=scope).get("host", ""), _hashes(html)
             )
         if _HASHED.match(path):
-            response.headers["cache-control"] = _FOR_EVER
+            response.headers["cache-control"] = _IMMUTABLE
         return response
 
 

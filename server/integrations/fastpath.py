@@ -111,7 +111,7 @@ def make_protocol() -> type[Any] | None:
         def handle_cont(self, event: Frame) -> None:
             super().handle_cont(event)
             # Join the fragments of a message, so that endless empty ones use no memory.
-            # Older versions of uvicorn do this by themselves.
+            # Older versions of uvicorn join fragments by themselves.
             self.frames = [b"".join(getattr(self, "frames", ()))]
 
         def handle_events(self) -> None:

@@ -47,7 +47,7 @@ class Room:
         Some systems reduce their window permanently although nothing is unread. So after
         `_PATIENCE` calls with the answer False, the method returns True once, and the caller sends
         a frame as a test. After `_REPORTED` further calls, the window is compared with the window
-        before the test. A window that is not smaller means that the viewer has read the test frame.
+        before the test. If the window is not smaller than that, the viewer has read the test frame.
         From then on, a window of this size means that nothing is unread.
         """
         measured = self._measure()
@@ -97,7 +97,7 @@ def measure_connection(peer: tuple[str, int]) -> Measure:
                         socket.IPPROTO_TCP, socket.TCP_INFO, _WINDOW_AT + 4
                     )
                 finally:
-                    connection.detach()  # so that the server's descriptor is not closed
+                    connection.detach()  # otherwise the server's descriptor would be closed
                 window = struct.unpack_from("I", info, _WINDOW_AT)[0]
                 return int.from_bytes(size, sys.byteorder), int(window)
         except (ImportError, AttributeError, OSError, struct.error):

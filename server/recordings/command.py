@@ -89,7 +89,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     zipped = add("zip", write_zip, text, of_one=False, changes=False)
     add_several(zipped)
     zipped.add_argument("--out", type=Path, metavar="FILE", help="new file (default: in exports/)")
-    text = "delete them once the zip file is complete; `restore` brings them back"
+    text = "delete the recordings once the zip file is complete; `restore` brings them back"
     zipped.add_argument("--delete", action="store_true", help=text)
     restore = add("restore", restore_episode, "restore deleted recordings", of_one=False)
     restore.add_argument("key", nargs="?", metavar="WORD", help="the word that `delete` printed")

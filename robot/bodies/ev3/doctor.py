@@ -75,8 +75,8 @@ def write_report(findings: Sequence[Finding]) -> str:
 
 
 def _judge(topic: str, text: str, *, wrong: Advice = False, note: Advice = False) -> Finding:
-    """Return a finding: an error with the advice `wrong`, a warning with the advice `note`, or
-    neither."""
+    """Return a finding. With `wrong` it is an error, with `note` a warning, and without advice all
+    is well."""
     level = Level.WRONG if wrong else Level.NOTE if note else Level.OK
     return Finding(level, topic, text, wrong or note or "")
 

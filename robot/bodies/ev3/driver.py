@@ -67,7 +67,7 @@ class ChassisOptions(Options):
 
     @property
     def degrees_per_m(self) -> float:
-        """The angle, in degrees, by which a motor turns while the robot drives a metre ahead."""
+        """The angle by which a motor turns while the robot drives a metre ahead, in degrees."""
         return (-360 if self.reversed_motors else 360) / (math.pi * self.wheel_diameter_m)
 
     def ports(self) -> dict[str, str]:

@@ -145,8 +145,8 @@ class IntegerRidge(LinearPart):
         return z
 
     def _mean_input(self, x: Vector) -> Floats:
-        """Like `_input`, but without rounding, because the mean of several frames' vectors is not a
-        whole number."""
+        """Return the inputs of the mean of several frames' vectors, not rounded, because the mean
+        consists of fractions."""
         return np.append(np.asarray(x[: self.n_features], np.float64) / (1 << _SHIFT), _TOP)
 
     def faults(self) -> Iterator[str]:

@@ -129,7 +129,7 @@ class BrickLink:
         """Send one command. The command is sent even if the brick is silent, because its reports
         may be delayed. Raises DriveError if the connection is lost; then the brick stops by
         itself."""
-        lost = self._lost  # read it once: the thread sets it to None when it connects again
+        lost = self._lost  # read `_lost` once: the thread resets it when it reconnects
         if lost is not None:
             raise DriveError(lost)
         try:

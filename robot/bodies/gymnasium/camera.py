@@ -32,8 +32,8 @@ class GymnasiumCamera(WorldCamera[GymnasiumDriver]):
 
     The environment waits for the loop: the next step comes only after the loop has acted on the
     previous picture. So the environment runs slower on a slow computer, but the loop misses no
-    picture. After each picture, the environment's time (`world_s`) passes like real time for at
-    most one period; for the rest of a longer wait for the next picture it stands still.
+    picture. After each picture, the environment's time (`world_s`) advances with real time for at
+    most one period, and then stands still until the next picture.
     """
 
     name: ClassVar[str] = "gymnasium"

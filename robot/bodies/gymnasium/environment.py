@@ -30,7 +30,7 @@ has smaller observations, the rendering is shown instead."""
 _RENDER_MODES = ("rgb_array", "rgb_array_list", None)
 """The render modes to try, in this order; None stands for an environment without a render mode."""
 _LARGEST_REWARD = 1e12
-"""Upper bound of the magnitude of rewards and scores, so that they can be written as numbers."""
+"""Largest magnitude of rewards and scores; larger ones, also infinite ones, are cut to it."""
 
 
 def read_options(text: str) -> dict[str, Any]:

@@ -28,8 +28,8 @@ _LARGEST = 65535.0
 """Largest number that may stand for white. An observation space with a larger upper bound is
 treated as unbounded."""
 _MADE_OF_IT = re.compile(r"mask|depth|segment|semantic|label|map|flow|normals|heat", re.I)
-"""An observation's parts with these names are not pictures for people; they are computed from
-one."""
+"""Names of parts of an observation that are computed from a picture, and are no pictures for
+people."""
 _PICTURE = re.compile(r"rgb|image|img|pixel|screen|camera|visual|frame", re.I)
 
 

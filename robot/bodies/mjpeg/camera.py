@@ -70,7 +70,7 @@ class MjpegCamera(WatchedCamera):
                     self._line.open()
                 self._read_out()
             except (CameraError, OSError, ValueError, AttributeError) as error:
-                self._reason = str(error)  # the thread that watches the stream reports this
+                self._reason = str(error)  # the thread that watches the stream reports the reason
             is_open = False
             self._line.close()
             self.clock.wait(self._ending, REOPEN_S)

@@ -25,8 +25,8 @@ STATUS_REPORT, WRITE_STDOUT = 0, 1
 PROGRAM_RUNS = 1 << 6
 SCAN_S = 8.0
 TWINS_S = 2.0
-"""Time for which a search continues after the first hub that matches, in seconds, to find a second
-one. A hub advertises itself several times a second."""
+"""Time for which a search for a second hub continues after the first hub that matches, in seconds.
+A hub advertises itself several times a second."""
 SEND_S = 0.3
 """Timeout of a write, in seconds. A second write never begins before the first has ended."""
 _LONGEST_LINE = 200

@@ -56,7 +56,7 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
     hello: ClassVar[bytes] = HELLO
     no_answer: ClassVar[str]
     no_obedience: ClassVar[str]
-    """Advice that ends an error message. `no_answer` is for a robot that never answered, and
+    """Advice at the end of an error message. `no_answer` is for a robot that never answered, and
     `no_obedience` for a robot that answers but does not obey."""
 
     def __init__(self, options: Any, where: str, clock: Clock | None = None) -> None:
@@ -68,8 +68,8 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         """The robot's name in its reports; empty if they contain none. Once the name is known, no
         robot with another name is driven."""
         self._is_other = False
-        """True if another robot answers at the address. Another robot gets questions, but no
-        orders."""
+        """True if another robot answers at the address. That robot is asked for reports, but gets
+        no orders."""
         self._heard_s = 0.0
         self._disobeyed = 0
         self._seq = 0

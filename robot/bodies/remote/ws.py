@@ -14,8 +14,8 @@ from robot.clock import RealClock
 
 _OPENS_S, _OPENS_AGAIN_S, _SENDS_S = 4.0, 1.0, 0.5
 _MOST_UNANSWERED = 10
-"""Maximum number of messages without an answer. If there are more, which takes about 1.5 s, the
-connection is closed and a new one is opened."""
+"""Maximum number of unanswered messages. If more messages are unanswered, after about 1.5 s of
+silence, the connection is closed and a new one is opened."""
 
 
 class WebsocketLine(ReconnectingLink):

@@ -29,7 +29,7 @@ _LOST_S = 3.0
 """Time limit for the answer to a ping, in seconds. If the answer comes later or not at all, the
 connection is opened again."""
 _ASK_AGAIN_S = REFUSED_S / 2
-"""Time after which refused topics are requested again, in seconds, because the node that caused the
+"""Time after which refused topics are requested again, in seconds. By then the node that caused the
 refusal may have ended. If that node still runs, rosbridge refuses the topics again, before the
 earlier refusal expires (`REFUSED_S`)."""
 

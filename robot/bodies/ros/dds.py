@@ -49,11 +49,11 @@ FOUND_S = 5.0
 _ASK_EVERY_S = 2
 """Interval of discovery messages to peers, in seconds."""
 _MOST_PROCESSES = 50
-"""Discovery messages go to this many ports of each named peer, because each process of the peer has
-a separate port."""
+"""Number of ports of each named peer to which discovery messages go, because each process of a peer
+has a separate port."""
 _LOOK_EVERY_S, _ANSWER_EVERY_S = 0.05, 0.05
-"""Longest waits of two threads, in seconds: of one thread for messages, and of the other thread for
-acknowledgements."""
+"""Longest time for which one thread waits for messages, and another thread for acknowledgements, in
+seconds."""
 _HEARTBEAT = '<HeartbeatInterval min="1 ms" minsched="5 ms" max="20 ms">10 ms</HeartbeatInterval>'
 """Interval at which a writer requests acknowledgements. By default, a writer that is never idle may
 wait several seconds before it requests one."""

@@ -22,10 +22,11 @@ time, so a lasting refusal is renewed before it expires."""
 _HARMLESS = ("info", "none")
 _LONGEST_TEXT = 300
 _MOST_PARTS, _MOST_BYTES = 1000, 6 * 2**20
-"""Maximum number of parts, and maximum number of characters, of a message that comes in
-fragments."""
+"""Limits of a message that comes in fragments: its number of parts, and its number of
+characters."""
 _DEEPEST = 4
-"""Maximum number of messages that wrap each other. A picture in fragments is wrapped twice."""
+"""Maximum number of times that a message may be wrapped. A message in a picture that comes in
+fragments is wrapped twice."""
 
 
 class Refusals:

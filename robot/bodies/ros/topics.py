@@ -20,8 +20,8 @@ Message = Mapping[str, Any]
 """A message as a mapping of field names to values. Binary data is base64 text over rosbridge, and
 `bytes` over DDS."""
 End = tuple[Message, float]
-"""A message, and a delay in seconds: unless another message is sent before, it is published
-then."""
+"""A message, and the delay in seconds after which it is published, unless another message is sent
+first."""
 OnMessage = Callable[[str, Message], None]
 """Called with topic and message on the transport's thread; must return immediately."""
 

@@ -19,8 +19,8 @@ from robot.bodies.ev3.agent.wire import (
 )
 
 MAX_UNJOINED = 12
-"""Maximum number of connections, from all addresses together, that have not proved the secret
-yet."""
+"""Maximum number of connections that have not yet proved that they know the secret, from all
+addresses together."""
 JOIN_S = 1.0
 """Time within which a client must prove that it knows the secret, in seconds."""
 ACCEPT_PAUSE_S = 0.2

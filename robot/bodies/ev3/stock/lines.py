@@ -31,8 +31,8 @@ TWINS_S = 5.5
 """Time for which announcements are received if no brick was named, in s. Each brick announces
 itself every 5 s."""
 _AGAIN_S = 1.0
-"""Two announcements of a brick within this time, in s, count as the same announcement, received
-over two networks."""
+"""Time in seconds. If two announcements of a brick arrive within it, over two networks, they count
+as one announcement."""
 _CONNECT_S = 4.0
 _USB_ID = "0003:00000694:00000005"
 _ID = re.compile("[0-9a-f]{12}")
