@@ -1,7 +1,5 @@
 """Joins the page's files as in a wheel, once for a run of tests."""
 
-from __future__ import annotations
-
 import atexit
 import shutil
 import tempfile

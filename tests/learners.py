@@ -1,7 +1,5 @@
 """The learners to test: extensions add some, and may be removed."""
 
-from __future__ import annotations
-
 from robot.policy.registry import is_learner_kind, split_name
 
 

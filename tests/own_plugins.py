@@ -1,7 +1,5 @@
 """Restricts tests to the plugins of this program, whatever other plugins are installed."""
 
-from __future__ import annotations
-
 from importlib.metadata import distribution
 
 

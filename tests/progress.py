@@ -1,7 +1,5 @@
 """Prints the running tests and the progress, a line for each file: `pytest -p tests.progress`."""
 
-from __future__ import annotations
-
 import time
 from collections import Counter
 from collections.abc import Iterable

@@ -10,8 +10,6 @@ A test's name is its promise. Its level follows from what it runs:
 If the command line has words, only promises that contain one of the words are listed and counted.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 from collections import Counter

@@ -4,8 +4,6 @@ Pauses occur on a laptop that wakes up, and on a shared machine. All processes o
 for some seconds and then continue. A test may take longer because of a pause, but must not fail.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import random

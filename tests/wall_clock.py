@@ -4,8 +4,6 @@ A test without the mark may not wait through `RealClock` or `time.sleep`, wait w
 code of this project, read the machine's clock itself, or use sockets.
 """
 
-from __future__ import annotations
-
 import os
 import socket
 import sys

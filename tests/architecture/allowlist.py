@@ -9,7 +9,7 @@ from grimp import ImportGraph
 from importlinter import Contract, ContractCheck, fields, output
 
 
-class AllowlistContract(Contract):  # type: ignore[misc]
+class AllowlistContract(Contract):
     """`source_modules` may import only `allowed_modules`, each other and the standard library."""
 
     source_modules = fields.ListField(subfield=fields.ModuleField())

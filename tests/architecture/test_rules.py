@@ -22,9 +22,9 @@ TESTS = ROOT / "tests"
 def test_no_public_class_name_is_used_twice() -> None:
     places = defaultdict(list)
     for file in modules(ROOT):
-        for node in ast.parse(file.read_text("utf-8")).body:
-            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-                places[node.name].append(file.relative_to(ROOT).as_posix())
+        for name in re.findall(r"^class ([A-Za-z]\w*)", file.read_text("utf-8"), re.MULTILINE):
+            places[name].append(file.relative_to(ROOT).as_posix())
+    assert len(places) > 300
     assert {name: files for name, files in places.items() if len(files) > 1} == {}
 
 
@@ -62,23 +62,17 @@ BREACHES = {
 """Imports that the contracts forbid: up or sideways, out of the learner, into an extension."""
 
 
-def lint(folder: Path) -> subprocess.CompletedProcess[str]:
-    command = [str(Path(sys.executable).parent / "lint-imports"), "--no-cache"]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-
-
 @pytest.mark.slow
 def test_each_broken_import_contract_is_reported(tmp_path: Path) -> None:
     for folder in ("robot", "server", "tests/architecture"):
         unneeded = shutil.ignore_patterns("__pycache__", "*.toml")
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=unneeded)
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
-    whole = lint(tmp_path)
-    assert whole.returncode == 0, whole.stdout
     for module, lines in BREACHES.items():
         with (tmp_path / module).open("a") as file:
             file.write("\n".join(["", *lines, ""]))
-    broken = lint(tmp_path)
+    command = [str(Path(sys.executable).parent / "lint-imports"), "--no-cache"]
+    broken = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert broken.returncode == 1
     said = broken.stdout.partition("Broken contracts")[2]
     for module, lines in BREACHES.items():
@@ -88,7 +82,7 @@ def test_each_broken_import_contract_is_reported(tmp_path: Path) -> None:
             assert f"{importer} {arrow} {line.split()[1]}" in said, said
 
 
-CLOCKS = {"time.monotonic", "time.perf_counter", "time.time", "RealClock().now_s"}
+CLOCKS = ("time.monotonic", "time.perf_counter", "time.time", "RealClock().now_s")
 LEAST_S = 5.0
 
 
@@ -123,6 +117,7 @@ def test_no_measured_time_is_compared_with_less_than_five_seconds() -> None:
     faults = [
         f"{path.relative_to(TESTS)}: {fault}"
         for path in sorted(TESTS.rglob("test_*.py"))
-        for fault in hasty(path.read_text())
+        if any(clock in (source := path.read_text("utf-8")) for clock in CLOCKS)
+        for fault in hasty(source)
     ]
     assert faults == [], "speed is for `drivelesson bench`: it reports, and judges nothing"

@@ -7,7 +7,6 @@ import itertools
 import os
 import re
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -19,7 +18,7 @@ import httpx
 from robot.exchange.lerobot import write_lerobot
 from robot.recordings.edits import Notes
 from robot.recordings.episode import open_episode
-from tests.kit.served import served
+from tests.kit.served import Served, served
 from tests.kit.wait import wait_until
 from tests.server.live_robot import Pilot
 
@@ -53,12 +52,12 @@ def taught(address: str) -> int:
 
 def tries(python: Path, out: Path, samples: Samples) -> Iterator[Tried]:
     """Yield the tests, in order; each returns a report for people, or fails."""
-    here = Path(sys.executable)
     with (
-        served(here, out / "led") as leader,
-        served(here, out / "followed") as follower,
-        _pilot(leader),
+        served(out / "led") as led,
+        served(out / "followed") as followed,
+        _pilot(led),
     ):
+        leader, follower = led.address, followed.address
         robot = f"--robot.type=drivelesson --robot.address={follower} --robot.id=follower"
         robot += " --robot.restarts=true"
         page = f"--teleop.type=drivelesson_page --teleop.address={leader} --teleop.id=leader"
@@ -122,10 +121,10 @@ def _run(python: Path, *words: object) -> None:
 
 
 @contextmanager
-def _pilot(address: str) -> Iterator[None]:
+def _pilot(server: Served) -> Iterator[None]:
     """Drive from a page without a screen."""
     ending = threading.Event()
-    with Pilot(f"{address.replace('http', 'ws')}/ws/drive", sees=True) as pilot:
+    with Pilot(server.drive_url, sees=True) as pilot:
         pilot.wait_for_state_with(lambda state: state["frame"] is not None)
 
         def drive() -> None:
@@ -149,8 +148,8 @@ def _drive_as_learner(python: Path, folder: Path, policy: Path) -> str:
     """Let a policy that LeRobot trained drive by itself."""
     environ = {"DRIVELESSON_LEROBOT_POLICY": str(policy), "HF_HUB_OFFLINE": "1"}
     with (
-        served(python, folder, "--learner", "lerobot", **environ) as address,
-        Pilot(f"{address.replace('http', 'ws')}/ws/drive", sees=True) as pilot,
+        served(folder, "--learner", "lerobot", python=python, **environ) as server,
+        Pilot(server.drive_url, sees=True) as pilot,
     ):
         pilot.wait_for_state_with(lambda state: state["prediction"] is not None)
 

@@ -52,7 +52,7 @@ def lines_of(running: subprocess.Popen[str]) -> list[str]:
     """Return the lines of a process's output, which grow."""
     lines: list[str] = []
     threading.Thread(
-        target=lambda: lines.extend(iter(running.stdout.readline, "")),  # type: ignore[union-attr]
+        target=lambda: lines.extend(iter(running.stdout.readline, "")),
         daemon=True,
     ).start()
     return lines
@@ -92,7 +92,7 @@ def pictures(program: Path) -> str:
     camera = RosCamera(RosCameraOptions(**options()), RealClock())
     with process(program, own_domain(), "write", f"rt{IMAGES}", PICTURE_TYPE) as writer, camera:
         assert writer.stdin is not None
-        camera.listen(lambda: shown.append(camera.latest().data))  # type: ignore[union-attr]
+        camera.listen(lambda: shown.append(camera.latest().data))
         while len(shown) < N_PICTURES:
             assert len(sent) < 60 * N_PICTURES, "the body gives no pictures"
             sent.append(jpeg + len(sent).to_bytes(4, "big"))

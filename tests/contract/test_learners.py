@@ -23,6 +23,9 @@ from tests.kit.states import same_state
 
 MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
 SIZE = 6
+TAUGHT = 21
+"""Number of examples: more than a learner has images, and each network of the lab takes 10 ms for
+one."""
 STEP_S = 0.2
 
 
@@ -58,15 +61,15 @@ def each_is_learned(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_learner_of_images_shows_them_all_and_others_show_none(kind: str) -> None:
     policy = make(kind)
     assert isinstance(policy.learner, Learner)
-    teach(policy, 40)
+    teach(policy, TAUGHT)
     gallery = images(policy)
     ids = [image.node_id for image in gallery]
     assert bool(gallery) is policy.learner.abilities.images
     assert policy.n_nodes == len(gallery) == len(set(ids))
     if gallery:
-        assert sum(image.frames for image in gallery) == 40
-        assert sum(sum(image.votes.values()) for image in gallery) == 40
-        assert max(image.last_taught for image in gallery) == 40
+        assert sum(image.frames for image in gallery) == TAUGHT
+        assert sum(sum(image.votes.values()) for image in gallery) == TAUGHT
+        assert max(image.last_taught for image in gallery) == TAUGHT
     node = policy.propose(1, policy.extract(view(3, 500))).node
     used = [image.node_id for image in images(policy) if image.last_used == 1]
     assert used == ([node] if gallery else [])
@@ -75,7 +78,6 @@ def test_a_learner_of_images_shows_them_all_and_others_show_none(kind: str) -> N
 @pytest.mark.usefixtures("each_is_learned")
 def test_images_can_be_edited_or_the_learner_says_that_it_has_none(kind: str) -> None:
     policy = make(kind)
-    teach(policy, 40)
     if not policy.learner.abilities.images:
         for edit in (
             lambda: relabel(policy, 0, MOVES[0]),
@@ -85,6 +87,7 @@ def test_images_can_be_edited_or_the_learner_says_that_it_has_none(kind: str) ->
             with pytest.raises(ValueError, match="stores no images"):
                 edit()
         return
+    teach(policy, TAUGHT)
     first, second = (image.node_id for image in images(policy)[:2])
     relabel(policy, first, Action.RIGHT)
     policy.learner.delete_node(second)
@@ -99,7 +102,7 @@ def test_the_current_move_counts_or_the_learner_says_that_it_does_not(kind: str)
     """Alternate between two moves each second. The moves begin with different views and end with
     the same view."""
     policy = make(kind)
-    for i in range(240):
+    for i in range(40):
         move = i // 10 % 2
         scene = 1 if i % 10 > 5 else 2 * move
         policy.learn(policy.extract(view(scene, i % 20)), MOVES[move], 0.1 * i)
@@ -111,12 +114,12 @@ def test_the_current_move_counts_or_the_learner_says_that_it_does_not(kind: str)
 
 def test_a_pinned_image_stays_as_it_is(kind: str) -> None:
     policy = make(kind)
-    teach(policy, 40)
     if not policy.learner.abilities.pinning:
         pytest.skip("it says that it cannot pin")
+    teach(policy, TAUGHT)
     pinned = images(policy)[0]
     policy.learner.pin_node(pinned.node_id)
-    teach(policy, 60, first=40)
+    teach(policy, TAUGHT, first=TAUGHT)
     [still] = [image for image in images(policy) if image.node_id == pinned.node_id]
     assert still.is_pinned
     assert np.array_equal(still.thumbnail, pinned.thumbnail)
@@ -127,7 +130,7 @@ def test_a_pinned_image_stays_as_it_is(kind: str) -> None:
 @pytest.mark.usefixtures("each_is_learned")
 def test_a_strange_view_is_novel_or_the_learner_says_that_it_cannot_tell(kind: str) -> None:
     policy = make(kind)
-    for i in range(60):
+    for i in range(60):  # the default learner judges novelty after 50
         policy.learn(policy.extract(view(0, i)), MOVES[0])
     familiar = policy.propose(1, policy.extract(view(0, 700)))
     strange = policy.propose(2, policy.extract(view(77, 700)))
@@ -148,10 +151,10 @@ def test_after_the_last_image_is_deleted_it_proposes_nothing(kind: str) -> None:
 def test_undo_leaves_no_trace_of_the_examples(kind: str, seed: int) -> None:
     """Begin new drives in between, because learners of several places then look for their place."""
     rng = np.random.default_rng(seed)
-    count = int(rng.integers(20, 90))
+    count = int(rng.integers(20, 50))
     drives = set(rng.integers(1, count, 4).tolist())
     scenes = rng.integers(0, 30, count)
-    seconds = float(rng.uniform(0.5, 12.0))
+    seconds = float(rng.uniform(0.5, 6.0))
     history, untouched = TrainingHistory(make(kind)), TrainingHistory(make(kind))
 
     def run(history: TrainingHistory, until: int) -> None:
@@ -175,12 +178,12 @@ def test_undo_leaves_no_trace_of_the_examples(kind: str, seed: int) -> None:
 
 def test_undoing_an_edit_brings_the_image_back(kind: str) -> None:
     history = TrainingHistory(make(kind))
-    for i in range(30):
+    if not history.policy.learner.abilities.images:
+        pytest.skip("it says that it stores no images")
+    for i in range(TAUGHT):
         example = Example(frame_id=i, label=MOVES[i % 3], is_intervention=i % 5 == 0)
         history.teach(example, history.policy.extract(view(i % 9, i)), captured_s=i * STEP_S)
     before = history.policy.get_state()
-    if not history.policy.learner.abilities.images:
-        pytest.skip("it says that it stores no images")
     history.edit("delete", images(history.policy)[0].node_id)
     assert not same_state(history.policy.get_state(), before)
     assert undo_edit(history)

@@ -20,6 +20,7 @@ from types import SimpleNamespace
 from robot import driver, moves
 from robot.coaching import lesson, trial_drive
 from robot.control.config import CameraTimingConfig, GateConfig, LinkGovernorConfig
+from robot.policy import history
 from robot.policy.registry import DEFAULT_NODES
 from server.access.config import NetworkLimits
 
@@ -29,6 +30,7 @@ _MARK = re.compile(r"(<!--= ([\w.]+)(?: (ms|bare))? -->)(.*?)(<!--/-->)")
 SOURCES: Mapping[str, object] = {
     "driver": driver,
     "moves": moves,
+    "history": history,
     "lesson": lesson,
     "trial_drive": trial_drive,
     "gate": GateConfig(),

@@ -23,10 +23,18 @@ from .world import (
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Timeouts are long, because tests wait for events and must not fail on a busy machine."""
+    """Mark the tests of this folder.
+
+    All are `slow`, so that a worker runs them one after the other, with one Chromium. Timeouts are
+    long, because tests wait for events and must not fail on a busy machine.
+    """
     for item in items:
-        if Path(__file__).parent in item.path.parents and not item.get_closest_marker("timeout"):
-            item.add_marker(pytest.mark.timeout(300))
+        if Path(__file__).parent in item.path.parents:
+            item.add_marker(pytest.mark.slow)
+            if "chromium" in getattr(item, "fixturenames", ()):
+                item.add_marker(pytest.mark.browser)
+            if not item.get_closest_marker("timeout"):
+                item.add_marker(pytest.mark.timeout(300))
 
 
 # With the scope of a session, Playwright's event loop would block all other tests.

@@ -176,7 +176,7 @@ class Newcomer:
         mode = state.decision.mode
         if mode is not self._pilot.mode:
             self._pilot.change_mode(mode)
-        simulation = self.world.rig.driver.simulation  # type: ignore[attr-defined]
+        simulation = self.world.rig.driver.simulation
         now_s, frame_id = self.now_s, state.frame_id or 0
         prediction = state.prediction
         situation = observe(simulation, frame_id, now_s)
@@ -208,7 +208,7 @@ class Newcomer:
             self._alone_since_s = self._pushing_since_s = None
             return
         self._alone_since_s = self._alone_since_s or now_s
-        if not self.world.rig.driver.simulation.is_pushing:  # type: ignore[attr-defined]
+        if not self.world.rig.driver.simulation.is_pushing:
             self._pushing_since_s = None
         else:
             self._pushing_since_s = self._pushing_since_s or now_s

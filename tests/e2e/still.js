@@ -73,7 +73,9 @@ async ({ stopReasons, links, phases, moves, hasStick, seed }) => {
   const controlAt = ([x, y]) => document.elementFromPoint(x, y)?.closest('button, a') ?? null;
   const pointsOf = (e) => {
     const { left, top, width, height } = e.getBoundingClientRect();
-    return [0.5, 0.15, 0.85].flatMap((u) => [0.5, 0.15, 0.85].map((v) => [left + u * width, top + v * height]));
+    // The middle and near each corner: asking what is at a point is what this test spends its time on.
+    const shares = [[0.5, 0.5], ...[0.15, 0.85].flatMap((u) => [0.15, 0.85].map((v) => [u, v]))];
+    return shares.map(([u, v]) => [left + u * width, top + v * height]);
   };
   const boxOf = (e) => {
     const { left, top, width, height } = e.getBoundingClientRect();
@@ -91,6 +93,9 @@ async ({ stopReasons, links, phases, moves, hasStick, seed }) => {
     if (width < 44 || height < 44) return [`STOP is small: ${width}x${height}`];
     return pointsOf(stops[0]).every((at) => controlAt(at) === stops[0]) ? [] : ['STOP is covered'];
   };
+  const aimsNow = () => controls().flatMap((e) => pointsOf(e).map((at) => [at, e]));
+  const isSame = (one, two) => one.length === two.length
+    && one.every(([[x, y], e], i) => e === two[i][1] && x === two[i][0][0] && y === two[i][0][1]);
   const show = (change) => store.set({ ...clean, ...change, robot: { ...calm, ...change.robot } });
   const passTime = () => document.querySelectorAll('.fresh').forEach((e) => e.classList.remove('fresh'));
   const found = [];
@@ -101,15 +106,18 @@ async ({ stopReasons, links, phases, moves, hasStick, seed }) => {
   for (let i = 0; i < 2; i += 1) await new Promise(requestAnimationFrame); // the browser has laid it out
   await new Promise((done) => setTimeout(done, 50));
   const first = places();
-  let drawn = [];
+  let aims = []; // where a finger sets out to, and for which control
   for (const change of states) {
     const note = (fault) => found.push(`${JSON.stringify(change).slice(0, 140)}: ${fault}`);
     show(change);
-    // A finger on its way comes down: on what was there, or on nothing.
-    for (const [at, was] of drawn) {
+    // A finger on its way comes down: on what it set out for, or on nothing.
+    const next = aimsNow();
+    // Where no control came, went or moved, no tap can land on another one.
+    if (!isSame(aims, next)) for (const [at, was] of aims) {
       const is = controlAt(at);
       if (is && is !== was && is.isConnected) note(`a tap for ${name(was)} lands on ${name(is)}`);
     }
+    aims = next;
     passTime();
     stopFaults().forEach(note);
     places().forEach(([what, box], i) => {
@@ -121,7 +129,6 @@ async ({ stopReasons, links, phases, moves, hasStick, seed }) => {
       said.add(e.textContent);
       if (!change.toast && !change.robot?.fault && e.scrollHeight > e.clientHeight + 1) scrolled.add(e.textContent);
     }
-    drawn = controls().flatMap(pointsOf).map((at) => [at, controlAt(at)]);
   }
   return { found: [...new Set(found)], said: [...said], scrolled: [...scrolled], states: states.length };
 }

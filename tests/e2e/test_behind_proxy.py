@@ -23,8 +23,6 @@ from tests.server.live_robot import WEB, LiveServer, live_server
 from .nginx import running_caddy, running_nginx, site_of_the_docs
 from .world import PHONE, new_context
 
-pytestmark = pytest.mark.browser
-
 
 @pytest.mark.parametrize("proxy", few(["nginx", "caddy"], 1))
 def test_the_page_its_websockets_and_stop_work_behind_a_proxy(

@@ -29,8 +29,6 @@ from .world import (
     wait_until_free,
 )
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
-
 
 @pytest.fixture
 def way(world: World) -> Iterator[BrokenWay]:

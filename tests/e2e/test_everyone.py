@@ -23,19 +23,11 @@ from .world import (
     show,
 )
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
-
 SCREENS = ("drive", "gallery", "why", "teaching", "undo", "challenge", "study", "home", "settings")
 MOST_BYTES = 85_000
 MOST_BYTES_STUDY = 8_000
 MOST_REQUESTS_FIRST = 12
 WCAG = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
-
-
-@pytest.fixture
-def frame_rate_hz() -> float:
-    """A high rate, so that the first teaching takes little time."""
-    return 15.0
 
 
 def complaints(page: Any, rules: list[str] = WCAG) -> list[str]:
@@ -68,7 +60,7 @@ def test_axe_finds_nothing_on_any_screen_and_each_target_has_room_for_a_thumb(
     page = open_page(context, world.address)
     choose(page, world, Mode.TRAIN)
     fingers = Fingers(page)
-    hold_until(world, fingers, "left", lambda: world.lessons > 20)
+    hold_until(world, fingers, "left", lambda: world.lessons > 8)
     page.evaluate((npm_modules / "axe-core" / "axe.min.js").read_text())
     assert in_both_schemes(page) == [], "while driving"
     fingers.lift()

@@ -23,7 +23,7 @@ from tests.kit.sizes import IS_FULL
 from .boxes import MEASURE, in_language, sized
 from .world import LANDSCAPE, PHONE, World, open_page, running_world, sentences, show
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.timeout(3600)]
+pytestmark = pytest.mark.timeout(3600)
 
 _SCRIPT = (Path(__file__).parent / "still.js").read_text()
 SHOW_ALL = _SCRIPT[_SCRIPT.index("async (") :].replace("MEASURE", MEASURE)

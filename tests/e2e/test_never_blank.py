@@ -16,7 +16,6 @@ from tests.kit.wait import wait_until
 from .hand import choose
 from .world import PHONE, World, new_context, open_page
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
 SCREENS = re.compile(r"/[0-9a-f]{10}-screens\.js")
 
 

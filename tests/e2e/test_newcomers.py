@@ -1,8 +1,6 @@
 """The newcomers' script still fits the page. The drives themselves take minutes (python -m
 tests.e2e.newcomers)."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -17,13 +17,10 @@ from tests.kit.wait import wait_until
 from .other_browsers import OtherBrowser, missing, running
 from .world import World, remember
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(
-        not os.environ.get("DRIVELESSON_OTHER_BROWSERS"),
-        reason="THE PAGE WAS NOT TESTED IN FIREFOX AND WEBKIT: make test-browsers",
-    ),
-]
+pytestmark = pytest.mark.skipif(
+    not os.environ.get("DRIVELESSON_OTHER_BROWSERS"),
+    reason="THE PAGE WAS NOT TESTED IN FIREFOX AND WEBKIT: make test-browsers",
+)
 STEP_S = 60.0
 
 

@@ -16,9 +16,6 @@ from tests.kit.wait import wait_until
 from .hand import Fingers, choose, hold_left, steer_by
 from .world import DESKTOP, LANDSCAPE, PHONE, World, new_context, open_page, running_world
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
-
-
 SCREENS = ("drive", "gallery", "teaching", "undo", "home", "settings")
 SIZES = {
     "phone": PHONE,

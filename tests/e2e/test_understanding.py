@@ -14,13 +14,11 @@ from tests.kit.wait import wait_until
 from .hand import Fingers, choose, hold_until
 from .world import World, show
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
-
 
 @pytest.fixture
 def frame_rate_hz() -> float:
     """A high rate, so that the first teaching takes little time."""
-    return 15.0
+    return 10.0
 
 
 SHOWN = """async () => {
@@ -34,7 +32,7 @@ SHOWN = """async () => {
 """The bytes of each image in the gallery, as the browser has cached them."""
 
 
-def teach(page: Any, world: World, *moves: str, frames_each: int = 25) -> None:
+def teach(page: Any, world: World, *moves: str, frames_each: int = 15) -> None:
     """Hold one move after the other, so that the learner has images of each."""
     choose(page, world, Mode.TRAIN)
     fingers = Fingers(page)
@@ -167,7 +165,7 @@ def what_it_knew_comes_back_and_so_does_what_was_deleted(phone: Any, world: Worl
 
 
 def another_place_is_chosen_and_drawn(phone: Any, world: World) -> None:
-    simulation = world.rig.driver.simulation  # type: ignore[attr-defined]
+    simulation = world.rig.driver.simulation
     show(phone, "settings")
     phone.get_by_label("Place", exact=True).select_option("box")
     wait_until(lambda: simulation.world.name == "box", "it is in the box")

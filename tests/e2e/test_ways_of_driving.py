@@ -30,8 +30,6 @@ from .hand import (
 )
 from .world import LANDSCAPE, PHONE, World, release_stop
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
-
 
 @pytest.fixture
 def world(rover: World) -> World:
@@ -363,18 +361,16 @@ def test_arrows_move_between_modes_and_drive_nothing_and_space_keeps_the_focus(
     assert desktop.evaluate(focused) == "autonomous", "the focus stays"
 
 
-@pytest.mark.parametrize("control", ["<select><option>a", "<input type=range>", "<button>b"])
-def test_space_stops_a_robot_that_may_move_whatever_has_the_focus(
-    desktop: Any, world: World, control: str
+def test_space_stops_a_robot_that_may_move_though_a_control_that_uses_it_has_the_focus(
+    desktop: Any, world: World
 ) -> None:
     """tests/web/keys.test.mjs tests in Node which key stops the robot in which control."""
     choose(desktop, world, Mode.TRAIN)
     desktop.evaluate(
-        """(html) => {
-          document.body.insertAdjacentHTML('beforeend', html);
+        """() => {
+          document.body.insertAdjacentHTML('beforeend', '<select><option>a');
           document.body.lastElementChild.focus();
-        }""",
-        control,
+        }"""
     )
     desktop.keyboard.press("Space")
     wait_until(lambda: world.rig.loop.state.emergency, "it stops")

@@ -14,8 +14,6 @@ from tests.kit.wait import wait_until
 from .hand import Fingers, choose, hold_until, pad, teach, turned_rad
 from .world import World
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow]
-
 
 @pytest.fixture
 def frame_rate_hz() -> float:

@@ -214,8 +214,7 @@ def _lego_education(seed: int) -> Iterator[TimedBody]:
     clock = VirtualClock()
     motor = DoubleMotor(clock, random.Random(seed))
     driver = LegoEducationDriver(LegoEducationOptions(), clock, library=motor)
-    lose = _losing(motor)["lose"]
-    yield TimedBody(driver, clock, lambda: motor.is_moving, lose, tick=motor.tick)
+    yield TimedBody(driver, clock, lambda: motor.is_moving, **_losing(motor), tick=motor.tick)
 
 
 _REMOTE = RemoteOptions(address="board", secret="geheim")
@@ -271,7 +270,7 @@ def stood_after_s(name: str, fault: str, seed: int, *, proportional: bool = Fals
             if chance.random() < 0.1:
                 meant = choose()
             send(meant, chance.uniform(0.2, 1.0))
-            has_moved = _pass(body, chance.uniform(0.0, 0.1)) or has_moved
+            has_moved = pass_time(body, chance.uniform(0.0, 0.1)) or has_moved
         assert has_moved, "it never moved"
         body.slow_down(chance.uniform(0.08, 1.2))
         send(meant)
@@ -281,12 +280,12 @@ def stood_after_s(name: str, fault: str, seed: int, *, proportional: bool = Fals
             # The server goes on sending, without effect.
             if fault == "link lost" and chance.random() < 0.04:
                 send(meant)
-            if _pass(body, _STEP_S):
+            if pass_time(body, _STEP_S):
                 last_s = body.clock.now_s() - began_s
         return last_s
 
 
-def _pass(body: TimedBody, seconds: float) -> bool:
+def pass_time(body: TimedBody, seconds: float) -> bool:
     """Let time pass; return whether the body moved at the end of this time."""
     end_s = body.clock.now_s() + seconds
     while body.clock.now_s() < end_s:

@@ -3,20 +3,16 @@ drives."""
 
 from __future__ import annotations
 
-import asyncio
 import random
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from robot.testing import FakeCamera, FakePolicy, Line, LinkConditions, VirtualClock
+from robot.testing import FakeCamera, FakePolicy, LinkConditions, VirtualClock
 from robot.types import Mode, Point
 from server.clients.client import Client
 from server.clients.freshness import NonceLedger
-from server.clients.video import Viewer
-from server.gateway.roles import Role
-from server.protocol import parse_acknowledgement
-from tests.server.virtual import Pilot, ServedWorld
+from tests.server.virtual import Pilot, ServedWorld, Socket
 
 _PICTURE = bytes(5000)
 """The size of a JPEG of 160x120; its content does not matter."""
@@ -50,12 +46,16 @@ class FaultWorld(ServedWorld):
         self.driver.takes_points = proportional
         # All nonces have the same length in every run.
         self.hub.broadcast.nonces = NonceLedger(0.3, random.Random(1).randrange)
+        self._receive, self.hub.receive = self.hub.receive, self._note
 
-    def connect(self, path: str, on_message: Callable[[str | bytes], None]) -> HubSocket:
-        """Open a connection through the link."""
-        socket = HubSocket(self, path, on_message)
-        self._sockets = [*(s for s in self._sockets if not s.task.done()), socket]
-        return socket
+    def connect(self, path: str, on_message: Callable[[str | bytes], None]) -> Socket:
+        """Open a websocket through the link, and forget those that have ended."""
+        self._sockets = [socket for socket in self._sockets if not socket.task.done()]
+        return super().connect(path, on_message)
+
+    def _note(self, client: Client, text: str) -> None:
+        self.received_s = self.clock.now_s()
+        self._receive(client, text)
 
     async def teach(self) -> None:
         """Open the page and teach a few examples."""
@@ -165,61 +165,6 @@ class Plan:
     mode: str
     seed: int
     faults: tuple[tuple[Fault, float], ...]
-
-
-class HubSocket:
-    """A `Socket` that ends in the hub itself, because routes would slow down a thousand runs a
-    cell."""
-
-    def __init__(self, world: FaultWorld, path: str, on_message: Callable[[str | bytes], None]):
-        self._world, hub = world, world.hub
-        self._down: Line = world.link.line(on_message, throttled=True)
-        if path == "/ws/drive":
-            client = hub.join(Role.PILOT)
-            self._up: Line = world.link.line(
-                lambda text: self._receive(client, text), throttled=False
-            )
-            self._leave: Callable[[], None] = lambda: hub.leave(client)
-            self.task: asyncio.Future[None] = asyncio.ensure_future(self._pass_on(client))
-        else:
-            viewer = Viewer(lambda message: self._down.send(message, len(message)))
-            self._up = world.link.line(lambda data: self._draw(viewer, data), throttled=False)
-            self._leave = lambda: hub.broadcast.video.remove(viewer)
-            self.task = asyncio.get_running_loop().create_future()
-            hub.broadcast.show_newest()
-            hub.broadcast.video.add(viewer)
-
-    def send(self, message: str | bytes) -> None:
-        """Send one message to the server."""
-        self._up.send(message, len(message))
-
-    def close(self) -> None:
-        """Close the connection; the server notices when the link has delivered it."""
-        self._goodbye = self._world.link.line(lambda _: self.cut(), throttled=False)
-        self._goodbye.send(None, 8)
-
-    def cut(self) -> None:
-        """End the page like a killed browser."""
-        self._world.link.forget(self._up)
-        self._world.link.forget(self._down)
-        self.task.cancel()
-        self._leave()
-
-    async def _pass_on(self, client: Client) -> None:
-        while True:
-            text = await client.next_text()
-            self._down.send(text, len(text))
-            await self._down.has_room()
-
-    def _receive(self, client: Client, text: str) -> None:
-        self._world.received_s = self._world.clock.now_s()
-        self._world.hub.receive(client, text)
-
-    def _draw(self, viewer: Viewer, data: bytes) -> None:
-        hub = self._world.hub
-        hub.broadcast.video.acknowledge(
-            viewer, parse_acknowledgement(data), self._world.clock.now_s()
-        )
 
 
 Change = Callable[[FaultWorld], None]

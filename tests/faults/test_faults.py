@@ -26,8 +26,13 @@ def test_the_robot_stops_in_time_at_any_moment_of_a_fault(name: str, mode: str, 
     late = {n: one.stood_after_s for n, one in enumerate(found) if one.stood_after_s >= LIMIT_S}
     assert not late, f"goes on, by seed: {late}"
     assert {outcome.reason for outcome in found} <= set(fault.reasons)
-    again = outcomes(fault, mode, range(3), proportional=is_proportional)
-    assert again == found[:3], "the same to the last digit in every run"
+
+
+def test_a_drive_is_the_same_to_the_last_digit_in_every_run() -> None:
+    """So the seed of a failure causes it again."""
+    fault = NAMED["the camera freezes"]
+    one, other = (outcomes(fault, "autonomous", range(3)) for _ in range(2))
+    assert one == other and len({outcome.stood_after_s for outcome in one}) == 3
 
 
 PROMPT = [fault for fault in FAULTS if not fault.counts_from and not fault.counts_from_last_message]
@@ -53,7 +58,7 @@ def test_the_robot_stops_in_time_at_any_combination_of_faults(first: int) -> Non
     in_fault_world(live)
 
 
-DRIVE_S = float(size("DRIVE", 120, 600))
+DRIVE_S = float(size("DRIVE", 60, 600))
 WIFI = LinkConditions(delay_s=0.004, jitter_s=0.03, stall_share=0.01, stall_s=0.06)
 """A delay of some milliseconds each way, other traffic, and one packet in a hundred sent again."""
 LONGEST_PAUSE_S = 0.2
@@ -61,7 +66,7 @@ LONGEST_PAUSE_S = 0.2
 once."""
 GONE = ("the tab is closed", "the browser is killed", "the page hangs, or its tab is suspended",
         "the network falls silent")  # fmt: skip
-ENDS = size("ENDS", 3, 10)
+ENDS = size("ENDS", 2, 10)
 """Number of drives of each kind at whose end the pilot disappears."""
 
 

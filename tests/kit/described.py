@@ -1,11 +1,11 @@
 """Lists the routes that an application describes in `/openapi.json`, so that new routes are
 included."""
 
-from __future__ import annotations
-
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Any, NamedTuple
+
+import httpx
 
 
 class Described(NamedTuple):
@@ -34,10 +34,12 @@ def described_routes(spec: dict[str, Any]) -> list[Described]:
     return found
 
 
-def readable_addresses(spec: dict[str, Any], names: Iterable[str]) -> Iterator[str]:
-    """Yield every address of a finite GET request, with each of the names as its first parameter
-    and "1" as the others."""
-    for route in described_routes(spec):
+def readable_addresses(client: httpx.Client, *names: str) -> Iterator[str]:
+    """Yield every address of a finite GET request. Its first parameter is each of these names, and
+    of those that the server lists; the others are "1"."""
+    listed = client.get("/api/episodes").text + client.get("/api/models").text
+    named = sorted({"1", *names, *re.findall(r'"(?:id|name)":\s*"([\w-]+)"', listed)})
+    for route in described_routes(client.get("/openapi.json").json()):
         if route.method == "GET" and route.path != "/video.mjpg":
-            for name in sorted({*names, "1"}) if "{" in route.path else [""]:
+            for name in named if "{" in route.path else [""]:
                 yield re.sub(r"{\w+}", "1", re.sub(r"{\w+}", name, route.path, count=1))

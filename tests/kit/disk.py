@@ -90,4 +90,4 @@ class Disk:
                 return getattr(self._file, name)
 
         if writer is not None:
-            writer._files = [File(file) for file in writer._files]  # type: ignore[misc]
+            writer._files = [File(file) for file in writer._files]

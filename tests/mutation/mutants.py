@@ -66,7 +66,7 @@ def mutants(source: str) -> Iterator[Mutant]:
             yield Mutant(getattr(node, "lineno", 0), was, ast.unparse(target), changed)
 
 
-def _variants(node: ast.AST) -> list:  # type: ignore[type-arg]
+def _variants(node: ast.AST) -> list:
     """Return the possible changes of this node, as functions that make them."""
     if isinstance(node, ast.Compare):
         return [

@@ -4,10 +4,7 @@ manager's own classes."""
 from __future__ import annotations
 
 import contextlib
-import os
-import re
-import subprocess
-import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -16,49 +13,22 @@ import pytest
 from robot.errors import DriveError
 from robot.testing.driver_contract import DriverContract
 from robot.types import Action, Point
+from tests.contract.real_parts import SHORT, WHOLE, check_real_case
 from tests.kit.sizes import IS_FULL
 from tests.kit.wait import wait_until
 from tests.plugin.environment import imported
 
 EXAMPLES = Path(__file__).parents[2] / "docs/examples"
-LIBRARIES = {"rover": "pymavlink", "thymio": "tdmclient"}
-QUICK = "every_move or ends_by_itself or is_cut or right_is"
-"""Some of the contract's checks, which `make test` runs."""
 
 
-@pytest.mark.realtime
-def test_each_passes_the_contract_as_a_package(tmp_path: Path) -> None:
-    for name in LIBRARIES:
-        check_it_passes_the_contract_as_a_package(name, tmp_path / name)
-
-
-def check_it_passes_the_contract_as_a_package(name: str, tmp_path: Path) -> None:
-    pytest.importorskip(LIBRARIES[name])
-    installed = tmp_path / f"drivelesson_{name}-0.1.0.dist-info"
-    installed.mkdir(parents=True)
-    (installed / "METADATA").write_text(
-        f"Metadata-Version: 2.1\nName: drivelesson-{name}\nVersion: 0.1.0\n"
-    )
-    made = f"drivelesson_{name}:{name.capitalize()}Driver"
-    (installed / "entry_points.txt").write_text(f"[drivelesson.drivers]\n{name} = {made}\n")
-    paths = [str(tmp_path), str(EXAMPLES / name), str(EXAMPLES.parents[1])]
-    chosen = [] if IS_FULL else ["-k", QUICK]
-    command = (
-        f"{sys.executable} -m pytest -q -W error -p no:cacheprovider -c {os.devnull} --rootdir ."
-    )
-    run = subprocess.run(
-        [*command.split(), "--drivelesson-driver", name, *chosen, "."],
-        cwd=EXAMPLES / name,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1"},
-        capture_output=True,
-        text=True,
-        timeout=250,
-        check=False,
-    )
-    said = run.stdout[-3000:] + run.stderr[-1000:]
-    assert run.returncode == 0 and "skipped" not in run.stdout, said
-    every = [check for check in vars(DriverContract) if check.startswith("test_")]
-    assert re.search(rf"\b{len(every) if IS_FULL else 4} passed", run.stdout), said
+def check_its_package_and_the_contract(name: str, kit: Any) -> None:
+    """tests/plugin/test_third_party.py runs the suite as the author of a package does."""
+    project = tomllib.loads((EXAMPLES / name / "pyproject.toml").read_text("utf-8"))["project"]
+    made = {name: f"drivelesson_{name}:{name.capitalize()}Driver"}
+    assert project["entry-points"]["drivelesson.drivers"] == made
+    short = (DriverContract.test_right_is_positive_and_so_is_ahead, *SHORT)
+    whole = [check for check in WHOLE if "declares" not in check.__name__]
+    check_real_case(lambda: kit.pytest_drivelesson_driver(name), whole if IS_FULL else short)
 
 
 def check_each_autopilot_gets_its_own_numbers_and_timeout(kit: Any, module: Any, name: str) -> None:
@@ -128,16 +98,18 @@ def check_an_autopilot_without_the_parameter_is_named(kit: Any, module: Any) -> 
 
 
 @pytest.mark.realtime
-def test_a_rover_and_a_thymio_on_their_real_lines() -> None:
-    for library in LIBRARIES.values():
+def test_a_rover_and_a_thymio_keep_the_contract_on_their_real_lines() -> None:
+    for library in ("pymavlink", "tdmclient"):
         pytest.importorskip(library)
     with imported(EXAMPLES / "rover", "conftest", "drivelesson_rover") as (kit, module):
+        check_its_package_and_the_contract("rover", kit)
         for name in ("ArduPilot", "PX4"):
             check_each_autopilot_gets_its_own_numbers_and_timeout(kit, module, name)
         check_arming_is_asked_for_and_a_refusal_is_in_the_rover_s_words(kit, module)
         check_a_rover_that_was_cut_off_is_disarmed_at_the_end_all_the_same(kit, module)
         check_an_autopilot_without_the_parameter_is_named(kit, module)
     with imported(EXAMPLES / "thymio", "conftest", "drivelesson_thymio") as (kit, module):
+        check_its_package_and_the_contract("thymio", kit)
         manager = kit.Manager()
         manager.node.status = 3
         options = module.ThymioOptions(thymio_manager=manager.address, thymio_speed=500)

@@ -20,7 +20,7 @@ HOWTO = Path(__file__).parents[2] / "docs/howto/write-a-driver.md"
 MOVES = ("fast", "slow", "push")
 
 
-@pytest.mark.parametrize("name", ["Wheely", "my-bot", "7", "sim", "replay", "", "a" * 40])
+@pytest.mark.parametrize("name", ["Wheely", "my-bot", "7", "sim", "", "a" * 22])
 def test_invalid_robot_names_are_refused(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -62,13 +62,13 @@ def it_is_served_and_taught(environment: OwnEnvironment, package: Path, folder: 
     ):
         options = f"--robot wheely --camera mjpeg --source {camera.address} --wheely-address"
         words = (*options.split(), robot.driver.options.wheely_address)
-        with served(environment.python, folder, *words) as address:
+        with served(folder, *words, python=environment.python) as server:
 
             def n_taught(move: str) -> int:
-                counts = httpx.get(f"{address}/api/teaching").json()["taught"]
+                counts = httpx.get(f"{server.address}/api/teaching").json()["taught"]
                 return int(counts.get(move, 0))
 
-            with Pilot(address.replace("http", "ws", 1) + "/ws/drive") as pilot:
+            with Pilot(server.drive_url) as pilot:
                 labels = {one["name"]: one["label"]["en"] for one in pilot.hello["declared_moves"]}
                 assert [labels[move] for move in MOVES] == ["Fast", "Slow", "Push"]
                 for move in MOVES:

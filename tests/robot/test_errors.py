@@ -100,7 +100,7 @@ def test_a_robot_that_cannot_be_connected_is_one_sentence(
 
 def test_our_own_errors_pass_as_they_are() -> None:
     driver, said = FakeDriver(), DriveError("the cable is out")
-    driver.connect = raising(said)  # type: ignore[method-assign]
+    driver.connect = raising(said)
     with pytest.raises(DriveError) as raised:
         rig_of(driver).start()
     assert raised.value is said

@@ -67,7 +67,7 @@ def test_threads_that_meet_a_new_name_get_one_object() -> None:
 )
 def test_names_that_would_break_a_file_or_a_page_are_refused(name: object) -> None:
     with pytest.raises(ValueError, match="not a valid name of a move"):
-        Action(name)  # type: ignore[arg-type]
+        Action(name)
 
 
 def test_known_moves_need_no_declaration_and_unknown_ones_have_their_name() -> None:
@@ -81,7 +81,7 @@ def test_known_moves_need_no_declaration_and_unknown_ones_have_their_name() -> N
 
 
 def test_a_declaration_in_numbers_of_numpy_can_be_sent() -> None:
-    move = Move(Action("fast"), steering=np.float32(0.5), throttle=np.int64(1))  # type: ignore[arg-type]
+    move = Move(Action("fast"), steering=np.float32(0.5), throttle=np.int64(1))
     assert json.loads(json.dumps(move.describe()))["steering"] == 0.5
     assert move_at(Point(0.5, 1.0), [move]) == "fast"
 
@@ -100,7 +100,7 @@ def test_a_declaration_in_numbers_of_numpy_can_be_sent() -> None:
 )
 def test_a_declaration_out_of_range_is_refused(fields: dict[str, object]) -> None:
     with pytest.raises(ValueError, match="fast"):
-        Move(Action("fast"), **fields)  # type: ignore[arg-type]
+        Move(Action("fast"), **fields)
     with pytest.raises(ValueError, match="stop"):
         Move(Action.STOP)
 

@@ -1,7 +1,4 @@
-from __future__ import annotations
-
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 
 import pytest
 
@@ -13,7 +10,7 @@ from .virtual_server import VirtualServer
 
 
 @pytest.fixture
-def server() -> Iterator[VirtualServer]:
+def server():
     with VirtualServer() as running:
         yield running
 
@@ -22,7 +19,7 @@ Say = Callable[..., str]
 
 
 @pytest.fixture
-def say(capsys: pytest.CaptureFixture[str]) -> Say:
+def say(capsys):
     """Run a command as a user types it; return what it says, on stderr if its status is not 0."""
 
     def run(words: str, status: int = 0) -> str:
@@ -34,13 +31,13 @@ def say(capsys: pytest.CaptureFixture[str]) -> Say:
 
 
 @pytest.fixture
-def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def data(tmp_path, monkeypatch):
     """The folder that commands use by default."""
     monkeypatch.setenv("DRIVELESSON_DATA", str(tmp_path / "data"))
     return tmp_path / "data"
 
 
 @pytest.fixture
-def episode_id(data: Path) -> str:
+def episode_id(data):
     """A recorded drive in this folder."""
     return record_drive(Storage(data).folder("episodes"), "default-8").id

@@ -1,8 +1,6 @@
 """Serves a bench robot with pairing, in a process with few descriptors, and sends requests to
 it."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import subprocess
@@ -13,21 +11,14 @@ from typing import Any
 
 import httpx
 
-from robot.clock import RealClock
-from robot.devices.rig import Rig
-from robot.policy.registry import make_policy
-from robot.testing import FakeCamera, FakeDriver
 from server.access.config import NetworkConfig
-from server.access.gateway import NetworkGateway
 from server.access.pairing import Pairing
-from server.app import create_app
 from server.hosting.logs import start_logging
 from server.hosting.serving import leave_out_of_collections
-from server.lab.served import served
-from server.services import Services
-from tests.server.access.unpaired_flood import PATIENCE_S
+from tests.kit.wait import wait_until
+from tests.server.access.floods import PATIENCE_S
 
-from .live_robot import WEB
+from .live_robot import WEB, live_server
 
 DESCRIPTORS = 1024
 
@@ -39,10 +30,10 @@ class Process:
         self._process = process
         self.address = str(json.loads(self._line())["address"])
         self.port = int(self.address.rsplit(":", 1)[1])
+        self.drive_url = f"ws://127.0.0.1:{self.port}/ws/drive"
 
     def ask(self, command: str = "") -> dict[str, Any]:
         """Return the server's report; `release` first releases an emergency stop."""
-        assert self._process.stdin is not None
         self._process.stdin.write(f"{command}\n")
         self._process.stdin.flush()
         notes: dict[str, Any] = json.loads(self._line())
@@ -56,7 +47,6 @@ class Process:
         return answer.headers["set-cookie"].split(";")[0]
 
     def _line(self) -> str:
-        assert self._process.stdout is not None
         return self._process.stdout.readline()
 
 
@@ -82,24 +72,19 @@ def main(web: str) -> None:
     start_logging(verbose=False)
     config = NetworkConfig(port=0, web=Path(web), lan=True, host="127.0.0.1")
     pairing = Pairing(10)
-    clock = RealClock()
-    rig = Rig(FakeDriver(), FakeCamera(clock), make_policy("published-8"), clock)
-    gateway = NetworkGateway(config, rig.clock, pairing)
-    services = Services(config, rig, name="bench", gateway=gateway)
-    with rig, served(create_app(services), config) as address:
+    with live_server(config, pairing=pairing) as server:
+        admission, loop = server.services.gateway.admission, server.rig.loop
         leave_out_of_collections()
-        print(json.dumps({"address": address}), flush=True)
+        print(json.dumps({"address": server.address}), flush=True)
         for command in sys.stdin:
             if command.strip() == "release":
-                rig.loop.release_emergency()
-                while rig.loop.state.emergency:
-                    clock.sleep(0.001)
-            admission = gateway.admission
+                loop.release_emergency()
+                wait_until(lambda: not loop.state.emergency)
             notes = {
                 "tokens": {role.value: token for role, token in pairing.tokens.items()},
                 "open": len(admission.connections),
                 "evicted": admission.pending.evicted + admission.admitted.evicted,
-                "emergency": rig.loop.state.emergency,
+                "emergency": loop.state.emergency,
             }
             print(json.dumps(notes), flush=True)
 

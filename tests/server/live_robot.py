@@ -40,17 +40,8 @@ class LiveServer:
         self.address = address
         self.services = services
         self.rig = services.robot
+        self.driver, self.camera = self.rig.driver, self.rig.camera
         self.hub = services.hub
-
-    @property
-    def driver(self) -> FakeDriver:
-        assert isinstance(self.rig.driver, FakeDriver)
-        return self.rig.driver
-
-    @property
-    def camera(self) -> FakeCamera:
-        assert isinstance(self.rig.camera, FakeCamera)
-        return self.rig.camera
 
     def ws(self, path: str) -> str:
         return self.address.replace("http", "ws", 1) + path
@@ -126,7 +117,6 @@ class Pilot:
     def _watch(self) -> None:
         with contextlib.suppress(Exception):
             for message in self._video:
-                assert isinstance(message, bytes)
                 picture = parse_picture(message)
                 self.picture = picture.frame_id
                 self._video.send(encode_acknowledgement(picture.frame_id))

@@ -7,8 +7,6 @@ with a sound disk. A copy at any earlier call of the disk must have the content 
 or that after it. cli/test_main.py tests commands on a full disk.
 """
 
-from __future__ import annotations
-
 import random
 import shutil
 from collections import Counter
@@ -22,7 +20,7 @@ import pytest
 from robot.coaching.gallery import images
 from robot.store.folder import Storage
 from robot.types import Mode
-from server.access.pairing import Paired, Pairing, cookie_name
+from server.access.pairing import Pairing, cookie_name
 from server.gateway.roles import Role
 from server.identity import IdentityFile
 from server.library.models import ModelLibrary
@@ -67,7 +65,7 @@ WRITES: dict[str, tuple[str, str, Any]] = {
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     """A data folder with two models, a recording, and a model in the trash."""
     root = tmp_path_factory.mktemp("facts") / "data"
     with VirtualServer(data=root, name="bench") as server:
@@ -131,7 +129,6 @@ def ask(
     method, path, body = WRITES[write]
     pairing = Pairing(10, file=root / "paired.json")
     redeemed = pairing.redeem(pairing.tokens[Role.PILOT], 0.0)
-    assert isinstance(redeemed, Paired)
     with (
         pytest.MonkeyPatch.context() as patch,
         VirtualServer(pairing=pairing, data=root, name="bench") as server,
@@ -160,7 +157,7 @@ def ask(
                 key: value.format(**known) if isinstance(value, str) else value
                 for key, value in body.items()
             }
-        name = cookie_name(server.services.gateway.config)  # type: ignore[arg-type]
+        name = cookie_name(server.services.gateway.config)
         options["headers"] = {"cookie": f"{name}={redeemed.secret}"}
 
         def copy() -> None:
@@ -194,9 +191,7 @@ def failures(calls: int) -> list[tuple[int, bool]]:
 
 
 @pytest.mark.parametrize("write", ["pin", "undo", *few(list(WRITES)[3:], 4)])
-def test_a_change_that_was_answered_as_saved_is_never_lost(
-    folder: Path, tmp_path: Path, write: str
-) -> None:
+def test_a_change_that_was_answered_as_saved_is_never_lost(folder, tmp_path, write):
     sound = ask(folder, write, tmp_path / "sound")
     assert is_kept(sound.answer), sound.answer.text
     wanted = holds(sound.killed, sound.secrets)
@@ -210,8 +205,8 @@ def test_a_change_that_was_answered_as_saved_is_never_lost(
 
 @pytest.mark.parametrize("write", few(list(WRITES), 5))
 def test_a_kill_during_a_change_loses_nothing_that_was_there_before_or_is_there_after(
-    folder: Path, tmp_path: Path, write: str
-) -> None:
+    folder, tmp_path, write
+):
     asked = ask(folder, write, tmp_path / "asked", is_copied=True)
     after = holds(asked.killed, asked.secrets)
     first, *copies = asked.copies

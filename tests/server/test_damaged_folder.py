@@ -3,8 +3,6 @@
 When the folder disappears, like a stick that is pulled out, nothing is written below its path.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os
@@ -45,7 +43,7 @@ ABSENT = ("dangling", "loop", "link to folder", "fifo", "socket") if os.name == 
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def whole(tmp_path_factory):
     """A data folder with a sample of everything, left by a kill."""
     root = tmp_path_factory.mktemp("whole") / "data"
     with running(root) as (rig, persistence):
@@ -103,7 +101,6 @@ def teach(rig: Rig) -> int:
     def request() -> int:
         history = rig.loop.history
         frame = rig.camera.latest()
-        assert frame is not None
         x = history.policy.extract(frame)
         for i in range(5):
             example = Example(frame_id=i, label=Action.LEFT, is_intervention=False)
@@ -162,9 +159,7 @@ def damage(root: Path, rng: random.Random) -> str:
 
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 @pytest.mark.parametrize("seed", range(SEEDS))
-def test_after_every_start_the_robot_serves_drives_and_saves(
-    whole: Path, tmp_path: Path, seed: int
-) -> None:
+def test_after_every_start_the_robot_serves_drives_and_saves(whole, tmp_path, seed):
     rng = random.Random(seed)
     root = tmp_path / "data"
     shutil.copytree(whole, root)
@@ -183,7 +178,7 @@ def test_after_every_start_the_robot_serves_drives_and_saves(
 
 
 @pytest.mark.parametrize("kind", ["file", "dangling", "loop", "fifo"])
-def test_the_data_folder_itself_may_be_something_else(tmp_path: Path, kind: str) -> None:
+def test_the_data_folder_itself_may_be_something_else(tmp_path, kind):
     root = tmp_path / "data"
     if kind == "file":
         root.write_text("my notes")
@@ -199,7 +194,7 @@ def test_the_data_folder_itself_may_be_something_else(tmp_path: Path, kind: str)
     assert os.path.lexists(tmp_path / "data.1") or os.path.lexists(tmp_path / where)
 
 
-def test_if_nothing_can_be_saved_the_robot_drives_and_reports_it() -> None:
+def test_if_nothing_can_be_saved_the_robot_drives_and_reports_it():
     started = running(Path("/proc/drivelesson"))
     with started as (rig, persistence):
         assert started.storage.fault and str(Path("/proc/drivelesson")) in started.storage.fault
@@ -212,9 +207,7 @@ def test_if_nothing_can_be_saved_the_robot_drives_and_reports_it() -> None:
 
 
 @pytest.mark.parametrize("name", ["episodes", "journal", "models", "trash"])
-def test_a_data_folder_may_have_the_name_of_one_of_its_parts(
-    whole: Path, tmp_path: Path, name: str
-) -> None:
+def test_a_data_folder_may_have_the_name_of_one_of_its_parts(whole, tmp_path, name):
     shutil.copytree(whole, tmp_path / name)
     started = running(tmp_path / name)
     assert started.moved == []
@@ -225,8 +218,8 @@ def test_a_data_folder_may_have_the_name_of_one_of_its_parts(
 
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EIO])
 def test_a_disk_that_cannot_be_written_prevents_neither_start_nor_drive(
-    whole: Path, tmp_path: Path, code: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    whole, tmp_path, code, monkeypatch
+):
     root = tmp_path / "data"
     shutil.copytree(whole, root)
     disk = Disk(root)
@@ -244,7 +237,7 @@ def test_a_disk_that_cannot_be_written_prevents_neither_start_nor_drive(
     assert disk.calls > 0
 
 
-def test_every_message_is_obeyed_even_if_the_disk_cannot_be_written(tmp_path: Path) -> None:
+def test_every_message_is_obeyed_even_if_the_disk_cannot_be_written(tmp_path):
     with (
         pytest.MonkeyPatch.context() as patch,
         VirtualServer(data=tmp_path) as server,
@@ -272,7 +265,7 @@ def test_every_message_is_obeyed_even_if_the_disk_cannot_be_written(tmp_path: Pa
         disk.heal()
 
 
-def test_a_failing_model_is_reported_and_set_aside_at_the_next_start(tmp_path: Path) -> None:
+def test_a_failing_model_is_reported_and_set_aside_at_the_next_start(tmp_path):
     with running(tmp_path) as (rig, persistence):
         before = teach(rig)
         persistence.autosave.save()
@@ -281,7 +274,7 @@ def test_a_failing_model_is_reported_and_set_aside_at_the_next_start(tmp_path: P
         def fail(*anything: object) -> None:
             raise RuntimeError("out of order")
 
-        rig.loop.history.policy.learner.explain_one = fail  # type: ignore[method-assign]
+        rig.loop.history.policy.learner.explain_one = fail
         while rig.loop.learning.failure is None:
             rig.clock.sleep(0.1)
         assert "out of order" in (rig.loop.state.fault or "")
@@ -305,9 +298,7 @@ FOREIGN = (
 """Files that sync tools, file managers and people leave in any folder."""
 
 
-def test_files_of_other_programs_are_neither_moved_listed_nor_deleted(
-    tmp_path: Path, whole: Path
-) -> None:
+def test_files_of_other_programs_are_neither_moved_listed_nor_deleted(tmp_path, whole):
     root = tmp_path / "data"
     shutil.copytree(whole, root)
     folders = ("", "models", "models/second", "episodes", "exports", "trash", "journal")
@@ -345,7 +336,7 @@ def plug_in(root: Path, away: Path) -> None:
 
 
 @pytest.mark.parametrize("seed", range(MOMENTS))
-def test_a_folder_that_disappears_during_teaching_loses_nothing(tmp_path: Path, seed: int) -> None:
+def test_a_folder_that_disappears_during_teaching_loses_nothing(tmp_path, seed):
     root, dice = tmp_path / "data", random.Random(seed)
     system = running(root)
     pairing, identity = Pairing(10, root / "paired.json"), IdentityFile(root)
@@ -378,9 +369,7 @@ def test_a_folder_that_disappears_during_teaching_loses_nothing(tmp_path: Path, 
         assert max(saved) == learned if is_back else max(saved, default=0) <= learned
 
 
-def test_a_folder_is_known_again_on_another_disk_and_refused_only_while_it_is_gone(
-    tmp_path: Path,
-) -> None:
+def test_a_folder_is_known_again_on_another_disk_and_refused_only_while_it_is_gone(tmp_path):
     root, file = tmp_path / "data", tmp_path / "data/models/m/00001.npz"
     root.mkdir()
     presence = Presence(root)

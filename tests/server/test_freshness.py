@@ -5,8 +5,6 @@ after each message) x (client gone | silent | back) x every message of the proto
 app, hub and loop in virtual time.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Coroutine
 from typing import Any, NamedTuple
 
@@ -110,7 +108,6 @@ async def driven(world: ServedWorld) -> Page:
     page = Page(world)
     await world.until(lambda: page.picture is not None and bool(page.state))
     frame, policy = world.camera.latest(), world.loop.history.policy
-    assert frame is not None
     point = POINTS[Action.FORWARD] if world.driver.takes_points else None
     policy.learn(policy.extract(frame), Action.FORWARD, None, point)
     return page
@@ -216,7 +213,7 @@ def on_a_cheap_robot(
 
 
 @pytest.mark.parametrize("chunk", range(CHUNKS))
-def test_nothing_moves_without_a_fresh_message(chunk: int) -> None:
+def test_nothing_moves_without_a_fresh_message(chunk):
     for number in range(chunk, RUNS, CHUNKS):
         *case, by = CASES[number % len(CASES)]
         faults = on_a_cheap_robot(lambda world, case=case: play(world, case), number, by)
@@ -224,7 +221,7 @@ def test_nothing_moves_without_a_fresh_message(chunk: int) -> None:
 
 
 @in_virtual_time()
-async def test_a_stop_overtakes_all_messages_sent_before_it(world: ServedWorld) -> None:
+async def test_a_stop_overtakes_all_messages_sent_before_it(world):
     pilot = await world.pilot(sees=True)
     pilot.mode("autonomous")
     await world.until(lambda: world.mode is Mode.AUTONOMOUS)
@@ -237,9 +234,7 @@ async def test_a_stop_overtakes_all_messages_sent_before_it(world: ServedWorld) 
 
 @crossed(kind=["drive", "mode"], lie=["no nonce", "another nonce", "no frame"], by=STEERED)
 @in_virtual_time()
-async def test_a_message_without_a_proof_moves_nothing(
-    world: ServedWorld, kind: str, lie: str, by: str
-) -> None:
+async def test_a_message_without_a_proof_moves_nothing(world, kind, lie, by):
     world.driver.takes_points = by == "degrees"
     pilot = await world.pilot(sees=True)
     if kind == "drive":

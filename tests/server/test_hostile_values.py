@@ -4,11 +4,8 @@ crash.
 test_fuzz.py tests memory, and malformed models.
 """
 
-from __future__ import annotations
-
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -67,7 +64,7 @@ class Robot:
 
 
 @pytest.fixture(scope="module")
-def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
+def robot(tmp_path_factory):
     root: Path = tmp_path_factory.mktemp("hostile")
     episode = record_drive(Storage(root).folder("episodes"), frames=20).id
     limits = NetworkLimits(requests_per_second=1e6, requests_burst=1e6, pairing_failures=10**6)
@@ -85,15 +82,18 @@ def body_of(route: Described, field: str, value: str) -> bytes:
     return ("{" + ", ".join([*inner, f'"{field}": {value}']) + "}").encode()
 
 
-def test_a_hostile_value_is_refused_in_every_field_and_nothing_breaks(robot: Robot) -> None:
+def test_a_hostile_value_is_refused_in_every_field_and_nothing_breaks(robot):
     unlike = []
     fields = [(route, field) for route in robot.routes for field in route.fields]
     assert len(fields) > 40
     for number, (route, field) in enumerate(fields):
-        others = OTHERS if IS_FULL else few(OTHERS[number % 3 :], 2)
-        for value in (*REFUSED, *others):
-            body = body_of(route, field, value)
-            answer = robot.ask(route.method, robot.existing(route.path), body)
+        refused = few(REFUSED[number % 3 :], 3)
+        others = few(OTHERS[number % 3 :], 2)
+        if IS_FULL:
+            refused, others = REFUSED, OTHERS
+        path = robot.existing(route.path)
+        for value in (*refused, *others):
+            answer = robot.ask(route.method, path, body_of(route, field, value))
             is_refused = 400 <= answer.status_code < 500 and answer.json()["detail"]
             may_pass = value in others or field in _ACCEPTED
             if not is_refused and (answer.status_code not in (200, 201, 501, 503) or not may_pass):
@@ -103,20 +103,20 @@ def test_a_hostile_value_is_refused_in_every_field_and_nothing_breaks(robot: Rob
     assert robot.client.get("/api/episodes").status_code == 200
 
 
-def test_a_hostile_name_is_refused_in_every_path(robot: Robot) -> None:
+def test_a_hostile_name_is_refused_in_every_path(robot):
     unlike = []
     for route in robot.routes:
-        names = re.findall("{.*?}", route.path)
-        for name in NAMES if names else ():
-            last_is_hostile = robot.existing(name.join(route.path.rsplit(names[-1], 1)))
-            for path in {route.at(name), last_is_hostile}:
+        first, _, rest = route.path.rpartition("{")
+        known, rest = robot.existing(first), rest.partition("}")[2]
+        for name in NAMES if "{" in route.path else ():
+            for path in {route.at(name), known + name + rest}:
                 answer = robot.ask(route.method, path)
                 if not 400 <= answer.status_code < 500:
                     unlike.append((route.method, path[:60], answer.status_code))
     assert unlike == []
 
 
-def test_no_hostile_query_or_body_makes_a_route_fail(robot: Robot) -> None:
+def test_no_hostile_query_or_body_makes_a_route_fail(robot):
     failures = []
     for route in robot.routes:
         path = robot.existing(route.path)
@@ -131,7 +131,7 @@ def test_no_hostile_query_or_body_makes_a_route_fail(robot: Robot) -> None:
 
 
 @pytest.mark.parametrize("kind", ["application/x-www-form-urlencoded", "text/plain"])
-def test_a_body_that_does_not_say_that_it_is_json_is_told_how_to(robot: Robot, kind: str) -> None:
+def test_a_body_that_does_not_say_that_it_is_json_is_told_how_to(robot, kind):
     """Send the body as `curl -d` does."""
     routes = [route for route in robot.routes if route.fields]
     answers = [robot.ask(route.method, route.at(), b"{}", kind) for route in routes]
@@ -141,11 +141,11 @@ def test_a_body_that_does_not_say_that_it_is_json_is_told_how_to(robot: Robot, k
     assert {sentence for sentence in told if "Content-Type" not in sentence} == set()
 
 
-def test_a_body_that_says_it_is_told_what_is_wrong_in_it(robot: Robot) -> None:
+def test_a_body_that_says_it_is_told_what_is_wrong_in_it(robot):
     for value, wanted in (([1], "a JSON object"), ({"seconds": 99}, "'seconds' must be")):
         answer = robot.client.post("/api/teaching/undo", json=value)
         assert (answer.status_code, wanted in answer.json()["detail"]) == (400, True), answer.text
 
 
-def test_the_openapi_description_names_this_version(robot: Robot) -> None:
+def test_the_openapi_description_names_this_version(robot):
     assert robot.client.get("/openapi.json").json()["info"]["version"] == __version__

@@ -1,9 +1,5 @@
 """A robot has a name, keeps it, and can be renamed."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import httpx
 import pytest
 
@@ -13,26 +9,26 @@ from server.identity import COLOURS, NAMES, Identity, IdentityFile
 from .virtual_server import VirtualServer
 
 
-def test_a_robot_without_a_given_name_keeps_the_name_it_chose(tmp_path: Path) -> None:
+def test_a_robot_without_a_given_name_keeps_the_name_it_chose(tmp_path):
     first = IdentityFile(tmp_path).now
     assert first.name in NAMES
     assert {IdentityFile(tmp_path).now for _ in range(20)} == {first}
 
 
-def test_a_name_given_at_the_start_is_kept(tmp_path: Path) -> None:
+def test_a_name_given_at_the_start_is_kept(tmp_path):
     IdentityFile(tmp_path).change(colour="pink")
     assert IdentityFile(tmp_path, "Kitchen 3").now == Identity("Kitchen 3", "pink")
     assert IdentityFile(tmp_path).now == Identity("Kitchen 3", "pink")
 
 
 @pytest.mark.parametrize("kept", [b"", b"[]", b"\xff", b'{"name": "x", "colour": "amber"}'])
-def test_a_damaged_file_of_a_name_gives_a_new_name(tmp_path: Path, kept: bytes) -> None:
+def test_a_damaged_file_of_a_name_gives_a_new_name(tmp_path, kept):
     (tmp_path / "robot.json").write_bytes(kept)
     assert IdentityFile(tmp_path).now.name in NAMES
 
 
 @pytest.mark.parametrize("name", ["", " ", "a/b", "..", "x" * 25, "\ud83d", "a\nb", 3, None])
-def test_an_invalid_name_is_refused_and_changes_nothing(tmp_path: Path, name: object) -> None:
+def test_an_invalid_name_is_refused_and_changes_nothing(tmp_path, name):
     identity = IdentityFile(tmp_path)
     before = identity.now
     with pytest.raises(ConfigurationError):
@@ -40,7 +36,7 @@ def test_an_invalid_name_is_refused_and_changes_nothing(tmp_path: Path, name: ob
     assert identity.now == IdentityFile(tmp_path).now == before
 
 
-def test_clients_are_told_of_a_new_name() -> None:
+def test_clients_are_told_of_a_new_name():
     with (
         VirtualServer() as server,
         httpx.Client(base_url=server.address) as http,
@@ -55,7 +51,7 @@ def test_clients_are_told_of_a_new_name() -> None:
             assert pilot.hello["robot"] == "Ada"
 
 
-def test_an_event_reaches_present_clients_and_a_lasting_event_also_later_ones() -> None:
+def test_an_event_reaches_present_clients_and_a_lasting_event_also_later_ones():
     VirtualServer().hub.broadcast.announce("nobody_listens")  # before the start
     with VirtualServer() as server:
         with server.pilot() as first:

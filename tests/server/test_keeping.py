@@ -3,11 +3,8 @@
 test_damaged_folder.py tests other damage to a folder.
 """
 
-from __future__ import annotations
-
 import os
 import signal
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -18,90 +15,97 @@ import pytest
 from robot.recordings.summary import read_summary
 from robot.store.folder import Storage
 from robot.store.models.store import ModelStore
+from tests.kit.run import run
+from tests.kit.served import Served, served
 from tests.kit.sizes import IS_FULL
 from tests.robot.store.models.test_journal import check_a_disk_whose_flush_hangs_holds_up_no_record
 
 from .live_robot import Pilot
-from .own_process import OwnProcess, own_process
 
-pytestmark = pytest.mark.realtime
+NOT_OURS = "\udcff\udcfe"
+"""A name that is no UTF-8: the bytes FF FE."""
+MOVED = ("models", "episodes", "trash", "robot.json", ".lock.pid")
 
 
-def teach(server: OwnProcess, lessons: int) -> int:
-    """Hold a move until this number of examples was taught; return the final number."""
-    with Pilot(f"ws://127.0.0.1:{server.port}/ws/drive") as pilot:
-        pilot.drive_until(lambda: pilot.state["lessons"] >= lessons, held="left")
+def teach(server: Served, lessons: int) -> int:
+    """Hold a move until this number of examples was added; return how many the robot had before."""
+    with Pilot(server.drive_url) as pilot:
+        before = int(pilot.wait_for_state()["lessons"])
+        pilot.drive_until(lambda: pilot.state["lessons"] >= before + lessons, held="left")
         pilot.mode("stopped")
         pilot.wait_for_state(mode="stopped")
         time.sleep(0.2)
-        return int(pilot.state["lessons"])
+        return before
 
 
 @pytest.mark.slow
-def test_taught_examples_survive_every_kind_of_end(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    a_second_server_leaves_the_folder_of_the_first_alone(tmp_path / "shared")
+@pytest.mark.realtime
+def test_taught_examples_survive_every_kind_of_end(tmp_path, monkeypatch):
+    folder = tmp_path / "data"
+    if os.name != "nt":  # Windows has no named pipes
+        ruin(folder)
+    with served(folder, "--name", "sim") as server:
+        if os.name != "nt":
+            it_says_what_it_moved_and_serves(server, folder)
+        a_second_server_leaves_the_folder_of_the_first_alone(server, folder)
+        assert teach(server, 5) == 0
+        server.process.kill()
     ends = [signal.SIGTERM, signal.SIGINT]
     # if SIGHUP is ignored, `nohup` runs this test
     if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
         ends.append(signal.SIGHUP)  # as if a terminal's window was closed
     for end in ends if IS_FULL else ends[:1]:
-        it_ends_with_everything_saved_and_goes_on_from_there(tmp_path / end.name, end)
-    it_starts_on_a_ruin_and_says_what_it_moved(tmp_path / "ruin")
+        it_ends_with_everything_saved_and_goes_on_from_there(folder, end)
     (tmp_path / "hung").mkdir()
     check_a_disk_whose_flush_hangs_holds_up_no_record(tmp_path / "hung", monkeypatch)
 
 
-def a_second_server_leaves_the_folder_of_the_first_alone(folder: Path) -> None:
-    with own_process(folder) as first:
-        words = [sys.executable, "-m", "server", "serve", "--port", "0", "--data", str(folder)]
-        second = subprocess.run(words, capture_output=True, text=True, timeout=60)
-        assert second.returncode == 1
-        assert f"process {first.process.pid}" in second.stderr and "--data" in second.stderr
-        assert len(second.stderr.strip().splitlines()) == 1
-        assert teach(first, 5) >= 5
-        first.process.kill()
-    with own_process(folder) as after_a_kill:
-        assert httpx.get(after_a_kill.address + "/healthz").status_code == 200
+def ruin(folder: Path) -> None:
+    folder.mkdir()
+    (folder / "models").symlink_to(folder / "models")
+    os.mkfifo(folder / "episodes")
+    (folder / "trash").write_bytes(b"\xff")
+    (folder / "robot.json").mkdir()
+    os.mkfifo(folder / ".lock.pid")
+    (folder / NOT_OURS).write_bytes(b"x")
+
+
+def it_says_what_it_moved_and_serves(server: Served, folder: Path) -> None:
+    assert httpx.get(server.address + "/healthz").status_code == 200
+    assert httpx.get(server.address + "/api/models").json()["models"] == []
+    assert httpx.get(server.address + "/api/episodes").json()["episodes"] == []
+    assert httpx.get(server.address + "/").status_code == 200
+    [line] = [line for line in server.errors if "set aside" in line]
+    for name in MOVED:
+        assert name in line and f"set-aside/{name}.1" in line
+    assert (folder / NOT_OURS).read_bytes() == b"x", "a name that the server does not know stays"
+
+
+def a_second_server_leaves_the_folder_of_the_first_alone(first: Served, folder: Path) -> None:
+    second = run(sys.executable, "-m", "server", "--port", "0", "--data", folder, timeout=60)
+    assert second.returncode == 1
+    assert f"process {first.process.pid}" in second.stderr and "--data" in second.stderr
+    assert len(second.stderr.strip().splitlines()) == 1
 
 
 def it_ends_with_everything_saved_and_goes_on_from_there(folder: Path, end: signal.Signals) -> None:
-    with own_process(folder, "--name", "sim") as server:
-        taught = teach(server, 20)
-        server.process.send_signal(end)
-        assert server.process.wait(60) in (0, 130)
+    """The end does not wait for unfinished requests."""
+    with served(folder, "--name", "sim") as server:
+        before = teach(server, 20)
+        with server.unfinished():
+            server.process.send_signal(end)
+            assert server.process.wait(60) in (0, 130)
     assert "Traceback" not in "".join(server.errors), "its end is no error"
     model = ModelStore(Storage(folder)).load("sim")
-    assert model.summary.n_examples >= taught
-    readable = [path for path in folder.rglob("*") if path.stat().st_mode & 0o077]
-    assert os.name == "nt" or not any(path.is_file() for path in readable), "its owner's only"
-    [path] = folder.glob("episodes/*.mcap")
+    assert model.summary.n_examples >= before + 20
+    ours = [path for path in folder.rglob("*") if path.is_file() and path.name != NOT_OURS]
+    readable = [path for path in ours if path.stat().st_mode & 0o077]
+    assert os.name == "nt" or {path.parent.name for path in readable} <= {"set-aside"}
+    path = max(folder.glob("episodes/*.mcap"), key=lambda path: path.stat().st_mtime)
     summary = read_summary(path)
-    assert summary.damage is None and sum(summary.taught.values()) == model.summary.n_examples
-    with own_process(folder, "--robot", "replay", "--episode", str(path)) as server:
+    taught = sum(summary.taught.values())
+    assert summary.damage is None and before + taught == model.summary.n_examples
+    with served(folder, "--robot", "replay", "--episode", str(path)) as server:
         listed = httpx.get(f"{server.address}/api/models", timeout=60).json()
         assert listed["current"] == "sim"
         assert listed["models"][0]["lessons"] == model.summary.n_examples
-
-
-def it_starts_on_a_ruin_and_says_what_it_moved(folder: Path) -> None:
-    root = folder / "data"
-    root.mkdir(parents=True)
-    (root / "models").symlink_to(root / "models")
-    os.mkfifo(root / "episodes")
-    (root / "trash").write_bytes(b"\xff")
-    (root / "robot.json").mkdir()
-    os.mkfifo(root / ".lock.pid")
-    not_ours = Path(os.fsdecode(os.fsencode(root) + b"/\xff\xfe"))
-    not_ours.write_bytes(b"x")
-    with own_process(root) as server:
-        assert httpx.get(server.address + "/healthz").status_code == 200
-        assert httpx.get(server.address + "/api/models").json()["models"] == []
-        assert httpx.get(server.address + "/api/episodes").json()["episodes"] == []
-        assert httpx.get(server.address + "/").status_code == 200
-    lines = [line for line in server.errors if "set aside" in line]
-    assert len(lines) == 1
-    for name in ("models", "episodes", "trash", "robot.json", ".lock.pid"):
-        assert name in lines[0] and f"set-aside/{name}.1" in lines[0]
-    assert not_ours.read_bytes() == b"x", "a name that the server does not know stays"

@@ -4,8 +4,6 @@ connection does not need.
 DRIVELESSON_FULL=1 compares 10,000 orders (.ci/run).
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import importlib
@@ -64,15 +62,13 @@ def asks(steering: float, throttle: float | None) -> dict[str, float]:
         (0.0, 0.5, {}, None),
     ],
 )
-def test_an_action_counts_as_the_nearest_move_that_is_taken(
-    steering: float, throttle: float | None, taken: dict[str, Any], move: str | None
-) -> None:
+def test_an_action_counts_as_the_nearest_move_that_is_taken(steering, throttle, taken, move):
     assert part("nearest").nearest(asks(steering, throttle), taken) == move
     assert part("nearest").nearest({}, taken) is None
 
 
 @pytest.fixture
-def server() -> Iterator[LiveServer]:
+def server():
     limits = Limits(messages_per_second=1e4, messages_burst=1e4)
     with live_server(Config(port=0, web=WEB, limits=limits)) as running:
         running.driver.declared_moves = tuple(CLASSIC.values())
@@ -87,7 +83,7 @@ def line_to(server: LiveServer) -> Iterator[Any]:
 
 
 @pytest.mark.realtime
-def test_random_orders_are_driven_and_the_returned_actions_were_done(server: LiveServer) -> None:
+def test_random_orders_are_driven_and_the_returned_actions_were_done(server):
     chance = random.Random(1)
     with line_to(server) as line:
         line.begin()
@@ -114,7 +110,7 @@ def test_random_orders_are_driven_and_the_returned_actions_were_done(server: Liv
         assert not refused["bad_field"] and not refused["too_fast"], refused
 
 
-def test_a_message_that_is_read_late_was_sent_when_the_robot_says() -> None:
+def test_a_message_that_is_read_late_was_sent_when_the_robot_says():
     sent = part("line").Sent()
     for i in range(20):
         sent.at_s(1000.0 + 100 * i, 500.0 + 0.1 * i)
@@ -125,9 +121,7 @@ def test_a_message_that_is_read_late_was_sent_when_the_robot_says() -> None:
 
 
 @pytest.mark.realtime
-def test_an_order_needs_the_wheel_and_a_fresh_proof_or_is_refused(
-    server: LiveServer, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_an_order_needs_the_wheel_and_a_fresh_proof_or_is_refused(server, monkeypatch, caplog):
     without_the_wheel_it_does_not_begin(server, monkeypatch)
     an_order_waits_for_a_proof_that_is_young_enough(server, monkeypatch)
     what_the_server_refuses_is_read_and_said_once_a_second(server, caplog)

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import asdict
@@ -31,7 +29,7 @@ def _check_refused(vector: dict[str, Any], parse: Callable[[], object]) -> None:
 
 
 @_each("pictures")
-def test_every_picture_is_parsed_or_refused(vector: dict[str, Any]) -> None:
+def test_every_picture_is_parsed_or_refused(vector):
     message = bytes.fromhex(vector["hex"])
     if "error" in vector:
         _check_refused(vector, lambda: protocol.parse_picture(message))
@@ -49,7 +47,7 @@ def test_every_picture_is_parsed_or_refused(vector: dict[str, Any]) -> None:
 
 
 @_each("acknowledgements", "refused_acknowledgements")
-def test_every_acknowledgement_is_parsed_or_refused(vector: dict[str, Any]) -> None:
+def test_every_acknowledgement_is_parsed_or_refused(vector):
     message = bytes.fromhex(vector["hex"])
     if "error" in vector:
         _check_refused(vector, lambda: protocol.parse_acknowledgement(message))
@@ -59,7 +57,7 @@ def test_every_acknowledgement_is_parsed_or_refused(vector: dict[str, Any]) -> N
 
 
 @_each("up")
-def test_every_message_from_the_page_is_parsed(vector: dict[str, Any]) -> None:
+def test_every_message_from_the_page_is_parsed(vector):
     message = protocol.parse_message(json.dumps(vector), DEFAULT_MOVES, takes_points=True)
     fields = {} if isinstance(message, protocol.BareMessage) else asdict(message)
     wanted = {name: value for name, value in vector.items() if name != "type"}
@@ -68,7 +66,7 @@ def test_every_message_from_the_page_is_parsed(vector: dict[str, Any]) -> None:
 
 
 @_each("refused_up")
-def test_every_invalid_message_from_the_page_is_refused(vector: dict[str, Any]) -> None:
+def test_every_invalid_message_from_the_page_is_refused(vector):
     takes_points = vector.get("takes_points", True)
     _check_refused(
         vector,
@@ -76,14 +74,14 @@ def test_every_invalid_message_from_the_page_is_refused(vector: dict[str, Any]) 
     )
 
 
-def test_a_refusal_names_the_seq_of_the_refused_message() -> None:
+def test_a_refusal_names_the_seq_of_the_refused_message():
     with pytest.raises(ProtocolError) as raised:
         protocol.parse_message('{"type":"drive","held":"up","seq":5}', DEFAULT_MOVES)
     assert json.loads(protocol.encode_error(raised.value))["seq"] == 5
 
 
 @pytest.mark.parametrize("body", POINTS)
-def test_a_point_counts_as_the_same_move_as_on_the_page(body: str) -> None:
+def test_a_point_counts_as_the_same_move_as_on_the_page(body):
     moves = [Move(Action(move.pop("name")), **move) for move in POINTS[body]["moves"]]
     for steering, throttle, wanted in POINTS[body]["points"]:
         assert move_at(Point(steering, throttle), moves) == wanted, (steering, throttle)

@@ -3,49 +3,28 @@
 Further tests are in test_drive.py and test_security.py.
 """
 
-from __future__ import annotations
-
 import asyncio
 import datetime as dt
 import os
 import ssl
-from pathlib import Path
 
 import httpx
 import pytest
 from websockets.asyncio.client import connect
 
 from robot.types import Action
-from server.access import gateway
 from server.access.certificates import make_certificates
 from server.access.config import NetworkConfig
-from server.access.listener import connection_capacity
 from server.access.pairing import Pairing
 from server.gateway.roles import Role
-from tests.kit.sizes import IS_FULL, size
 from tests.kit.wait import wait_until
 
-from .browsers import WAYS, check_no_page_is_dead
 from .live_robot import WEB, Pilot, live_server
 
 pytestmark = pytest.mark.realtime
 
 
-def test_no_page_is_dead_however_many_browsers_come_at_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "browsers").mkdir()
-    certificates = make_certificates(tmp_path / "tls", ["127.0.0.1"], dt.datetime.now(dt.UTC))
-    # A page has six connections and two websockets, and opens more, so Windows allows 32 pages.
-    count = min(size("BROWSERS", 6, 60), connection_capacity() // 12)
-    ways = WAYS if IS_FULL else ("TLS", "TLS through nginx")
-    check_no_page_is_dead(tmp_path / "browsers", certificates, count, ways)
-    # Windows has 384, and a class of 30 opens 240 at once, so half of its pages lost a file.
-    monkeypatch.setattr(gateway, "connection_capacity", lambda: 100)
-    check_no_page_is_dead(tmp_path, None, 8, ["http"])
-
-
-def test_a_pilot_drives_and_the_robot_stands_when_it_vanishes() -> None:
+def test_a_pilot_drives_and_the_robot_stands_when_it_vanishes():
     with live_server() as server:
         assert httpx.get(server.address + "/healthz").json()["status"] == "ok"
         with Pilot(server.ws("/ws/drive"), sees=True) as pilot:
@@ -61,7 +40,7 @@ def test_a_pilot_drives_and_the_robot_stands_when_it_vanishes() -> None:
         wait_until(lambda: not server.hub.broadcast.clients, "the hub lets it go")
 
 
-def test_tls_with_an_authority_of_our_own(tmp_path: Path) -> None:
+def test_tls_with_an_authority_of_our_own(tmp_path):
     now = dt.datetime.now(dt.UTC)
     names = ["localhost", "127.0.0.1", "drivelesson.local", "a.public.example"]
     certificates = make_certificates(tmp_path / "tls", names, now)

@@ -1,7 +1,5 @@
 """A late release or a late start does not undo a STOP that its sender had not seen."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Awaitable, Callable
 from typing import Any
@@ -62,9 +60,7 @@ async def _refusal(pilot: Pilot) -> dict[str, Any]:
 
 @pytest.mark.parametrize("newer", STOPS)
 @in_virtual_time()
-async def test_a_release_in_transit_does_not_undo_a_newer_stop(
-    world: ServedWorld, newer: str
-) -> None:
+async def test_a_release_in_transit_does_not_undo_a_newer_stop(world, newer):
     pilot = await _stopped(world)
     pilot.release()
     await STOPS[newer](world)
@@ -77,9 +73,7 @@ async def test_a_release_in_transit_does_not_undo_a_newer_stop(
 
 
 @in_virtual_time()
-async def test_a_release_after_a_reconnection_names_the_stop_of_the_new_state(
-    world: ServedWorld,
-) -> None:
+async def test_a_release_after_a_reconnection_names_the_stop_of_the_new_state(world):
     before = await _stopped(world)
     before.release()
     before.vanish()
@@ -93,7 +87,7 @@ async def test_a_release_after_a_reconnection_names_the_stop_of_the_new_state(
     await world.until(lambda: not world.loop.state.emergency, 1.5)
 
 
-def test_a_message_to_an_earlier_server_never_names_a_stop_of_this_server() -> None:
+def test_a_message_to_an_earlier_server_never_names_a_stop_of_this_server():
     async def number(world: ServedWorld) -> int:
         return world.hub.emergency.number
 
@@ -102,12 +96,9 @@ def test_a_message_to_an_earlier_server_never_names_a_stop_of_this_server() -> N
 
 @pytest.mark.parametrize("nonce", ["fresh", "unknown"])
 @in_virtual_time()
-async def test_a_start_requested_before_a_stop_does_not_start_the_released_robot(
-    world: ServedWorld, nonce: str
-) -> None:
+async def test_a_start_requested_before_a_stop_does_not_start_the_released_robot(world, nonce):
     """A pilot taps a mode; somebody else stops and releases the robot before that message
     arrives."""
-
     pilot = await world.pilot(sees=True)
     await world.forward(0.2)
     world.link.conditions = LinkConditions(delay_s=0.2)
@@ -130,8 +121,8 @@ async def test_a_start_requested_before_a_stop_does_not_start_the_released_robot
     [(9.9, 10.1, True), (10.0, 10.1, False), (9.9, 12.0, True), (9.9, 12.01, False)],
 )
 def test_each_stop_has_the_next_number_and_refuses_older_starts_for_two_seconds(
-    proven_s: float, now_s: float, is_refused: bool
-) -> None:
+    proven_s, now_s, is_refused
+):
     stop = EmergencyStop()
     first = stop.number
     stop.check_start(0, 9.0, 9.1)
@@ -144,8 +135,8 @@ def test_each_stop_has_the_next_number_and_refuses_older_starts_for_two_seconds(
 @pytest.mark.parametrize("seed", range(size("RELEASES", 3, 60)))
 @in_virtual_time()
 async def test_on_links_of_any_delay_no_order_undoes_a_stop_that_its_sender_had_not_seen(
-    world: ServedWorld, seed: int
-) -> None:
+    world, seed
+):
     dice, seen = world.dice, {world.hub.emergency.number}
     pages = [await world.pilot(sees=True) for _ in range(2)]
     for _ in range(40):

@@ -1,9 +1,5 @@
 """A robot that stands unwatched rests, and is awake at once when a client connects."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-
 import httpx
 import pytest
 
@@ -12,6 +8,7 @@ from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
 from robot.types import Mode
 from server.protocol import encode_acknowledgement, parse_picture
+from tests.kit.sizes import crossed
 
 from .virtual import Socket
 from .virtual_server import VirtualPilot, VirtualServer, connect
@@ -25,7 +22,7 @@ FRESH_S = 0.1
 
 
 @pytest.fixture(scope="module")
-def server() -> Iterator[VirtualServer]:
+def server():
     clock = VirtualClock(100.0)
     body = SimDriver(SimOptions())
     rig = Rig(body, SimCamera(body, SimCameraOptions(), clock), make_policy("published-8"), clock)
@@ -34,7 +31,7 @@ def server() -> Iterator[VirtualServer]:
 
 
 @pytest.fixture
-def resting(server: VirtualServer) -> VirtualServer:
+def resting(server):
     server.forward(3.0)
     assert server.rig.loop.state.is_resting
     return server
@@ -48,23 +45,23 @@ def spent(server: VirtualServer, seconds: float) -> tuple[int, int]:
     return camera._last_frame_id - pictures, loop.state.cycles - ticks
 
 
-def test_an_unwatched_robot_takes_no_pictures_and_rarely_ticks(resting: VirtualServer) -> None:
+def test_an_unwatched_robot_takes_no_pictures_and_rarely_ticks(resting):
     pictures, ticks = spent(resting, 10.0)
     assert pictures == 0 and ticks <= 50
 
 
-def test_a_viewer_gets_no_old_picture_and_soon_a_new_one(resting: VirtualServer) -> None:
+def test_a_viewer_gets_no_old_picture_and_soon_a_new_one(resting):
     with resting.pilot() as pilot:  # a page whose next state is due when the viewer comes
         pilot.send(type="idle")
         resting.forward(5.0)
         came_s = resting.clock.now_s()
         with connect(resting.ws("/ws/video")) as viewer:
-            picture = parse_picture(viewer.recv(FRESH_S))  # type: ignore[arg-type]
+            picture = parse_picture(viewer.recv(FRESH_S))
         assert picture.captured_s >= came_s
         assert resting.clock.now_s() - came_s <= FRESH_S
 
 
-def test_a_page_that_asks_for_single_pictures_gets_new_ones(resting: VirtualServer) -> None:
+def test_a_page_that_asks_for_single_pictures_gets_new_ones(resting):
     came_s, latest = resting.clock.now_s(), resting.rig.camera.latest
     with httpx.Client(base_url=resting.address) as page:
         for _ in range(3):
@@ -77,14 +74,11 @@ def test_a_page_that_asks_for_single_pictures_gets_new_ones(resting: VirtualServ
             came_s = resting.clock.now_s()
 
 
-def test_a_viewer_with_one_picture_a_second_costs_one_and_changes_no_rate(
-    resting: VirtualServer,
-) -> None:
+def test_a_viewer_with_one_picture_a_second_costs_one_and_changes_no_rate(resting):
     seen: list[int] = []
 
     async def begin() -> Socket:
         def acknowledge(message: str | bytes) -> None:
-            assert isinstance(message, bytes)
             seen.append(parse_picture(message).frame_id)
             socket.send(encode_acknowledgement(seen[-1]))
 
@@ -105,7 +99,7 @@ def test_a_viewer_with_one_picture_a_second_costs_one_and_changes_no_rate(
     viewer.close()
 
 
-def test_a_page_without_a_picture_leaves_the_robot_at_rest(resting: VirtualServer) -> None:
+def test_a_page_without_a_picture_leaves_the_robot_at_rest(resting):
     with resting.pilot() as pilot:
         pilot.send(type="idle")
         resting.forward(2.0)
@@ -114,11 +108,10 @@ def test_a_page_without_a_picture_leaves_the_robot_at_rest(resting: VirtualServe
         assert spent(resting, 1.0)[0] >= 28
 
 
-@pytest.mark.parametrize("sees", [False, True])
-@pytest.mark.parametrize("rested_s", [5.0, 5.013, 5.026, 5.039])
+@crossed(rested_s=[5.0, 5.013, 5.026, 5.039], sees=[False, True])
 def test_a_pilot_starts_at_once_and_the_rest_does_not_count_as_the_cameras_period(
-    resting: VirtualServer, rested_s: float, sees: bool
-) -> None:
+    resting, rested_s, sees
+):
     """In an earlier version, the first state came up to 150 ms after the pilot."""
     resting.forward(rested_s)
     came_s = resting.clock.now_s()

@@ -1,35 +1,22 @@
 """Every STOP by anybody who may stop is obeyed, and two clients keep their slots.
 
-The machine runs the real application in virtual time, with small limits. The last check presses
-STOP on a real server with real sockets, while a greedy client floods the server from a separate
-process.
+The machine runs the real application in virtual time, with small limits.
+access/test_unpaired_flood.py presses STOP on real sockets, while others flood the server.
 """
 
-from __future__ import annotations
-
-import contextlib
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
 import httpx
-import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 from websockets.exceptions import ConnectionClosed, InvalidStatus
-from websockets.sync.client import connect as real_connect
 
-from robot.clock import RealClock
 from server.access.config import NetworkConfig, NetworkLimits
 from server.access.pairing import Pairing
 from server.gateway.roles import Role
 from tests.kit.sizes import size
-from tests.kit.wait import wait_until
-from tests.server.access.unpaired_flood import PATIENCE_S
 
-from .lan_process import lan_process
 from .live_robot import WEB
 from .virtual_connections import VirtualSocket
 from .virtual_server import VirtualServer, connect
@@ -44,8 +31,6 @@ LIMITS = NetworkLimits(
     refused_before_closing=20,
 )
 PEOPLE = ("owner", "pilot", "viewer", "pupil", "greedy")
-TRIES = size("STOPS", 3, 250)
-"""Number of STOPs of each of two clients, by each of two ways (`.ci/run`: 250)."""
 OBEYED_S = 0.3
 person_st = st.sampled_from(PEOPLE)
 _DRIVE = '{"type":"drive","held":"left","frame":null,"seq":1'
@@ -193,53 +178,7 @@ class PeopleAtOneRobot(RuleBasedStateMachine):
 TestPeopleAtOneRobot = PeopleAtOneRobot.TestCase
 TestPeopleAtOneRobot.settings = settings(
     deadline=None,
-    max_examples=max(5, TRIES // 2),
+    max_examples=size("STOP_RUNS", 5, 125),
     stateful_step_count=20,
     suppress_health_check=[HealthCheck.too_slow],
 )
-
-
-def check_who_takes_all_places_holds_up_no_stop(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    took_ms: list[float] = []
-    clock = RealClock()
-    with lan_process(tmp_path / "log") as server:
-        cookies = {person: server.pair() for person in ("owner", "pilot")}
-        url = f"ws://127.0.0.1:{server.port}/ws/drive"
-        words = [sys.executable, "-m", "tests.server.greedy", str(server.port)]
-        theirs = [server.pair(role) for role in ("viewer", "pilot")]
-        greedy = [subprocess.Popen([*words, cookie]) for cookie in theirs]
-        try:
-            while server.ask()["evicted"] < 100:
-                clock.sleep(0.1)
-            for number in range(4 * TRIES):
-                cookie = {"Cookie": cookies["owner" if number % 2 else "pilot"]}
-                with contextlib.ExitStack() as stack:
-                    # On a separate connection; making a client of httpx takes 20 ms.
-                    if number % 4 < 2:
-                        asker = stack.enter_context(httpx.Client(timeout=PATIENCE_S))
-                        start_s = clock.now_s()
-                        answer = asker.post(server.address + "/api/stop", headers=cookie)
-                        assert answer.status_code == 200
-                    else:  # behind all messages that its socket accepts, just reconnected
-                        options: Any = {"additional_headers": cookie, "open_timeout": PATIENCE_S}
-                        options |= {"compression": None, "max_queue": None, "close_timeout": 0}
-                        page = stack.enter_context(real_connect(url, **options))
-                        start_s = clock.now_s()
-                        for _ in range(700):
-                            page.send('{"type":"ping","client_ms":1}')
-                        page.send('{"type":"stop"}')
-                    wait_until(lambda: server.ask()["emergency"], f"try {number}", PATIENCE_S)
-                    took_ms.append(1000 * (clock.now_s() - start_s))
-                assert not server.ask("release")["emergency"]
-        finally:
-            for process in greedy:
-                process.kill()
-                process.wait()
-    took_ms.sort()
-    with capsys.disabled():
-        print(
-            f"\nSTOP: {len(took_ms)} of {4 * TRIES}; median {took_ms[len(took_ms) // 2]:.0f} ms, "
-            f"99 % {took_ms[int(0.99 * len(took_ms))]:.0f} ms, longest {took_ms[-1]:.0f} ms"
-        )

@@ -1,11 +1,7 @@
 """The routes of gallery, teaching and settings, on a bench robot."""
 
-from __future__ import annotations
-
 from base64 import b64decode
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import httpx
@@ -19,7 +15,7 @@ from .virtual_server import VirtualServer
 
 
 @pytest.fixture
-def taught(tmp_path: Path) -> Iterator[VirtualServer]:
+def taught(tmp_path):
     """A running robot that was taught 40 frames within four seconds of its time."""
     with VirtualServer(data=tmp_path) as server:
         teach_a_default_model(server)
@@ -43,7 +39,7 @@ def gallery(server: VirtualServer) -> dict[int, dict[str, Any]]:
     return {image["node"]: image for image in images}
 
 
-def test_the_gallery_lists_every_image_with_its_picture(taught: VirtualServer) -> None:
+def test_the_gallery_lists_every_image_with_its_picture(taught):
     images = gallery(taught)
     assert len(images) == 8
     # With one view only a change of label is learned: every fourth example, and the next one.
@@ -55,17 +51,17 @@ def test_the_gallery_lists_every_image_with_its_picture(taught: VirtualServer) -
     assert ask(taught, "GET", "/api/gallery/999999.png").status_code == 404
 
 
-def test_an_image_merged_before_it_was_listed_still_has_a_picture(taught: VirtualServer) -> None:
+def test_an_image_merged_before_it_was_listed_still_has_a_picture(taught):
     """The state names an image that no longer exists when the page requests it."""
     loop = taught.rig.loop
 
     taught.wait_until(lambda: getattr(loop.state.prediction, "node", None) is not None)
-    node = loop.state.prediction.node  # type: ignore[union-attr]
+    node = loop.state.prediction.node
     taught.ask_loop(lambda: loop.history.edit("delete", node))
     assert ask(taught, "GET", f"/api/gallery/{node}.png").content.startswith(b"\x89PNG")
 
 
-def test_an_image_is_relabelled_pinned_deleted_and_all_is_undone(taught: VirtualServer) -> None:
+def test_an_image_is_relabelled_pinned_deleted_and_all_is_undone(taught):
     before = gallery(taught)
     node = next(iter(before))
 
@@ -86,9 +82,7 @@ def test_an_image_is_relabelled_pinned_deleted_and_all_is_undone(taught: Virtual
     assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": False, "kept": True}
 
 
-def test_a_changed_mind_is_undone_like_an_edit_if_the_learner_can_change_it(
-    taught: VirtualServer,
-) -> None:
+def test_a_changed_mind_is_undone_like_an_edit_if_the_learner_can_change_it(taught):
     assert ask(taught, "POST", "/api/teaching/outdate").json() == {"outdated": 40, "kept": True}
     assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": True, "kept": True}
     assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": False, "kept": True}
@@ -97,7 +91,7 @@ def test_a_changed_mind_is_undone_like_an_edit_if_the_learner_can_change_it(
     assert (answer.status_code, "new model" in answer.json()["detail"]) == (409, True)
 
 
-def test_the_setting_of_symmetry_is_set_shown_and_withdrawn(taught: VirtualServer) -> None:
+def test_the_setting_of_symmetry_is_set_shown_and_withdrawn(taught):
     def word() -> dict[str, bool]:
         answer: dict[str, bool] = ask(taught, "GET", "/api/teaching/alike").json()
         return answer
@@ -123,14 +117,12 @@ def test_the_setting_of_symmetry_is_set_shown_and_withdrawn(taught: VirtualServe
         ("", {}, 400),
     ],
 )
-def test_a_bad_change_is_refused_with_a_sentence(
-    taught: VirtualServer, node: str, body: dict[str, Any], status: int
-) -> None:
+def test_a_bad_change_is_refused_with_a_sentence(taught, node, body, status):
     answer = ask(taught, "POST", f"/api/gallery/{node or next(iter(gallery(taught)))}", json=body)
     assert (answer.status_code, bool(answer.json()["detail"])) == (status, True)
 
 
-def test_undo_shows_the_examples_and_removes_them(taught: VirtualServer) -> None:
+def test_undo_shows_the_examples_and_removes_them(taught):
     last = ask(taught, "GET", "/api/teaching/last", params={"seconds": 1}).json()
     assert last["lessons"] == 10
     assert sum(last["taught"].values()) == 10
@@ -140,7 +132,7 @@ def test_undo_shows_the_examples_and_removes_them(taught: VirtualServer) -> None
     assert ask(taught, "GET", "/api/teaching").json()["lessons"] == 30
 
 
-def test_settings_list_the_possible_values(taught: VirtualServer) -> None:
+def test_settings_list_the_possible_values(taught):
     settings = ask(taught, "GET", "/api/settings").json()
     assert settings["learner"] == "default-8"
     rates = [size["rate_hz"] for size in settings["sizes"]]
@@ -148,7 +140,7 @@ def test_settings_list_the_possible_values(taught: VirtualServer) -> None:
     assert settings["camera"]["width"] == 160
 
 
-def test_another_size_begins_anew_and_keeps_the_old_model(taught: VirtualServer) -> None:
+def test_another_size_begins_anew_and_keeps_the_old_model(taught):
     answer = ask(taught, "PUT", "/api/settings", json={"max_nodes": 64, "speed": 0.5})
     assert answer.json() == {"learner": "default-64", "speed": 0.5, "kept": True}
     assert gallery(taught) == {}
@@ -171,9 +163,7 @@ OTHERS = {"speed": 0.5, "name": "Ada", "max_nodes": 64}
         ({"colour": "red"}, 409),
     ],
 )
-def test_a_bad_setting_is_refused_and_no_other_changes_with_it(
-    taught: VirtualServer, body: dict[str, Any], status: int
-) -> None:
+def test_a_bad_setting_is_refused_and_no_other_changes_with_it(taught, body, status):
     for others in ({}, OTHERS):
         answer = ask(taught, "PUT", "/api/settings", json={**others, **body})
         assert answer.status_code == status
@@ -182,16 +172,14 @@ def test_a_bad_setting_is_refused_and_no_other_changes_with_it(
         assert len(gallery(taught)) == 8
 
 
-def test_settings_that_start_a_new_model_are_refused_while_the_robot_drives(
-    taught: VirtualServer,
-) -> None:
+def test_settings_that_start_a_new_model_are_refused_while_the_robot_drives(taught):
     taught.set_mode(Mode.AUTONOMOUS)
     assert ask(taught, "PUT", "/api/settings", json=OTHERS).status_code == 409
     now = ask(taught, "GET", "/api/settings").json()
     assert (now["speed"], now["name"]) == (1, "bench")
 
 
-def test_readiness_says_what_is_missing(taught: VirtualServer) -> None:
+def test_readiness_says_what_is_missing(taught):
     told = ask(taught, "GET", "/api/teaching/readiness").json()
     assert told["stage"] == "teach"
     assert (told["alone_s"], told["alone_needed_s"]) == (0, CLEAN_S)
@@ -202,9 +190,7 @@ def test_readiness_says_what_is_missing(taught: VirtualServer) -> None:
 
 
 @pytest.mark.parametrize("is_tiny", [False, True], ids=["", "of one pixel"])
-def test_readiness_shows_the_view_in_which_the_pilot_took_the_wheel(
-    taught: VirtualServer, is_tiny: bool
-) -> None:
+def test_readiness_shows_the_view_in_which_the_pilot_took_the_wheel(taught, is_tiny):
     lesson = taught.services.extension(CoachingExtension).progress.lesson
     ticks: list[Any] = []
     unsubscribe = taught.rig.loop.subscribe(lambda tick: ticks.append(tick) if tick.frame else None)

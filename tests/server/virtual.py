@@ -70,7 +70,7 @@ def with_first_argument(
 
     signature = inspect.signature(test)
     wanted = list(signature.parameters.values())[1:]
-    wrapped.__signature__ = signature.replace(parameters=wanted)  # type: ignore[attr-defined]
+    wrapped.__signature__ = signature.replace(parameters=wanted)
     return wrapped
 
 
@@ -277,7 +277,6 @@ class Pilot:
 
     def close_pictures(self) -> None:
         """Close only the pictures' connection; messages continue."""
-        assert self._video is not None
         self._video.close()
 
     def vanish(self) -> None:
@@ -322,7 +321,6 @@ class Pilot:
             self.nonce = message["nonce"]
 
     def _see(self, message: str | bytes) -> None:
-        assert isinstance(message, bytes)
         picture = parse_picture(message)
         self.picture, self.nonce = picture.frame_id, picture.nonce
         if self._video is not None and self.acknowledges and not self.has_ended:

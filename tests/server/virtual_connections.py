@@ -26,7 +26,6 @@ class Exchange:
         self.chunks: list[bytes] = []
         self.is_over = False
         self._incoming: asyncio.Queue[dict[str, Any]] = asyncio.Queue()
-        assert isinstance(request.stream, httpx.SyncByteStream)
         chunks = list(request.stream)
         for number, chunk in enumerate(chunks or [b""]):
             more = number < len(chunks) - 1
@@ -85,7 +84,7 @@ class VirtualSocket:
         self._socket = server.run(begin())
         server.wait_until(lambda: self._socket.is_accepted or self._socket.is_closed)
         if self._socket.refused_with is not None:
-            raise InvalidStatus(_Refused(self._socket.refused_with))  # type: ignore[arg-type]
+            raise InvalidStatus(_Refused(self._socket.refused_with))
 
     @property
     def close_code(self) -> int | None:

@@ -56,9 +56,8 @@ class VirtualServer:
         if rig is None:
             clock = VirtualClock(100.0)
             rig = Rig(FakeDriver(clock=clock), FakeCamera(clock), make_policy("published-8"), clock)
-        assert isinstance(rig.clock, VirtualClock)
         self.clock = rig.clock
-        self.rig = rig
+        self.rig, self.driver, self.camera = rig, rig.driver, rig.camera
         if data is not None:
             persistence = Persistence(Storage(data), rig, name=name)
         config = config or Config(port=0, web=WEB)
@@ -70,6 +69,7 @@ class VirtualServer:
             gateway=NetworkGateway(config, rig.clock, pairing),
             options=options,
         )
+        self.persistence = persistence
         self.hub = self.services.hub
         self.app = create_app(self.services)
         self.port = next(_PORTS)
@@ -81,11 +81,6 @@ class VirtualServer:
         `classroom_world.FAULTS`."""
         self._sockets: list[Socket] = []
         self._stack = contextlib.ExitStack()
-
-    @property
-    def persistence(self) -> Persistence:
-        assert self.services.persistence is not None
-        return self.services.persistence
 
     def ask_loop(self, request: Callable[[], _T]) -> _T:
         """Have the control loop run a function, and wait for the result."""
@@ -117,7 +112,6 @@ class VirtualServer:
             if policy:
                 loop.history.replace_policy(make_policy(policy))
             frame = latest()
-            assert frame is not None
             x = loop.history.policy.extract(frame)
             for i in range(lessons):
                 label = labels[i % len(labels)]
@@ -125,16 +119,6 @@ class VirtualServer:
                 loop.history.teach(example, (x + (i * 37) % 91).astype(x.dtype), i * every_s)
 
         self.ask_loop(request)
-
-    @property
-    def driver(self) -> FakeDriver:
-        assert isinstance(self.rig.driver, FakeDriver)
-        return self.rig.driver
-
-    @property
-    def camera(self) -> FakeCamera:
-        assert isinstance(self.rig.camera, FakeCamera)
-        return self.rig.camera
 
     def ws(self, path: str) -> str:
         return self.address.replace("http", "ws", 1) + path
@@ -146,8 +130,7 @@ class VirtualServer:
         self._stack.enter_context(threads_of_the_pool_inline())
         self._runner = self._stack.enter_context(self.clock.runner())
         self._stack.enter_context(self.rig)
-        if self.services.persistence is not None:
-            self._stack.enter_context(self.services.persistence)
+        self._stack.enter_context(self.persistence or contextlib.nullcontext())
         lifespan = self.app.router.lifespan_context(self.app)
         self.run(lifespan.__aenter__())
         self._stack.callback(lambda: self.run(lifespan.__aexit__(None, None, None)))
@@ -287,7 +270,7 @@ def threads_of_the_pool_inline() -> Iterator[None]:
         return function(*args)
 
     before = anyio.to_thread.run_sync
-    anyio.to_thread.run_sync = run_sync  # type: ignore[assignment]
+    anyio.to_thread.run_sync = run_sync
     try:
         yield
     finally:
@@ -313,4 +296,4 @@ def _handle_request(transport: httpx.HTTPTransport, request: httpx.Request) -> h
     return server.request(request) if server else _real_handle_request(transport, request)
 
 
-httpx.HTTPTransport.handle_request = _handle_request  # type: ignore[method-assign]
+httpx.HTTPTransport.handle_request = _handle_request

@@ -65,7 +65,7 @@ class Class:
         code = read_class_key(self._folder / "class.key").code
         found = []
         for robot in self.robots:
-            origin = robot["address"].rstrip("/")
+            origin = robot["page"].rstrip("/")
             asked = {"json": {"token": code}, "headers": {"Origin": origin}, "timeout": 30}
             answer = httpx.post(f"{origin}/api/pair", **asked).raise_for_status()
             cookie = {"Cookie": answer.headers["Set-Cookie"].partition(";")[0]}

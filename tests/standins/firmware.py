@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import select
 import shutil
 import signal
 import socket
 import subprocess
-import threading
 import time
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import pytest
 
@@ -37,44 +35,6 @@ def firmware(secret: bytes, port: int) -> str:
     as_it_is = '"school", "chalk", b"change me", 4210'
     assert as_it_is in program
     return program.replace(as_it_is, f'"school", "chalk", {secret!r}, {port}')
-
-
-class Relay:
-    """Datagrams in both directions between one client and the robot, until the connection is
-    cut."""
-
-    def __init__(self, robot_port: int) -> None:
-        self.is_cut, self._ending = threading.Event(), threading.Event()
-        self._near = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._near.bind(("127.0.0.1", 0))
-        self._far = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._far.connect(("127.0.0.1", robot_port))
-        self.address = f"127.0.0.1:{self._near.getsockname()[1]}"
-        self._thread = threading.Thread(target=self._run, daemon=True)
-
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._ending.set()
-        self._thread.join()
-        self._near.close()
-        self._far.close()
-
-    def _run(self) -> None:
-        client: Any = None
-        while not self._ending.is_set():
-            for sock in select.select([self._near, self._far], [], [], 0.05)[0]:
-                with contextlib.suppress(OSError):
-                    data, sender = sock.recvfrom(2048)
-                    if self.is_cut.is_set():
-                        continue
-                    if sock is self._near:
-                        client = sender
-                        self._far.send(data)
-                    elif client is not None:
-                        self._near.sendto(data, client)
 
 
 class FirmwareRobot:

@@ -1,4 +1,4 @@
-"""An IP camera on this machine: a stream of JPEGs that can be frozen and cut."""
+"""An IP camera on this machine: a stream of JPEGs that can be cut."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class MjpegServer(HTTPServer):
     def __init__(self, *, with_length: bool = True) -> None:
         super().__init__(("127.0.0.1", 0), _Stream)
         self.with_length = with_length
-        self.frozen, self.ended = threading.Event(), threading.Event()
+        self.ended = threading.Event()
         self.refuses = False
         self.asked: list[str] = []
         self._thread = threading.Thread(target=self.serve_forever, args=(0.02,), daemon=True)
@@ -52,8 +52,6 @@ class _Stream(BaseHTTPRequestHandler):
         self.end_headers()
         index = 0
         while not server.ended.wait(0.03) and not server.refuses:
-            if server.frozen.is_set():
-                continue
             index += 1
             jpeg = grey_jpeg(index)
             length = f"Content-Length: {len(jpeg)}\r\n" if server.with_length else ""

@@ -53,16 +53,13 @@ FORMS: dict[str, _Form] = {
     "fractions, no bounds": lambda p: ((f := p / 255), _box(-np.inf, np.inf, f)),
     "fractions said to be bytes": lambda p: ((f := p / 255), _box(0.0, 255.0, f)),
     "around zero": lambda p: ((f := (p / 127.5 - 1).astype(np.float32)), _box(-1.0, 1.0, f)),
-    "floats to 255": lambda p: ((f := p.astype(np.float32)), _box(0.0, 255.0, f)),
     "sixteen bits": lambda p: ((w := p.astype(np.uint16) * 257), _box(0, 65535, w)),
-    "a batch of one": lambda p: (p[None], _box(0, 255, p[None])),
     "frames": lambda p: ([np.zeros_like(p), p], None),
     "grey": lambda p: (_grey(p), None),
     "a stack of grey frames": lambda p: (
         (s := np.stack([_grey(p) // 4, _grey(p) // 3, _grey(p) // 2, _grey(p)])),
         _box(0, 255, s),
     ),
-    "lists": lambda p: (p.tolist(), None),
     "an image": lambda p: (_image(p), None),
     "a tuple": lambda p: (
         (np.zeros(3), p),

@@ -10,17 +10,15 @@ import json
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, Self
 
 import websockets
 
-from robot.clock import RealClock
 from robot.types import Point
 from tests.kit.frames import grey_jpeg
 from tests.kit.loops import LoopThread
 from tests.kit.wait import wait_until
-from tests.standins.rclpy_node import WatchdogNode
 
 IMAGES = "/camera/image_raw/compressed"
 SETTLED = "/settled"
@@ -35,8 +33,6 @@ class RosBridgeServer:
         self.topics: dict[str, str] = {}
         self.cmd_vel: list[dict[str, Any]] = []
         self.told: dict[str, list[dict[str, Any]]] = defaultdict(list)
-        self.nodes: dict[str, Callable[[dict[str, Any]], None]] = {}
-        """The reactions of other nodes on the robot to a topic's messages; see `publish`."""
         self.answers: Callable[[dict[str, Any]], list[str]] = lambda asked: []
         """Further messages that answer each operation."""
         self.port = 0
@@ -124,8 +120,6 @@ class RosBridgeServer:
             await self._pass_on(topic, asked["msg"])
 
     async def _pass_on(self, topic: str, message: dict[str, Any]) -> None:
-        if topic in self.nodes:
-            self.nodes[topic](message)
         self._note(topic, message)
         await self._tell_listeners(topic, message)
 
@@ -140,26 +134,6 @@ class RosBridgeServer:
         self.told[topic].append(message)
         if "twist" in self.topics.get(topic, "").lower():
             self.cmd_vel.append(message)
-
-    @contextlib.contextmanager
-    def watchdog(self, **parameters: Any) -> Iterator[WatchdogNode]:
-        """Run the project's watchdog on the robot, without a network between watchdog and base."""
-        node = WatchdogNode(RealClock(), self.publish, **parameters)
-        node.start()
-        self.nodes["/drivelesson/cmd_vel"] = node.take
-        try:
-            yield node
-        finally:
-            del self.nodes["/drivelesson/cmd_vel"]
-            node.end()
-
-    def publish(self, topic: str, kind: str, message: dict[str, Any]) -> None:
-        """Publish like a node on the robot: the base receives it even if rosbridge is frozen."""
-        self.topics[topic] = kind
-        self._note(topic, message)
-        if self._listeners[topic] and not self._over.is_set():
-            telling = self._tell_listeners(topic, message)
-            asyncio.run_coroutine_threadsafe(telling, self._loop.event_loop)
 
     async def _show(self) -> None:
         for index in itertools.count():

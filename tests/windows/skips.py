@@ -47,7 +47,7 @@ TESTS = Path(__file__).parents[1]
 class _Skipped(pytest.Module):
     reason = ""
 
-    def collect(self):  # type: ignore[no-untyped-def]
+    def collect(self):
         pytest.skip(self.reason, allow_module_level=True)
 
 

@@ -18,11 +18,11 @@ from robot.bodies.picamera2.camera import Picamera2Camera, Picamera2Options
 from robot.bodies.webcam.camera import OpencvCamera, OpencvOptions
 from robot.devkit.freshness import STILL_S
 from robot.devkit.pictures import Picture
-from robot.errors import CameraError, ConfigurationError
+from robot.errors import CameraError
 from robot.policy.image import to_rgb
 from robot.testing import VirtualClock
 from robot.types import Encoding
-from tests.contract.camera_cases import write_film
+from tests.contract.test_cameras import write_film
 from tests.kit.run import run
 from tests.kit.wait import wait_until
 from tests.standins import picamera2
@@ -148,14 +148,6 @@ def test_a_missing_or_used_camera_is_reported_in_a_sentence(
     monkeypatch.setitem(sys.modules, "picamera2", None)
     with pytest.raises(CameraError, match=r"apt install python3-picamera2.*--system-site-packages"):
         Picamera2Camera(Picamera2Options(), VirtualClock()).start()
-
-
-@pytest.mark.parametrize(
-    ("option", "value"), [("width", 3), ("frame_rate", 0), ("camera_number", -1)]
-)
-def test_bad_options_are_refused_with_their_name(option: str, value: int) -> None:
-    with pytest.raises(ConfigurationError, match="--" + option.replace("_", "-")):
-        Picamera2Options(**{option: value})
 
 
 class BreakableCapture:

@@ -13,7 +13,7 @@ from robot.driver import ACTION_TIMEOUT_S
 from robot.policy.registry import make_policy
 from robot.testing import FakeCamera, FakeDriver, VirtualClock
 from robot.types import Action, Mode, PilotCommand
-from tests.kit.sizes import crossed
+from tests.kit.sizes import combined
 
 
 class Driven:
@@ -60,7 +60,10 @@ class Driven:
         return last_s
 
 
-@pytest.fixture(params=["train", "autonomous", "hand in autonomous"])
+DRIVEN = ["train", "autonomous", "hand in autonomous"]
+
+
+@pytest.fixture(params=DRIVEN)
 def driven(request):
     mode = Mode.TRAIN if request.param == "train" else Mode.AUTONOMOUS
     one = Driven(mode, None if request.param == "autonomous" else Action.FORWARD)
@@ -69,10 +72,10 @@ def driven(request):
         yield one
 
 
-@crossed(
-    where=["propose", "listener", "sense"],
-    held_up_s=[0.1, 0.15, 0.29, 2.0],
-    silent_s=[0.0, 0.05, 0.18],
+@pytest.mark.parametrize(
+    ("driven", "where", "held_up_s", "silent_s"),
+    combined(DRIVEN, ["propose", "listener", "sense"], [0.1, 0.15, 0.29, 2.0], [0.0, 0.05, 0.18]),
+    indirect=["driven"],
 )
 def test_the_body_stops_on_time_although_the_loop_is_late(driven, where, held_up_s, silent_s):
     driven.clock.sleep(silent_s)

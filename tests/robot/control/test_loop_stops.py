@@ -50,16 +50,6 @@ def test_a_decision_from_before_a_pause_of_the_process_is_not_driven_after_it(wh
     assert "held up for 1.0 s. Close other programs" in (robot.loop.state.fault or "")
 
 
-def test_a_stopped_robot_does_not_learn():
-    robot = BenchRobot()
-    robot.camera.show(1)
-    robot.tick()
-    robot.hold(F)
-    robot.tick()
-    assert robot.loop.state.n_nodes == 0
-    assert robot.driver.sent[-1][0] is Action.STOP
-
-
 @pytest.mark.parametrize("ahead_s", [0.05, 1e9, math.inf, math.nan])
 def test_a_silent_camera_whose_clock_is_ahead_stops_the_robot_just_as_soon(ahead_s):
     robot = BenchRobot()
@@ -79,10 +69,12 @@ def test_a_silent_camera_whose_clock_is_ahead_stops_the_robot_just_as_soon(ahead
 @pytest.mark.parametrize("fault", ["The lens is lost.", OSError("The lens is lost.")])
 def test_a_camera_that_reports_a_fault_stops_the_robot_and_is_reported_as_text(fault):
     robot = started()
+    robot.camera.show(2)
     robot.camera.fault = fault
     robot.hold(F)
     tick = robot.tick()
     assert (tick.decision.stop_reason, tick.fault) == (StopReason.CAMERA_FAULT, "The lens is lost.")
+    assert robot.loop.state.taught == {F: 1}, "what it did not drive it does not learn"
 
 
 @pytest.mark.parametrize("mode", [None, Mode.TRAIN, Mode.AUTONOMOUS])

@@ -73,9 +73,9 @@ class Body(ReplayDriver):
         return pressed
 
 
-@pytest.mark.parametrize("request_s", [0.0, 0.02, 0.05, 0.08])
+@pytest.mark.parametrize("request_s", [0.02, 0.08])
 def test_a_slow_body_costs_no_tick_no_example_and_no_distance(request_s: float) -> None:
-    """Teach for 20 s: pictures and ticks at 30 Hz, a pilot at 10 Hz, and requests that take long.
+    """Teach for 10 s: pictures and ticks at 30 Hz, a pilot at 10 Hz, and requests that take long.
 
     On the loop's own thread requests of 0.05 s would cost half of the ticks.
     """
@@ -88,7 +88,7 @@ def test_a_slow_body_costs_no_tick_no_example_and_no_distance(request_s: float) 
     loop.set_mode(Mode.TRAIN)
     events: list[tuple[float, int, str]] = [(1.0, 0, "tick"), (1.0, 1, "pilot"), (1.0, 2, "body")]
     seq, way = 0, 0.0
-    while events[0][0] < 21.0:
+    while events[0][0] < 11.0:
         at_s, order, what = heapq.heappop(events)
         gone_s = max(at_s - clock.now_s(), 0.0)
         way += gone_s * body.speed * (body.action is not Action.STOP)
@@ -109,9 +109,9 @@ def test_a_slow_body_costs_no_tick_no_example_and_no_distance(request_s: float) 
             next_s = request_s if driver.step() and request_s else TICK_S / 4
         heapq.heappush(events, (now_s + next_s, order, what))
     assert not loop.state.stops
-    assert loop.state.cycles >= 0.95 * 20.0 / TICK_S
-    assert loop.history.taught.total() >= 0.95 * 19.0 / TICK_S
-    assert way >= 0.95 * 19.0
+    assert loop.state.cycles >= 0.95 * 10.0 / TICK_S
+    assert loop.history.taught.total() >= 0.95 * 9.0 / TICK_S
+    assert way >= 0.95 * 9.0
 
 
 def wrapped() -> tuple[VirtualClock, Body, DriverThread]:

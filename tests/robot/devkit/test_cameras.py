@@ -107,14 +107,14 @@ def test_a_camera_may_report_an_error_as_its_fault() -> None:
     camera, told = BenchCamera(None, VirtualClock()), list[str | None]()
     camera.listen(lambda: told.append(camera.fault))
     for _ in range(2):
-        camera._report_fault(OSError("unplugged"))  # type: ignore[arg-type]
+        camera._report_fault(OSError("unplugged"))
     assert told == ["unplugged"]
 
 
 @pytest.mark.parametrize("base", [ThreadedCamera, WatchedCamera])
 @pytest.mark.parametrize("error", [CameraError("The cable is out."), KeyError("exposure")], ids=str)
 def test_an_error_of_a_cameras_thread_becomes_its_fault(base: Any, error: Exception) -> None:
-    class Broken(base):  # type: ignore[misc]
+    class Broken(base):
         name = "broken"
 
         def _begin(self) -> None:

@@ -132,7 +132,7 @@ def test_an_author_may_take_any_private_name_that_is_no_hook(base: Any) -> None:
     assert {"_connection", "_clock", "_connected"} <= names
     radio = Radio(VirtualClock(), answers=True)
 
-    class Wheely(base):  # type: ignore[misc]
+    class Wheely(base):
         name, default_camera = "wheely", "phone"
 
         def __init__(self) -> None:

@@ -182,7 +182,7 @@ class _Orders(ConnectedDriver[Body]):
     def __init__(self, body: Body) -> None:
         super().__init__(clock=body.clock)
         self.body = body
-        self.acknowledges = body.is_acknowledged  # type: ignore[misc]
+        self.acknowledges = body.is_acknowledged
 
     def _open(self) -> Body:
         self.body.open()
@@ -303,7 +303,7 @@ def test_a_stop_that_fails_is_sent_again_and_reported(caplog: Any) -> None:
         tried.append(clock.now_s())
         raise OSError(5, "Input/output error")
 
-    body.order = refuse  # type: ignore[method-assign]
+    body.order = refuse
     driver.disconnect()
     assert len(tried) >= 5 and tried[-1] - tried[0] > 0.3
     assert "'habit' did not accept a stop" in caplog.text

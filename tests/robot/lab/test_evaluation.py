@@ -26,16 +26,11 @@ def halls(tmp_path):
     return tmp_path
 
 
-BROKEN = {
-    "without pictures": {"jpeg": None},
-    "unknown label": {"labels": np.full(12, 9, np.uint8)},
-    "other times": {"t": np.zeros(3)},
-    "pickled": {"labels": np.array([{}], object)},
-    "no JPEG": {"jpeg": np.zeros(12, np.uint8), "offsets": np.arange(13)},
-}
-
-
-@pytest.mark.parametrize("changes", BROKEN.values(), ids=BROKEN)
+@pytest.mark.parametrize(
+    "changes",
+    [{"t": np.zeros(3)}, {"jpeg": np.zeros(12, np.uint8), "offsets": np.arange(13)}],
+    ids=["the file", "a picture"],
+)
 def test_a_broken_recording_is_named_in_one_line(halls, changes, capsys):
     write_footage(halls / "hall_A.npz", **changes)
     assert main(["evaluate", str(halls), "--learners", "published-4"]) == 2
@@ -100,17 +95,17 @@ def test_few_examples_are_spread_over_the_drive_or_its_first(frames, in_a_row, p
 
 
 def test_angles_are_judged_where_the_drives_have_them(tmp_path):
-    half, moves = np.full(60, 0.5, "f4"), np.arange(60) % 3
+    half, moves = np.full(45, 0.5, "f4"), np.arange(45) % 3
     steered = np.array([0.0, -1.0, 1.0], "f4")[moves]
     for seed, name in enumerate("AB"):
-        write_footage(tmp_path / f"hall_{name}.npz", 60, seed, angle=steered, throttle=half)
-        write_footage(tmp_path / f"yard_{name}.npz", 60, seed)
+        write_footage(tmp_path / f"hall_{name}.npz", 45, seed, angle=steered, throttle=half)
+        write_footage(tmp_path / f"yard_{name}.npz", 45, seed)
         # A tapped angle alternates; its mean is what the pilot meant.
-        near = steered * np.random.default_rng(seed).uniform(0.3, 1.0, 60).astype("f4")
+        near = steered * np.random.default_rng(seed).uniform(0.3, 1.0, 45).astype("f4")
         angles = {"angle": np.sign(near), "angle_mean": near, "throttle": half}
-        write_footage(tmp_path / f"room_{name}.npz", 60, seed, **angles)
+        write_footage(tmp_path / f"room_{name}.npz", 45, seed, **angles)
     means = {shot.point.steering for shot in load_recording(tmp_path / "room_A.npz").shots}
-    assert len(means) > 30
+    assert len(means) > 25
     learners = ["default-8", "knn-3", "without-angle-8"]
     learners += ["angle-knn-3", "angle-ridge-3", "angle-cnn-8"]
     pairs = evaluation.load_pairs(tmp_path)

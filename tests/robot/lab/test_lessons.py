@@ -187,7 +187,7 @@ def test_the_gate_says_what_is_wrong_and_how_much_is_chance():
 def test_a_robot_taught_by_a_habit_drives_and_the_run_repeats():
     pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
     times = {"teach_s": 25.0, "correct_s": 5.0, "alone_s": 10.0, "reference_s": 60.0}
-    robot = {"world": "fork", "rate_hz": 15.0, "seed": 3, "learner": "default-32"}
+    robot = {"world": "fork", "rate_hz": 10.0, "seed": 3, "learner": "default-32"}
     result, again = (run_habit({"habit": "irregular", **times, **robot}) for _ in range(2))
     for phase in ("before", "after"):
         assert not result[phase]["stuck"]

@@ -14,14 +14,15 @@ from tests.kit.sizes import IS_FULL
 FOUND = os.environ.get(
     "DRIVELESSON_RECORDINGS", str(Path(__file__).parents[3].parent / "shared/recordings")
 )
-FIGURES = {  # place: 9-nn, published BSOC-32, published BSOC-64
-    "asphalt": (0.837, 0.807, 0.828),
-    "gym": (0.810, 0.742, 0.813),
-    "matroom": (0.776, 0.699, 0.715),
-    "office1": (0.680, 0.643, 0.637),
-    "simroad": (0.858, 0.813, 0.846),
+FIGURES = {  # place: published BSOC-64, published BSOC-32, 9-nn
+    "asphalt": (0.828, 0.807, 0.837),
+    "gym": (0.813, 0.742, 0.810),
+    "matroom": (0.715, 0.699, 0.776),
+    "office1": (0.637, 0.643, 0.680),
+    "simroad": (0.846, 0.813, 0.858),
 }
-LEARNERS = ["knn-9", "published-32", "published-64"]
+LEARNERS = ["published-64", "published-32", *(["knn-9"] if IS_FULL else [])]
+"""kNN, with which they are compared, takes four times as long as both."""
 
 
 @pytest.mark.recordings
@@ -32,7 +33,7 @@ LEARNERS = ["knn-9", "published-32", "published-64"]
 def test_the_published_figures_of_the_recordings_are_reproduced(place: str) -> None:
     pairs = [pair for pair in load_pairs(FOUND) if pair.place == place]
     results = list(evaluate(pairs, LEARNERS))
-    for learner, figure in zip(LEARNERS, FIGURES[place], strict=True):
+    for learner, figure in zip(LEARNERS, FIGURES[place], strict=False):
         accuracies = [r["accuracy"] for r in results if r["learner"] == learner]
         assert len(accuracies) == 2, "one direction after the other"
         assert statistics.mean(accuracies) == pytest.approx(figure, abs=0.015), learner

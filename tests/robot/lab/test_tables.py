@@ -10,8 +10,8 @@ from robot.lab.experiment import EXPERIMENTS, ExperimentSettings, load_experimen
 from robot.lab.report import write_html
 from robot.lab.task import Task
 from robot.lab.variants import VARIANTS
-from robot.study.table import Table
 from server.__main__ import main
+from server.lab.experiment import USED_BY
 
 FIGURES = """
 ssd ssd_alike ssd_frequent ssd_in_place ssd_against_lesson ssd_of_lesson ssd_of_moves_made
@@ -43,7 +43,7 @@ def planned(name: str, **settings: Any) -> list[Task]:
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
-def test_every_experiment_makes_tables_and_a_report(name):
+def test_every_experiment_makes_tables(name):
     try:
         experiment = load_experiment(name)
     except MissingExtraError as error:
@@ -53,11 +53,20 @@ def test_every_experiment_makes_tables_and_a_report(name):
     runs = [(task, made_up(task)) for task in tasks]
     tables = experiment.tables(runs)
     assert tables and all(table.rows for table in tables)
+    for table in tables:
+        assert set(experiment.drawn) <= set(table.columns)
+    assert all(plot.series for plot in experiment.plots(runs))
+
+
+@pytest.mark.parametrize("name", ["figure5", "ground"], ids=["points", "lines"])
+def test_a_report_has_plots_and_tables_and_needs_nothing_from_elsewhere(name):
+    experiment = load_experiment(name)
+    runs = [(task, made_up(task)) for task in planned(name)]
     html = write_html([(experiment, runs)], "drivelesson experiment <x>")
     assert "experiment &lt;x&gt;" in html
     for loads in ("<script", "<link", "<img", "src=", 'href="http', "url(http"):
-        assert loads not in html, "the report needs nothing from elsewhere"
-    assert experiment.title in html
+        assert loads not in html
+    assert experiment.title in html and "<svg" in html
 
 
 def test_the_ablation_shows_every_ground_in_one_table(tmp_path):
@@ -93,11 +102,26 @@ def test_a_teacher_that_is_named_teaches_wherever_people_do(name):
     assert taught and set(taught) == {"wide"}
 
 
-def test_a_table_is_printed_as_text():
-    table = Table(title="T", columns=("who", "x"), rows=(("a", 1.0), ("bb", None)), note="N")
-    rule = "---------"
-    printed = ["T", rule, "who     x", rule, "a    1.00", "bb      -", "N"]
-    assert table.as_text().splitlines() == printed
+class Watched(ExperimentSettings):
+    """Settings that note which of them were read."""
+
+    def __getattribute__(self, name: str) -> Any:
+        SEEN.add(name)
+        return super().__getattribute__(name)
+
+
+SEEN: set[str] = set()
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_each_experiment_uses_the_options_that_are_not_refused(name):
+    try:
+        experiment = load_experiment(name)
+    except MissingExtraError as error:
+        pytest.skip(f"NOT TESTED: {error}")
+    SEEN.clear()
+    list(experiment.plan(Watched(quick=True)))
+    assert SEEN & USED_BY.keys() == {of for of, (_, users) in USED_BY.items() if name in users}
 
 
 def test_deviation_and_confidence_interval_equal_those_computed_by_hand():
@@ -114,6 +138,9 @@ def test_deviation_and_confidence_interval_equal_those_computed_by_hand():
         (["--learner", "nobody-3"], "nobody"),
         (["--teacher", "nobody"], "unknown teacher 'nobody'"),
         (["--recordings", "/nowhere/at/all"], "no folder"),
+        (["--world", "Sidewalk"], "figure7 does not use --world; leave it out (used by ablation"),
+        (["--json", "/nowhere/at/all.json"], "cannot write /nowhere/at/all.json"),
+        (["--report", "/nowhere/at/all.html"], "cannot write /nowhere/at/all.html"),
     ],
 )
 def test_a_wrong_call_is_reported_in_one_line(tmp_path, capsys, words, complaint):

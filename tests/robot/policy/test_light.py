@@ -74,13 +74,13 @@ def view(policy, kind, light, seed):
 def test_a_darker_room_does_not_count_as_a_new_view(without, light):
     novelty = {}
     for policy in (make_policy("default-8"), make_policy(without)):
-        for number in range(120):
-            kind = number // 20 % 2
+        for number in range(60):
+            kind = number // 10 % 2
             policy.learn(view(policy, kind, 1.0, number), (F, L)[kind], 0.1 * number)
         policy.reset()
         seen = [
             policy.propose(n, view(policy, n % 2, light, 1000 + n), at_s=20 + 0.1 * n)
-            for n in range(40)
+            for n in range(20)
         ]
         novelty[policy.name] = float(np.median([prediction.novelty for prediction in seen]))
     assert novelty["default-8"] < 0.2 * novelty[without]

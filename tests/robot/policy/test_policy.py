@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import random
-
 import numpy as np
 import pytest
 
@@ -41,16 +39,6 @@ def test_the_policy_predicts_what_it_was_taught(name):
     prediction = [policy.propose(i, x) for i in range(8)][-1]
     assert prediction.action is R
     assert sum(prediction.probabilities.values()) == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize("rate_hz", [11.0, 30.0])
-def test_an_unsteady_camera_of_any_rate_teaches_ten_examples_a_second(rate_hz):
-    policy, dice = make_policy("default-64"), random.Random(0)
-    n_frames = round(4.0 * rate_hz)
-    for i in range(n_frames):
-        policy.learn(view(policy, i), F, (i + dice.uniform(-0.1, 0.1)) / rate_hz)
-    assert policy.n_seen == n_frames
-    assert policy.n_nodes == pytest.approx(40, abs=1), "each learned view is an image of its own"
 
 
 def test_a_label_that_is_not_a_move_of_the_body_is_refused():

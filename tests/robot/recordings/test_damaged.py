@@ -42,6 +42,14 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return robot.finish()[0].read_bytes()
 
 
+@pytest.fixture(scope="module")
+def true(whole: bytes, tmp_path_factory: pytest.TempPathFactory) -> set[tuple[int, bytes]]:
+    """The messages of the whole drive, without their topics."""
+    path = tmp_path_factory.mktemp("whole") / "x.mcap"
+    path.write_bytes(whole)
+    return {message[1:] for message in messages(path)}
+
+
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
     return tmp_path / "x.mcap"
@@ -58,7 +66,7 @@ def by_library(path: Path) -> Messages:
         return [(channel.topic, message.log_time, message.data) for _, channel, message in found]
 
 
-@pytest.mark.parametrize("seed", seeds(8, 60))
+@pytest.mark.parametrize("seed", seeds(6, 60))
 def test_a_cut_recording_is_read_up_to_the_cut_and_gets_its_end(
     path: Path, whole: bytes, seed: int
 ) -> None:
@@ -99,9 +107,9 @@ def test_a_cut_recording_is_read_up_to_the_cut_and_gets_its_end(
         assert not end_recording(path)
 
 
-@pytest.mark.parametrize("seed", seeds(24, 300))
+@pytest.mark.parametrize("seed", seeds(20, 300))
 def test_any_damage_is_described_and_no_readable_message_is_lost(
-    path: Path, whole: bytes, seed: int
+    path: Path, whole: bytes, true: set[tuple[int, bytes]], seed: int
 ) -> None:
     """A file that is damaged in another way than by a cut is left as it is."""
     rng, data = random.Random(seed), bytearray(whole)
@@ -117,8 +125,6 @@ def test_any_damage_is_described_and_no_readable_message_is_lost(
     else:  # anywhere
         for _ in range(rng.randrange(1, 8)):
             data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
-    path.write_bytes(whole)
-    true = {message[1:] for message in messages(path)}
     path.write_bytes(data)
     summary = read_summary(path)
     assert summary.id == path.stem and summary.bytes == len(data) and summary.frames <= 132

@@ -133,9 +133,12 @@ def joined(path: Path, folder: Path) -> Path:
 
 
 def imported(path: Path, folder: Path) -> Path:
-    [source] = find_drives(path.parent)
+    [source], report, given = find_drives(path.parent), ImportReport(), open_episode(path)
     assert source.copy is not None
-    source.copy(folder / path.name, ImportReport())
+    assert source.copy(folder / path.name, report) == len(given.frames)
+    assert sum(report.labels.values()) == len(taught_frames(given)) > 0
+    copied = open_episode(folder / path.name).run
+    assert copied == {**given.run, "source": "recording of another robot"}
     return folder / path.name
 
 
@@ -292,7 +295,7 @@ def test_the_recorder_keeps_nothing_of_earlier_parts(tmp_path: Path) -> None:
     """Number of bytes that the recorder keeps in memory at the beginning of each part; a page of
     marks covers 4096 frame ids."""
     clock = VirtualClock()
-    config = RecorderConfig(spare_bytes=0, part_s=20.0)
+    config = RecorderConfig(spare_bytes=0, part_s=10.0)
     recording = OpenRecording(
         tmp_path, config, lambda path: path.open("xb"), no_announcement, clock
     )
@@ -301,9 +304,9 @@ def test_the_recorder_keeps_nothing_of_earlier_parts(tmp_path: Path) -> None:
     taught, kept = FrameMarks(), []
     tracemalloc.start()
     try:
-        for number in range(1, size("PICTURES", 3000, 9000)):
+        for number in range(1, size("PICTURES", 1500, 9000)):
             clock.sleep(0.1)
-            now_s, frame_id = clock.now_s(), 50 * number
+            now_s, frame_id = clock.now_s(), 100 * number
             example = Example(frame_id=frame_id, label=Action.LEFT, is_intervention=False)
             event = Taught(example=example, x=np.zeros(0), at_s=now_s)
             taught.set_taught(frame_id, 1, now_s)
@@ -311,7 +314,7 @@ def test_the_recorder_keeps_nothing_of_earlier_parts(tmp_path: Path) -> None:
             queue.write_messages(now_s, lambda event=event: [(Topic.LESSON, describe_event(event))])
             if number % 20 == 0:
                 queue.write_waiting()
-                if number % 200 == 0:
+                if number % 100 == 0:
                     gc.collect()
                     kept.append(tracemalloc.get_traced_memory()[0])
     finally:

@@ -13,7 +13,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
-import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
@@ -22,17 +21,19 @@ from robot.clock import Clock
 from robot.coaching.gallery import images
 from robot.driver import Game, Pose, Sensors
 from robot.exchange.tub import write_tub
-from robot.policy.events import Taught, to_json
+from robot.policy.events import Taught
 from robot.recordings.edits import Notes
 from robot.recordings.episode import open_episode, taught_frames
 from robot.recordings.messages import SCHEMAS, Topic, describe_sensors
 from robot.recordings.parts import part_paths
 from robot.recordings.reader import CUT_SHORT
 from robot.recordings.teaching import learn_again
+from robot.recordings.writer import EpisodeWriter, describe_run
 from robot.store.disk import FLUSH_EVERY_S
 from robot.store.models.model import same_nodes
 from robot.testing import VirtualClock
-from robot.types import Action, Frame, Mode
+from robot.types import Action, Encoding, Frame, Mode
+from tests.kit.frames import make_frame
 from tests.kit.protobuf import read_protobuf
 from tests.kit.sizes import crossed, seeds
 from tests.robot.store.models.lives import Disk
@@ -52,6 +53,7 @@ def test_everything_that_happened_is_in_the_recording(tmp_path: Path) -> None:
     episode = robot.episode()
     assert episode.damage is None
     assert episode.run["robot"] == "bench" and episode.run["learner"] == "published-8"
+    assert episode.run["pictures"] == "rgb"
     assert json.loads(episode.run["options"]) == {"world": "bench"}
     for frame_id, frame in given.items():
         back = episode.frame(frame_id)
@@ -138,25 +140,11 @@ def test_every_message_is_valid_against_its_schema(tmp_path: Path) -> None:
     assert seen == {"/camera", *topics}
 
 
-@pytest.mark.parametrize("none", [math.inf, -math.inf, math.nan])
-def test_a_reading_that_is_not_finite_counts_as_missing(none: float) -> None:
-    """Drivers state infinity for an obstacle out of reach; JSON has no such number, and the mean
-    of an exported dataset would be infinite, too."""
-    sensors = Sensors(
-        distance_m=none,
-        bumped=np.bool_(True),  # type: ignore[arg-type]
-        battery_share=none,
-        pose=Pose(x_m=1.0, y_m=none, heading_rad=0.0),
-        game=Game(number=1, score=none, reward=none, is_over=False),
-    )
-    told = describe_sensors(sensors)
-    Draft202012Validator(SCHEMAS[Topic.SENSORS]).validate(json.loads(to_json(told)))
-    json.dumps(told, allow_nan=False)
-    assert (
-        told.items() >= {"distance_m": None, "bumped": True, "battery": None, "pose": None}.items()
-    )
-    near = describe_sensors(Sensors(distance_m=0.25, pose=Pose(x_m=1, y_m=2, heading_rad=3)))
-    assert (near["distance_m"], near["pose"]["y_m"]) == (0.25, 2)
+def test_the_score_of_a_game_that_is_not_finite_can_be_written() -> None:
+    """JSON has no such number. All other readings are finite, which test_loop_stops tests."""
+    game = Game(number=1, score=math.inf, reward=math.nan, is_over=False)
+    told = json.dumps(describe_sensors(Sensors(game=game)), allow_nan=False)
+    Draft202012Validator(SCHEMAS[Topic.SENSORS]).validate(json.loads(told))
 
 
 def test_standing_for_a_while_ends_a_recording_and_the_next_drive_begins_another(
@@ -349,3 +337,20 @@ def test_every_file_is_closed_whatever_the_disk_refuses(
     if what == "open" and refused:
         [path] = tmp_path.glob("*.mcap")
         assert open_episode(path).damage == CUT_SHORT and len(part_paths(path)) == refused
+
+
+@pytest.mark.parametrize(("encoding", "compression"), [("jpeg", "lz4"), ("rgb", "zstd")])
+def test_chunks_are_compressed_to_suit_the_pictures(
+    tmp_path: Path, encoding: str, compression: str
+) -> None:
+    path, frame = tmp_path / "drive.mcap", make_frame(b"\xff\xd8" * 50, Encoding(encoding))
+    run = describe_run(episode_id="drive", run_id="r", origin_ns=0, pictures=frame.encoding)
+    writer = EpisodeWriter(path.open("xb"), run)
+    writer.write_frame(frame)
+    writer.close({"dropped_frames": "0", "lost_words": "0"})
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    assert {chunk.compression for chunk in summary.chunk_indexes} == {compression}
+    episode = open_episode(path)
+    assert episode.frame(frame.frame_id).data == frame.data

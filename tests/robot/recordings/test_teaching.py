@@ -23,6 +23,7 @@ from robot.recordings.episode import Episode, open_episode, taught_frames
 from robot.recordings.teaching import count_steps, learn_again, plan
 from robot.store.models.model import Model, same_nodes
 from robot.types import Action, Example, Mode, Point
+from tests.kit.sizes import few
 from tests.robot.exchange.imported import import_pictures
 
 from .drives import RecordedBench, record_drive
@@ -43,7 +44,7 @@ def frames_taught(episode: Episode, *edits: Edit) -> list[int]:
     return [example.frame_id for example in examples(episode, *edits)]
 
 
-@pytest.mark.parametrize("learner", LEARNERS)
+@pytest.mark.parametrize("learner", few(LEARNERS, 2))
 def test_a_drive_with_corrections_and_undo_is_learned_again_bit_for_bit(
     tmp_path: Path, learner: str
 ) -> None:
@@ -183,7 +184,7 @@ def alternating(n: int) -> list[Action]:
     return [MOVES[i // 20 % 2] for i in range(n)]
 
 
-@pytest.mark.parametrize("n_wrong", [0, 40, 160])
+@pytest.mark.parametrize("n_wrong", few([0, 40, 160], 2))
 def test_a_repair_never_makes_it_worse_and_a_large_one_shows(tmp_path: Path, n_wrong: int) -> None:
     truth, spoiled = alternating(200), alternating(200)
     spoiled[20 : 20 + n_wrong] = [MOVES[move is Action.FORWARD] for move in truth[20:][:n_wrong]]

@@ -1,7 +1,5 @@
 """Corrections of body and camera are set on the page, saved with the robot, and recorded."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 
@@ -32,7 +30,6 @@ def test_a_correction_is_reported_saved_and_applied(kept, tmp_path):
     camera = kept.rig.camera
     kept.wait_until(lambda: camera.latest() is not None)
     frame = camera.latest()
-    assert frame is not None
     url = f"{kept.address}/api/corrections"
     nothing = {**Corrections().described()}
     possible = ["swap_sides", "turn_picture", "mirror_picture"]

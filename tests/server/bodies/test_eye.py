@@ -1,8 +1,6 @@
 """A phone as the robot's eye: its websocket in virtual time, its messages, its clock and its
 role."""
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import json
@@ -41,7 +39,7 @@ JPEG = cv2.imencode(".jpg", np.zeros((24, 32, 3), np.uint8))[1].tobytes()
 
 
 @pytest.fixture
-def robot() -> Iterator[VirtualServer]:
+def robot():
     clock = VirtualClock(100.0)
     camera = PhoneCamera(PhoneOptions(eye_rate=12.0), clock)
     rig = Rig(ReplayDriver(clock=clock), camera, make_policy("published-8"), clock)
@@ -91,7 +89,7 @@ def phone(address: str) -> Iterator[Phone]:
         yield Phone(socket)
 
 
-def test_pictures_arrive_with_stamps_on_our_clock(robot: VirtualServer) -> None:
+def test_pictures_arrive_with_stamps_on_our_clock(robot):
     rig, address = robot.rig, robot.address
     with phone(address) as eye:
         hello = eye.wait_for("hello")
@@ -107,7 +105,7 @@ def test_pictures_arrive_with_stamps_on_our_clock(robot: VirtualServer) -> None:
     robot.wait_until(lambda: "gone" in (rig.camera.fault or ""))
 
 
-def test_the_page_may_ask_for_a_camera_and_no_other_may(robot: VirtualServer) -> None:
+def test_the_page_may_ask_for_a_camera_and_no_other_may(robot):
     address = robot.address
     page = httpx.get(address + "/eye")
     assert page.status_code == 200 and "eye.js" in page.text
@@ -115,7 +113,7 @@ def test_the_page_may_ask_for_a_camera_and_no_other_may(robot: VirtualServer) ->
     assert "camera=()" in httpx.get(address + "/").headers["permissions-policy"]
 
 
-def test_the_newest_phone_is_the_eye(robot: VirtualServer) -> None:
+def test_the_newest_phone_is_the_eye(robot):
     rig, address = robot.rig, robot.address
     with phone(address) as first, phone(address) as second:
         first.wait_for("hello")
@@ -133,9 +131,7 @@ def test_the_newest_phone_is_the_eye(robot: VirtualServer) -> None:
 @pytest.mark.parametrize(
     "gone", [WebSocketDisconnect(1006), RuntimeError("once a close message has been sent")]
 )
-def test_a_phone_that_comes_back_before_its_old_line_has_ended_is_the_eye_again(
-    robot: VirtualServer, gone: Exception
-) -> None:
+def test_a_phone_that_comes_back_before_its_old_line_has_ended_is_the_eye_again(robot, gone):
     """In an earlier version, the robot refused this phone and every later phone permanently."""
     camera: Any = robot.rig.camera
     with phone(robot.address) as first:
@@ -154,9 +150,7 @@ def test_a_phone_that_comes_back_before_its_old_line_has_ended_is_the_eye_again(
     robot.wait_until(lambda: camera.source is None)
 
 
-def test_stop_counts_at_once_while_the_connection_of_the_phone_before_is_closing(
-    robot: VirtualServer,
-) -> None:
+def test_stop_counts_at_once_while_the_connection_of_the_phone_before_is_closing(robot):
     """Closing a dead connection takes seconds, but the phone is back sooner."""
     camera: Any = robot.rig.camera
     with phone(robot.address) as first:
@@ -171,7 +165,7 @@ def test_stop_counts_at_once_while_the_connection_of_the_phone_before_is_closing
             robot.wait_until(lambda: robot.rig.loop.state.emergency, 0.1, "it stands")
 
 
-def test_a_client_that_sends_nonsense_is_disconnected(robot: VirtualServer) -> None:
+def test_a_client_that_sends_nonsense_is_disconnected(robot):
     address = robot.address
     with phone(address) as eye:
         with pytest.raises(ConnectionClosed) as closed:
@@ -182,7 +176,7 @@ def test_a_client_that_sends_nonsense_is_disconnected(robot: VirtualServer) -> N
         assert closed.value.rcvd is not None and closed.value.rcvd.code == 1008
 
 
-def test_a_robot_with_another_camera_says_so() -> None:
+def test_a_robot_with_another_camera_says_so():
     with VirtualServer() as server, phone(server.address) as eye:
         with pytest.raises(ConnectionClosed) as closed:
             eye.wait_for("hello")
@@ -190,7 +184,7 @@ def test_a_robot_with_another_camera_says_so() -> None:
 
 
 @pytest.mark.parametrize("path", ["/eye", "/ws/eye", "/eye/eye.js", "/api/unpair", "/healthz"])
-def test_a_phone_paired_as_the_eye_reaches_its_page(path: str) -> None:
+def test_a_phone_paired_as_the_eye_reaches_its_page(path):
     gateway, session = Gateway(Config(), VirtualClock()), Session(EYE, "eye")
     assert admit(gateway, path, "GET", {"accept": "*/*"}, session) is EYE
 
@@ -199,9 +193,7 @@ def test_a_phone_paired_as_the_eye_reaches_its_page(path: str) -> None:
     "path", ["/", "/ws/drive", "/ws/video", "/eyes", "/eye/../api/models", "/video.mjpg"]
 )
 @pytest.mark.parametrize(("accept", "status"), [("text/html", 303), ("*/*", 403)])
-def test_a_phone_paired_as_the_eye_reaches_no_other_page(
-    path: str, accept: str, status: int
-) -> None:
+def test_a_phone_paired_as_the_eye_reaches_no_other_page(path, accept, status):
     gateway, session = Gateway(Config(), VirtualClock()), Session(EYE, "eye")
     verdict = admit(gateway, path, "GET", {"accept": accept}, session)
     assert isinstance(verdict, Refusal) and verdict.status == status
@@ -213,21 +205,21 @@ MS = st.floats(0.0, 1e9)
 
 
 @given(st.integers(0, 2**32 - 1), MS, st.booleans())
-def test_a_picture_comes_through(seq: int, taken_ms: float, is_covered: bool) -> None:
+def test_a_picture_comes_through(seq, taken_ms, is_covered):
     frame = parse_frame(encode_frame(seq, taken_ms, JPEG, is_covered=is_covered))
     assert (frame.seq, frame.taken_ms, frame.is_covered) == (seq, taken_ms, is_covered)
     assert (frame.picture.width, frame.picture.height, frame.picture.data) == (32, 24, JPEG)
 
 
 @given(st.binary(max_size=200))
-def test_other_bytes_are_refused(message: bytes) -> None:
+def test_other_bytes_are_refused(message):
     with pytest.raises(ProtocolError):
         parse_frame(message)
     with pytest.raises(ProtocolError):
         parse_frame(HEADER.pack(3, 0, 0, 1, 1.0) + message)
 
 
-def test_a_time_that_is_not_a_number_and_a_huge_picture_are_refused() -> None:
+def test_a_time_that_is_not_a_number_and_a_huge_picture_are_refused():
     with pytest.raises(ProtocolError):
         parse_frame(encode_frame(1, float("nan"), JPEG))
     at = JPEG.index(b"\xff\xc0") + 5
@@ -238,7 +230,7 @@ def test_a_time_that_is_not_a_number_and_a_huge_picture_are_refused() -> None:
 
 
 @given(st.one_of(st.text(), st.recursive(st.none() | st.floats() | st.text(), st.lists)))
-def test_other_messages_are_refused(message: object) -> None:
+def test_other_messages_are_refused(message):
     for text in (str(message), json.dumps(message), json.dumps({"type": message})):
         if message not in ("stop",):
             with pytest.raises(ProtocolError):
@@ -246,7 +238,7 @@ def test_other_messages_are_refused(message: object) -> None:
 
 
 @pytest.mark.parametrize("value", [None, True, "1", [], 1e300, float("inf"), float("nan")])
-def test_a_pong_needs_two_numbers(value: object) -> None:
+def test_a_pong_needs_two_numbers(value):
     for name, other in (("server_ms", "eye_ms"), ("eye_ms", "server_ms")):
         with pytest.raises(ProtocolError):
             parse_text(json.dumps({"type": "pong", name: value, other: 1.0}))
@@ -257,9 +249,7 @@ def test_a_pong_needs_two_numbers(value: object) -> None:
     st.floats(-1e9, 1e9),
     st.lists(st.tuples(st.floats(0, 400), st.floats(0, 400)), min_size=1, max_size=30),
 )
-def test_the_error_is_half_the_quickest_round_trip_at_most(
-    offset_ms: float, ways_ms: list[tuple[float, float]]
-) -> None:
+def test_the_error_is_half_the_quickest_round_trip_at_most(offset_ms, ways_ms):
     clock, now_ms = EyeClock(), 1000.0
     clock.note(asked_ms=2 * now_ms, eye_ms=5.0, now_ms=now_ms)
     assert clock.to_ours(1.0) is None, "an answer from the future does not count"
@@ -272,7 +262,7 @@ def test_the_error_is_half_the_quickest_round_trip_at_most(
     assert abs(mapped_ms - now_ms) <= quickest_ms / 2 + 1e-3
 
 
-def test_the_messages_to_the_eye_are_in_the_reference() -> None:
+def test_the_messages_to_the_eye_are_in_the_reference():
     page = (WEB.parent / "docs/howto/phone-eye.md").read_text("utf-8")
     text = page[page.index("## `/ws/eye`") :]
     assert [name for name in _STATE_FIELDS if f"`{name}`" not in text] == []

@@ -1,11 +1,9 @@
 """A lean server never loads the omitted modules, and loads postponed modules at first use."""
 
-from __future__ import annotations
-
-import subprocess
 import sys
 
 from server.bodies.lean import LEFT_OUT, PUT_OFF
+from tests.kit.run import run
 
 PROGRAM = """
 import sys
@@ -23,13 +21,12 @@ print(*(name for name, module in sys.modules.items() if module and name in PUT_O
 
 def said_with(*lean: str) -> list[str]:
     program = PROGRAM.replace("{left_out!r}", repr(LEFT_OUT))
-    done = subprocess.run(
-        [sys.executable, "-c", program, *lean], capture_output=True, text=True, check=True
-    )
+    done = run(sys.executable, "-c", program, *lean)
+    assert done.returncode == 0, done.stderr
     return [part.strip() for part in done.stdout.split("|")]
 
 
-def test_a_postponed_module_is_loaded_when_it_is_used() -> None:
+def test_a_postponed_module_is_loaded_when_it_is_used():
     lean, full = said_with("lean"), said_with()
     assert lean[:2] == ["", ""]
     assert lean[2] == full[2]

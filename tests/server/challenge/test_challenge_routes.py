@@ -1,8 +1,6 @@
 """The challenge works over HTTP, and appears in the recording of its drive and on a class's
 board."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,8 +1,6 @@
 """How many frames are in flight, and how large they are; time is an argument. On links:
 test_video.py."""
 
-from __future__ import annotations
-
 from itertools import count
 
 import pytest
@@ -11,7 +9,7 @@ from server.clients.flow_control import PictureSize, VideoWindow
 from server.protocol import ProtocolError
 
 
-def test_large_frames_go_out_alone_so_that_sending_never_waits() -> None:
+def test_large_frames_go_out_alone_so_that_sending_never_waits():
     window = VideoWindow()
     window.size = 4
     window.sent(1, 40_000, 0.0)
@@ -19,7 +17,7 @@ def test_large_frames_go_out_alone_so_that_sending_never_waits() -> None:
     assert window.may_send(20_000)
 
 
-def test_an_acknowledgement_covers_earlier_frames_and_works_once() -> None:
+def test_an_acknowledgement_covers_earlier_frames_and_works_once():
     window = VideoWindow()
     window.sent(1, 10, 0.0)
     window.sent(2, 10, 0.0)
@@ -63,9 +61,7 @@ def easy_window() -> VideoWindow:
 
 
 @pytest.mark.parametrize(("delay_s", "is_easy"), [(0.024, True), (0.025, False)])
-def test_eight_quick_acknowledgements_in_a_row_indicate_a_fast_link(
-    delay_s: float, is_easy: bool
-) -> None:
+def test_eight_quick_acknowledgements_in_a_row_indicate_a_fast_link(delay_s, is_easy):
     window = VideoWindow()
     for _ in range(7):
         acknowledge(window, delay_s)
@@ -77,7 +73,7 @@ def test_eight_quick_acknowledgements_in_a_row_indicate_a_fast_link(
     assert (window.is_easy, window.size) == ((True, 4) if is_easy else (False, 1))
 
 
-def test_a_fast_link_that_proves_slow_is_retried_less_and_less_often() -> None:
+def test_a_fast_link_that_proves_slow_is_retried_less_and_less_often():
     window, now_s = easy_window(), 100.0
     acknowledge(window, 0.05)
     assert window.is_easy, "as slow as it may be"
@@ -94,7 +90,7 @@ def test_a_fast_link_that_proves_slow_is_retried_less_and_less_often() -> None:
         assert window.is_easy
 
 
-def test_a_fast_link_must_show_eight_quick_frames_again_after_a_slow_one() -> None:
+def test_a_fast_link_must_show_eight_quick_frames_again_after_a_slow_one():
     window = easy_window()
     acknowledge(window, 0.051, 100.0)
     for is_easy in (*(7 * [False]), True):
@@ -103,12 +99,12 @@ def test_a_fast_link_must_show_eight_quick_frames_again_after_a_slow_one() -> No
 
 
 @pytest.mark.parametrize(("size", "quiet"), [(20_000, [True, False]), (20_001, [False, False])])
-def test_a_frame_is_quiet_if_two_more_of_its_size_fit(size: int, quiet: list[bool]) -> None:
+def test_a_frame_is_quiet_if_two_more_of_its_size_fit(size, quiet):
     window = easy_window()
     assert [window.sent(next(FRAME_IDS), size, 1.0) for _ in range(2)] == quiet
 
 
-def test_a_frame_larger_than_the_window_goes_out_when_nothing_is_to_be_acknowledged() -> None:
+def test_a_frame_larger_than_the_window_goes_out_when_nothing_is_to_be_acknowledged():
     window = VideoWindow()
     assert window.may_send(100_000)
     window = easy_window()
@@ -119,7 +115,7 @@ def test_a_frame_larger_than_the_window_goes_out_when_nothing_is_to_be_acknowled
     assert window.may_send(100_000)
 
 
-def test_the_window_grows_by_one_to_four_each_time_that_three_frames_were_skipped() -> None:
+def test_the_window_grows_by_one_to_four_each_time_that_three_frames_were_skipped():
     window = VideoWindow()
     acknowledge(window, 0.125, 1.0, skipped=2)
     assert window.size == 1
@@ -161,16 +157,14 @@ DOUBLED_S = LONE_S * 1.5 + 0.008
         ([DOUBLED_S + 1e-6], 1),
     ],
 )
-def test_a_larger_window_is_given_up_after_three_slow_frames_or_one_very_slow(
-    delays_s: list[float], size: int
-) -> None:
+def test_a_larger_window_is_given_up_after_three_slow_frames_or_one_very_slow(delays_s, size):
     window = grown_window(LONE_S)
     for delay_s in delays_s:
         acknowledge(window, delay_s, n_sent=2)
     assert window.size == size
 
 
-def test_a_slow_frame_in_a_window_of_one_does_not_count_as_a_failed_trial() -> None:
+def test_a_slow_frame_in_a_window_of_one_does_not_count_as_a_failed_trial():
     window = VideoWindow()
     acknowledge(window, LONE_S)
     acknowledge(window, 3 * LONE_S, skipped=3)
@@ -193,9 +187,7 @@ def allows(window: VideoWindow, delay_s: float) -> bool:
         ([0.128, 0.256, 0.256], 0.184),
     ],
 )
-def test_a_link_is_judged_only_by_the_delay_of_single_frames(
-    delays_s: list[float], lone_delay_s: float
-) -> None:
+def test_a_link_is_judged_only_by_the_delay_of_single_frames(delays_s, lone_delay_s):
     def window() -> VideoWindow:
         new = VideoWindow()
         for delay_s in delays_s[:-1]:
@@ -209,9 +201,7 @@ def test_a_link_is_judged_only_by_the_delay_of_single_frames(
 
 
 @pytest.mark.parametrize(("n_sent", "lone_delay_s"), [(1, 0.136), (2, 0.128)])
-def test_in_a_larger_window_only_a_single_frame_measures_the_link(
-    n_sent: int, lone_delay_s: float
-) -> None:
+def test_in_a_larger_window_only_a_single_frame_measures_the_link(n_sent, lone_delay_s):
     limit_s = lone_delay_s * 1.3 + 0.008
     for delay_s, is_allowed in ((limit_s - 1e-6, True), (limit_s + 1e-6, False)):
         window = grown_window(0.128)
@@ -225,20 +215,20 @@ def note(size: PictureSize, *delays_s: float, now_s: float = 0.0) -> bool:
     return size.is_large
 
 
-def test_larger_pictures_come_after_eight_good_acknowledgements_in_a_row() -> None:
+def test_larger_pictures_come_after_eight_good_acknowledgements_in_a_row():
     size = PictureSize()
     assert not note(size, *(7 * [0.059]), 0.06, *(7 * [0.059])), "0.06 s is not good"
     assert note(size, 0.059)
 
 
-def test_smaller_pictures_come_after_three_late_acknowledgements_in_a_row() -> None:
+def test_smaller_pictures_come_after_three_late_acknowledgements_in_a_row():
     size = PictureSize()
     note(size, *(8 * [0.059]))
     assert note(size, 0.121, 0.121, 0.12, 0.121, 0.121), "0.12 s is not late"
     assert not note(size, 0.121)
 
 
-def test_larger_pictures_are_retried_less_and_less_often() -> None:
+def test_larger_pictures_are_retried_less_and_less_often():
     size, now_s = PictureSize(), 100.0
     note(size, *(8 * [0.01]), now_s=now_s)
     for pause_s in (5.0, 20.0, 80.0, 320.0, 320.0):
@@ -248,7 +238,7 @@ def test_larger_pictures_are_retried_less_and_less_often() -> None:
         assert note(size, 0.01, now_s=now_s)
 
 
-def test_after_each_change_of_the_size_the_row_begins_anew() -> None:
+def test_after_each_change_of_the_size_the_row_begins_anew():
     size = PictureSize()
     note(size, *(8 * [0.01]))
     assert note(size, 0.2, 0.2)

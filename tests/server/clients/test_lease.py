@@ -1,11 +1,9 @@
 """Which client has the lease of control, and which one gets it next."""
 
-from __future__ import annotations
-
 from server.clients.lease import Lease
 
 
-def test_a_lapsed_wheel_goes_to_the_first_client_that_waits_or_asks() -> None:
+def test_a_lapsed_wheel_goes_to_the_first_client_that_waits_or_asks():
     lease = Lease()
     lease.join("a", 0.0)
     assert not lease.pass_on_if_lapsed(9.0), "nobody waits"
@@ -17,7 +15,7 @@ def test_a_lapsed_wheel_goes_to_the_first_client_that_waits_or_asks() -> None:
     assert lease.take("c", 20.0), "b has been silent"
 
 
-def test_a_lease_lasts_to_its_very_end_and_a_second_and_a_half_by_default() -> None:
+def test_a_lease_lasts_to_its_very_end_and_a_second_and_a_half_by_default():
     lease = Lease()
     assert lease.join("c1", 10.0)
     assert not lease.take("c2", 11.5), "to the very end it is kept"
@@ -26,7 +24,7 @@ def test_a_lease_lasts_to_its_very_end_and_a_second_and_a_half_by_default() -> N
     assert lease.owner == "c2"
 
 
-def test_clients_get_the_wheel_in_the_order_of_their_requests() -> None:
+def test_clients_get_the_wheel_in_the_order_of_their_requests():
     lease = Lease()
     assert lease.join("a", 0.0) and not lease.join("b", 0.1)
     for client in "bcdb":

@@ -1,7 +1,5 @@
 """The fields of a state message, for all sensors of a body."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -15,11 +13,8 @@ from tests.server.virtual import ServedWorld, in_virtual_time
 
 @pytest.mark.parametrize("distance_m", [math.inf, -math.inf, math.nan, 1e308, 0.25])
 @in_virtual_time(seed=3)
-async def test_a_reading_that_is_not_a_number_still_reaches_the_page(
-    world: ServedWorld, distance_m: float
-) -> None:
+async def test_a_reading_that_is_not_a_number_still_reaches_the_page(world, distance_m):
     """Sensors report infinity if nothing is in range; JSON has no number for it."""
-
     pilot = await world.pilot(sees=True)
     driver = world.rig.driver
     sense = driver.sense
@@ -27,7 +22,7 @@ async def test_a_reading_that_is_not_a_number_still_reaches_the_page(
     def odd() -> Sensors:
         return replace(sense(), distance_m=distance_m)
 
-    driver.sense = odd  # type: ignore[method-assign]
+    driver.sense = odd
     before = pilot.state["frame"]
     await world.clock.pause(2.0)
     assert pilot.state["frame"] > before + 10
@@ -35,11 +30,11 @@ async def test_a_reading_that_is_not_a_number_still_reaches_the_page(
     assert pilot.state["distance_m"] == finite
 
 
-def test_found_devices_are_reported_and_a_plug_ins_own_attribute_is_not() -> None:
+def test_found_devices_are_reported_and_a_plug_ins_own_attribute_is_not():
     driver, camera = FakeDriver(), FakeCamera(VirtualClock())
     assert describe_devices(driver, camera) == {}
-    driver.device = object()  # type: ignore[misc, assignment]
-    camera.device = "C270 (serial number A17)"  # type: ignore[misc]
+    driver.device = object()
+    camera.device = "C270 (serial number A17)"
     assert describe_devices(driver, camera) == {"camera_device": "C270 (serial number A17)"}
 
     class Unplugged(FakeDriver):
@@ -50,7 +45,7 @@ def test_found_devices_are_reported_and_a_plug_ins_own_attribute_is_not() -> Non
     assert describe_devices(Unplugged(), camera) == {"camera_device": "C270 (serial number A17)"}
 
 
-def test_a_pictures_age_is_reported_and_the_part_of_it_on_a_brick() -> None:
+def test_a_pictures_age_is_reported_and_the_part_of_it_on_a_brick():
     clock = VirtualClock()
     camera = FakeCamera(clock, age_s=0.05)
     camera.source_age_s = 0.03  # measured at the brick; its link adds the rest

@@ -1,7 +1,5 @@
 """The page gets the curve of agreement, and the reason why the robot proposes a move."""
 
-from __future__ import annotations
-
 import sys
 import tracemalloc
 from base64 import b64decode
@@ -14,35 +12,13 @@ from server.coaching.extension import CoachingExtension
 from server.coaching.progress import Mark, _Curve
 
 
-def marks_of(count: int) -> list[Mark]:
-    numbers = range(1, count + 1)
-    return [Mark(10 * n, 1 / n, 1e9 + n, "run" if n % 2 else None) for n in numbers]
-
-
-def curve_of(marks: list[Mark]) -> _Curve:
-    curve = _Curve()
-    for mark in marks:
-        curve.add(mark)
-    return curve
-
-
-def test_a_curve_returns_its_marks_and_forgets_those_that_were_undone():
-    marks = marks_of(250)
-    curve = curve_of(marks)
-    assert [curve[index] for index in range(len(curve))] == marks
-    assert [curve.place(n) for n in (1, 10, 11, 2500, 2501)] == [0, 0, 1, 249, 250]
-    part = curve.until(1005)
-    assert [part[index] for index in range(len(part))] == marks[:100]
-    assert curve[-1] == marks[-1], "the curve that others read did not change"
-    assert curve.until(0).place(5) == 0 == len(curve.until(0))
-
-
 def test_a_curve_needs_few_bytes_a_mark():
-    marks = marks_of(1000)
+    marks = [Mark(10 * n, 1 / n, 1e9 + n, "run" if n % 2 else None) for n in range(1, 1001)]
     tracemalloc.start()
     try:
-        before = tracemalloc.get_traced_memory()[0]
-        curve = curve_of(marks)
+        before, curve = tracemalloc.get_traced_memory()[0], _Curve()
+        for mark in marks:
+            curve.add(mark)
         assert tracemalloc.get_traced_memory()[0] - before < 60 * len(curve) + sys.getsizeof(curve)
     finally:
         tracemalloc.stop()

@@ -4,25 +4,19 @@ import contextlib
 import os
 import signal
 import socket
-import ssl
 import subprocess
 import sys
-from pathlib import Path
 
-import httpx
 import pytest
 
 from robot.clock import RealClock
 from server.hosting.serving import open_socket
 from server.hosting.starting_page import StartingPage, StartingPart
-from tests.server.own_process import own_process
-
-UPLOAD = b"PUT /api/models/m/file HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 999\r\n\r\nx"
-HALF_A_REQUEST = b"GET / HTTP/1.1\r\nHost: 127.0"
+from tests.kit.served import served
 
 
 @pytest.mark.realtime
-def test_it_names_what_is_still_starting_and_then_lets_the_server_answer() -> None:
+def test_it_names_what_is_still_starting_and_then_lets_the_server_answer():
     def ask(request: bytes = b"GET / HTTP/1.1\r\n\r\n") -> bytes:
         with socket.create_connection(listener.getsockname()) as line:
             line.sendall(request)
@@ -52,21 +46,12 @@ def test_it_names_what_is_still_starting_and_then_lets_the_server_answer() -> No
 
 @pytest.mark.slow
 @pytest.mark.realtime
-def test_a_hanging_upload_and_half_a_request_hold_up_no_end(tmp_path: Path) -> None:
-    """A silent client and half a handshake do not delay the end either, over HTTP or TLS."""
-    unchecked = ssl.create_default_context()
-    unchecked.check_hostname, unchecked.verify_mode = False, ssl.CERT_NONE
-    for folder, *words in (("http",), ("tls", "--lan", "--tls", "--host", "127.0.0.1")):
-        with own_process(tmp_path / folder, *words) as running, contextlib.ExitStack() as stack:
-            for data in (b"", b"\x16\x03\x01\x02\x00\x01\x00", HALF_A_REQUEST, UPLOAD):
-                line = socket.create_connection(("127.0.0.1", running.port))
-                if words and data in (HALF_A_REQUEST, UPLOAD):
-                    line = unchecked.wrap_socket(line)
-                stack.enter_context(line).sendall(data)
-            # by then the server has read all of them
-            httpx.get(running.address + "/healthz", verify=False)
-            running.process.send_signal(signal.SIGTERM)
-            assert running.process.wait(60) == 0, "a line that nobody ends holds it up"
+def test_a_hanging_upload_and_half_a_request_hold_up_no_end(tmp_path):
+    """Here over TLS; tests/server/test_keeping.py ends a server with such connections over HTTP."""
+    words = ("--lan", "--tls", "--host", "127.0.0.1")
+    with served(tmp_path / "data", *words) as server, server.unfinished():
+        server.process.send_signal(signal.SIGTERM)
+        assert server.process.wait(60) == 0
     _check_a_full_pipe_does_not_delay_the_end()
     _check_a_computation_neither_delays_the_end_nor_logs_an_error()
 

@@ -1,7 +1,5 @@
 """The fast path of uvicorn's websocket protocol, over a connection in memory."""
 
-from __future__ import annotations
-
 import asyncio
 import random
 from types import SimpleNamespace
@@ -58,7 +56,7 @@ FLOODS = {
 
 
 @pytest.mark.parametrize("flood", FLOODS)
-def test_a_flooding_client_is_read_no_faster_than_a_page_needs(flood: str) -> None:
+def test_a_flooding_client_is_read_no_faster_than_a_page_needs(flood):
     """In an earlier version, a pupil with eight sockets delayed the pilot and every STOP by fifteen
     seconds."""
     asyncio.run(flood_for_a_minute(*FLOODS[flood]))
@@ -92,7 +90,7 @@ def masked(first: int, data: bytes, rng: random.Random) -> bytes:
 
 
 @pytest.mark.parametrize("leaves", [True, False])
-def test_a_server_ends_cleanly_while_a_client_leaves(leaves: bool) -> None:
+def test_a_server_ends_cleanly_while_a_client_leaves(leaves):
     async def end() -> None:
         line = Line()
         protocol, _ = await connected(line)
@@ -108,7 +106,7 @@ def test_a_server_ends_cleanly_while_a_client_leaves(leaves: bool) -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_messages_are_heard_alike_however_the_network_cuts_them(seed: int) -> None:
+def test_messages_are_heard_alike_however_the_network_cuts_them(seed):
     """Short messages are read past the parser only if nothing waits in it."""
     asyncio.run(cut_at_random(random.Random(seed)))
 

@@ -1,10 +1,7 @@
 """Models are renamed, copied, loaded and restored, in the data folder and over HTTP."""
 
-from __future__ import annotations
-
 import shutil
 import unicodedata
-from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
@@ -25,18 +22,18 @@ from tests.server.virtual_server import VirtualServer
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> ModelStore:
+def store(tmp_path):
     times = iter(range(1000, 2000))
     return ModelStore(Storage(tmp_path), wall_s=lambda: float(next(times)))
 
 
 @pytest.fixture
-def library(tmp_path: Path, store: ModelStore) -> ModelLibrary:
+def library(tmp_path, store):
     store.save("kitchen", some_model())
     return ModelLibrary(Storage(tmp_path), store)
 
 
-def test_rename_copy_delete_and_restore(store: ModelStore, library: ModelLibrary) -> None:
+def test_rename_copy_delete_and_restore(store, library):
     store.current = "kitchen"
     assert library.rename("kitchen", " Küche ") == "Küche"
     assert store.current == "Küche"
@@ -52,23 +49,11 @@ def test_rename_copy_delete_and_restore(store: ModelStore, library: ModelLibrary
         store.delete("cellar")
 
 
-def test_names_that_differ_in_how_an_accent_is_written_are_one(
-    store: ModelStore, library: ModelLibrary, tmp_path: Path
-) -> None:
+def test_names_that_differ_in_how_an_accent_is_written_are_one(store, library, tmp_path):
     (tmp_path / "models" / unicodedata.normalize("NFD", "Küche")).mkdir()
     assert store.free_name("küche") == "küche (2)"
     with pytest.raises(ConfigurationError, match="already"):
         library.rename("kitchen", "Küche")
-
-
-def test_a_name_that_leads_elsewhere_is_refused(library: ModelLibrary, tmp_path: Path) -> None:
-    before = everything(tmp_path)
-    for name in ("../out", "/etc", "..", "", " ", "a/b", "con", ".x", "a\0", "x" * 65):
-        with pytest.raises((ConfigurationError, NotFoundError)):
-            library.rename("kitchen", name)
-        with pytest.raises((ConfigurationError, NotFoundError)):
-            library.copy("kitchen", name or ".")
-    assert everything(tmp_path) == before
 
 
 # Over HTTP ---------------------------------------------------------------------------------------
@@ -84,7 +69,7 @@ class Bench:
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Iterator[Bench]:
+def bench(tmp_path):
     config = Config(port=0, web=WEB, data=tmp_path)
     with (
         VirtualServer(config, data=tmp_path, name="bench") as server,
@@ -94,7 +79,7 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
         yield Bench(server, client)
 
 
-def test_a_taught_model_is_saved_listed_and_previewed(bench: Bench) -> None:
+def test_a_taught_model_is_saved_listed_and_previewed(bench):
     assert bench.client.get("/api/models").json() == {"current": None, "models": []}
     bench.server.teach(12)
     assert bench.client.post("/api/models/save").json() == {"name": "bench"}
@@ -107,7 +92,7 @@ def test_a_taught_model_is_saved_listed_and_previewed(bench: Bench) -> None:
     assert preview.content.startswith(b"\x89PNG")
 
 
-def test_a_new_model_begins_like_earlier_models_of_its_learner_only(bench: Bench) -> None:
+def test_a_new_model_begins_like_earlier_models_of_its_learner_only(bench):
     bench.server.teach(3)  # the model of published-8, which has no linear part
     new = {"learner": "default-8", "name": "kitchen"}
     assert bench.client.post("/api/models", json=new).status_code == 201
@@ -122,9 +107,7 @@ def test_a_new_model_begins_like_earlier_models_of_its_learner_only(bench: Bench
 
 
 @pytest.mark.parametrize("ask", ["begin", "load"])
-def test_a_full_disk_refuses_another_model_and_keeps_what_was_taught(
-    bench: Bench, ask: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_refuses_another_model_and_keeps_what_was_taught(bench, ask, monkeypatch):
     bench.server.teach(5)
     assert bench.client.post("/api/models/save").status_code == 200
     bench.server.teach(7)
@@ -146,7 +129,7 @@ def test_a_full_disk_refuses_another_model_and_keeps_what_was_taught(
     assert bench.server.ask_loop(lambda: bench.rig.loop.history.taught.total()) in (5, 12)
 
 
-def test_loading_restores_the_state_of_a_model_unless_the_robot_drives(bench: Bench) -> None:
+def test_loading_restores_the_state_of_a_model_unless_the_robot_drives(bench):
     bench.server.teach(12)
     bench.client.post("/api/models/save")
     made = bench.client.post("/api/models", json={"name": "Flur", "place": "the hall"})
@@ -162,7 +145,7 @@ def test_loading_restores_the_state_of_a_model_unless_the_robot_drives(bench: Be
     assert answer.status_code == 409 and "stop the robot" in answer.json()["detail"]
 
 
-def test_a_model_is_renamed_copied_deleted_and_restored_by_requests(bench: Bench) -> None:
+def test_a_model_is_renamed_copied_deleted_and_restored_by_requests(bench):
     bench.server.teach(5)
     bench.client.post("/api/models/save")
     changed = bench.client.patch("/api/models/bench", json={"name": "Küche", "place": "home"})
@@ -179,9 +162,7 @@ def test_a_model_is_renamed_copied_deleted_and_restored_by_requests(bench: Bench
 
 
 @pytest.mark.parametrize("is_deleted", [False, True])
-def test_after_a_kill_a_model_has_the_name_that_it_was_given_last(
-    bench: Bench, is_deleted: bool
-) -> None:
+def test_after_a_kill_a_model_has_the_name_that_it_was_given_last(bench, is_deleted):
     bench.server.teach(5)
     bench.client.post("/api/models/save")
     undone = bench.client.post("/api/teaching/undo", json={"seconds": 0.12})
@@ -196,7 +177,7 @@ def test_after_a_kill_a_model_has_the_name_that_it_was_given_last(
     assert recovered.name == (None if is_deleted else "Küche")
 
 
-def test_download_and_upload(bench: Bench) -> None:
+def test_download_and_upload(bench):
     bench.server.teach(5)
     bench.client.post("/api/models/save")
     file = bench.client.get("/api/models/bench/file")
@@ -206,9 +187,11 @@ def test_download_and_upload(bench: Bench) -> None:
     assert bench.client.get("/api/models/bench (2)/file").content == file.content
 
 
-def test_what_cannot_be_done_changes_nothing(bench: Bench, tmp_path: Path) -> None:
+def test_what_cannot_be_done_changes_nothing(bench, tmp_path):
     """Each refusal has its status. tests/server/test_hostile_values.py tests other invalid
     values."""
+    bench.server.teach(5)
+    bench.client.post("/api/models/save")
     before = everything(tmp_path)
     for method, path, body, status in (
         ("PUT", "/x/file", b"no model", 422),
@@ -216,6 +199,8 @@ def test_what_cannot_be_done_changes_nothing(bench: Bench, tmp_path: Path) -> No
         ("POST", "/nobody/load", b"", 404),
         ("GET", "/%2e%2e/file", b"", 404),
         ("POST", "", b'{"name": "../x"}', 409),
+        ("PATCH", "/bench", b'{"name": "../x"}', 409),
+        ("POST", "/bench/copy", b'{"name": "a/b"}', 409),
         ("POST", "", b'{"learner": "oracle-7"}', 409),
         ("POST", "", b'{"like": ["nobody"]}', 404),
         ("POST", "", b'{"like": ["a","a","a","a","a","a","a","a","a"]}', 409),
@@ -225,16 +210,14 @@ def test_what_cannot_be_done_changes_nothing(bench: Bench, tmp_path: Path) -> No
     assert everything(tmp_path) == before
 
 
-def test_a_mode_change_saves(bench: Bench) -> None:
+def test_a_mode_change_saves(bench):
     bench.server.teach(7)
     bench.server.set_mode(Mode.TRAIN)
     bench.persistence.autosave.stop()
     assert bench.names() == ["bench"]
 
 
-def test_after_a_kill_examples_that_were_declared_outdated_still_are(
-    bench: Bench, tmp_path: Path
-) -> None:
+def test_after_a_kill_examples_that_were_declared_outdated_still_are(bench, tmp_path):
     """The test copies the folder, without the models, when the answer arrives, so that no later
     save can help. Other changes: tests/server/test_answers_are_facts.py."""
     bench.server.use_policy("default-8")

@@ -1,10 +1,5 @@
 """Over HTTP, the recordings of a robot are listed, shown, edited, deleted and restored."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-from pathlib import Path
-
 import httpx
 import pytest
 
@@ -20,7 +15,7 @@ Client = httpx.Client
 
 
 @pytest.fixture
-def server(tmp_path: Path) -> Iterator[VirtualServer]:
+def server(tmp_path):
     config = Config(port=0, web=WEB, data=tmp_path, limits=NetworkLimits(requests_burst=5000))
     with VirtualServer(config, data=tmp_path, name="bench") as server:
         server.wait_until(lambda: server.rig.loop.state.frame_id is not None)
@@ -28,19 +23,17 @@ def server(tmp_path: Path) -> Iterator[VirtualServer]:
 
 
 @pytest.fixture
-def client(server: VirtualServer) -> Iterator[Client]:
+def client(server):
     with Client(base_url=server.address) as client:
         yield client
 
 
 @pytest.fixture
-def episode_id(server: VirtualServer) -> str:
+def episode_id(server):
     return record_drive(server.persistence.storage.folder("episodes")).id
 
 
-def test_a_drive_appears_in_the_list_while_it_is_recorded(
-    server: VirtualServer, client: Client
-) -> None:
+def test_a_drive_appears_in_the_list_while_it_is_recorded(server, client):
     loop, clock = server.rig.loop, server.clock
     assert client.get("/api/episodes").json()["episodes"] == []
     server.set_mode(Mode.TRAIN)
@@ -62,7 +55,7 @@ def test_a_drive_appears_in_the_list_while_it_is_recorded(
     assert episode["damage"] is None and episode["lessons"] == loop.history.taught.total()
 
 
-def test_an_episode_is_shown_with_timeline_and_pictures(client: Client, episode_id: str) -> None:
+def test_an_episode_is_shown_with_timeline_and_pictures(client, episode_id):
     shown = client.get(f"/api/episodes/{episode_id}").json()
     assert shown["lessons"] == 60 and shown["moves"] == ["forward", "left", "right"]
     path = f"/api/episodes/{episode_id}/timeline"
@@ -78,9 +71,7 @@ def test_an_episode_is_shown_with_timeline_and_pictures(client: Client, episode_
     assert file.content.startswith(b"\x89MCAP0\r\n") and "attachment" in str(file.headers)
 
 
-def test_a_recording_is_titled_edited_compacted_deleted_and_restored(
-    server: VirtualServer, client: Client, episode_id: str
-) -> None:
+def test_a_recording_is_titled_edited_compacted_deleted_and_restored(server, client, episode_id):
     path = f"/api/episodes/{episode_id}"
     changed = client.patch(path, json={"title": "Hall", "protected": True}).json()
     assert (changed["title"], changed["protected"]) == ("Hall", True)
@@ -112,7 +103,7 @@ def test_a_recording_is_titled_edited_compacted_deleted_and_restored(
     assert client.get("/api/episodes").json()["offered"] == [episode_id]
 
 
-def test_each_refusal_has_its_status(client: Client, episode_id: str) -> None:
+def test_each_refusal_has_its_status(client, episode_id):
     """tests/server/test_hostile_values.py tests other invalid values."""
     for method, path, body, status in (
         ("GET", "/nobody", None, 404),

@@ -1,14 +1,12 @@
 """`drivelesson episodes`, as a user types it. tests/server/exchange tests exports and imports."""
 
-from __future__ import annotations
-
 import argparse
 import errno
 import os
 import shutil
 import unicodedata
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,12 +20,9 @@ from server.recordings.command import configure
 from tests.kit.disk import Disk
 from tests.kit.sizes import crossed
 from tests.robot.exchange.imported import import_pictures
-from tests.server.conftest import Say
 
 
-def test_a_recording_is_listed_shown_edited_titled_and_compacted(
-    episode_id: str, data: Path, say: Say, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_recording_is_listed_shown_edited_titled_and_compacted(episode_id, data, say, capsys):
     store = EpisodeStore(Storage(data))
     assert episode_id in say("episodes list")
     shown = say("episodes show last")
@@ -52,8 +47,8 @@ def test_a_recording_is_listed_shown_edited_titled_and_compacted(
 
 
 def test_several_episodes_are_zipped_deleted_restored_and_imported_by_one_command_each(
-    episode_id: str, data: Path, tmp_path: Path, say: Say
-) -> None:
+    episode_id, data, tmp_path, say
+):
     store, home = EpisodeStore(Storage(data)), tmp_path / "home.zip"
     path = store.path(episode_id)
     for name in ("hall", "yard"):
@@ -81,13 +76,13 @@ VERBS = (
 
 
 def test_a_mistyped_data_folder_or_file_is_named_and_nothing_is_created(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+    tmp_path, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("DRIVELESSON_DATA", raising=False)
     parser = argparse.ArgumentParser()
     configure(parser)
-    [verbs] = parser._subparsers._group_actions  # type: ignore[union-attr]
+    [verbs] = parser._subparsers._group_actions
     lines = VERBS.split(";")
     assert set(verbs.choices or ()) == {line.split()[0] for line in lines} | {"import"}
     for words in (*(f"episodes {line}" for line in lines), "learn last", "player-key"):
@@ -102,9 +97,7 @@ def test_a_mistyped_data_folder_or_file_is_named_and_nothing_is_created(
 
 
 @pytest.mark.parametrize("theirs_first", [True, False])
-def test_the_word_last_means_the_newest_by_time_not_by_name(
-    episode_id: str, data: Path, theirs_first: bool, say: Say
-) -> None:
+def test_the_word_last_means_the_newest_by_time_not_by_name(episode_id, data, theirs_first, say):
     (data / "none").mkdir()
     assert "no episodes in" in say(f"episodes list --data {data}/none")
     assert "nothing is recorded yet" in say(f"episodes show last --data {data}/none", status=2)
@@ -122,9 +115,7 @@ def test_the_word_last_means_the_newest_by_time_not_by_name(
 
 
 @crossed(form=["NFC", "NFD"], typed=["Küche", "Kü", unicodedata.normalize("NFD", "Küche")])
-def test_a_name_is_found_in_every_encoding_of_its_accents(
-    episode_id: str, data: Path, form: Literal["NFC", "NFD"], typed: str, say: Say
-) -> None:
+def test_a_name_is_found_in_every_encoding_of_its_accents(episode_id, data, form, typed, say):
     path = EpisodeStore(Storage(data)).path(episode_id)
     path.rename(path.with_stem(unicodedata.normalize(form, "Küche")))
     say(f"episodes title {typed} Here")
@@ -151,9 +142,7 @@ def test_a_name_is_found_in_every_encoding_of_its_accents(
         ("play nobody", "no episode of this name"),
     ],
 )
-def test_what_cannot_be_done_is_one_clear_line(
-    episode_id: str, words: str, complaint: str, say: Say
-) -> None:
+def test_what_cannot_be_done_is_one_clear_line(episode_id, words, complaint, say):
     assert complaint in say(f"episodes {words}", status=2).splitlines()[-1]
 
 
@@ -162,13 +151,8 @@ def test_what_cannot_be_done_is_one_clear_line(
 
 @pytest.mark.parametrize("why", [errno.EIO, errno.EROFS])
 def test_a_folder_that_cannot_be_written_is_read(
-    episode_id: str,
-    data: Path,
-    tmp_path_factory: pytest.TempPathFactory,
-    why: int,
-    monkeypatch: pytest.MonkeyPatch,
-    say: Say,
-) -> None:
+    episode_id, data, tmp_path_factory, why, monkeypatch, say
+):
     out = tmp_path_factory.mktemp("out")
     disk = Disk(data)
     disk.install(monkeypatch.setattr)
@@ -187,8 +171,8 @@ def test_a_folder_that_cannot_be_written_is_read(
 
 
 def test_the_recording_deleted_last_is_restored_whatever_the_clock_says(
-    episode_id: str, data: Path, monkeypatch: pytest.MonkeyPatch, say: Say
-) -> None:
+    episode_id, data, monkeypatch, say
+):
     path = EpisodeStore(Storage(data)).path(episode_id)
     for name in ("first", "second"):
         shutil.copy(path, path.with_stem(name))
@@ -204,8 +188,8 @@ def test_the_recording_deleted_last_is_restored_whatever_the_clock_says(
 
 
 def test_the_trash_is_emptied_also_on_a_full_disk_and_says_what_is_free_again(
-    episode_id: str, data: Path, monkeypatch: pytest.MonkeyPatch, say: Say
-) -> None:
+    episode_id, data, monkeypatch, say
+):
     (data / "trash/by-hand.bin").write_bytes(bytes(3_000_000))  # which stays
     assert say("episodes empty-trash") == "0.0 MB are free again\n"
     say("episodes delete last")
@@ -223,8 +207,8 @@ def test_the_trash_is_emptied_also_on_a_full_disk_and_says_what_is_free_again(
 
 
 def test_what_is_unfinished_is_listed_and_removed_by_the_next_import(
-    episode_id: str, data: Path, tmp_path: Path, say: Say
-) -> None:
+    episode_id, data, tmp_path, say
+):
     """The remains of a killed import, and parts without their recording."""
     left = data / NAME
     (left / "gone.parts").mkdir()

@@ -1,16 +1,11 @@
 """Long work on recordings runs in a separate process or in the background, and reports its results,
 errors and end."""
 
-from __future__ import annotations
-
 import asyncio
 import io
 import os
-import threading
 from collections import Counter
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import pytest
 
@@ -29,22 +24,7 @@ from server.recordings.retraining import Retraining
 from server.recordings.separate_process import SeparateWork
 from tests.robot.recordings.drives import record_drive
 
-
-class _LocalError(Exception):
-    def __init__(self, one: str, other: str) -> None:
-        super().__init__(f"{one} {other}")  # this error cannot be unpickled
-
-
-def _work(tell: Callable[[object], None], ending: str) -> None:
-    print("a learner may print")
-    tell(b"x" * 3_000_000)
-    tell(os.nice(0) if hasattr(os, "nice") else 19)
-    if ending == "own error":
-        raise NotFoundError("no such picture")
-    if ending == "foreign error":
-        raise _LocalError("by a", "learner")
-    if ending == "crash":
-        os._exit(3)
+from .work import hang, work
 
 
 @pytest.mark.parametrize(
@@ -55,23 +35,16 @@ def _work(tell: Callable[[object], None], ending: str) -> None:
         ("crash", RecordingError, "enough memory"),
     ],
 )
-def test_a_separate_process_yields_its_results_before_its_error(
-    ending: str, error: type[Exception], text: str
-) -> None:
-    told = SeparateWork(_work, ending)
+def test_a_separate_process_yields_its_results_before_its_error(ending, error, text):
+    told = SeparateWork(work, ending)
     assert next(told) == b"x" * 3_000_000
     assert next(told) == 19
     with pytest.raises(error, match=text):
         next(told)
 
 
-def _hang(tell: Callable[[int], None]) -> None:
-    tell(os.getpid())
-    threading.Event().wait()
-
-
-def test_a_separate_process_ends_with_its_reader() -> None:
-    told = SeparateWork(_hang)
+def test_a_separate_process_ends_with_its_reader():
+    told = SeparateWork(hang)
     pid = next(told)
     with pytest.raises(RecordingError), ThreadPoolExecutor(1) as pool:
         waiting = pool.submit(list, told)
@@ -81,13 +54,11 @@ def test_a_separate_process_ends_with_its_reader() -> None:
         os.kill(pid, 0)
 
 
-def test_a_long_recording_is_copied_there_byte_for_byte(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_long_recording_is_copied_there_byte_for_byte(tmp_path, monkeypatch):
     episode = record_drive(tmp_path, frames=30)
     notes = Notes().with_edit(trim(episode.frames, *list(episode.frames)[5:21:15]))
     here, there = io.BytesIO(), io.BytesIO()
-    here.close, there.close = lambda: None, lambda: None  # type: ignore[method-assign]
+    here.close, there.close = lambda: None, lambda: None
     write_edited(episode, notes, here)
     monkeypatch.setattr(part, "_SHORT", 20)
     part._write_edited(episode, notes, there)
@@ -103,9 +74,7 @@ def test_a_long_recording_is_copied_there_byte_for_byte(
     assert joined == expected != b""
 
 
-def test_retraining_gives_the_same_model_as_the_command_and_reports_a_failure(
-    tmp_path: Path,
-) -> None:
+def test_retraining_gives_the_same_model_as_the_command_and_reports_a_failure(tmp_path):
     store = EpisodeStore(Storage(tmp_path))
     episode = record_drive(tmp_path / "episodes", frames=60)
     clock = VirtualClock()

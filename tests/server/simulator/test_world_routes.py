@@ -1,7 +1,5 @@
 """A client gets the robot's path in parts over HTTP."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import httpx
@@ -15,7 +13,7 @@ def path_of(server: VirtualServer, since: object = 0) -> httpx.Response:
     return httpx.get(f"{server.address}/api/path", params={"since": str(since)})
 
 
-def test_the_path_is_sent_in_parts_with_its_driver(server: VirtualServer) -> None:
+def test_the_path_is_sent_in_parts_with_its_driver(server):
     known: list[Any] = []
     for step in range(1, 5):
         server.rig.driver.sensors = Sensors(pose=Pose(x_m=step, y_m=0.5, heading_rad=0.1))
@@ -32,7 +30,7 @@ def test_the_path_is_sent_in_parts_with_its_driver(server: VirtualServer) -> Non
         assert (whole["first"], whole["pose"]) == (0, known)
 
 
-def test_an_estimated_path_is_marked_as_an_estimate(server: VirtualServer) -> None:
+def test_an_estimated_path_is_marked_as_an_estimate(server):
     pose = Pose(x_m=1.0, y_m=0.5, heading_rad=0.1, is_estimate=True)
     server.rig.driver.sensors = Sensors(pose=pose)
     server.wait_until(lambda: path_of(server).json()["is_estimate"])
@@ -44,7 +42,7 @@ def test_an_estimated_path_is_marked_as_an_estimate(server: VirtualServer) -> No
         )
 
 
-def test_a_robot_that_does_not_know_its_place_has_no_path(server: VirtualServer) -> None:
+def test_a_robot_that_does_not_know_its_place_has_no_path(server):
     server.wait_until(lambda: server.rig.loop.state.frame_id is not None)
     answer = path_of(server).json()
     assert (answer["first"], answer["pose"], answer["events"]) == (0, [], {})
@@ -52,11 +50,11 @@ def test_a_robot_that_does_not_know_its_place_has_no_path(server: VirtualServer)
 
 
 @pytest.mark.parametrize("since", ["x", "1e3", ""])
-def test_an_invalid_number_is_refused(server: VirtualServer, since: str) -> None:
+def test_an_invalid_number_is_refused(server, since):
     assert path_of(server, since).status_code in (400, 422)
 
 
-def test_no_real_robot_is_carried_elsewhere(server: VirtualServer) -> None:
+def test_no_real_robot_is_carried_elsewhere(server):
     url = f"{server.address}/api/world"
     refused = httpx.put(url, json={"name": "box"})
     assert (refused.status_code, "simulated" in refused.json()["detail"]) == (409, True)

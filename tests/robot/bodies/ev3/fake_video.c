@@ -2,7 +2,6 @@
  *
  * FAKE_VIDEO names a file whose first word says how the camera behaves:
  *   run      new pictures
- *   repeat   the same picture again and again
  *   freeze   no pictures
  *   gone     unplugged: open fails, and an open one says ENODEV
  * The rest is set in the environment, as FAKE_VIDEO_*:
@@ -98,7 +97,7 @@ static int fail(int why) { errno = why; return -1; }
 
 /* A grey ramp that moves with the sequence, so that no two pictures are equal. */
 static size_t paint(unsigned char *to) {
-    unsigned step = is("repeat") ? 7 : sequence;
+    unsigned step = sequence;
     if (is_jpeg) {
         FILE *file = fopen(getenv("FAKE_VIDEO_JPEG"), "rb");
         size_t n = file ? fread(to, 1, size - 4, file) : 0;

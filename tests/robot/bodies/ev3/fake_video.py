@@ -55,7 +55,7 @@ class FakeVideo:
 
 
 def behave(how: str, control: str) -> None:
-    """Set the camera's state to run, repeat, freeze or gone."""
+    """Set the camera's state to run, freeze or gone."""
     fresh = Path(control).with_suffix(".new")
     fresh.write_text(how)
     fresh.rename(control)

@@ -8,7 +8,7 @@ import pytest
 
 from robot.bodies.ev3.agent import console, sensors
 from robot.bodies.ev3.driver import ChassisOptions, Ev3Driver, Ev3Options, wheels_of
-from robot.bodies.ev3.fake_brick import DEFAULTS, LEFTOVERS, POLL_S, FakeBrick
+from robot.bodies.ev3.fake_brick import DEFAULTS, LEFTOVERS, FakeBrick
 from robot.devkit.wheels import CLASSIC_POINTS
 from robot.driver import BodyButton
 from robot.errors import ConfigurationError, DriveError
@@ -32,19 +32,12 @@ def test_speeds_are_those_of_the_paper_whichever_wheel_turns(turn_by: str) -> No
     assert wheels.at(CLASSIC_POINTS[Action.RIGHT]) == (right, left)
 
 
-def test_a_move_is_timed_and_ends_by_itself(brick: FakeBrick) -> None:
+def test_each_move_is_timed_by_the_motors_and_scaled(brick: FakeBrick) -> None:
     with make_driver(brick) as driver:
         driver.send_action(Action.FORWARD)
         brick.wait_until(lambda: set(brick.speeds().values()) == {360})
-        began_s = next(c.at_s for c in brick.commands if c.command == "run-timed")
-        brick.wait_until(lambda: not brick.is_moving())
-        assert brick.clock.now_s() - began_s == pytest.approx(0.4, abs=2 * POLL_S)
-        driver.send_action(Action.FORWARD)
         driver.send_action(Action.LEFT, speed_scale=0.5)
         brick.wait_until(lambda: brick.speeds() == {"outB": -45, "outC": 0})
-        driver.stop()
-        driver.stop()
-        brick.wait_until(lambda: not brick.is_moving(), 0.3)
     moves = [c for c in brick.commands if c.command.startswith("run")]
     assert {(c.command, c.time_ms) for c in moves} == {("run-timed", 400)}
 
@@ -54,9 +47,7 @@ def test_a_move_is_timed_and_ends_by_itself(brick: FakeBrick) -> None:
     [
         ({"left_port": "outA"}, r"port outA; .*--left-port .*lego-ev3-l-motor at ev3-ports:outB"),
         ({"left_port": "out"}, "port out;"),
-        ({"left_port": ""}, "port ;"),
         ({"ultrasonic_port": "in2"}, r"port in2; .*--ultrasonic-port .*found: lego-nxt-us at"),
-        ({"ultrasonic_port": "n1"}, "ultrasonic sensor at port n1"),
         ({"ultrasonic_port": "in1:i2c"}, "ultrasonic sensor at port in1:i2c"),
         ({"touch_port": "in3"}, r"port in3.*--touch-port"),
     ],
@@ -73,11 +64,9 @@ def test_a_wrong_port_is_one_clear_line(
             assert driver.sense().distance_m == pytest.approx(0.42)
 
 
-def test_options_that_make_no_sense_are_refused() -> None:
+def test_two_motors_at_one_port_are_refused() -> None:
     with pytest.raises(ConfigurationError, match="--left-port and --right-port are both outA"):
         ChassisOptions(left_port="outA", right_port="outA")
-    with pytest.raises(ConfigurationError, match=r"--track-m must be a number from 0\.01 to 2"):
-        ChassisOptions(track_m=0)
 
 
 def test_a_motor_that_was_unplugged_is_found_again(brick: FakeBrick) -> None:
@@ -127,13 +116,10 @@ def test_another_programs_leftovers_are_undone_before_anything_moves(brick: Fake
         assert driver.rolled_m() == (0.0, 0.0)
         driver.send_action(Action.FORWARD)
         brick.wait_until(lambda: set(brick.speeds().values()) == {360}, 1)
-        driver.stop()
-        brick.wait_until(lambda: not brick.is_moving(), 1)
 
 
-@pytest.mark.parametrize("name", ["ramp_up_sp", "ramp_down_sp", "polarity"])
-def test_a_motor_that_cannot_be_reset_is_one_clear_line(brick: FakeBrick, name: str) -> None:
-    brick.motors["outC"].kept.add(name)
+def test_a_motor_that_cannot_be_reset_is_one_clear_line(brick: FakeBrick) -> None:
+    brick.motors["outC"].kept.add("polarity")
     with pytest.raises(DriveError, match="outC keeps the settings of another program; end that"):
         make_driver(brick).connect()
 

@@ -15,8 +15,10 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
 from typing import Self
 
+import numpy as np
 import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
@@ -28,7 +30,6 @@ from server.protocol import encode_acknowledgement
 from tests.kit.wait import wait_until
 from tests.robot.bodies.ev3 import film_camera
 from tests.robot.bodies.ev3.armel import Armel, guest_memory_mb
-from tests.robot.bodies.ev3.film import install_film
 from tests.server.live_robot import Pilot
 
 pytestmark = [pytest.mark.slow, pytest.mark.realtime, pytest.mark.timeout(1500)]
@@ -41,6 +42,23 @@ UNUSED = (
     "cv2 PIL ssl _ssl _hashlib panda3d zeroconf cryptography segno sklearn ev3dev2.motor "
     "ev3dev2.sensor ev3dev2.display evdev pip robot.simulator robot.lab.baselines"
 )
+
+
+def install_film(folder: Path) -> None:
+    """Put a camera and its film, a view that moves along a wall, into the Python path of the
+    brick."""
+    shutil.rmtree(folder, ignore_errors=True)
+    metadata = folder / "film-1.dist-info"
+    metadata.mkdir(parents=True)
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: film\nVersion: 1\n")
+    (metadata / "entry_points.txt").write_text(film_camera.ENTRY_POINT)
+    shutil.copy(film_camera.__file__, folder)
+    tiles = np.random.default_rng(1).integers(0, 255, (15, 100), dtype=np.uint8)
+    wall = tiles.repeat(8, axis=0).repeat(8, axis=1)
+    colours = np.full((film_camera.HEIGHT, film_camera.WIDTH), 128, np.uint8)
+    views = (wall[:, 6 * i : 6 * i + film_camera.WIDTH] for i in range(100))
+    film = (np.dstack([view, colours]).tobytes() for view in views)
+    (folder / "film.yuyv").write_bytes(b"".join(film))
 
 
 class Served:

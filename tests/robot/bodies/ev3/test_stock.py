@@ -22,7 +22,7 @@ from robot.bodies.ev3.stock_driver import Ev3StockDriver, Ev3StockOptions, Stock
 from robot.errors import ConfigurationError, DriveError
 from robot.testing import VirtualClock
 from robot.types import Action
-from tests.contract.real_parts import check_driver_on_its_real_line
+from tests.contract.real_parts import check_real_driver
 from tests.kit.needed import installed
 from tests.kit.run import run
 from tests.standins.ev3_stock import SERIAL, TOUCH, StockBrick, StockFirmware, _Machine
@@ -141,22 +141,20 @@ def test_motors_and_sensors_that_are_not_plugged_in_are_named(
 
 @pytest.mark.realtime
 def test_a_brick_on_a_real_connection_is_found_again_after_a_loss() -> None:
-    check_driver_on_its_real_line("ev3-stock")
-    with (
-        StockBrick() as brick,
-        Ev3StockDriver(
-            Ev3StockOptions(line="wifi", brick=SERIAL, beacon_port=brick.beacon_port)
-        ) as driver,
-    ):
-        brick.frozen.set()
-        with pytest.raises(DriveError, match="no valid answer from the brick"):
+    with StockBrick() as brick:
+        options = Ev3StockOptions(line="wifi", brick=SERIAL, beacon_port=brick.beacon_port)
+        driver = Ev3StockDriver(options)
+        check_real_driver(driver, lambda: brick.is_moving)
+        with driver:
+            brick.frozen.set()
+            with pytest.raises(DriveError, match="no valid answer from the brick"):
+                driver.send_action(Action.FORWARD)
+            with pytest.raises(DriveError):
+                driver.send_action(Action.FORWARD)
+            brick.frozen.clear()
+            driver.sense()
             driver.send_action(Action.FORWARD)
-        with pytest.raises(DriveError):
-            driver.send_action(Action.FORWARD)
-        brick.frozen.clear()
-        driver.sense()
-        driver.send_action(Action.FORWARD)
-        assert brick.is_moving
+            assert brick.is_moving
 
 
 @pytest.mark.realtime

@@ -55,18 +55,12 @@ def test_yuyv_comes_as_it_is_and_a_broken_camera_is_noticed_and_picked_up_again(
 
         wait_until(lambda: age_s() < 0.1)
         assert age_s() >= 0.00499, "the made-up camera takes its pictures 5 ms before"
-        for how, words in (
-            ("freeze", "gives no pictures"),
-            ("repeat", "repeats one picture"),
-            ("gone", "unplugged"),
-        ):
-            behave(how, os.environ["FAKE_VIDEO"])
-            wait_until(lambda: running.fault is not None, how)
-            assert words in str(running.fault) and DEVICE in str(running.fault)
-            shown = newest(running).frame_id
-            behave("run", os.environ["FAKE_VIDEO"])
-            wait_until(lambda: running.fault is None, f"pictures after {how}")
-            newest(running, shown)
+        behave("gone", os.environ["FAKE_VIDEO"])
+        wait_until(lambda: f"{DEVICE} was unplugged" in str(running.fault))
+        shown = newest(running).frame_id
+        behave("run", os.environ["FAKE_VIDEO"])
+        wait_until(lambda: running.fault is None)
+        newest(running, shown)
 
 
 def test_a_large_picture_is_shrunk(monkeypatch: pytest.MonkeyPatch) -> None:

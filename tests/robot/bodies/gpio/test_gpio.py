@@ -124,8 +124,6 @@ def test_each_order_turns_the_right_motors(
         ("bumper_pin", "1,2"),
         ("bumper_pin", "17"),
         ("right_pins", "17,23"),
-        ("straight_speed", 0.0),
-        ("turn_speed", 1.5),
         ("servo_ends", "1"),
         ("servo_ends", "1,1"),
         ("servo_ends", "nan,1"),

@@ -253,9 +253,8 @@ def test_a_game_that_ends_in_black_shows_the_picture_before(
         body.close()
 
 
-@pytest.mark.parametrize("slow_s", [0.01, 0.45])
-def test_a_slow_computer_neither_stops_the_robot_nor_misses_a_step(slow_s: float) -> None:
-    """Each tick of the loop takes this long."""
+def test_a_slow_computer_neither_stops_the_robot_nor_misses_a_step() -> None:
+    """Each tick of the loop takes 0.45 s."""
     clock, body, seen = VirtualClock(), driver(), list[int]()
     camera = GymnasiumCamera(body, GymnasiumCameraOptions(), clock)
     loop = ControlLoop(body, camera, make_policy("knn-1", body.moves), clock)
@@ -273,7 +272,7 @@ def test_a_slow_computer_neither_stops_the_robot_nor_misses_a_step(slow_s: float
             )
             loop.tick(now_s)
             seen.append(int(to_rgb(frame).max(axis=(0, 2)).argmax()))
-            clock.sleep(slow_s)
+            clock.sleep(0.45)
             decision = loop.state.decision
             assert seq < 3 or decision.mode is Mode.TRAIN, decision.stop_reason
     steps = np.diff(list(dict.fromkeys(seen)))
@@ -281,7 +280,7 @@ def test_a_slow_computer_neither_stops_the_robot_nor_misses_a_step(slow_s: float
     assert steps.max() <= 5, "one step of four pixels at a time: none was missed"
 
 
-@pytest.mark.parametrize("takes_s", [0.02, 0.7, 3.0])
+@pytest.mark.parametrize("takes_s", [0.7, 3.0])
 def test_a_slow_environment_does_not_stop_the_robot(
     takes_s: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -296,13 +295,13 @@ def test_a_slow_environment_does_not_stop_the_robot(
         pilot = server.pilot()
         pilot.mode("train")
         pilot.hold("right")
-        server.forward(20 * (takes_s + 0.1))
+        server.forward(12 * (takes_s + 0.1))
         state = server.rig.loop.state
         assert state.stops == {} and state.decision.mode is Mode.TRAIN
-        assert state.taught[Action.RIGHT] >= 15
+        assert state.taught[Action.RIGHT] >= 9
         pilot.hold(None)
         pilot.mode("autonomous")
-        server.forward(20 * (takes_s + 0.1))
+        server.forward(6 * (takes_s + 0.1))
         state = server.rig.loop.state
         assert state.stops == {} and state.sent is Action.RIGHT
         pilot.is_silent = True

@@ -11,7 +11,7 @@ from robot.bodies.lego_education.driver import LegoEducationDriver, LegoEducatio
 from robot.driver import BodyButton
 from robot.errors import DriveError, MissingExtraError
 from robot.types import Action
-from tests.contract.real_parts import check_driver_on_its_real_line
+from tests.contract.real_parts import check_real_driver
 from tests.kit.wait import wait_until
 from tests.standins.lego_education import FakeDoubleMotor
 
@@ -28,7 +28,8 @@ def driver_for(motor: FakeDoubleMotor, hub: str = "") -> LegoEducationDriver:
 
 @pytest.mark.realtime
 def test_a_motor_is_driven_stopped_by_its_button_and_lost(motor: FakeDoubleMotor) -> None:
-    check_driver_on_its_real_line("lego-education")
+    check_real_driver(driver_for(motor), lambda: motor.is_moving)
+    motor.told.clear()
     moves_are_timed_by_the_motor_and_scaled(motor)
     its_button_stops_once(motor)
     a_motor_that_was_out_of_reach_is_driven_again(motor)

@@ -17,7 +17,7 @@ from robot.bodies.pybricks.driver import PybricksDriver, PybricksOptions
 from robot.driver import ACTION_TIMEOUT_S, Sensors
 from robot.errors import DriveError, MissingExtraError
 from robot.types import Action
-from tests.contract.real_parts import check_driver_on_its_real_line
+from tests.contract.real_parts import as_reported, check_real_driver
 from tests.kit.needed import ROOT, installed
 from tests.kit.run import run
 from tests.kit.wait import wait_until
@@ -69,8 +69,9 @@ class Typist:
 def test_a_hub_is_driven_again_after_it_hung_or_was_lost(hub: FakeHub) -> None:
     """One hub is used for the whole test: its program runs until somebody ends it."""
     assert len(PROGRAM.read_text().splitlines()) <= 80, "it fits a page"
-    check_driver_on_its_real_line("pybricks")
     a_hub_that_is_missing_or_runs_another_program_is_told(hub)
+    driver = driver_for(hub)
+    check_real_driver(driver, as_reported(driver, lambda: hub.is_moving))
     moves_are_timed_by_the_hub(hub)
     a_program_that_hangs_ends_its_move_and_obeys_nothing_old(hub)
     a_hub_that_was_lost_is_driven_again_and_not_replaced_by_its_twin(hub)

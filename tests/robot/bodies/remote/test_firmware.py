@@ -17,7 +17,7 @@ from robot.bodies.remote.udp import UdpDriver
 from robot.driver import ACTION_TIMEOUT_S
 from robot.errors import DriveError
 from robot.types import Action
-from tests.contract.real_parts import check_driver_on_its_real_line
+from tests.contract.real_parts import as_reported, check_real_driver
 from tests.robot.bodies.sending import send_until
 from tests.standins.firmware import SECRET, FirmwareRobot
 
@@ -72,9 +72,11 @@ NONSENSE: tuple[dict[str, Any], ...] = ({"speed": "x"}, {"move": 7}, {"for_ms": 
 @pytest.mark.realtime
 def test_the_sample_firmware_drives_and_stops_after_every_fault_and_attack() -> None:
     """One robot is used for the whole test."""
-    check_driver_on_its_real_line("udp")
     with FirmwareRobot() as robot:
         a_wrong_secret_moves_nothing_and_is_told(robot)
+        driver = driver_for(robot)
+        check_real_driver(driver, as_reported(driver, robot.is_moving))
+    with FirmwareRobot() as robot:
         moves_turn_the_wheels_and_end_by_themselves(robot)
         with Sender(robot) as sender:
             replayed_forged_and_late_orders_move_nothing(robot, sender)

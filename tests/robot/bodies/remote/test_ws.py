@@ -15,14 +15,16 @@ from robot.bodies.remote.ws import WebsocketLine, WsDriver
 from robot.clock import RealClock
 from robot.errors import DriveError
 from robot.types import Action
-from tests.contract.real_parts import check_driver_on_its_real_line
+from tests.contract.real_parts import as_reported, check_real_driver
 from tests.robot.bodies.sending import send_until
 from tests.standins.ws_robot import WsRobot
 
 
 @pytest.mark.realtime
 def test_a_lost_real_connection_is_opened_again_and_moves_nothing_by_itself() -> None:
-    check_driver_on_its_real_line("ws")
+    with WsRobot("geheim") as robot:
+        driver = WsDriver(RemoteOptions(address=robot.address, secret="geheim"))
+        check_real_driver(driver, as_reported(driver, lambda: robot.is_moving))
     check_that_it_comes_back(WsRobot.start_again)
     # As when the robot's power is cut: nothing closes the connection.
     check_that_it_comes_back(lambda robot: robot.silent.set())

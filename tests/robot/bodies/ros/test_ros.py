@@ -25,7 +25,7 @@ from robot.driver import Pose
 from robot.errors import CameraError, ConfigurationError, DriveError
 from robot.testing import VirtualClock
 from robot.types import Action, Prediction
-from tests.contract.real_parts import check_camera_on_its_real_line, check_driver_on_its_real_line
+from tests.contract.real_parts import check_real_camera, check_real_driver
 from tests.kit.frames import grey_jpeg
 from tests.kit.needed import installed
 from tests.kit.wait import wait_until
@@ -125,8 +125,6 @@ def test_a_silent_or_refusing_robot_is_an_error_but_a_stop_is_still_sent(
 @pytest.mark.parametrize(
     ("option", "value"),
     [
-        ("linear_mps", 0.0),
-        ("turn_rate_deg_s", 1e9),
         ("cmd_vel_topic", "/a b"),
         ("advice_topic", "a//b"),
         ("body_moves", "forward,push"),
@@ -190,10 +188,16 @@ def driver_for(ros: RosBridgeServer) -> RosDriver:
 
 @pytest.mark.realtime
 def test_a_base_is_driven_watched_and_lost(caplog: pytest.LogCaptureFixture) -> None:
-    check_driver_on_its_real_line("ros")
-    check_camera_on_its_real_line("ros")
     a_bridge_that_is_not_there_is_a_sentence()
     with RosBridgeServer() as ros:
+        check_real_camera(RosCamera(RosCameraOptions(address=ros.address), RealClock()))
+        driver = driver_for(ros)
+
+        def is_moving() -> bool:
+            ros.settle(driver._connection)
+            return ros.is_moving
+
+        check_real_driver(driver, is_moving)
         a_velocity_that_is_not_renewed_is_followed_by_zero(ros)
         a_bridge_without_a_sign_of_life_is_connected_anew(ros)
         caplog.set_level(logging.WARNING, "robot.bodies.ros")

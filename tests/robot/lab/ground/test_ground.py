@@ -61,7 +61,7 @@ class Turncoat(Lamp):
 
 
 def taught(world: Lamp, way: str, examples: int) -> tuple[DrivingLearner, Course]:
-    learner = DrivingLearner(Lamp.moves, "knn-1")
+    learner = DrivingLearner(Lamp.moves, "published-8")
     course = Course(world, learner, way, seed=1)
     course.teach(examples)
     return learner, course
@@ -74,11 +74,11 @@ def test_in_a_demonstration_only_the_teacher_drives():
 
 
 def test_only_mistakes_are_corrected_up_to_the_number_of_examples():
-    learner, course = taught(Lamp(), "corrections", 100)
+    learner, course = taught(Lamp(), "corrections", 60)
     assert (learner.n_examples, course.takeovers) == (FIRST_EXAMPLES, 0)
     assert course.decisions > 10 * FIRST_EXAMPLES, "it had its chances"
-    learner, course = taught(Turncoat(), "corrections", 100)
-    assert learner.n_examples == 100 and course.takeovers >= 1
+    learner, course = taught(Turncoat(), "corrections", 60)
+    assert learner.n_examples == 60 and course.takeovers >= 1
 
 
 CARS = [name for name in WORLDS if name.startswith("CarRacing")]
