@@ -72,11 +72,12 @@ def measure(
     extract = times(lambda i: policy.extract(frames[i % len(frames)]), min(repeats, 20))
     xs = [policy.extract(frame) for frame in frames]
     rng = np.random.default_rng(0)
+    noise = rng.integers(-8, 9, (max_nodes + repeats, xs[0].size), np.int16)  # no view twice
+    views = [(xs[i % len(xs)] + noise[i]).clip(0, 255).astype(np.uint8) for i in range(len(noise))]
     for i in range(max_nodes):  # fill the learner first, because a full learner is slower
-        noisy = xs[i % len(xs)].astype(np.int16) + rng.integers(-8, 9, xs[0].size)
-        policy.learn(noisy.clip(0, 255).astype(np.uint8), DEFAULT_MOVES[i % 3])
+        policy.learn(views[i], DEFAULT_MOVES[i % 3])
     propose = times(lambda i: policy.propose(i, xs[i % len(xs)]), repeats)
-    learn = times(lambda i: policy.learn(xs[i % len(xs)], DEFAULT_MOVES[i % 3]), repeats)
+    learn = times(lambda i: policy.learn(views[max_nodes + i], DEFAULT_MOVES[i % 3]), repeats)
     return Cost(max_nodes=max_nodes, extract_s=extract, propose_s=propose, learn_s=learn)
 
 

@@ -132,3 +132,11 @@ def test_a_full_learner_is_measured():
     measured = autosize.measure(8, repeats=20)
     assert measured.max_nodes == 8 and len(measured.learn_s) == 20
     assert min(measured.learn_s) > 0.0
+
+
+def test_each_measured_step_learns_a_new_view(monkeypatch):
+    """A view that was taught before is counted, but not learned again, which takes no time."""
+    policy = make_policy("default-4")
+    monkeypatch.setattr(autosize, "make_policy", lambda name: policy)
+    autosize.measure(4, repeats=100, frames=autosize.sample_frames(10))
+    assert policy.learner.cluster.n_trained_ == 104
