@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 from pathlib import Path
 from typing import Any
 
 from robot.errors import ConfigurationError, InUseError, reason
 from robot.types import StartStop
+
+_NO_LOCKS = errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP
 
 
 class FolderLock(StartStop):
@@ -43,6 +46,8 @@ class FolderLock(StartStop):
         except NotImplementedError:
             return  # some network file systems have no locks
         except OSError as error:
+            if error.errno in _NO_LOCKS:
+                return
             raise ConfigurationError(
                 f"the data folder {self._folder} cannot be written: {reason(error)}; "
                 "choose another with --data FOLDER"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import stat
@@ -160,6 +161,19 @@ def test_the_lock_names_its_process_and_is_released_when_it_ends_or_is_killed(tm
     lock.start()
     with pytest.raises(ConfigurationError, match="gone"):
         FolderLock(tmp_path / "gone").start()
+
+
+@pytest.mark.parametrize("number", [errno.ENOLCK, errno.EOPNOTSUPP])
+def test_a_folder_of_a_file_system_without_locks_can_be_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    fcntl = pytest.importorskip("fcntl")
+
+    def refuse(*args: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    FolderLock(tmp_path).start()
 
 
 # Names and files on other systems' disks --------------------------------------------------------
