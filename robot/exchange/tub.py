@@ -28,7 +28,7 @@ from robot.errors import RecordingError
 from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
 from robot.exchange.files import PICTURES, files_ending, read_picture_file, write_picture
 from robot.exchange.reading import Reading
-from robot.exchange.stamps import seconds_of
+from robot.exchange.stamps import date_or_zero, seconds_of
 from robot.exchange.steering import (
     LabelAndPoints,
     check_unit,
@@ -158,7 +158,8 @@ def _began(record: Record) -> float:
 def _seconds(stamp_ms: Any) -> float | None:
     with contextlib.suppress(ValueError):
         number = read_number(stamp_ms, "the time")
-        return number / 1000 if 0 <= number < 1e14 else None
+        since_1970_s = date_or_zero(number)  # some programs write seconds into these fields
+        return since_1970_s or (number / 1000 if 0 <= number < 1e14 else None)
     return None
 
 

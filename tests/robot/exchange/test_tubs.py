@@ -89,6 +89,15 @@ def test_a_tub_of_a_clock_that_began_in_1970_has_no_date(tmp_path: Path) -> None
     assert open_episode(tmp_path / "tub.mcap").started_at_s == 0.0
 
 
+def test_a_tub_whose_milliseconds_are_seconds_keeps_its_pace_and_date(tmp_path: Path) -> None:
+    records = [
+        {**one, "_timestamp_ms": 1_600_000_000 + n / 10} for n, one in enumerate(angles(-1, 0, 1))
+    ]
+    assert imported(tub_2(tmp_path / "tub", records)) == {1: L, 2: F, 3: R}
+    episode = open_episode(tmp_path / "tub.mcap")
+    assert episode.duration_s == pytest.approx(0.2) and episode.started_at_s == 1_600_000_000
+
+
 def test_a_tub_in_degrees_is_refused_and_its_numbers_and_times_may_be_texts(tmp_path: Path) -> None:
     tub = tub_1(tmp_path / "tub", angles(-25, 0, 20))
     with pytest.raises(RecordingError, match="'user/angle' goes from -25 to 20, not from -1 to 1"):
