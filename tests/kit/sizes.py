@@ -75,10 +75,11 @@ def covering(axes: Sequence[Sequence[Any]], strength: int = 2) -> list[tuple[Any
     used = [[0] * len(axis) for axis in axes]
     chosen = []
     while wanted:
+        every = [case for case in every if not wanted.isdisjoint(together[case])]
+        most = max(len(wanted & together[case]) for case in every)
         best = max(
-            every,
+            (case for case in every if len(wanted & together[case]) == most),
             key=lambda case: (
-                len(together[case] & wanted),
                 -sum(used[i][at] for i, at in enumerate(case)),
                 -sum((at - case[0]) % len(axes[i]) for i, at in enumerate(case)),
             ),
