@@ -1,5 +1,5 @@
 # A LEGO hub as a robot for Drivelesson (docs/howto/pybricks.md), with Pybricks 3.6 or newer. Set
-# ports and speeds, and send it to the hub once, with code.pybricks.com. The hub times every move.
+# ports and speeds, and load this onto the hub once (code.pybricks.com). The hub ends every move.
 from pybricks.hubs import ThisHub
 from pybricks.parameters import Color, Direction, Port, Stop
 from pybricks.pupdevices import ForceSensor, Motor, UltrasonicSensor
@@ -9,20 +9,20 @@ from usys import stdin
 
 LEFT = Motor(Port.A, Direction.COUNTERCLOCKWISE)
 RIGHT = Motor(Port.B)
-SPEEDS = {  # left and right wheel, in degrees a second
+SPEEDS = {  # of the left and the right wheel, in degrees per second
     "forward": (400, 400),
     "left": (-150, 150),
     "right": (150, -150),
     "backward": (-250, -250),
 }
-EYES, BUMPER = Port.E, Port.F  # an ultrasonic and a force sensor, if there are any
-TOP_SPEED, EMPTY_MV, FULL_MV = 1000, 6000, 8300  # of the battery; six AA cells: 6000, 9000
+EYES, BUMPER = Port.E, Port.F  # ultrasonic sensor and force sensor (both optional)
+TOP_SPEED, EMPTY_MV, FULL_MV = 1000, 6000, 8300  # battery voltages; for six AA cells: 6000, 9000
 
 
 def find(kind, port):
     try:
         return kind(port)
-    except OSError:  # nothing is plugged in there
+    except OSError:  # no device at this port
         return None
 
 
@@ -37,7 +37,7 @@ def stand():
     RIGHT.brake()
 
 
-def blend(side, gas):  # between the moves, which are at half throttle; no wheel beyond its top
+def blend(side, gas):  # interpolate the moves (each is at half throttle), up to TOP_SPEED
     way, turn = "forward" if gas >= 0 else "backward", "right" if side > 0 else "left"
     rest, spin = 2 * abs(gas) * (1 - abs(side)), abs(side) * max(min(1, 1 + 4 * gas), 2 * gas, -1)
     pair = [rest * a + spin * b for a, b in zip(SPEEDS[way], SPEEDS[turn])]
@@ -50,7 +50,7 @@ keyboard = poll()
 keyboard.register(stdin)
 while True:
     if not keyboard.poll(0):
-        if shown[0] is not Color.RED and clock.time() - heard > 500:  # nobody is there
+        if shown[0] is not Color.RED and clock.time() - heard > 500:  # connection lost
             stand()
             show(Color.RED)
         wait(5)
@@ -66,7 +66,7 @@ while True:
         if int(number) > seq:
             seq, left_ms = int(number), min(for_ms, 500 - (heard - int(seen)))
             pair = blend(*map(float, point)) if point else SPEEDS.get(name)
-            if pair and speed > 0 and left_ms > 0:  # what comes late only stops
+            if pair and speed > 0 and left_ms > 0:  # a late command only stops
                 for motor, full in zip((LEFT, RIGHT), pair):
                     motor.run_time(full * speed, left_ms, Stop.BRAKE, wait=False)
                 show(Color.GREEN)
@@ -74,7 +74,7 @@ while True:
                 stand()
                 show(Color.BLUE)
     except (ValueError, TypeError):
-        pass  # "?" asks for a report
+        pass  # "?" only requests a report
     share = 100 * (hub.battery.voltage() - EMPTY_MV) // (FULL_MV - EMPTY_MV)
     far, bumped = eyes.distance() if eyes else "-", int(bumper.pressed()) if bumper else "-"
     print(seq, clock.time(), far, bumped, max(0, min(100, share)), "points")

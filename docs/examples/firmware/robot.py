@@ -1,5 +1,5 @@
-# A robot with two motors for Drivelesson (docs/howto/any-robot.md): MicroPython on an ESP32 or a
-# Raspberry Pi Pico W. Set these, save the file as main.py, and use the address that it prints.
+# Firmware for a robot with two motors (docs/howto/any-robot.md): MicroPython on an ESP32 or a
+# Raspberry Pi Pico W. Edit the constants, save this file as main.py, and use the address it prints.
 import binascii, hashlib, json, machine, network, os, select, socket, time
 
 WIFI, PASSWORD, SECRET, PORT = "school", "chalk", b"change me", 4210
@@ -22,7 +22,7 @@ def wheels(left, right):
 
 def speeds_of(order):
     pair = SPEEDS.get(order["move"], (0, 0))
-    if "steering" in order:  # proportional: in between the moves, which are at half throttle
+    if "steering" in order:  # proportional: interpolate the moves (each is at half throttle)
         side, gas = order["steering"], 2 * order["throttle"]
         way, turn = "forward" if gas >= 0 else "backward", "right" if side > 0 else "left"
         rest, spin = abs(gas) * (1 - abs(side)), abs(side) * max(min(1, 1 + 2 * gas), gas, -1)
@@ -30,7 +30,7 @@ def speeds_of(order):
     return [min(1, order["speed"]) / max(1, *map(abs, pair)) * speed for speed in pair]
 
 
-def sign(text):  # HMAC-SHA256, its first 16 figures
+def sign(text):  # the first 16 hexadecimal digits of an HMAC-SHA256
     key = SECRET + bytes(64 - len(SECRET))
     inner = hashlib.sha256(bytes(b ^ 0x36 for b in key) + nonce + text).digest()
     return binascii.hexlify(hashlib.sha256(bytes(b ^ 0x5C for b in key) + inner).digest())[:16]
@@ -43,7 +43,7 @@ poll, seq, ends, moving = select.poll(), 0, 0, False
 poll.register(sock, select.POLLIN)
 while True:
     came, now = poll.poll(10), time.ticks_ms()
-    if moving and time.ticks_diff(ends, now) <= 0:  # nobody renewed the move: stand
+    if moving and time.ticks_diff(ends, now) <= 0:  # the move was not renewed: stop
         moving = wheels(0, 0)
     if came:
         data, sender = sock.recvfrom(512)
@@ -53,8 +53,8 @@ while True:
             if mac == sign(text) and order["seq"] > seq:
                 seq, age_ms = order["seq"], time.ticks_diff(now, order["seen_ms"])
                 ends = time.ticks_add(now, min(order["for_ms"], 500 - age_ms))
-                moving = wheels(*(speeds_of(order) if age_ms < 500 else (0, 0)))  # late: it stops
+                moving = wheels(*(speeds_of(order) if age_ms < 500 else (0, 0)))  # late: stop
         except (ValueError, KeyError, TypeError):
-            pass  # not for us
+            pass  # not a valid command
         report = dict(nonce=nonce.decode(), seq=seq, ms=now, points=True, id=chip.decode())
         sock.sendto(json.dumps(report).encode(), sender)

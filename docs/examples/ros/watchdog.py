@@ -1,10 +1,10 @@
-"""Has a ROS 2 robot stand when Drivelesson, its computer or the network is gone.
+"""Stops a ROS 2 robot when Drivelesson, its computer or the network fails.
 
-Runs on the robot's own computer, beside rosbridge; docs/howto/ros.md says how. Drivelesson
-(`--robot ros --watchdog true`) sends its velocities here; they go on to the base. An order ends
-HOLD_S after it came, and FRESH_S after the sign of life that it answers: one that was held up on
-its way moves nothing. Clocks need not agree: the time that an order carries is this node's own.
-If another node or a second Drivelesson drives at the same time, the robot stands as well.
+This node runs on the robot's computer, beside rosbridge (docs/howto/ros.md). It forwards the
+velocities that Drivelesson (`--robot ros --watchdog true`) sends to the robot's base. An order
+expires HOLD_S after its arrival, and FRESH_S after the keep-alive that it answers, so a delayed
+order moves nothing. The clocks may differ, because each order returns this node's own time. The
+robot also stops if another node or a second Drivelesson drives at the same time.
 """
 
 import time
@@ -42,9 +42,9 @@ class Watchdog(Node):
         seen_s = order.header.stamp.sec + order.header.stamp.nanosec / 1e9
         ends_s = min(now_s + HOLD_S, seen_s + FRESH_S)
         if order.twist == Twist():
-            self.ends_s = 0.0  # a stop is never late
+            self.ends_s = 0.0  # a stop is obeyed however late it arrives
             self.pass_on(order.twist)
-        elif self.seen_s <= seen_s <= now_s < ends_s:  # neither late nor of another start
+        elif self.seen_s <= seen_s <= now_s < ends_s:  # neither late nor from before a restart
             if self.driver != order.header.frame_id and now_s < self.ordered_s + HOLD_S:
                 self.dispute(now_s)
             self.driver, self.ordered_s, self.seen_s = order.header.frame_id, now_s, seen_s
@@ -52,7 +52,7 @@ class Watchdog(Node):
                 self.ends_s = ends_s
                 self.pass_on(order.twist)
 
-    def hear(self, velocity):  # all that the base is told: by this node, and by others
+    def hear(self, velocity):  # all velocities on the base's topic, from this node and others
         now_s = time.monotonic()
         twist = velocity.twist if self.stamped else velocity
         self.passed = [(at_s, one) for at_s, one in self.passed if now_s < at_s + ECHO_S]
@@ -88,7 +88,7 @@ class Watchdog(Node):
 
 
 def main():
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)  # the last word must get out
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)  # so that the final stop is sent
     node = Watchdog()
     try:
         rclpy.spin(node)

@@ -1,4 +1,4 @@
-"""A rover with real MAVLink bytes at the other end of a UDP line on this machine."""
+"""Simulates a rover that exchanges real MAVLink messages over UDP on this machine."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TIMEOUTS = {
 
 
 class Rover:
-    """An autopilot's side of the messages that the driver uses; it acknowledges no order."""
+    """The autopilot's side of the driver's messages. It does not acknowledge MANUAL_CONTROL."""
 
     def __init__(
         self, autopilot: int = MAV.MAV_AUTOPILOT_ARDUPILOTMEGA, may_arm: bool = True

@@ -1,7 +1,7 @@
-"""A rover with ArduPilot or PX4, driven over MAVLink by MANUAL_CONTROL.
+"""Drives a rover with ArduPilot or PX4 over MAVLink, by MANUAL_CONTROL messages.
 
-Nothing is acknowledged, and the autopilot has its own timeout of the pilot's input: it is set to
-the time that a move lasts, and our thread repeats the stop while nobody drives.
+The autopilot does not acknowledge these messages. The driver sets the autopilot's timeout of the
+pilot's input to the duration of a move; its thread repeats the stop while nobody drives.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-os.environ.setdefault("MAVLINK20", "1")  # read by pymavlink when it is imported
+os.environ.setdefault("MAVLINK20", "1")  # pymavlink reads this when it is imported
 from pymavlink import mavutil
 
 from robot.devkit.host_watchdog import HostWatchdog
@@ -23,17 +23,17 @@ from robot.types import Action, Point
 
 MAV = mavutil.mavlink
 NO_AUTOPILOT = MAV.MAV_AUTOPILOT_INVALID
-"""Kind in the heartbeat of a ground station, such as ours."""
+"""The autopilot field in the heartbeats of ground stations, such as this program."""
 REPORT_EVERY_S = 0.1
-"""Period of SYS_STATUS that we ask for, in seconds: heartbeats come once a second."""
+"""The requested period of SYS_STATUS, in seconds, because heartbeats come only once a second."""
 HEARTBEAT_EVERY_S = 0.5
 ANSWER_S = 0.4
-"""Time limit of an answer to a command, in seconds; it is sent three times."""
+"""How long we wait for the answer to a command, in seconds; a command is sent up to three times."""
 AUTOPILOTS = {
     MAV.MAV_AUTOPILOT_ARDUPILOTMEGA: ("ArduPilot", "RC_OVERRIDE_TIME"),
     MAV.MAV_AUTOPILOT_PX4: ("PX4", "COM_RC_LOSS_T"),
 }
-"""Name of each, and its parameter: the time without pilot's input after which it is lost."""
+"""Each autopilot's name, and the parameter that sets the timeout of the pilot's input."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,10 +42,10 @@ class RoverOptions:
         default="udpin:0.0.0.0:14550", metadata={"help": "as pymavlink writes it, or /dev/ttyACM0"}
     )
     rover_throttle: float = field(
-        default=0.3, metadata={"help": "share of the full throttle at most", "range": (0.05, 1.0)}
+        default=0.3, metadata={"help": "maximum share of the full throttle", "range": (0.05, 1.0)}
     )
     rover_arm: bool = field(
-        default=False, metadata={"help": "arm the rover; otherwise its owner does"}
+        default=False, metadata={"help": "arm the rover at the start"}
     )
 
 
@@ -62,7 +62,7 @@ class RoverDriver(HostWatchdog[Any]):
 
     def __init__(self, options: RoverOptions, clock: Any = None) -> None:
         super().__init__(options, clock)
-        self._sending = threading.Lock()  # pymavlink counts messages, and two threads send
+        self._sending = threading.Lock()  # pymavlink numbers messages, and two threads send them
         self._beaten_s = float("-inf")
         self._autopilot = ""
         self._is_armed = self._has_armed = self._ends_itself = False
@@ -71,7 +71,7 @@ class RoverDriver(HostWatchdog[Any]):
 
     @property
     def device(self) -> str:
-        """The page's line about the robot: whose autopilot it is, and whether it may drive."""
+        """The page's line about the robot: its autopilot, and whether the rover is armed."""
         words = [self._autopilot, "armed" if self._is_armed else "disarmed"]
         return ", ".join(words if self._ends_itself else [*words, "without a timeout of its own"])
 
@@ -108,7 +108,7 @@ class RoverDriver(HostWatchdog[Any]):
             raise DriveError("the rover is disarmed; arm it, or start with --rover-arm true")
         side = round(1000 * steering)
         ahead = round(1000 * throttle * speed_scale * self.options.rover_throttle)
-        if self._autopilot == "PX4":  # its throttle is from 0, full back, to 1000
+        if self._autopilot == "PX4":  # its throttle goes from 0 (full reverse) to 1000
             ahead = 500 + round(ahead / 2)
         with self._sending:
             line.mav.manual_control_send(line.target_system, 0, side, ahead, side, 0)
@@ -148,7 +148,7 @@ class RoverDriver(HostWatchdog[Any]):
         connection.close()
 
     def _command(self, command: int, *numbers: float) -> None:
-        """Send a command until it is answered; raises DriveError if it is refused."""
+        """Send a command; raises DriveError if the rover refuses it or does not answer."""
         line = self._connected()
         given = (*numbers, *(7 - len(numbers)) * [0])
         answer = self._ask(
@@ -159,10 +159,10 @@ class RoverDriver(HostWatchdog[Any]):
         if answer is None or answer.result != MAV.MAV_RESULT_ACCEPTED:
             name = MAV.enums["MAV_CMD"][command].name
             why = "no answer" if answer is None else MAV.enums["MAV_RESULT"][answer.result].name
-            raise DriveError(f"the rover does not do {name}: {why}. It says: {self._said or '-'}")
+            raise DriveError(f"the rover refused {name}: {why}. It reports: {self._said or '-'}")
 
     def _ask(self, send: Callable[[], Any], kind: str, is_answer: Callable[[Any], bool]) -> Any:
-        """Send up to three times; return the message of this kind that answers, or None."""
+        """Send up to three times; return the answer, a message of this kind, or None."""
         line = self._connected()
         for _ in range(3):
             with self._sending:

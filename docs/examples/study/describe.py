@@ -1,9 +1,9 @@
-"""Describe a study: each measure by condition, and within participants the difference between two.
+"""Print each measure of a study by condition, and the differences within participants.
 
     python describe.py walk.zip
 
-It needs only Python, and reads `phases.csv` of the zip; complete phases count. Change it, or read
-the table with what you like: the columns are described in docs/reference/study.md.
+It needs only Python, and reads the complete phases in the zip's `phases.csv`. Adapt it, or read the
+table with another program; docs/reference/study.md describes the columns.
 """
 
 import csv

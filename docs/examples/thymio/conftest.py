@@ -1,4 +1,4 @@
-"""A Thymio at a device manager on this machine, made of tdmclient's own server classes."""
+"""Simulates a device manager with a Thymio on this machine, with tdmclient's server classes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ AT_REST = {"motor.left.target": [0], "motor.right.target": [0]}
 
 
 class Manager:
-    """Serves one Thymio, whose motors keep their targets; `is_cut` lets nothing through."""
+    """Serves one Thymio, whose motors keep their targets; drops all messages while `is_cut`."""
 
     def __init__(self) -> None:
         self.node = ServerNode(name="Anna", variables=dict(AT_REST))
@@ -57,9 +57,9 @@ class Manager:
                     handler.process_message(packet)
 
     def cut(self) -> None:
-        """The manager, its computer or the robot is away; its motors get nothing more."""
+        """Cut the connection, as if the manager, its computer or the robot had failed."""
         self.is_cut = True
-        self.node.variables = dict(AT_REST)  # the Thymio stops where it loses its dongle
+        self.node.variables = dict(AT_REST)  # a Thymio stops when it loses its dongle
         self.node.status = 2
 
     def mend(self) -> None:

@@ -1,8 +1,8 @@
-"""The Thymio, driven over its device manager (Thymio Suite) by the variables of its motors.
+"""Drives the Thymio through its device manager (Thymio Suite), by setting its motors' variables.
 
-The manager answers each request. tdmclient's own calls wait for an answer in steps of .1 s, and the
-thread of its TCP line neither ends nor says that the line is lost: so this driver has a line of its
-own, and looks for answers itself. A motor keeps its target until it gets another one.
+The manager answers each request. tdmclient polls for answers only every 0.1 s, and the thread of
+its TCP connection neither ends nor reports a lost connection. Therefore this driver has its own
+connection, and polls for answers itself. A motor keeps its target until it gets another one.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from robot.moves import CLASSIC, point_of
 from robot.types import Action, Point
 
 FULL = 500
-"""Greatest target of a motor that the Thymio follows; numbers beyond 16 bits would wrap."""
+"""The maximum target speed that a motor reaches; values beyond 16 bits would wrap around."""
 ANSWER_S = 0.15
 FIRST_ANSWER_S = 1.0
 _LOOK_EVERY_S = 0.002
@@ -35,14 +35,14 @@ class ThymioOptions:
     thymio_manager: str = field(
         default="127.0.0.1:8596", metadata={"help": "HOST:PORT of the device manager"}
     )
-    thymio_name: str = field(default="", metadata={"help": "which Thymio, if there are several"})
+    thymio_name: str = field(default="", metadata={"help": "the Thymio's name, if there are several"})
     thymio_speed: int = field(
-        default=200, metadata={"help": "target of the motors straight ahead", "range": (20, FULL)}
+        default=200, metadata={"help": "the motors' target speed straight ahead", "range": (20, FULL)}
     )
 
 
 class ManagerLine:
-    """A transport for tdmclient without a thread: packets with their length, over TCP."""
+    """A TCP transport for tdmclient without a thread; each packet follows its length."""
 
     def __init__(self, host: str, port: int) -> None:
         self._socket = socket.create_connection((host, port), timeout=ANSWER_S)
@@ -52,11 +52,11 @@ class ManagerLine:
         self._socket.sendall(len(packet).to_bytes(4, "little") + packet)
 
     def receive_packet(self) -> bytes | None:
-        """Return the next packet if it has come; raises OSError if the line is lost."""
+        """Return the next packet, or None if none is complete; raises OSError if disconnected."""
         while select.select([self._socket], [], [], 0.0)[0]:
             data = self._socket.recv(65_536)
             if not data:
-                raise ConnectionResetError("the device manager has closed the line")
+                raise ConnectionResetError("the device manager closed the connection")
             self._came += data
         end = 4 + int.from_bytes(self._came[:4], "little")
         if len(self._came) < max(end, 5):
@@ -82,7 +82,7 @@ class ThymioDriver(HostWatchdog[tdmclient.Client]):
         super().__init__(options, clock)
         full = options.thymio_speed
         self._wheels = TwoWheels(ahead=full, back=full, turn=(0.0, full), spin=full / 2)
-        self._lock = threading.Lock()  # the client counts its requests, and two threads ask
+        self._lock = threading.Lock()  # the client numbers its requests, and two threads send them
         self._node: Any = None
 
     @property
@@ -102,7 +102,7 @@ class ThymioDriver(HostWatchdog[tdmclient.Client]):
         if not self._await(client, found, FIRST_ANSWER_S):
             who = f"Thymio named {name!r}" if name else "Thymio"
             raise DriveError(
-                f"the device manager sees no {who}; is it on, with its cable or dongle?"
+                f"the device manager sees no {who}; is it on, and connected by cable or dongle?"
             )
         self._node = found()[0]
         self._ask(self._node.send_lock_node, within_s=FIRST_ANSWER_S)
@@ -115,7 +115,7 @@ class ThymioDriver(HostWatchdog[tdmclient.Client]):
         self._ask(self._thymio().send_set_variables, targets)
 
     def _sense(self) -> Sensors:
-        self._ask(self._thymio().watch_node, 0)  # whether the manager still answers
+        self._ask(self._thymio().watch_node, 0)  # check that the manager still answers
         return Sensors()
 
     def _close(self, connection: tdmclient.Client) -> None:
@@ -127,8 +127,8 @@ class ThymioDriver(HostWatchdog[tdmclient.Client]):
             connection.disconnect()
 
     def _thymio(self) -> Any:
-        if self._node is None:  # another thread has lost the line since
-            raise DriveError("the line to the device manager is lost")
+        if self._node is None:  # another thread has noticed a lost connection
+            raise DriveError("the connection to the device manager is lost")
         return self._node
 
     def _ask(
@@ -143,10 +143,10 @@ class ThymioDriver(HostWatchdog[tdmclient.Client]):
         with self._lock:
             send(*what, request_id_notify=answers.append)
         if not self._await(client or self._connected(), lambda: answers, within_s):
-            raise TimeoutError(f"no answer of the device manager in {within_s} s")
+            raise TimeoutError(f"the device manager did not answer within {within_s} s")
         if answers[0] is not None:
             raise DriveError(
-                f"the device manager refuses: {answers[0]}; does another program use the Thymio?"
+                f"the device manager refused: {answers[0]}; does another program use the Thymio?"
             )
 
     def _await(self, client: tdmclient.Client, is_so: Callable[[], Any], within_s: float) -> bool:

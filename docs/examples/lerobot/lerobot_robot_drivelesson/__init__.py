@@ -1,4 +1,4 @@
-"""A robot that Drivelesson serves, as a robot and a teleoperator of LeRobot."""
+"""Makes a robot that Drivelesson serves available to LeRobot, as a robot and a teleoperator."""
 
 from lerobot_robot_drivelesson.page import DrivelessonPage, DrivelessonPageConfig
 from lerobot_robot_drivelesson.robot import DrivelessonRobot, DrivelessonRobotConfig

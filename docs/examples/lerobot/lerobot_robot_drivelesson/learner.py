@@ -1,7 +1,7 @@
-"""A policy that LeRobot trained, as a learner of Drivelesson: it drives, and learns nothing more.
+"""Lets a policy that LeRobot trained drive a Drivelesson robot. The policy does not learn further.
 
-It is read from the folder that the environment names in DRIVELESSON_LEROBOT_POLICY, such as
-outputs/train/.../checkpoints/last/pretrained_model, and started with `--learner lerobot`.
+Set the environment variable DRIVELESSON_LEROBOT_POLICY to the policy's folder, such as
+outputs/train/.../checkpoints/last/pretrained_model, and start with `--learner lerobot`.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from robot.types import Action, Encoding, Frame
 
 FOLDER = "DRIVELESSON_LEROBOT_POLICY"
 _SHARPNESS = 4.0
-"""How much more likely the nearest move is, for each unit of steering that another is further."""
+"""Probabilities fall by exp(-_SHARPNESS * distance); the distance is in units of steering."""
 
 
 class WholePicture(GreyFeatures):
-    """The picture in colour, as large as the policy was trained with."""
+    """Features: the picture in colour, in the size with which the policy was trained."""
 
     name = "picture"
 
@@ -75,9 +75,9 @@ class TrainedPolicy(BaseLearner):
         state = config.robot_state_feature
         if len(images) != 1 or action != 2 or (state is not None and state.shape != (2,)):
             raise ConfigurationError(
-                f"the policy {folder} must see one picture and what the robot does, and say "
-                f"steering and throttle; it sees {', '.join(config.input_features)} and says "
-                f"{action} numbers"
+                f"the policy {folder} has the inputs {', '.join(config.input_features)} and "
+                f"{action} outputs; its inputs must be one picture and, optionally, the robot's "
+                f"steering and throttle, and its outputs steering and throttle"
             )
         self._has_state = state is not None
         self._doing = np.zeros(2, np.float32)
@@ -89,10 +89,10 @@ class TrainedPolicy(BaseLearner):
         self._before, self._behind = make_pre_post_processors(config, str(folder))
 
     def learn_one(self, x: Any, y: str) -> None:
-        """Learn nothing."""
+        """Do nothing: the policy is already trained."""
 
     def explain_one(self, x: Any) -> Evidence:
-        """Return the moves, the more likely the nearer they are to what the policy says."""
+        """Return a probability for each move: the nearer to the policy's output, the higher."""
         picture = np.asarray(x, np.uint8).reshape(self.height, self.width, 3)
         seen = {self.camera: picture}
         if self._has_state:
@@ -114,23 +114,25 @@ class TrainedPolicy(BaseLearner):
         return Evidence(label=label, probabilities=probabilities, confidence=probabilities[label])
 
     def reset(self) -> None:
-        """Forget what it planned, and stand."""
+        """Clear the policy's planned actions, and assume that the robot stands still."""
         self._policy.reset()
         self._doing = np.zeros(2, np.float32)
 
     def get_state(self) -> State:
-        """Return where the policy is."""
+        """Return the path of the policy's folder."""
         return State(kind=self.kind, params={"folder": str(self._folder)})
 
     def set_state(self, state: State) -> None:
-        """Refuse another kind of learner."""
+        """Accept only the state of a learner of this kind."""
         if state.kind != self.kind:
-            raise ValueError(f"a {state.kind} is no {self.kind}")
+            raise ValueError(f"this is the state of a {state.kind!r} learner, not {self.kind!r}")
 
 
 def make_lerobot(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Return the policy of the environment's folder; a `Maker`."""
+    """Return the policy from the folder that DRIVELESSON_LEROBOT_POLICY names; a `Maker`."""
     if not os.environ.get(FOLDER):
-        raise ConfigurationError(f"name the folder of the trained policy in {FOLDER}")
+        raise ConfigurationError(
+            f"the environment variable {FOLDER} is not set; set it to the folder of the policy"
+        )
     learner = TrainedPolicy(Path(os.environ[FOLDER]).expanduser(), moves)
     return Policy(name, number, learner, WholePicture(learner.height, learner.width), moves=moves)

@@ -1,4 +1,4 @@
-"""The two websockets of a served robot: docs/reference/protocol.md."""
+"""A client of the two websockets of a served robot (docs/reference/protocol.md)."""
 
 from __future__ import annotations
 
@@ -27,25 +27,25 @@ _ACKNOWLEDGEMENT = struct.Struct("<BBHI")
 _PATIENCE_S = 10.0
 _BEAT_S = 0.1
 _HOLD_S = 0.5
-"""A move that is not asked for again ends after this time, in seconds: LeRobot may be stuck."""
+"""A move that LeRobot does not renew ends after this time, in seconds: LeRobot may hang."""
 _DONE_WITHIN_S = 0.1
-"""How long an order may take until the robot's state shows it, in seconds; it takes some 5 ms."""
+"""Timeout until the robot's state shows a new order, in seconds; usually it takes about 5 ms."""
 _WARN_EVERY_S = 1.0
 _REMEMBERED = 100
-"""How many of the last orders are remembered, to know which one a refusal is about."""
+"""The number of recent orders that are stored, to find the order that a refusal belongs to."""
 _WHEEL_S, _START_S, _STARTS = 3.0, 1.0, 5
-"""How long the wheel and the start are waited for, in seconds, and how often a start is tried."""
+"""Timeouts for getting the wheel and for a start, in seconds, and the number of start attempts."""
 _UNPROVEN = ("stale", "no_picture", "unknown_frame")
-"""Refusals of what may be asked for again with the next picture."""
+"""Error codes after which an order is retried with the next picture."""
 _FRESH_S = 0.2
-"""Largest age of the newest nonce for an order, in seconds; the robot refuses one of 0.3 s, which
-leaves 0.1 s for the way. Not sending is as safe: a refused order counts as silence, too."""
+"""The maximum age of an order's nonce, in seconds. The robot refuses nonces older than 0.3 s; the
+difference of 0.1 s is for the network. An order that is not sent is as safe as a refused one."""
 _WINDOW_S = 30.0
-"""Half of the time within which the quickest message is looked for, in seconds."""
+"""Half of the period over which the fastest message is determined, in seconds."""
 
 
 def pair(address: str, token: str, kept: Path) -> str:
-    """Return the cookie of this computer: the one that is kept, or a new one for a token."""
+    """Return this computer's cookie: a new one if there is a token, else the saved one."""
     if token:
         request = urllib.request.Request(
             f"{address}/api/pair",
@@ -59,11 +59,11 @@ def pair(address: str, token: str, kept: Path) -> str:
 
 
 class Sent:
-    """Estimates when a message was sent, from the robot's own time in it.
+    """Estimates when a message was sent, from the robot's time in the message.
 
-    A program that was held up finds old messages in its sockets: the time at which it reads them
-    says nothing. The quickest message of the last minute counts as one that took no time; older
-    ones do not count, because two clocks drift apart.
+    The time of reading is useless: a program that was delayed reads old messages. The estimate
+    assumes that the fastest message of the last minute took no time. Older messages are ignored,
+    because the two clocks drift apart.
     """
 
     def __init__(self) -> None:
@@ -71,7 +71,7 @@ class Sent:
         self._since_s = 0.0
 
     def at_s(self, robot_ms: float, now_s: float) -> float:
-        """Return when a message that has come now was sent, on our clock, in seconds."""
+        """Return when the message received at `now_s` was sent, on our clock, in seconds."""
         sent_s = robot_ms / 1000
         if now_s - self._since_s > _WINDOW_S:
             self._quickest_s, self._since_s = [math.inf, self._quickest_s[0]], now_s
@@ -80,12 +80,12 @@ class Sent:
 
 
 class Line:
-    """A connection: the newest state and picture, and what is held.
+    """A connection to a robot, with the newest state and picture, and the move that is held.
 
     Args:
-        address: Of the page, such as http://127.0.0.1:8000.
-        cookie: Of a paired computer; empty where the robot needs no pairing.
-        drives: Send commands; else only look on.
+        address: The address of the robot's page, such as http://127.0.0.1:8000.
+        cookie: The cookie of this paired computer; empty if the robot needs no pairing.
+        drives: If true, send commands; otherwise only watch.
     """
 
     def __init__(self, address: str, cookie: str, *, drives: bool) -> None:
@@ -111,12 +111,12 @@ class Line:
         self.fault = ""
         self._declared: dict[str, tuple[float, float]] = {}
         self.points: dict[str, tuple[float, float]] = {}
-        """Steering and throttle of each move that the robot takes now and that has them."""
+        """Steering and throttle of each move that the robot accepts now, if it declares them."""
 
     def open(self) -> None:
-        """Connect, and wait for what the robot says of itself and for a picture."""
-        # Once the interpreter ends, closing waits for threads that do not run any more: LeRobot
-        # leaves it to `__del__` where something else fails.
+        """Connect, and wait for the robot's hello message, its state and a picture."""
+        # If LeRobot fails, it closes the robot only in `__del__`; while the interpreter exits,
+        # that would wait for threads that no longer run, so close before the exit.
         atexit.register(self.close)
         self._drive = self._connect("/ws/drive")
         self._video = self._connect("/ws/video")
@@ -126,23 +126,23 @@ class Line:
         self._wait(lambda: self.role and self.state and self._picture is not None, "a picture")
 
     def begin(self) -> None:
-        """Have the wheel, and the robot wait for a pilot's moves.
+        """Take the wheel, and start the robot in the mode `train`.
 
         Raises:
-            ConnectionError: If another has the wheel, or the robot does not start.
+            ConnectionError: If another client has the wheel, or the robot does not start.
         """
         if self.role != "pilot":
             raise ConnectionError(
-                f"this computer may only look on at {self.robot}; pair it as a pilot, with "
-                "--robot.token"
+                f"this computer is paired with {self.robot} only as a viewer; pair it as a pilot, "
+                "with --robot.token"
             )
         if not self._comes(lambda: self.state["you_are_pilot"], 0.3):
             self._send(type="take")
             if not self._comes(lambda: self.state["you_are_pilot"], _WHEEL_S):
                 raise ConnectionError(
-                    f"the wheel of {self.robot} is in other hands ({self.state['pilot']}, one of "
-                    f"{self.state['viewers'] + 1} who are connected): give it away on the page, "
-                    "or close the page"
+                    f"another client has the wheel of {self.robot} ({self.state['pilot']}, one of "
+                    f"{self.state['viewers'] + 1} connected clients): hand it over on that page, "
+                    "or close that page"
                 )
         for _ in range(_STARTS):
             if self.state["emergency"] or not self._may_start():
@@ -151,7 +151,7 @@ class Line:
             raise ConnectionError(f"{self.robot} does not start: {self.why_it_stands}")
 
     def _may_start(self) -> bool:
-        """Ask for the mode once; return whether it is worth asking again."""
+        """Request the mode `train` once; return whether a retry makes sense."""
         seq, shown = self.choose("train"), self._shown
         is_answered = lambda: self.state["mode"] == "train" or self._refused[0] == seq  # noqa: E731
         self._comes(is_answered, _START_S)
@@ -164,16 +164,16 @@ class Line:
 
     @property
     def why_it_stands(self) -> str:
-        """Why the robot does not drive, in a sentence or a word."""
+        """The reason why the robot stands still, as a sentence or a word."""
         state = self.state
         if state["emergency"]:
             return "the emergency stop is on; release it on the page"
         if not state["you_are_pilot"]:
-            return f"the wheel is in other hands ({state['pilot']})"
+            return f"another client has the wheel ({state['pilot']})"
         return state["fault"] or self._refused[2] or str(state["stop_reason"])
 
     def drive(self, asked: Mapping[str, float]) -> tuple[float, float]:
-        """Hold the nearest move for half a second at most; return what the robot does then."""
+        """Hold the nearest move for at most half a second; return what the robot then does."""
         move = nearest(asked, self.points)
         is_new = move != self._held
         self._held, self._held_s = move, time.monotonic()
@@ -182,11 +182,11 @@ class Line:
         return self.point()
 
     def _order(self, move: str | None) -> None:
-        """Have a move done; again with the next picture where the robot found the proof too old."""
+        """Order a move; retry with the next picture if the robot finds the nonce too old."""
         end_s = time.monotonic() + _DONE_WITHIN_S
         while (left_s := end_s - time.monotonic()) > 0.0:
             if not self._comes(self._is_proven, left_s):
-                return  # the next heartbeat says it
+                return  # the next heartbeat sends the order
             proven_s, states = self._proven_s, self._n_states
             seq = self._beat_once()
 
@@ -204,14 +204,14 @@ class Line:
             self._comes(lambda: self._proven_s > proven_s, end_s - time.monotonic())  # noqa: B023
 
     def warn(self, text: str, *values: object) -> None:
-        """Write a warning to the log, once a second at most."""
+        """Log a warning, at most once a second."""
         now_s = time.monotonic()
         if now_s - self._warned_s >= _WARN_EVERY_S:
             self._warned_s = now_s
             log.warning(text, *values)
 
     def close(self) -> None:
-        """Let go, stop and disconnect."""
+        """Release the move, stop the robot and disconnect."""
         atexit.unregister(self.close)
         self._held = None
         if self._drives and not self._ended.is_set():
@@ -223,7 +223,7 @@ class Line:
 
     @property
     def is_open(self) -> bool:
-        """True until the robot or `close` ends it."""
+        """True until the robot or `close` ends the connection."""
         return bool(self.role) and not self._ended.is_set()
 
     def picture(self) -> np.ndarray:
@@ -234,13 +234,13 @@ class Line:
         return self._picture
 
     def point(self) -> tuple[float, float]:
-        """Return steering and throttle of what the robot does now; zero where it stands."""
+        """Return the robot's current steering and throttle; both are zero if it stands still."""
         if point := self.state["point"]:
             return point["steering"], point["throttle"]
         return self._declared.get(self.state["action"], STANDS)
 
     def choose(self, mode: str) -> int:
-        """Ask for a mode, and return the number of the message: `train` lets a pilot drive."""
+        """Request a mode, and return the message's number. In `train`, the pilot can drive."""
         if mode != "stopped":
             self._comes(self._is_proven, _START_S)
         return self._send(type="mode", mode=mode)
@@ -254,7 +254,7 @@ class Line:
         try:
             work()
         except Exception as error:
-            self.fault = self.fault or f"the robot is out of reach: {error}"
+            self.fault = self.fault or f"the connection to the robot failed: {error}"
         self._ended.set()
         with self._news:
             self._news.notify_all()
@@ -285,13 +285,13 @@ class Line:
         }
 
     def _take_error(self, error: dict[str, Any]) -> None:
-        """Note a refusal; a move that is not taken any more is not asked for again."""
+        """Record a refusal; a move that the robot no longer accepts is not requested again."""
         seq = error.get("seq") or 0
         self._refused = seq, error["code"], error["message"]
         move = self._asked.get(seq)
         if error["code"] == "bad_field" and move in self.points:
             self.points = {name: at for name, at in self.points.items() if name != move}
-        self.warn("the robot refuses: %s", error["message"])
+        self.warn("the robot refuses a command: %s", error["message"])
 
     def _watch(self) -> None:
         for message in self._video:
@@ -311,13 +311,13 @@ class Line:
             self._video.send(_ACKNOWLEDGEMENT.pack(2, 0, 0, frame))
 
     def _take_nonce(self, nonce: int | None, sent: Sent, robot_ms: float) -> None:
-        """Keep the newest nonce, and when it was sent."""
+        """Store the newest nonce, and the time at which it was sent."""
         sent_s = sent.at_s(robot_ms, time.monotonic())
         if nonce and sent_s >= self._proven_s:
             self._nonce, self._proven_s = nonce, sent_s
 
     def _is_proven(self) -> bool:
-        """True if the newest nonce still proves that an order is new."""
+        """Return whether the newest nonce is young enough for an order."""
         return time.monotonic() - self._proven_s <= _FRESH_S
 
     def _beat(self) -> None:
@@ -327,7 +327,7 @@ class Line:
                 self._beat_once()
 
     def _beat_once(self) -> int:
-        """Say what is held; return the number of the message."""
+        """Send the move that is held; return the message's number."""
         is_fresh = time.monotonic() - self._held_s < _HOLD_S
         return self._send(type="drive", held=self._held if is_fresh else None)
 
@@ -342,22 +342,22 @@ class Line:
             return self._seq
 
     def _comes(self, is_so: Callable[[], Any], seconds: float) -> bool:
-        """Wait until something is so; False if it is not in time, ConnectionError at the end."""
+        """Wait for a condition; False after the time. ConnectionError if the connection ends."""
         with self._news:
             self._news.wait_for(lambda: is_so() or self._ended.is_set(), seconds)
             if self._ended.is_set():
-                raise ConnectionError(self.fault or "the robot has ended the connection")
+                raise ConnectionError(self.fault or "the robot closed the connection")
             return bool(is_so())
 
     def _wait(self, is_so: Any, what: str) -> None:
         with self._news:
             came = self._news.wait_for(lambda: is_so() or self._ended.is_set(), _PATIENCE_S)
         if not came or self._ended.is_set():
-            raise ConnectionError(self.fault or f"the robot gives no sign: no {what}")
+            raise ConnectionError(self.fault or f"the robot did not send {what}")
 
 
 class Served:
-    """What LeRobot's robot and teleoperator share here: one line, and nothing to calibrate."""
+    """Base of our LeRobot robot and teleoperator: one connection, and no calibration."""
 
     _line: Line | None = None
 
@@ -374,19 +374,19 @@ class Served:
         return True
 
     def calibrate(self) -> None:
-        """Do nothing: the robot's driver knows its wheels."""
+        """Do nothing: the robot's driver needs no calibration."""
 
     def configure(self) -> None:
         """Do nothing."""
 
     def disconnect(self) -> None:
-        """Let go, stop and disconnect."""
+        """Release the move, stop the robot and disconnect."""
         if self._line is not None:
             self._line.close()
             self._line = None
 
     def _dial(self, *, drives: bool) -> None:
-        """Open the line, as the computer that was paired; one that drives has the wheel then."""
+        """Connect as this paired computer, and take the wheel if `drives` is true."""
         kept = self.calibration_dir / f"{self.id}.cookie"
         cookie = pair(self.config.address, self.config.token, kept)
         self._line = Line(self.config.address, cookie, drives=drives)

@@ -1,4 +1,4 @@
-"""Which move an action of LeRobot counts as. Pure."""
+"""Finds the robot's move that is nearest to a LeRobot action. Pure code."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ import math
 from collections.abc import Mapping
 
 ACTION = ("steering.pos", "throttle.vel")
-"""What is done, and asked for: lerobot-rollout passes on such endings only."""
+"""The names of an action's values. lerobot-rollout forwards only names with these endings."""
 STANDS = (0.0, 0.0)
 
 
 def nearest(asked: Mapping[str, float], points: Mapping[str, tuple[float, float]]) -> str | None:
-    """Return the nearest of some moves that drive the same way; None stands.
+    """Return the nearest move in the same direction (ahead or back); None means stop.
 
-    A throttle nearer to zero than to that of any move ahead (or back) is a stop, unless a move that
-    turns on the spot is near. An action that names no throttle is a stop, too: when a rollout
-    ends, LeRobot brings back what ends in `.pos`, and says nothing of the throttle.
+    If the throttle is less than half the smallest throttle in its direction, return a turn on the
+    spot or None, whichever is nearer. An action without a throttle is a stop: at the end of a
+    rollout, LeRobot restores only the values whose names end in `.pos`.
 
     Args:
-        asked: `steering.pos` and `throttle.vel`, each from -1 to 1; what is no number is a stop.
-        points: Steering and throttle of each move that the robot takes.
+        asked: `steering.pos` and `throttle.vel`, each from -1 to 1; a non-finite value is a stop.
+        points: Steering and throttle of each move that the robot accepts.
     """
     steering_name, throttle_name = ACTION
     throttle = float(asked.get(throttle_name, math.nan))
@@ -34,6 +34,6 @@ def nearest(asked: Mapping[str, float], points: Mapping[str, tuple[float, float]
         choice: dict[str | None, tuple[float, float]] = {None: STANDS, **on_the_spot}
     else:
         choice = dict(same_way)
-    # Beyond its ends an action is what lies there; else a far one would be near to nothing.
+    # Clip values outside the range, so that they do not count as far from every move.
     at = max(-1.0, min(1.0, steering)), max(-1.0, min(1.0, throttle))
     return min(choice, key=lambda name: math.dist(choice[name], at))

@@ -1,4 +1,4 @@
-"""The pilot at the robot's own page, as LeRobot's teleoperator: what is held is the action."""
+"""Makes the pilot at the robot's page a LeRobot teleoperator: the pilot's move is the action."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from lerobot_robot_drivelesson.nearest import ACTION, STANDS
 @TeleoperatorConfig.register_subclass("drivelesson_page")
 @dataclass(kw_only=True)
 class DrivelessonPageConfig(TeleoperatorConfig):
-    """Where the robot is served; the robot itself takes `--robot.drives=false`."""
+    """The address of the served robot. Start the LeRobot robot with `--robot.drives=false`."""
 
     address: str = "http://127.0.0.1:8000"
     token: str = ""
 
 
 class DrivelessonPage(Served, Teleoperator):
-    """Gives what the pilot makes the robot do."""
+    """Returns the pilot's moves as actions."""
 
     config_class = DrivelessonPageConfig
     name = "drivelesson_page"
@@ -35,11 +35,11 @@ class DrivelessonPage(Served, Teleoperator):
         return {}
 
     def connect(self, calibrate: bool = True) -> None:
-        """Look on."""
+        """Connect without driving."""
         self._dial(drives=False)
 
     def get_action(self) -> dict[str, Any]:
-        """Return steering and throttle of what the pilot does now; zero if nobody does."""
+        """Return steering and throttle of the pilot's current move; both zero without a pilot."""
         assert self._line is not None, "connect first"
         is_pilots = self._line.state["driven_by"] == "pilot"
         point = self._line.point() if is_pilots else STANDS

@@ -1,4 +1,4 @@
-"""A served robot as LeRobot's robot: it sees a picture and what it does, and is told what to do."""
+"""Makes a served robot a LeRobot robot; it observes the picture, its steering and its throttle."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ _AGAIN_S = 1.0
 @RobotConfig.register_subclass("drivelesson")
 @dataclass(kw_only=True)
 class DrivelessonRobotConfig(RobotConfig):
-    """Where the robot is served.
+    """The address of the served robot, and how to use the robot.
 
     Attributes:
-        address: Of its page.
-        token: Of its pairing address, once; then this computer is known.
-        width, height: The picture is brought to this size.
-        drives: False: somebody drives from the page, and this only looks on.
-        restarts: Start again by itself after a stop, except an emergency stop.
+        address: The address of the robot's page.
+        token: The token of the pairing address; only needed until this computer is paired.
+        width, height: Each picture is resized to this size, in pixels.
+        drives: If false, this only observes, and somebody drives from the page.
+        restarts: Restart the robot automatically after a stop, but not after an emergency stop.
     """
 
     address: str = "http://127.0.0.1:8000"
@@ -38,7 +38,7 @@ class DrivelessonRobotConfig(RobotConfig):
 
 
 class DrivelessonRobot(Served, Robot):
-    """Drives by the move that is nearest to what is asked for."""
+    """Drives with the robot's move that is nearest to the requested action."""
 
     config_class = DrivelessonRobotConfig
     name = "drivelesson"
@@ -46,7 +46,7 @@ class DrivelessonRobot(Served, Robot):
     def __init__(self, config: DrivelessonRobotConfig) -> None:
         super().__init__(config)
         self.config = config
-        self.cameras = {"front": None}  # LeRobot counts them, to know how much it has to write
+        self.cameras = {"front": None}  # LeRobot uses the number of cameras to size its writers
         self._started_s = -math.inf
 
     @property
@@ -55,22 +55,22 @@ class DrivelessonRobot(Served, Robot):
         return {"front": picture, **dict.fromkeys(ACTION, float)}
 
     def connect(self, calibrate: bool = True) -> None:
-        """Connect, and have the robot wait for a pilot's moves.
+        """Connect; if `drives` is true, also take the wheel and start the robot.
 
         Raises:
-            ConnectionError: If another has the wheel, or the robot does not start; says why.
+            ConnectionError: If another client has the wheel, or the robot does not start.
         """
         self._dial(drives=self.config.drives)
         self._started_s = time.monotonic()
 
     def get_observation(self) -> dict[str, Any]:
-        """Return the next picture, and what the robot does meanwhile."""
+        """Return the next picture, and the robot's current steering and throttle."""
         line, size = self._open_line(), (self.config.width, self.config.height)
         picture = cv2.resize(line.picture(), size, interpolation=cv2.INTER_AREA)
         return {"front": picture, **dict(zip(ACTION, line.point(), strict=True))}
 
     def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
-        """Hold the nearest move; return steering and throttle of what the robot really does."""
+        """Hold the nearest move; return the steering and throttle that the robot really has."""
         line = self._open_line()
         if not self.config.drives:
             return dict(zip(ACTION, line.point(), strict=True))
@@ -80,9 +80,9 @@ class DrivelessonRobot(Served, Robot):
         return dict(zip(ACTION, done, strict=True))
 
     def _start_again(self, line: Line) -> None:
-        """Say that the robot stands, and start it if that is wanted; once a second at most."""
+        """Warn that the robot stands still; if `restarts` is set, restart it, once a second."""
         state = line.state
-        line.warn("%s stands: %s", line.robot, line.why_it_stands)
+        line.warn("%s stands still: %s", line.robot, line.why_it_stands)
         is_ours = state["you_are_pilot"] and not state["emergency"]
         if self.config.restarts and is_ours and time.monotonic() - self._started_s >= _AGAIN_S:
             self._started_s = time.monotonic()
