@@ -44,9 +44,7 @@ class RoverOptions:
     rover_throttle: float = field(
         default=0.3, metadata={"help": "maximum share of the full throttle", "range": (0.05, 1.0)}
     )
-    rover_arm: bool = field(
-        default=False, metadata={"help": "arm the rover at the start"}
-    )
+    rover_arm: bool = field(default=False, metadata={"help": "arm the rover at the start"})
 
 
 class RoverDriver(HostWatchdog[Any]):

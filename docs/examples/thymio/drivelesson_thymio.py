@@ -35,9 +35,12 @@ class ThymioOptions:
     thymio_manager: str = field(
         default="127.0.0.1:8596", metadata={"help": "HOST:PORT of the device manager"}
     )
-    thymio_name: str = field(default="", metadata={"help": "the Thymio's name, if there are several"})
+    thymio_name: str = field(
+        default="", metadata={"help": "the Thymio's name, if there are several"}
+    )
     thymio_speed: int = field(
-        default=200, metadata={"help": "the motors' target speed straight ahead", "range": (20, FULL)}
+        default=200,
+        metadata={"help": "the motors' target speed straight ahead", "range": (20, FULL)},
     )
 
 
