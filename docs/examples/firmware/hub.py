@@ -16,7 +16,7 @@ SPEEDS = {  # of the left and the right wheel, in degrees per second
     "backward": (-250, -250),
 }
 EYES, BUMPER = Port.E, Port.F  # ultrasonic sensor and force sensor (both optional)
-TOP_SPEED, EMPTY_MV, FULL_MV = 1000, 6000, 8300  # battery voltages; for six AA cells: 6000, 9000
+TOP_SPEED, EMPTY_MV, FULL_MV = 1000, 6000, 8300  # deg/s, mV, mV; with six AA cells: 9000 mV
 
 
 def find(kind, port):

@@ -45,7 +45,7 @@ class ThymioOptions:
 
 
 class ManagerLine:
-    """A TCP transport for tdmclient without a thread; each packet follows its length."""
+    """A TCP transport for tdmclient without a thread; each packet is preceded by its length."""
 
     def __init__(self, host: str, port: int) -> None:
         self._socket = socket.create_connection((host, port), timeout=ANSWER_S)

@@ -28,7 +28,7 @@ from robot.types import Action, Encoding, Frame
 
 FOLDER = "DRIVELESSON_LEROBOT_POLICY"
 _SHARPNESS = 4.0
-"""Probabilities fall by exp(-_SHARPNESS * distance); the distance is in units of steering."""
+"""A move's probability is proportional to exp(-_SHARPNESS * its distance from the output)."""
 
 
 class WholePicture(GreyFeatures):

@@ -111,12 +111,12 @@ class Line:
         self.fault = ""
         self._declared: dict[str, tuple[float, float]] = {}
         self.points: dict[str, tuple[float, float]] = {}
-        """Steering and throttle of each move that the robot accepts now, if it declares them."""
+        """Steering and throttle by move, for the moves that the robot accepts now."""
 
     def open(self) -> None:
         """Connect, and wait for the robot's hello message, its state and a picture."""
-        # If LeRobot fails, it closes the robot only in `__del__`; while the interpreter exits,
-        # that would wait for threads that no longer run, so close before the exit.
+        # If LeRobot fails, it closes the robot only in `__del__`, while the interpreter exits.
+        # That would wait for threads that no longer run, so we close the robot before.
         atexit.register(self.close)
         self._drive = self._connect("/ws/drive")
         self._video = self._connect("/ws/video")
@@ -342,7 +342,7 @@ class Line:
             return self._seq
 
     def _comes(self, is_so: Callable[[], Any], seconds: float) -> bool:
-        """Wait for a condition; False after the time. ConnectionError if the connection ends."""
+        """Wait for a condition; False on timeout, ConnectionError if the connection ends."""
         with self._news:
             self._news.wait_for(lambda: is_so() or self._ended.is_set(), seconds)
             if self._ended.is_set():
