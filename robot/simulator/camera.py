@@ -46,7 +46,7 @@ _ASKED_FRAMES = 30
 class SimCameraOptions(Options):
     """Options of the simulated camera."""
 
-    frame_rate_hz: float = option(30.0, "simulated pictures a second", range=(1.0, 120.0))
+    frame_rate_hz: float = option(30.0, "pictures a second", range=(1.0, 120.0))
     jpeg_quality: int = option(75, "JPEG quality of simulated pictures", range=(1, 100))
 
 

@@ -24,7 +24,7 @@ class SimOptions(Options):
     seed: int = option(1, "seed of the start, the floor and the noise", range=(0, 2**32 - 1))
     hue: int = option(
         -1,
-        "hue of the walls, in degrees of the colour wheel; -1 keeps the colours",
+        "hue of the walls, in degrees of the colour wheel; -1 keeps the world's colours",
         range=(-1, 359),
     )
 

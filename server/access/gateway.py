@@ -109,18 +109,18 @@ class NetworkGateway(Gateway):
     @classmethod
     def configure(cls, parser: argparse.ArgumentParser) -> None:
         add, shown = parser.add_argument_group("network").add_argument, " (default: %(default)s)"
-        add("--lan", action="store_true", help="serve the local network, to paired browsers only")
-        text = "a proxy serves the page at this address, such as https://home.example/robot/, to "
-        text += "paired browsers only; separate several with commas"
+        add("--lan", action="store_true", help="serve the local network, only to paired browsers")
+        text = "address at which a proxy serves the page, such as https://home.example/robot/; "
+        text += "separate several with commas; admit only paired browsers"
         add("--behind-proxy", default="", metavar="URL", help=text)
-        text = "address or network from which this proxy connects (default: this machine)"
+        text = "the proxy's addresses or networks, separated by commas (default: this machine)"
         add("--proxy-at", default="127.0.0.0/8,::1", metavar="ADDRESS", help=text)
         add(
             "--tls",
             action="store_true",
             help="serve https, with a certificate that Drivelesson makes",
         )
-        text = f"with --lan, answer to this name followed by .local{shown}"
+        text = f"with --lan: the name of this machine in its network, without .local{shown}"
         add("--hostname", type=_read_label, default=DEFAULT_HOSTNAME, help=text)
         text = "another name of this machine in its network, such as rover.fritz.box; may "
         text += "be repeated, or list several with commas"

@@ -14,18 +14,18 @@ from server.cli.parser import declare
 class CorrectionOptions(Options):
     """Corrections of a robot that is built differently; each is saved until it is changed."""
 
-    reverse: str = option("none", "the motors that turn the other way", choices=REVERSED)
-    swap_sides: bool = option(False, "the left motor and the right motor are exchanged")
+    reverse: str = option("none", "the motors whose direction is reversed", choices=REVERSED)
+    swap_sides: bool = option(False, "exchange the left and the right motor")
     trim: float = option(
         0.0,
-        "steering to the right (negative: left) that is added where the robot should drive "
-        "straight, as a share of full lock: a robot that pulls to the left needs a positive trim",
+        "correction of the steering while the robot should drive straight, as a share of full "
+        "lock; positive steers to the right, so use it if the robot pulls to the left",
         range=(-MOST_TRIM, MOST_TRIM),
     )
     turn_picture: int = option(
-        0, "turns the camera's pictures clockwise, until they are upright: 0, 90, 180 or 270"
+        0, "turn the camera's pictures clockwise by 0, 90, 180 or 270 degrees"
     )
-    mirror_picture: bool = option(False, "exchanges left and right of the camera's pictures")
+    mirror_picture: bool = option(False, "exchange left and right in the camera's pictures")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

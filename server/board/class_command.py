@@ -22,19 +22,19 @@ LESSONS = {"teach-it": "box", "fool-it": "box", "fair-data": "box"}
 
 def configure(parser: argparse.ArgumentParser) -> None:
     add, shown = parser.add_argument, " (default: %(default)s)"
-    text = "give an order to all robots of the board on this computer (at --port). keep: save a "
-    text += "dated copy of each model; reset: save a copy and start over; hand-over: reset, and "
-    text += "sign out the phones; undo: undo the last order (default: start a class)"
+    text = "order for all robots of the board that runs on this computer (at --port). keep: save a "
+    text += "dated copy of each model; reset: save each model and begin an empty one; hand-over: "
+    text += "reset, and sign out the phones; undo: undo the last order (default: start a class)"
     add("order", nargs="?", choices=ORDERS, metavar="ORDER", help=text)
-    text = "number of simulated robots; HOST:PORT of real ones, or a file of such lines; or both, "
-    text += f"separated by commas{shown}"
+    text = "number of simulated robots; or HOST:PORT of real robots, or a file with one per line; "
+    text += f"or both, separated by commas{shown}"
     add("--robots", default="10", metavar="LIST", help=text)
-    add("--world", help="place of the simulated robots (default: the lesson's place, or box)")
-    text = "the lesson to begin with; with fair-data, the robots begin with left turns only"
+    add("--world", help="world of the simulated robots (default: the lesson's world, or box)")
+    text = "the first lesson; for fair-data, the robots have already learned left turns only"
     add("--lesson", choices=tuple(LESSONS), help=text)
-    text = "address for the pupils; 127.0.0.1: only for this computer (default: all its addresses)"
+    text = "address for the pupils; 127.0.0.1: only this computer (default: all its addresses)"
     add("--host", default="0.0.0.0", help=text)
-    text = f"the board's port; the robots use the ports after it{shown}"
+    text = f"the board's port; the robots use the next ports{shown}"
     add("--port", type=whole(1024, 65535 - MOST), default=PORT, help=text)
     text = f"folder for the class key and for each robot's data{shown}"
     add("--data", type=Path, default=default_root(), help=text)

@@ -25,13 +25,13 @@ BOARD_HOST = "127.0.0.1"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     add, shown = parser.add_argument, " (default: %(default)s)"
-    text = "HOST:PORT,... or a file of such lines (default: all that the network announces)"
+    text = "HOST:PORT,... or a file with one robot per line (default: all robots in the network)"
     add("--robots", default=_NETWORK, metavar="LIST", help=text)
-    text = f"file of the class key, made if it is missing; the robots need a copy{shown}"
+    text = f"file with the class key, created if missing; each robot needs a copy{shown}"
     file = "class.key"
     add("--class-key", type=Path, default=default_root() / file, metavar="FILE", help=text)
     add("--port", type=whole(0, 65535), default=8080, help=f"port{shown}")
-    text, hz = f"pictures a second of each robot{shown}", number(above=0, most=10)
+    text, hz = f"number of pictures a second from each robot{shown}", number(above=0, most=10)
     add("--pictures", type=hz, default=1.0, metavar="HZ", help=text)
     add("-v", "--verbose", action="store_true", help="log more")
 

@@ -7,5 +7,5 @@ from pathlib import Path
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    text = "obey the board that has this class key; drivelesson board makes the key"
+    text = "file with a class key; the robot obeys the board that has the same key"
     parser.add_argument("--class-key", type=Path, metavar="FILE", help=text)

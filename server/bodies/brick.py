@@ -1,4 +1,4 @@
-"""Put the server or the agent on a Lego Mindstorms EV3 over ssh, or examine an EV3."""
+"""Install the server or the agent on a Lego Mindstorms EV3 over ssh, or examine an EV3."""
 
 from __future__ import annotations
 
@@ -44,20 +44,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add(
         "what",
         choices=("agent", "install", "pack", "doctor"),
-        help="put agent or server on the brick, pack the server into a file, or examine a brick",
+        help="start the agent on the brick, install or pack the server, or examine the brick",
     )
     add(
         "address",
         nargs="?",
-        help="the brick, such as robot@ev3dev.local (for install: root@...); for pack, the file to "
-        "make",
+        help="the brick's address, such as robot@ev3dev.local (for install: root@...); for pack, "
+        "the file to write",
     )
     add("--port", type=whole(1, 65535), default=PORT, help=f"the agent's port{shown}")
     add(
         "--keep",
         type=Path,
         default=default_root() / "brick",
-        help=f"folder for the brick's Debian{shown}",
+        help=f"folder in which the brick's Debian is built and kept{shown}",
     )
     add(
         "--release",
@@ -70,11 +70,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add(
         "--autostart",
         action="store_true",
-        help="start the agent whenever the brick starts (asks for the brick's password)",
+        help="also start the agent each time that the brick boots (asks for the brick's password)",
     )
     add("--fake", action="store_true", help="let the doctor examine a simulated brick")
     add("--yes", action="store_true", help="let the doctor turn the wheels without asking")
-    add("--script", action="store_true", help="only print what would run on the brick")
+    add("--script", action="store_true", help="only print the script for the brick")
 
 
 def run(args: argparse.Namespace) -> int:

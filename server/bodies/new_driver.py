@@ -15,9 +15,9 @@ _NAME = re.compile(r"[a-z][a-z0-9]{1,20}")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("name", metavar="NAME", help="the robot's name: small letters and digits")
+    parser.add_argument("name", metavar="NAME", help="robot's name: lower-case letters, digits")
     parser.add_argument(
-        "--out", type=Path, default=None, help="new folder (default: drivelesson-NAME)"
+        "--out", type=Path, default=None, help="folder to create (default: drivelesson-NAME)"
     )
 
 

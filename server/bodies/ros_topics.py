@@ -1,4 +1,4 @@
-"""List the topics of a ROS 2 robot over DDS, and the options that fit them."""
+"""List the topics of a ROS 2 robot, found over DDS, and suggest options for them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--seconds",
         type=number(above=0),
         default=4.0,
-        help="seconds to look for topics (default: %(default)s)",
+        help="duration of the search, in seconds (default: %(default)s)",
     )
 
 

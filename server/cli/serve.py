@@ -50,21 +50,21 @@ log = logging.getLogger(__name__)
 def configure(parser: argparse.ArgumentParser) -> None:
     add, shown = parser.add_argument, " (default: %(default)s)"
     default = default_driver()
-    text = f"one of {', '.join(driver_names())}{shown if default else ''}"
+    text = f"the robot: one of {', '.join(driver_names())}{shown if default else ''}"
     add("--robot", default=default, help=text)
     text = "the camera (default: the robot's own); one of "
     add("--camera", help=text + ", ".join(camera_names()))
-    add("--learner", help="the learner (default: default), also as KIND-NUMBER")
+    add("--learner", help="KIND or KIND-NUMBER, such as default-64 (default: default)")
     number_of_nodes = whole(1, MOST_NODES, or_word="auto")
     text = (
-        "number of images that the learner remembers (default: 32); auto: as many as --rate allows "
-        "on this computer"
+        "maximum number of images that the learner stores (default: 32); auto: as many as this "
+        "computer can compare at --rate"
     )
     add("--max-nodes", type=number_of_nodes, metavar="N", help=text)
-    text = f"frames a second that --max-nodes auto must allow{shown}"
+    text = f"frame rate that --max-nodes auto must reach{shown}"
     add("--rate", type=number(above=0), default=14.0, metavar="HZ", help=text)
     add("--host", help="address to serve on (default: 127.0.0.1)")
-    add("--port", type=whole(0, 65535), default=8000, help=f"port{shown}")
+    add("--port", type=whole(0, 65535), default=8000, help=f"port to serve on{shown}")
     gateway_type().configure(parser)
     add(
         "--data",
@@ -72,12 +72,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         default=default_root(),
         help=f"data folder: models, recordings and settings{shown}",
     )
-    add("--model", metavar="NAME", help="continue this model; a new name begins a new one")
-    add("--name", help="the robot's name (default: a name that it chose at its first start)")
-    text = f"JPEG quality of pictures that the camera gives in another format{shown}"
+    add("--model", metavar="NAME", help="use this model; a new name begins a new model")
+    add("--name", help="the robot's name (default: a name that the robot chooses)")
+    text = f"JPEG quality of pictures that the camera does not deliver as JPEG{shown}"
     add("--jpeg-quality", type=whole(1, 100), default=75, help=text)
     add("--no-page", action="store_true", help="do not open the page in this machine's browser")
-    add("--config", type=Path, help="TOML file of settings")
+    add("--config", type=Path, help="TOML file with settings")
     packages = (point.module.rpartition(".")[0] for point in points(EXTENSIONS))
     for package in filter(None, dict.fromkeys(packages)):  # the extensions are imported later
         if find_spec(name := f"{package}.options"):  # a plugin's own module may have this name

@@ -56,38 +56,38 @@ picture that it exports."""
 def configure_export(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("episodes", nargs="+", metavar="EPISODE", help=EPISODE_HELP)
-    add("--as", dest="form", required=True, choices=EXPORTS)
-    add("--out", type=Path, help="new folder or file")
+    add("--as", dest="form", required=True, choices=EXPORTS, help="the format")
+    add("--out", type=Path, help="folder or file to create")
     add(
         "--fps",
         type=whole(1, 240),
-        help="pictures a second, for films and datasets (default for datasets: 20)",
+        help="pictures a second of a film or dataset (default for a dataset: 20)",
     )
-    text = "tub: also export pictures that nobody taught"
+    text = "tub: also export pictures without a label"
     add("--all", dest="taught_only", action="store_const", const=False, help=text)
     add("--task", help="lerobot: the robot's task, as a sentence")
     text = (
-        "lerobot: only the features that LeRobot itself records, so that both datasets can be "
-        "merged"
+        "lerobot: export only the features that LeRobot itself records, so that the result can be "
+        "merged with a dataset that LeRobot recorded"
     )
     add("--plain", action="store_const", const=True, help=text)
 
 
 def configure_import(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add("path", type=Path, help="file, archive or folder of recordings")
+    add("path", type=Path, help="file, archive or folder to import")
     add("--name", help="name of the episode")
-    text = "larger steering counts as a turn, 0 to 1 (default: %(default)s)"
+    text = "steering beyond this value counts as a turn (0 to 1) (default: %(default)s)"
     add("--threshold", type=float, default=DEFAULT_THRESHOLD, help=text)
-    text = "recorded steering at which the car drives straight on (default: 0)"
+    text = "steering value at which the car drives straight (default: 0)"
     add("--trim", type=float, default=0.0, help=text)
-    text = "recorded steering at full lock (default: 1)"
+    text = "steering value at full lock (default: 1)"
     add("--full-lock", type=float, default=1.0, help=text)
-    text = "move of each class, such as free=forward,blocked=left; stop: not an example"
+    text = "move of each class, such as free=forward,blocked=left; stop: no examples"
     add("--moves", type=parse_moves, default={}, help=text)
-    text = "meaning of a table's columns, such as picture=1,steering=angle"
+    text = "table columns by meaning, such as picture=1,steering=angle"
     add("--columns", type=partial(parse_columns, known=tuple(MEANINGS)), default={}, help=text)
-    text = "ROS bags: the topics of camera and velocities, separated by a comma"
+    text = "ROS bags: topics of the camera and of the velocities, separated by a comma"
     add("--topics", help=text)
     text = "import nothing if any picture would be skipped"
     add("--strict", action="store_true", help=text)
@@ -228,9 +228,9 @@ def _default_path(folder: Path, episode_id: str, form: str) -> Path:
     return free_path(folder, re.sub(r"\s+", "-", f"{episode_id}-{form}"), ending)
 
 
-EXPORT = EpisodeVerb("write recordings for other programs", configure_export, export_episodes)
+EXPORT = EpisodeVerb("export recordings for other programs", configure_export, export_episodes)
 IMPORT = EpisodeVerb(
-    "read recordings of other programs: tubs, LeRobot, ROS bags, OpenBot, tables, pictures",
+    "import recordings of other programs: tubs, LeRobot, ROS bags, OpenBot, tables, pictures",
     configure_import,
     import_episode,
     changes=True,

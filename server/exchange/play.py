@@ -11,7 +11,7 @@ from server.recordings.selection import EPISODE_HELP, EpisodeVerb, find_path
 
 def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("episode", metavar="EPISODE", help=EPISODE_HELP)
-    parser.add_argument("--port", default="8000", help="port (default: %(default)s)")
+    parser.add_argument("--port", default="8000", help="port to serve on (default: %(default)s)")
 
 
 def play(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> int:

@@ -21,11 +21,11 @@ BASELINES = [
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("folder", type=Path, help="folder of recordings PLACE_A.npz, PLACE_B.npz")
+    parser.add_argument("folder", type=Path, help="folder with files PLACE_A.npz, PLACE_B.npz")
     parser.add_argument(
         "--learners",
         metavar="NAMES",
-        help=f"names, separated by commas (default: {','.join([*OURS, *BASELINES])}; the last "
+        help=f"learners, separated by commas (default: {','.join([*OURS, *BASELINES])}; the last "
         "six only if scikit-learn is installed)",
     )
     parser.add_argument(
@@ -33,7 +33,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         type=number(above=0.0, most=1.0),
         default=1.0,
         metavar="SHARE",
-        help="brightness of the test pictures, as a share of their own (default: 1.0)",
+        help="factor by which the test pictures are darkened, 0 to 1 (default: 1.0)",
     )
     parser.add_argument(
         "--examples",

@@ -40,9 +40,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         choices=(*EXPERIMENTS, "all"),
         metavar="EXPERIMENT",
-        help=f"{', '.join(EXPERIMENTS)}, all",
+        help=f"the experiment: {', '.join(EXPERIMENTS)}, all",
     )
-    add("--seeds", type=whole(1), default=10, help=f"runs of each kind{shown}")
+    add("--seeds", type=whole(1), default=10, help=f"number of runs of each kind{shown}")
     add("--quick", action="store_true", help="only one run of each kind")
     add("--json", type=Path, metavar="FILE", help="also write every result here")
     add("--report", type=Path, metavar="FILE", help="the report (default: FOLDER/report.html)")
@@ -71,10 +71,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--folder",
         type=Path,
         default=Path("experiments"),
-        help="where finished runs are kept (default: ./%(default)s)",
+        help="folder for finished runs (default: ./%(default)s)",
     )
-    add("--jobs", type=whole(1), metavar="N", help="runs at a time (default: one per processor)")
-    add("--backend", choices=("processes", "dask"), default="processes", help="where runs happen")
+    add("--jobs", type=whole(1), metavar="N", help="parallel runs (default: one per processor)")
+    add("--backend", choices=("processes", "dask"), default="processes", help="what runs the tasks")
     add("--scheduler", metavar="ADDRESS", help="address of an existing Dask cluster's scheduler")
 
 

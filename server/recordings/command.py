@@ -50,7 +50,7 @@ _RANGED = {
     "delete": "delete a part of a recording, or (without --from and --to) whole recordings",
     "relabel": "give a part of a recording another label; `undo` reverts this",
 }
-_SEARCH_HELP = "only episodes with these words in name, title, date, labels, robot or learner"
+_SEARCH_HELP = "list only episodes with these words in name, title, date, labels, robot or learner"
 VERBS = "drivelesson.episode-commands"
 """The group of entry points with which extensions add verbs to `drivelesson episodes`. Each entry
 point is an `EpisodeVerb`."""
@@ -79,20 +79,22 @@ def configure(parser: argparse.ArgumentParser) -> None:
         if verb == "delete":
             add_several(ranged)
         for flag, dest in (("--from", "first_s"), ("--to", "last_s")):
-            text = "seconds from the start"
+            text = f"{'beginning' if dest == 'first_s' else 'end'} of the part, in seconds"
             ranged.add_argument(flag, dest=dest, type=number(least=0), metavar="S", help=text)
         if verb == "relabel":
-            text = "name of a move, such as left"
+            text = "the new label: a move, such as left"
             ranged.add_argument("--label", required=True, metavar="MOVE", help=text)
     add("undo", undo, "undo the last edit of a recording")
     text = "write recordings, with their edits, into one zip file"
     zipped = add("zip", write_zip, text, of_one=False, changes=False)
     add_several(zipped)
-    zipped.add_argument("--out", type=Path, metavar="FILE", help="new file (default: in exports/)")
+    zipped.add_argument("--out", type=Path, metavar="FILE", help="zip file (default: in exports/)")
     text = "delete the recordings once the zip file is complete; `restore` brings them back"
     zipped.add_argument("--delete", action="store_true", help=text)
     restore = add("restore", restore_episode, "restore deleted recordings", of_one=False)
-    restore.add_argument("key", nargs="?", metavar="WORD", help="the word that `delete` printed")
+    restore.add_argument(
+        "key", nargs="?", metavar="WORD", help="word that `delete` printed (default: the last one)"
+    )
     add("compact", compact, "apply the edits to the recorded file itself")
     titled = add("title", set_title, "give a recording a title")
     titled.add_argument("title", help="the title; an empty text removes it")
@@ -110,7 +112,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         of_one=False,
         changes=False,
     )
-    budget.add_argument("--gigabytes", type=number(least=0), help="set the space for episodes")
+    budget.add_argument("--gigabytes", type=number(least=0), help="set the space for recordings")
     text = f"empty the trash, which otherwise keeps deleted recordings for {TRASH_DAYS} days"
     add("empty-trash", empty_trash, text, of_one=False)
 

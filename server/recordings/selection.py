@@ -72,9 +72,7 @@ def find_id(store: EpisodeStore, name: str) -> str:
 def add_several(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments that choose several episodes; `find_ids` finds the episodes."""
     parser.add_argument("episodes", nargs="*", metavar="EPISODE", help=EPISODE_HELP)
-    parser.add_argument(
-        "--search", metavar="TEXT", help="all episodes with these words, as `list` finds them"
-    )
+    parser.add_argument("--search", metavar="TEXT", help="all episodes that `list --search` finds")
     parser.add_argument("--all", action="store_true", help="all episodes")
 
 

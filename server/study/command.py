@@ -15,7 +15,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     new = commands.add_parser(
         "new", help="write the paper's protocol as a plan that you can change"
     )
-    new.add_argument("plan", type=Path, metavar="PLAN.toml", help="file to write; must not exist")
+    new.add_argument("plan", type=Path, metavar="PLAN.toml", help="file to create")
     new.add_argument(
         "--trial", type=int, choices=tuple(TRIALS), default=1, help="trial (default: %(default)s)"
     )
@@ -23,7 +23,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     check = commands.add_parser("check", help="check a plan, and print a summary of it")
     check.add_argument("plan", type=Path, metavar="PLAN.toml", help="the plan")
     check.set_defaults(action=_check)
-    report = commands.add_parser("report", help="make the table of results again from a zip")
+    report = commands.add_parser("report", help="make the table of results again from a zip file")
     report.add_argument(
         "zip", type=Path, metavar="ZIP", help="the zip file that was downloaded from the page"
     )

@@ -34,12 +34,12 @@ class ChassisOptions(Options):
     left_port: str = option("outB", "port of the left motor")
     right_port: str = option("outC", "port of the right motor")
     ultrasonic_port: str = option(
-        "auto", "port of the ultrasonic sensor; auto uses one if it is plugged in; none ignores it"
+        "auto", "port of the ultrasonic sensor; auto: search for the sensor; none: do not use it"
     )
     touch_port: str = option(
         "auto",
-        "ports of the bumpers (touch sensors) from left to right, such as in4,in1; auto uses all "
-        "that are plugged in, ordered by port; none ignores them",
+        "ports of the bumpers (touch sensors) from left to right, such as in4,in1; auto: all that "
+        "are plugged in, in the order of their ports; none: no bumpers",
     )
     wheel_diameter_m: float = option(
         0.0509,
@@ -53,7 +53,7 @@ class ChassisOptions(Options):
     turn_rate_deg_s: float = option(18.5, "turning rate in degrees a second", range=(0.5, 720.0))
     turn_by: str = option(
         "backward",
-        "how to turn: one wheel backward (as in the paper), one wheel forward, or both",
+        "the wheels that turn the robot: one backward (as in the paper), one forward, or both",
         choices=("backward", "forward", "both"),
     )
     reversed_motors: bool = option(False, "true if both motors are mounted in reverse")

@@ -31,13 +31,13 @@ class GpioOptions(Options):
         "first pin is the direction, the second the speed; servo-esc: a car with servo and ESC",
         choices=("two-pwm", "phase-enable", "servo-esc"),
     )
-    esc_pin: str = option("13", "a car's motor: the pin of its electronic speed control (ESC)")
-    servo_pin: str = option("12", "a car's steering: the pin of its servo")
+    esc_pin: str = option("13", "pin of a car's electronic speed controller (ESC)")
+    servo_pin: str = option("12", "pin of a car's steering servo")
     servo_ends: str = option(
         "-1,1",
         "the servo's values at full left and full right; 1,-1 for a servo that turns the other way",
     )
-    bumper_pin: str = option("", "pin of a bumper's switch to ground; empty for no bumper")
+    bumper_pin: str = option("", "pin of a bumper that switches to ground; empty if none")
     straight_speed: float = option(
         0.6, "speed straight ahead, as a share of the motors' full speed", range=(0.01, 1.0)
     )

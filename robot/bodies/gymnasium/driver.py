@@ -30,11 +30,11 @@ class GymnasiumOptions(Options):
         "the environment's own names, or a move for each number)",
     )
     env_options: str = option(
-        "", "options for making the environment, such as obs_width=160,obs_height=120"
+        "", "options of the environment, such as obs_width=160,obs_height=120"
     )
     env_picture: str = option(
         "auto",
-        "what the robot sees: observed, rendered, or auto, which prefers a large observation",
+        "what the robot sees: observed, rendered, or auto: a large observation, else rendered",
         choices=PICTURES,
     )
     env_steps: int = option(

@@ -110,7 +110,7 @@ def _between(value: Any, most: float) -> float | None:
 
 
 def moves_option(default: str) -> Any:
-    return option(default, "the body's moves, such as forward,left or fast:0:1 (steering:throttle)")
+    return option(default, "the body's moves: NAME or NAME:STEERING:THROTTLE, as in left,fast:0:1")
 
 
 def parse_moves(text: str) -> tuple[Move, ...]:

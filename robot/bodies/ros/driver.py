@@ -52,18 +52,16 @@ class RosOptions(TransportOptions):
 
     cmd_vel_topic: str = option("/cmd_vel", "topic of the velocities")
     stamped: bool = option(False, "true if the robot expects TwistStamped instead of Twist")
-    watchdog: bool = option(
-        False, "true if the robot runs this project's watchdog.py, which stops it"
-    )
+    watchdog: bool = option(False, "true if Drivelesson's watchdog.py runs on the robot")
     linear_mps: float = option(
         0.4,
         "speed in metres a second at full throttle; the move forward uses half of it",
         range=(0.001, 5.0),
     )
-    turn_rate_deg_s: float = option(45.0, "degrees a second at full steering", range=(0.1, 720.0))
+    turn_rate_deg_s: float = option(45.0, "turning rate at full steering", range=(0.1, 720.0))
     body_moves: str = moves_option("forward,left,right,backward,spin_left,spin_right")
-    odometry_topic: str = option("", "topic of nav_msgs/Odometry, such as /odom; empty for none")
-    range_topic: str = option("", "topic of sensor_msgs/Range, a distance ahead; empty for none")
+    odometry_topic: str = option("", "topic of the odometry, such as /odom; empty for none")
+    range_topic: str = option("", "topic of the distance ahead (sensor_msgs/Range); empty for none")
     advice_topic: str = option("", "topic of the learner's proposals (JSON text); empty for none")
 
     def check(self) -> None:

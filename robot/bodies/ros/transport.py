@@ -26,18 +26,18 @@ class TransportOptions(Options):
     """The transport of the robot's topics."""
 
     address: str = option(
-        "", "HOST of rosbridge, or HOST:PORT; with --transport dds the robot's HOST"
+        "", "HOST or HOST:PORT of rosbridge; with --transport dds, the robot's HOST"
     )
     transport: str = option(
         ROSBRIDGE,
-        "rosbridge: a program on the robot; dds: ROS 2's own network, without a program",
+        "rosbridge: a program on the robot; dds: ROS 2's own protocol, without a program",
         choices=(ROSBRIDGE, DDS),
     )
     domain: int = option(0, "dds: the robot's ROS_DOMAIN_ID", range=(0, MOST_DOMAINS))
     interface: str = option(
         "", "dds: network interface, by name or address; if empty, the first one"
     )
-    peers: str = option("", "dds: more HOSTs of the robot, separated by commas")
+    peers: str = option("", "dds: further HOSTs of the robot, separated by commas")
 
     @property
     def hosts(self) -> tuple[str, ...]:

@@ -28,7 +28,7 @@ class UsbCameraOptions(Options):
     frame_rate: int = option(30, "pictures a second", range=(1, 120))
     encoding: str = option(
         "auto",
-        "format of the pictures; auto chooses yuyv where the camera offers it",
+        "format of the pictures; auto chooses yuyv if the camera offers it",
         choices=("auto", "yuyv", "jpeg"),
     )
 

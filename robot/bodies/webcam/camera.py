@@ -25,7 +25,7 @@ class OpencvOptions(Options):
     """The camera or film to read, and the size to which its frames are reduced."""
 
     source: str = option(
-        AUTO, "number of the camera (needed if several are plugged in), a film's file, or a URL"
+        AUTO, "number of the camera (needed if several are plugged in), a film, or a URL"
     )
     width: int = option(160, "width of the picture in pixels", range=(40, 3840))
     height: int = option(120, "height of the picture in pixels", range=(30, 2160))
