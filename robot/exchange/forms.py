@@ -161,100 +161,100 @@ FORMS: tuple[Form, ...] = (
     Form(
         name="LeRobot dataset",
         there="`meta/info.json`, version 2.0, 2.1 or 3.0; films or pictures",
-        label="the action by its elements' names: `angle` or `steering` and `throttle` (-1 to 1, "
+        label="the elements of the action, by name: `angle` or `steering` and `throttle` (-1 to 1, "
         "right and ahead positive); `linear_velocity` and `angular_velocity` (EarthRover Mini: -1 "
         "to 1, left positive); `x.vel` (m/s) and `theta.vel` (degrees a second, left positive: "
         "LeKiwi); `linear.x` (m/s) and `angular.z` (radians a second, left positive: ROS); or one "
         "element for each move",
-        time="`timestamp`, seconds of the episode, at the rate of the dataset",
+        time="`timestamp`, in seconds of the episode, at the rate of the dataset",
         find=_find_lerobot,
     ),
     Form(
         name="Teachable Machine project",
         there="`.tm`: `manifest.json` and `CLASS-!-N.jpg`",
-        label="the class, if it has the name of a move or `--moves` assigns it to one",
+        label="the class, if its name is a move, or if `--moves` assigns a move to it",
         time=_NO_TIME,
         find=_one(_folder(is_project), read_project),
     ),
     Form(
         name="donkeycar tub",
         there="version 1: `record_N.json`; version 2: `manifest.json` and `*.catalog`",
-        label="`user/angle` and `user/throttle`, -1 to 1, right and ahead positive, where "
-        "`user/mode` is `user`; records that were deleted are left out",
+        label="`user/angle` and `user/throttle`, -1 to 1, right and ahead positive; only "
+        "where `user/mode` is `user`; deleted records are left out",
         time="`_timestamp_ms` (since 1970) or `milliseconds` (since the start), or else "
-        "`timestamp`, a date and time; without any, 20 pictures a second are assumed",
+        "`timestamp`, a date and time; if there is no time, 20 pictures a second are assumed",
         find=_one(_folder(is_tub), read_tub),
     ),
     Form(
         name="OpenBot session",
         there="`images/N_crop.jpeg`, `sensor_data/rgbFrames.txt` and `ctrlLog.txt`, or its "
         "notebook's `matched_frame_ctrl_cmd_processed.txt`",
-        label="left and right wheel, -255 to 255, ahead positive; a faster left wheel turns right; "
-        "a control applies until the next one",
-        time="nanoseconds",
+        label="the speeds of the left and right wheel, -255 to 255, ahead positive; each applies "
+        "until the next; if the left wheel is faster, the robot turns right",
+        time="in nanoseconds",
         find=_one(_folder(is_openbot), read_openbot),
     ),
     Form(
         name="ROS bag",
         there="ROS 1: `.bag`; ROS 2: a folder with `metadata.yaml`, or one `.db3` or `.mcap`; "
-        "`CompressedImage` or `Image`, and `Twist` or `TwistStamped` (`--topics` chooses)",
-        label=f"`linear.x` in m/s, ahead positive, full at {FULL_MPS:g}; `angular.z` in rad/s, "
-        f"left positive, full at {FULL_TURN_RAD_S:.3f} (45 degrees a second); a velocity applies "
-        "until the next one",
-        time="nanoseconds at which the bag received a message",
+        "`CompressedImage` or `Image`, and `Twist` or `TwistStamped` (choose them with `--topics`)",
+        label=f"`linear.x` in m/s, ahead positive, {FULL_MPS:g} is full throttle; `angular.z` "
+        f"in rad/s, left positive, {FULL_TURN_RAD_S:.3f} (45 degrees a second) is full lock; a "
+        "velocity applies until the next one",
+        time="when the bag received the message, in nanoseconds",
         find=_one(is_bag, read_bag),
     ),
     Form(
         name="recording of this program",
-        there="one `.mcap` of another robot, and its edits beside it",
-        label="as it was taught; nothing is changed",
-        time="as it was recorded",
+        there="one `.mcap` file of another robot, with the file of its edits if there is one",
+        label="as recorded; nothing is changed",
+        time="as recorded",
         find=_find_recording,
     ),
     Form(
         name="npz",
-        there="`jpeg`, `offsets`, `labels` and `t`, of the evaluation",
-        label="0 forward, 1 left, 2 right; `angle` and `throttle`, -1 to 1, right and ahead "
+        there="a `.npz` file of `drivelesson evaluate`: `jpeg`, `offsets`, `labels` and `t`",
+        label="0: forward, 1: left, 2: right; `angle` and `throttle`, -1 to 1, right and ahead "
         "positive",
-        time="`t`, seconds",
+        time="`t`, in seconds",
         find=_find_npz,
     ),
     Form(
         name="table of pictures",
-        there="`.csv`, `.tsv`, `metadata.jsonl`, `.json` (a list of objects, or a label, a "
-        "steering or an object for each picture) or a list in `.txt`, with or without a line of "
-        "column names, such as Udacity's "
+        there="`.csv`, `.tsv`, `metadata.jsonl`, `.json` (a list of objects; or a label, a "
+        "steering or an object for each picture), or a `.txt` with a list; with or without "
+        "column names; such as Udacity's "
         "`driving_log.csv`, Hugging Face's `metadata.csv`, Roboflow's `_classes.csv` or Label "
-        "Studio's export; the pictures lie in the same folder or below it and are found by the "
-        "last parts of their paths",
-        label="a column by its name: a move (`label`, `move`, `action`, `choice`); a column for "
-        "each move, 1 or 0; steering (`angle`, "
+        "Studio's export. The pictures are in the same folder or its subfolders; the program finds "
+        "them by the last parts of their paths",
+        label="a column, by its name: a move (`label`, `move`, `action`, `choice`); or a column "
+        "for each move, with 1 or 0; or steering (`angle`, "
         "`steering`, `user/angle`: -1 to 1, right positive, unless `--full-lock` says otherwise) "
-        "with `throttle` and `speed`; left and right wheel (ahead positive); linear and angular "
-        "velocity (m/s, rad/s, left positive)",
-        time="a column of seconds, milliseconds, nanoseconds or dates; or the pictures' names: ten "
-        "digits of seconds, then the fraction; or a date",
+        "with `throttle` and `speed`; or left and right wheel (ahead positive); or linear and "
+        "angular velocity (m/s, rad/s, left positive)",
+        time="a column with seconds, milliseconds, nanoseconds or dates; or the pictures' names, "
+        "with ten digits of seconds followed by the fraction, or with a date",
         find=_find_tables,
     ),
     Form(
         name="steering in pictures' names",
         there="`000123-0.50.jpg`: six digits and the steering",
-        label="-1 to 1, right positive; the other names tell whether the dash is a minus sign",
+        label="-1 to 1, right positive; all names together show whether the dash is a minus sign",
         time=_NO_TIME,
         find=_one(_folder(are_steered), read_steered),
     ),
     Form(
         name="folders named as moves",
-        there="`forward/`, `left/`, `right/`, as of `imagefolder`; JetBot's `free/` and `blocked/` "
-        "with `--moves free=forward,blocked=left`",
-        label="the folder",
+        there="folders `forward/`, `left/`, `right/` and so on, as in `imagefolder`; JetBot's "
+        "`free/` and `blocked/` with `--moves free=forward,blocked=left`",
+        label="the name of the folder",
         time=_NO_TIME,
         find=_one(_folder(_holds_classes), read_classes),
         is_whole=False,
     ),
     Form(
         name="pictures of one move",
-        there="a folder or archive that is named as a move: samples of Teachable Machine",
+        there="a folder or archive with the name of a move, such as samples of Teachable Machine",
         label="the name of the folder or archive",
         time=_NO_TIME,
         find=_one(_folder(_has_pictures), read_class),
@@ -265,14 +265,14 @@ FORMS: tuple[Form, ...] = (
 
 UNUSABLE: dict[tuple[str, ...], str] = {
     (".h5", ".keras", ".tflite", ".pb", ".onnx", ".pt", ".pth", ".safetensors", "model.json"): (
-        "a model that was trained elsewhere: it cannot drive here, and it holds no pictures to "
-        "learn from; import the pictures that it was trained with"
+        "a model that was trained elsewhere: Drivelesson cannot use it, and it contains no "
+        "pictures to learn from; import the pictures that it was trained with"
     ),
     (".mp4", ".avi", ".mov", ".mkv", ".webm"): (
         "a film without labels: it does not contain the right move for each picture"
     ),
     (".hdf5", ".tfrecord", ".tfrec", ".parquet", ".arrow"): (
-        "tables in another program's own format; export the pictures and a CSV table with the "
+        "tables in the format of another program; export the pictures and a CSV table with the "
         "right move for each picture"
     ),
     (".pkl", ".pickle", ".npy"): (
@@ -283,6 +283,6 @@ UNUSABLE: dict[tuple[str, ...], str] = {
     (".heic", ".heif", ".avif", ".webp", ".bmp", ".gif", ".tif", ".tiff"): (
         "pictures that are neither JPEG nor PNG"
     ),
-    (".json", ".xml", ".txt", ".yaml", ".csv"): "text, but no table that names pictures",
+    (".json", ".xml", ".txt", ".yaml", ".csv"): "text that is not a table of pictures",
 }
 """Maps the suffixes of files that cannot be imported to the reason why."""

@@ -37,7 +37,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         default=Path(os.environ.get(PREFIX + "CONFIG", "drivelesson.toml")),
         help=f"TOML file from which settings are read, and to which results are written{shown}",
     )
-    add("--straight-s", type=number(above=0), default=4.0, help=f"seconds straight on{shown}")
+    add("--straight-s", type=number(above=0), default=4.0, help=f"seconds of driving{shown}")
     add("--turn-s", type=number(above=0), default=9.75, help=f"seconds of turning{shown}")
 
 

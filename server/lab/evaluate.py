@@ -33,7 +33,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         type=number(above=0.0, most=1.0),
         default=1.0,
         metavar="SHARE",
-        help="factor by which the test pictures are darkened, 0 to 1 (default: 1.0)",
+        help="brightness factor for the test pictures, 0 to 1 (default: 1.0)",
     )
     parser.add_argument(
         "--examples",

@@ -396,7 +396,7 @@ def test_pictures_of_classes_that_are_not_imported_are_reported(tmp_path: Path) 
         (["keras_model.h5", "labels.txt"], "a model that was trained elsewhere"),
         (["drive.mp4"], "a film without labels"),
         (["left.zip"], "it contains archives"),
-        (["notes.txt"], "text, but no table that names pictures"),
+        (["notes.txt"], "text that is not a table of pictures"),
         (["a.xyz"], "it holds 1 of .xyz, none of a known form"),
         (["000001-0.50.jpg", "000002-0.10.jpg"], "may be a minus sign or a separator"),
         (["sensor_data/rgbFrames.txt"], "OpenBot without sensor_data/ctrlLog.txt"),
