@@ -32,7 +32,7 @@ def render() -> str:
     parts.append("## Names of columns\n\n| meaning (`--columns`) | names |\n|---|---|")
     parts += [f"| {role} | {', '.join(f'`{n}`' for n in names)} |" for role, names in NAMES.items()]
     parts.append(
-        "\nCapitals and spaces do not matter, and `linear.x` is the same as `linear_x`. The name of "
+        "\nCapitals and spaces do not matter; `linear.x` is the same as `linear_x`. The name of "
         "a time or velocity may end in a unit in brackets (`angular.z [deg/s]`). "
         f"A velocity of {FULL_MPS:g} m/s or more counts as full throttle, and "
         f"{FULL_TURN_DEG_S:g} degrees a second or more counts as full lock.\n\n"

@@ -19,8 +19,8 @@ from .table import FAULTS, LIMIT_S, MODES
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "faults.md"
 _UNWATCHED = (
-    "| `ros` without the watchdog | stands when its base stops it | stands when its base stops it "
-    "| stands when its base stops it | nothing of ours: see [ROS 2](../howto/ros.md) |"
+    "| `ros` without the watchdog | stops when its base stops it | stops when its base stops it "
+    "| stops when its base stops it | only the robot's base: see [ROS 2](../howto/ros.md) |"
 )
 Cell = tuple[str, str]
 """A fault and a mode, or a body and a fault."""
@@ -58,7 +58,7 @@ def render(page: str, measured_ms: Mapping[Cell, float] | None = None) -> str:
     known = _figures(page) if measured_ms is None else measured_ms
 
     def row(first: str, name: str, columns: tuple[str, ...], last: str) -> str:
-        limit = f"stands within {1000 * LIMIT_S:.0f} ms"
+        limit = f"stops within {1000 * LIMIT_S:.0f} ms"
         figures = (known.get((name, column)) for column in columns)
         cells = (limit + ("" if ms is None else f" ({ms:.0f})") for ms in figures)
         return f"| {' | '.join((first, *cells, last))} |"

@@ -79,17 +79,17 @@ FAULTS = (
     _link("the network falls silent", is_silent=True),
     _link("every packet is 0.6 s late, both ways", delay_s=0.6),
     replace(
-        _link("packets are up to 2 s late, each by a random time", delay_s=0.3, jitter_s=2.0),
+        _link("each packet is late by a random time, up to 2 s", delay_s=0.3, jitter_s=2.0),
         counts_from_last_message=True,
-        note=", counted from the last message that came in time",
+        note="; time counted from the last message in time",
     ),
     _link("every packet is lost and sent again after 0.7 s", stall_share=1.0, stall_s=0.7),
-    Fault("messages from before a stop arrive after it", _speak_late, ("pilot_asked",), _SPEAK),
+    Fault("messages sent before a stop arrive after it", _speak_late, ("pilot_asked",), _SPEAK),
     replace(
-        _link("the line narrows to 100 kbit/s", bytes_per_second=12_500.0),
+        _link("the link slows down to 100 kbit/s", bytes_per_second=12_500.0),
         reasons=("link_slow", "pilot_silent"),
         counts_from=_is_picture_old,
-        note=", counted from when the picture is 500 ms old",
+        note="; time counted from when the picture is 500 ms old",
     ),
     Fault("the camera freezes", _set("camera", is_frozen=True), ("frame_stale",), _THAW),
     Fault(
@@ -99,7 +99,7 @@ FAULTS = (
         _THAW,
     ),
     Fault(
-        "the drive raises",
+        "the driver raises an error",
         _set("driver", failure="The left motor does not answer."),
         ("drive_fault",),
         _set("driver", failure=None),
