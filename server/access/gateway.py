@@ -109,7 +109,7 @@ class NetworkGateway(Gateway):
     @classmethod
     def configure(cls, parser: argparse.ArgumentParser) -> None:
         add, shown = parser.add_argument_group("network").add_argument, " (default: %(default)s)"
-        add("--lan", action="store_true", help="serve the local network, only to paired browsers")
+        add("--lan", action="store_true", help="serve the local network, for paired browsers only")
         text = "address at which a proxy serves the page, such as https://home.example/robot/; "
         text += "separate several with commas; admit only paired browsers"
         add("--behind-proxy", default="", metavar="URL", help=text)

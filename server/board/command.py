@@ -30,7 +30,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     text = f"file with the class key, created if missing; each robot needs a copy{shown}"
     file = "class.key"
     add("--class-key", type=Path, default=default_root() / file, metavar="FILE", help=text)
-    add("--port", type=whole(0, 65535), default=8080, help=f"port{shown}")
+    add("--port", type=whole(0, 65535), default=8080, help=f"port to serve on{shown}")
     text, hz = f"number of pictures a second from each robot{shown}", number(above=0, most=10)
     add("--pictures", type=hz, default=1.0, metavar="HZ", help=text)
     add("-v", "--verbose", action="store_true", help="log more")

@@ -66,14 +66,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help=f"Debian release for the brick{shown}",
     )
     add("--mirror", default="", help="address of a Debian mirror (default: this machine's own)")
-    add("--from", dest="packed", type=Path, help="install from a file that pack made")
+    add("--from", dest="packed", type=Path, help="install: use a file that pack wrote")
     add(
         "--autostart",
         action="store_true",
         help="also start the agent each time that the brick boots (asks for the brick's password)",
     )
-    add("--fake", action="store_true", help="let the doctor examine a simulated brick")
-    add("--yes", action="store_true", help="let the doctor turn the wheels without asking")
+    add("--fake", action="store_true", help="doctor: examine a simulated brick")
+    add("--yes", action="store_true", help="doctor: turn the wheels without asking")
     add("--script", action="store_true", help="only print the script for the brick")
 
 

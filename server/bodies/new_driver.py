@@ -15,7 +15,7 @@ _NAME = re.compile(r"[a-z][a-z0-9]{1,20}")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("name", metavar="NAME", help="robot's name: lower-case letters, digits")
+    parser.add_argument("name", metavar="NAME", help="robot's name: lower-case letters and digits")
     parser.add_argument(
         "--out", type=Path, default=None, help="folder to create (default: drivelesson-NAME)"
     )

@@ -54,7 +54,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--robot", default=default, help=text)
     text = "the camera (default: the robot's own); one of "
     add("--camera", help=text + ", ".join(camera_names()))
-    add("--learner", help="KIND or KIND-NUMBER, such as default-64 (default: default)")
+    add("--learner", help="learner: KIND or KIND-NUMBER, such as default-64 (default: default)")
     number_of_nodes = whole(1, MOST_NODES, or_word="auto")
     text = (
         "maximum number of images that the learner stores (default: 32); auto: as many as this "

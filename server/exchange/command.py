@@ -83,9 +83,9 @@ def configure_import(parser: argparse.ArgumentParser) -> None:
     add("--trim", type=float, default=0.0, help=text)
     text = "steering value at full lock (default: 1)"
     add("--full-lock", type=float, default=1.0, help=text)
-    text = "move of each class, such as free=forward,blocked=left; stop: no examples"
+    text = "move of each class, such as free=forward,blocked=left; stop skips a class"
     add("--moves", type=parse_moves, default={}, help=text)
-    text = "table columns by meaning, such as picture=1,steering=angle"
+    text = "which column contains what, such as picture=1,steering=angle"
     add("--columns", type=partial(parse_columns, known=tuple(MEANINGS)), default={}, help=text)
     text = "ROS bags: topics of the camera and of the velocities, separated by a comma"
     add("--topics", help=text)

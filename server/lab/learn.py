@@ -25,7 +25,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     text = "the episodes: names, beginnings of names, files, or last"
     add("episodes", nargs="+", metavar="EPISODE", help=text)
-    add("--learner", help="KIND or KIND-NUMBER, such as default-64 (default: as driven)")
+    add("--learner", help="learner: KIND or KIND-NUMBER, such as default-64 (default: as driven)")
     text = "maximum number of images that the learner stores (default: as driven)"
     add("--max-nodes", type=whole(1, MOST_NODES), metavar="N", help=text)
     text = (

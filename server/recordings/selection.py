@@ -15,7 +15,7 @@ from robot.recordings.store import EpisodeStore
 from robot.recordings.teaching import EditedEpisode
 from robot.store.folder import Storage, composed, default_root
 
-EPISODE_HELP = "name, beginning of a name, file, or last"
+EPISODE_HELP = "name of an episode or its beginning, a file, or last"
 
 
 class EpisodeVerb(NamedTuple):

@@ -159,7 +159,7 @@ class Ev3StockOptions(ChassisOptions):
     line: str = option("usb", "connection to the brick", choices=("usb", "bluetooth", "wifi"))
     brick: str = option(
         "",
-        "ID of the brick, such as 00:16:53:3f:0c:1e; for Bluetooth, or if there are several bricks",
+        "ID of the brick, such as 00:16:53:3f:0c:1e; needed for Bluetooth or with several bricks",
     )
     beacon_port: int = option(
         BEACON_PORT, "UDP port at which bricks on Wi-Fi announce themselves", range=(1, 65535)

@@ -26,7 +26,7 @@ class Picamera2Options(Options):
     height: int = option(120, "height of the picture in pixels", range=(24, 1920))
     frame_rate: int = option(30, "pictures a second", range=(1, 120))
     camera_number: int = option(0, "number of the camera module; the first is 0", range=(0, 7))
-    upside_down: bool = option(False, "use --turn-picture 180 instead, for any camera")
+    upside_down: bool = option(False, "obsolete; use --turn-picture 180 instead")
 
 
 class Picamera2Camera(WatchedCamera):
