@@ -66,7 +66,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help=f"Debian release for the brick{shown}",
     )
     add("--mirror", default="", help="address of a Debian mirror (default: this machine's own)")
-    add("--from", dest="packed", type=Path, help="install: use a file that pack wrote")
+    add("--from", dest="packed", type=Path, help="install: the file that pack wrote")
     add(
         "--autostart",
         action="store_true",

@@ -1,4 +1,4 @@
-"""Learn again from recorded episodes, with any learner, as fast as the machine can."""
+"""Train a learner again on recorded episodes, as fast as the machine can."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Studies with participants: write a plan, check a plan, rebuild the table from a study's zip."""
+"""Prepare and analyse studies: write a plan, check a plan, rebuild the table from a study's zip."""
 
 from __future__ import annotations
 

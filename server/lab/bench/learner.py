@@ -21,7 +21,7 @@ Step = Callable[[NDArray[np.uint8]], object]
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--learner", default="default", help="kind of learner (%(default)s)")
+    parser.add_argument("--learner", default="default", help="the learner (%(default)s)")
     add_json(parser)
 
 

@@ -26,7 +26,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--viewers", type=several(whole(1)), default="1,4,16", help="how many viewers (%(default)s)"
     )
-    text = "how often product and plain server are measured, in turns (%(default)s)"
+    text = "number of measurements of each server, taken in turns (%(default)s)"
     parser.add_argument("--turns", type=whole(1), default=5, help=text)
     add_usual(parser, seconds=5.0)
 

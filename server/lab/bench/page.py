@@ -51,7 +51,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--throttle",
         type=several(number(above=0)),
         default="1,4,6",
-        help="how many times slower the phone is (%(default)s)",
+        help="factor by which the phone is slower (%(default)s)",
     )
     text = "number of first visits (%(default)s)"
     parser.add_argument("--visits", type=whole(0), default=3, help=text)
