@@ -37,7 +37,7 @@ from robot.exchange.tub_records import is_tub
 from robot.recordings.parts import is_part
 
 Read = Callable[[Reading, ImportReport], Drive]
-_NO_TIME = "none: 20 pictures a second are assumed, and reported"
+_NO_TIME = "none; the command assumes 20 pictures a second, and says so"
 
 
 class Source(NamedTuple):
@@ -182,7 +182,7 @@ FORMS: tuple[Form, ...] = (
         label="`user/angle` and `user/throttle`, -1 to 1, right and ahead positive; only "
         "where `user/mode` is `user`; deleted records are left out",
         time="`_timestamp_ms` (since 1970) or `milliseconds` (since the start), or else "
-        "`timestamp`, a date and time; if there is no time, 20 pictures a second are assumed",
+        "`timestamp`, a date and time; if there is no time, 20 pictures a second",
         find=_one(_folder(is_tub), read_tub),
     ),
     Form(
@@ -222,7 +222,7 @@ FORMS: tuple[Form, ...] = (
     Form(
         name="table of pictures",
         there="`.csv`, `.tsv`, `metadata.jsonl`, `.json` (a list of objects; or a label, a "
-        "steering or an object for each picture), or a `.txt` with a list; with or without "
+        "steering value or an object for each picture), or a `.txt` with a list; with or without "
         "column names; such as Udacity's "
         "`driving_log.csv`, Hugging Face's `metadata.csv`, Roboflow's `_classes.csv` or Label "
         "Studio's export. The pictures are in the same folder or its subfolders; the program finds "
