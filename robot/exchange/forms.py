@@ -182,7 +182,7 @@ FORMS: tuple[Form, ...] = (
         label="`user/angle` and `user/throttle`, -1 to 1, right and ahead positive; only "
         "where `user/mode` is `user`; deleted records are left out",
         time="`_timestamp_ms` (since 1970) or `milliseconds` (since the start), or else "
-        "`timestamp`, a date and time; if there is no time, 20 pictures a second",
+        "`timestamp`, a date and time; otherwise 20 pictures a second are assumed",
         find=_one(_folder(is_tub), read_tub),
     ),
     Form(
