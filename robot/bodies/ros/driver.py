@@ -55,7 +55,7 @@ class RosOptions(TransportOptions):
     watchdog: bool = option(False, "true if Drivelesson's watchdog.py runs on the robot")
     linear_mps: float = option(
         0.4,
-        "speed in metres a second at full throttle; the move forward uses half of it",
+        "speed at full throttle in metres a second; `forward` uses half of this speed",
         range=(0.001, 5.0),
     )
     turn_rate_deg_s: float = option(45.0, "turning rate at full steering", range=(0.1, 720.0))
