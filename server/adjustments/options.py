@@ -19,7 +19,7 @@ class CorrectionOptions(Options):
     trim: float = option(
         0.0,
         "correction of the steering while the robot should drive straight, as a share of full "
-        "lock; positive steers to the right, so use it if the robot pulls to the left",
+        "lock; positive values steer right: use them if the robot pulls to the left",
         range=(-MOST_TRIM, MOST_TRIM),
     )
     turn_picture: int = option(

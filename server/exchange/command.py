@@ -77,7 +77,7 @@ def configure_import(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("path", type=Path, help="file, archive or folder to import")
     add("--name", help="name of the episode")
-    text = "steering beyond this value counts as a turn (0 to 1) (default: %(default)s)"
+    text = "steering beyond this value, 0 to 1, counts as a turn (default: %(default)s)"
     add("--threshold", type=float, default=DEFAULT_THRESHOLD, help=text)
     text = "steering value at which the car drives straight (default: 0)"
     add("--trim", type=float, default=0.0, help=text)
