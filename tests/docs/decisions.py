@@ -10,9 +10,9 @@ INDEX = FOLDER / "README.md"
 _HEAD = re.compile(r"# (\d+)\. (.+)\n\nDate: ([\d-]+)\. Status: (.+?)\.(?: |\n)")
 _TOP = """# Decisions
 
-`make docs` writes this page from the decisions; do not edit it by hand.
-[The first page](0001-record-decisions.md) explains
-which decisions get a page, and when a page is replaced.
+`make docs` generates this page from the pages of the decisions; do not edit it by hand.
+[The first page](0001-record-decisions.md) explains which decisions get a page, and when
+a page is replaced.
 
 | number | decision | date | status |
 |---|---|---|---|
@@ -20,9 +20,10 @@ which decisions get a page, and when a page is replaced.
 _BOTTOM = """
 ## Missing numbers
 
-No page was removed. We reserved numbers in advance for parallel work, some of which needed no
-decision, so 9, 11, 14, 15, 16, 22 and 23 are unused. Page 10 was merged into 5, and page 20 into 3
-and 4, on the day they were reserved. No number is used again; a new page takes the next number.
+No page was removed. We reserved numbers in advance for parallel work. Some of this work needed no
+decision, so the numbers 9, 11, 14, 15, 16, 22 and 23 were never used. Page 10 was merged into
+page 5, and page 20 into pages 3 and 4, on the day on which these numbers were reserved. No number
+is used twice; a new page gets the next free number.
 """
 
 
