@@ -1,8 +1,8 @@
-"""Timeouts that adapt to the camera: its period and delivery age are measured. Pure.
+"""Timeouts that adapt to the camera's measured period and to the age of its pictures. Pure.
 
-A webcam on a fast bus delivers thirty pictures a second, which are 5 ms old. On a slow computer it
-delivers ten, 95 to 145 ms old. A fixed limit would stop the slow webcam or be too lax for the fast
-one. The limits are quantiles over the last pictures, so a lost picture changes nothing. The limits
+A webcam on a fast bus delivers thirty pictures a second, each 5 ms old. On a slow computer, the
+same webcam delivers ten pictures a second, each 95 to 145 ms old. No fixed limit suits both. The
+limits are quantiles over the last pictures, so one lost picture does not change them. The limits
 shrink quickly, but grow slowly while the robot moves. No limit may let the robot travel too far
 without a newer picture.
 """
@@ -18,10 +18,10 @@ from robot.control.config import CameraTimingConfig
 from robot.control.state import USUAL_PERIOD_S, CameraState
 
 SLOW_PERIOD_S = 0.75
-"""Period in seconds above which a camera is reported as too slow. Nobody can steer by so few
-pictures; webcams usually deliver ten to thirty a second."""
+"""Period in seconds above which a camera is reported as too slow. Nobody can steer with so few
+pictures. Webcams usually deliver ten to thirty pictures a second."""
 _LEAST_SCALE = 0.05
-"""Lower bound of the speed scale. Bodies refuse 0, and no camera needs less than this."""
+"""Lower bound of the speed scale. Bodies refuse a scale of 0, and no camera needs a lower one."""
 
 
 class CameraTiming:
@@ -31,8 +31,8 @@ class CameraTiming:
     _WINDOW = 15
     _AGE_QUANTILE = 0.8
     _MISSED_PERIODS = 2.5
-    """A gap of this many periods between two pictures counts as a lost picture. If one picture is
-    lost, the gap is two periods; half a period is added for jitter."""
+    """The timeout allows a gap of this many periods between two pictures. If one picture is lost,
+    the gap is two periods; half a period is added for jitter."""
 
     def __init__(self, shortest_timeout_s: float, config: CameraTimingConfig | None = None) -> None:
         self.config = config or CameraTimingConfig()
@@ -62,8 +62,8 @@ class CameraTiming:
         self.fault = None
         if len(self._periods_s) >= 2 and period_s >= SLOW_PERIOD_S:
             self.fault = (
-                f"The camera gives only one picture every {period_s:.1f} s, so the robot stands or "
-                "creeps. Check its light, its connection, and what else runs on its device."
+                f"The camera delivers only one picture every {period_s:.1f} s, so the robot stops "
+                "or drives slowly. Check the light, the camera's connection, and its device's load."
             )
         self.state = self._judge(
             min(period_s, before.period_s + growth_s),
@@ -72,7 +72,7 @@ class CameraTiming:
 
     @property
     def rate_hz(self) -> float:
-        """New pictures per second, over the last pictures without pauses; 0 before the second."""
+        """Mean number of new pictures per second, without pauses; 0 before the second picture."""
         return len(self._periods_s) / sum(self._periods_s) if self._periods_s else 0.0
 
     def pause(self) -> None:

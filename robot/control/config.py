@@ -10,18 +10,18 @@ class GateConfig:
     """Time limits of the gate, in seconds."""
 
     pilot_timeout_s: float = 0.3
-    """Longest silence of the pilot in TRAIN, while the pilot drives or is about to drive."""
+    """Longest silence of a pilot in mode TRAIN, or of a pilot who holds a move in any mode."""
     supervision_timeout_s: float = 0.45
-    """Longest time without a command from the pilot, in every mode. The time counts from the
-    earliest moment at which the last command can have been sent, so it includes the transit. Even
-    if the stop comes one tick later, the robot stands still within 0.5 s."""
+    """Longest time without a command from the pilot, in every mode. The time is counted from the
+    earliest moment at which the last command can have been sent, so it includes the network delay.
+    Even if the robot stops one tick late, it stands still within 0.5 s."""
     command_timeout_s: float = 0.3
-    """Largest age of a command that is obeyed, counted like `supervision_timeout_s`."""
+    """Maximum age of a command that is still obeyed, counted like `supervision_timeout_s`."""
     frame_timeout_s: float = 0.2
-    """Largest age of the newest picture while the robot may move. The limit is higher for a slower
+    """Maximum age of the newest picture while the robot may move. The limit is higher for a slower
     camera: see `robot.control.camera_timing`."""
     start_patience_s: float = 0.5
-    """Longest time that a started robot stands still and waits for a first fresh picture."""
+    """Maximum time for which a robot that was started waits for its first fresh picture."""
     novel_speed_scale: float = 0.5
     """Share of full speed while the robot drives straight and does not recognise the view."""
 

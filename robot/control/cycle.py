@@ -54,7 +54,7 @@ class Mailbox:
     def put(self, request: Callable[[], _T], *, is_urgent: bool = False) -> Future[_T]:
         """Queue a request to be run on the loop's thread; an urgent request runs before all others.
 
-        Put here everything that reads or changes the training history. The future is done at the
+        All access to the training history must go through this queue. The future is done at the
         end of the tick that ran the request, after all listeners were called with the new state.
         """
         future: Future[_T] = Future()
@@ -71,7 +71,7 @@ class Mailbox:
             self.wake.set()
 
     def serve(self) -> None:
-        """Run all requests in order, also those queued meanwhile; `answer` returns the results."""
+        """Run all requests in order, even those queued meanwhile; `answer` delivers the results."""
         while self._requests:
             future, request = self._requests.popleft()
             if future is None:
@@ -85,7 +85,7 @@ class Mailbox:
                 self.answers.append(partial(future.set_exception, error))
 
     def answer(self) -> None:
-        """Complete the futures of the requests that were run, because the tick is over."""
+        """Complete the futures of the requests that were run. Called at the end of the tick."""
         answers, self.answers = self.answers, []
         for answer in answers:
             answer()
@@ -176,18 +176,18 @@ class Cycle:
 
     def _shown_fault(self, now_s: float, *, may_move: bool) -> str | None:
         """Return the sentence about the present fault, or about one that has just ended."""
-        fault = str(self._camera.fault or "") or self._fault  # a plugin may set an error
+        fault = str(self._camera.fault or "") or self._fault  # a plugin may set an exception
         if not fault and not self._camera.world_waits and not self.rest_every_s:
             fault = self.timing.fault
         is_well = fault is None and self._steady.shown is None
         return None if is_well else self._steady.show(fault, now_s, may_move=may_move)
 
     def _is_held_up(self, seconds: float) -> bool:
-        """Stop if the computer was held up for too long: the last decision is outdated."""
+        """Stop if the computer was held up for too long, because the last decision is stale."""
         is_harmless = self.gate.mode is Mode.STOPPED or self._camera.world_waits
         if is_harmless or seconds <= self.config.stall_s:
             return False
-        why = f"The computer was held up for {seconds:.1f} s. Close other programs, then go on."
+        why = f"The computer was held up for {seconds:.1f} s. Close other programs and try again."
         self._stop(StopReason.LOOP_FAULT, why)
         return True
 
@@ -200,7 +200,7 @@ class Cycle:
             return
         stood = self.state.decision.mode is Mode.STOPPED
         if button is BodyButton.START and stood and self.gate.mode is Mode.STOPPED:
-            # ignore a start button that was pressed before STOP was released
+            # ignore the start button if it was pressed before STOP was released
             if not self.state.emergency:
                 self.start(self._last_mode)
         elif button:
@@ -238,7 +238,7 @@ class Cycle:
             return None
         may_move = self.gate.mode is not Mode.STOPPED
         if may_move:
-            # clear the error of an earlier picture, but keep the fault that stopped the robot
+            # clear the error of an earlier picture; a fault that stopped the robot is kept
             self._fault = None
         is_moving = may_move and not self._camera.world_waits
         if not self.rest_every_s:
@@ -248,19 +248,19 @@ class Cycle:
         return frame
 
     def _note_source_age(self) -> None:
-        try:  # a plugin may have made it a property, or a text
+        try:  # a plugin may define source_age_s as a property or as a string
             age_s = self._camera.source_age_s
             self._source_age_s = None if age_s is None else float(age_s)
         except Exception as error:
             raise self.camera_errors.converted("source_age_s", error) from error
 
     def _is_due(self, frame: Frame | None) -> bool:
-        """Return False for a frame that is earlier than needed (`need_picture_every`)."""
+        """Return False for a frame that comes earlier than needed (`need_picture_every`)."""
         last, least_s = self.learning.frame, _RESTING_SHARE * self.rest_every_s
         return not least_s or not frame or not last or frame.captured_s - last.captured_s >= least_s
 
     def _hear_camera(self) -> None:
-        """Wake the loop for a frame that is due, or a fault; runs on the camera's thread."""
+        """Wake the loop if a frame is due or there is no frame; runs on the camera's thread."""
         if self._is_due(self._camera.latest()):
             self.mailbox.wake.set()
 
@@ -269,14 +269,14 @@ class Cycle:
             sensors = self.body.ask("sense")
             if isinstance(sensors, Sensors):
                 return sensors
-            wrong = TypeError(f"returned {sensors!r}, no Sensors")
+            wrong = TypeError(f"returned {sensors!r} instead of Sensors")
             raise self.body.errors.converted("sense", wrong)
         except DriveError as error:
             self._stop(StopReason.DRIVE_FAULT, str(error))
             return Sensors()
 
     def _decide(self, link: LinkState, world_s: float) -> tuple[Decision, float]:
-        """Choose who drives, and limit the speed to the lowest of all speed limits. Also return the
+        """Choose who drives, and apply the lowest of all speed limits. Return the decision and the
         time at which the order expires."""
         frame, waits = self.learning.frame, self._camera.world_waits
         decision = self.gate.select(
@@ -297,8 +297,8 @@ class Cycle:
     ) -> tuple[Decision, Action]:
         """Send the decision to the motors. Return the final decision and the action carried out.
 
-        The process may have been held up during this tick. So the body does not get a decision that
-        is too old, or whose pilot has just become silent.
+        The process may have been held up during this tick. So a decision is not sent to the body if
+        the decision is too old, or if the pilot has become silent meanwhile.
         """
         try:
             if not self._is_held_up(self.clock.now_s() - started_s):
@@ -322,7 +322,7 @@ class Cycle:
             for listener, modes_only in tuple(self.listeners.values()):
                 if not (modes_only and is_same):
                     listener(self.state)
-        except BaseException as error:  # an error of a listener also stops the robot
+        except BaseException as error:  # an error in a listener also stops the robot
             self._break_down(error)
         finally:
             self.mailbox.answer()
@@ -370,7 +370,7 @@ class Cycle:
     # Requests of other threads and ways to stop; all run on the loop's thread --------------------
 
     def note(self, command: PilotCommand) -> None:
-        """Keep a command for the next tick. Even a command that is too late measures the link."""
+        """Keep a command for the next tick. Even a late command is used to measure the link."""
         times = self.learning.times_of(command.frame_id, command.seen_id)
         proven_s = command.received_s if command.proven_s is None else command.proven_s
         received_s = self.world_s(command.received_s)

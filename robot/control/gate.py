@@ -32,7 +32,7 @@ class Gate:
 
     Attributes:
         mode: The pilot's request; STOPPED after any stop.
-        stop_reason: The reason of the last stop; None after the robot was started again.
+        stop_reason: The reason for the last stop; None once the robot has been started again.
         emergency: True while an emergency stop is latched and no mode can be chosen.
         stops: Number of stops of a robot that could move, by reason.
     """
@@ -57,7 +57,7 @@ class Gate:
 
     @property
     def silent_at_s(self) -> float:
-        """Time from which the pilot's silence is counted; infinite when stopped.
+        """Time at which the pilot will count as silent; infinite when stopped.
 
         While the robot drives by itself, the pilot may be silent for longer.
         """
@@ -69,15 +69,15 @@ class Gate:
         return min(supervised_s, self._heard_s + self.config.pilot_timeout_s)
 
     def is_fresh(self, proven_s: float, now_s: float) -> bool:
-        """True if a message is new enough to move the robot; it was sent at `proven_s` or later."""
+        """True if a message sent at `proven_s` or later is new enough to move the robot."""
         return now_s - proven_s <= self.config.command_timeout_s
 
     def start(self, mode: Mode, now_s: float, proven_s: float | None = None) -> bool:
         """Enter `mode` on the pilot's explicit request. Return False while an emergency is latched
         or if the request is too old; STOPPED is always accepted.
 
-        A move that the pilot held before does not count in the new mode. In the new mode the robot
-        stands still until a fresh picture comes, for at most `start_patience_s`. `proven_s` is the
+        A move that the pilot held before does not count in the new mode. The robot first stands
+        still until a fresh picture comes, for at most `start_patience_s`. `proven_s` is the
         earliest time at which the request can have been sent; None means now.
         """
         if mode is Mode.STOPPED:
@@ -141,11 +141,11 @@ class Gate:
         *,
         camera_fault: bool,
     ) -> Decision:
-        """Decide this tick's action. If anything is in doubt, trip first.
+        """Decide this tick's action. If anything is in doubt, call `trip` first.
 
         `prediction` and `frame_age_s` belong to the newest frame. Before the first frame,
-        `prediction` is None and `frame_age_s` infinite. `frame_timeout_s` is the largest age that
-        the frame may have.
+        `prediction` is None and `frame_age_s` is infinite. `frame_timeout_s` is the frame's maximum
+        age.
         """
         if self.mode is not Mode.STOPPED:
             is_fresh = frame_age_s <= frame_timeout_s
@@ -176,7 +176,7 @@ class Gate:
     def _robot_drives(self, prediction: Prediction | None) -> Decision:
         if prediction is None or prediction.action is None:
             return self.stand(DrivenBy.ROBOT, asks_pilot=True)
-        # A robot that asks for help is not stopped; it drives on as soon as the pilot steers.
+        # A robot that asks for help does not enter STOPPED; it drives on once the pilot steers.
         if prediction.needs_help:
             asks = self.stand(DrivenBy.ROBOT, asks_pilot=True)
             return replace(asks, stop_reason=StopReason.NEEDS_HELP)

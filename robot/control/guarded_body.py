@@ -1,9 +1,9 @@
 """Calls the body for the loop, one call at a time, and stops the body at the pilot's deadline.
 
 A tick may be late because of a busy computer, a slow learner, or a picture that takes long to read.
-So each order to the body has a deadline: the time at which the pilot counts as silent. Unless the
-loop moves the deadline, a watchdog's thread stops the body then. The watchdog never waits for a
-tick, a picture or the network. If it fails, the body stops by its own time limit,
+So each order to the body has a deadline: the time at which the pilot counts as silent. A watchdog
+thread stops the body at the deadline unless the loop has extended it. The watchdog never waits for
+a tick, a picture or the network. If the watchdog fails, the body stops by its own time limit,
 `robot.driver.ACTION_TIMEOUT_S`.
 """
 
@@ -25,7 +25,7 @@ class GuardedBody(StartStop):
 
     Attributes:
         lock: Lock for calls of the driver, which only one thread at a time may use. A driver that
-            hangs also holds up the watchdog's thread; then only the body's own time limit helps.
+            hangs also holds up the watchdog; then only the body's own time limit stops the body.
         errors: Converts the driver's errors to DriveErrors.
     """
 
@@ -48,13 +48,13 @@ class GuardedBody(StartStop):
             raise self.errors.converted(name, error) from error
 
     def stop_motors(self) -> None:
-        """Stop the body. Never raises: a body that cannot be reached ends its move by itself."""
+        """Stop the body. Never raises, because a body that cannot be reached stops by itself."""
         with self.lock, contextlib.suppress(BaseException):
             self._driver.stop()
 
     def order(self, until_s: float) -> bool:
-        """Set the deadline of an order. The caller holds `lock` until the order is sent. Return
-        False if `until_s` has passed.
+        """Set the deadline of an order; return False if `until_s` has passed. The caller holds
+        `lock` until the order is sent.
 
         An order that keeps the robot still has no deadline: its `until_s` is infinite.
         """

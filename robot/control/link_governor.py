@@ -1,7 +1,7 @@
-"""Reacts to a slow link or computer: warn, slow down, stop learning, stop. Pure.
+"""Reacts to a slow link or computer: warns, slows down, stops learning, or stops the robot. Pure.
 
-The measure is the age of the picture that the pilot reacts to. The level rises immediately, and
-falls only after the link has been clearly better for a while (hysteresis).
+The link is judged by the age of the picture that the pilot reacts to. The level rises immediately,
+and falls only after the link has been clearly better for a while (hysteresis).
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ _FADES = 0.9
 def age_of_link_s(
     picture_age_s: float, reported_age_s: float | None, phone_s: float | None = None
 ) -> float:
-    """Return the age to judge the link by: the picture's age or the command's, whichever is larger.
+    """Return the delay by which to judge the link: the picture's or the command's, the larger one.
 
-    `picture_age_s` is the time from when the loop got the picture to when the command arrived, by
-    one clock: both directions of the link and the time on the phone. `reported_age_s` is the page's
-    estimate of the picture's age when the command was sent; without it the whole age is attributed
-    to the link. `phone_s`, if known, is subtracted, so that a slow phone does not stop learning.
+    `picture_age_s` is the time from the picture's arrival at the loop until the command's arrival.
+    `reported_age_s` is the page's estimate of the picture's age when the command was sent; if it is
+    None, the whole age is attributed to the link. `phone_s` is the time on the phone, if known. It
+    is subtracted, so that a slow phone does not stop learning.
     """
     if reported_age_s is None:
         return picture_age_s
@@ -69,7 +69,7 @@ class LinkGovernor:
         reported_s = command.frame_age_s
         if reported_s is not None:
             reported_s -= delivered_s - captured_s
-        # The slack covers a picture's unknown time on the phone; here the page reports that time.
+        # The slack covers a picture's time on the phone, and is needed only if that is unknown.
         slack_s = camera.slack_s if command.phone_s is None else 0.0
         age_s = age_of_link_s(command.received_s - delivered_s, reported_s, command.phone_s)
         self.note_age(age_s, now_s, slack_s)
@@ -84,7 +84,7 @@ class LinkGovernor:
         return self.config.stop_s + slack_s - (now_s - self._seen_s)
 
     def note_age(self, age_s: float, now_s: float, slack_s: float = 0.0) -> None:
-        """Record an age. The level rises immediately. It falls only after `recovery_s` with lower
+        """Record an age. The level rises immediately, but falls only after `recovery_s` with lower
         ages. `slack_s` is the part of the age that is due to the camera's period.
         """
         self.age_s = age_s
@@ -100,12 +100,12 @@ class LinkGovernor:
             self._better_since_s = now_s
 
     def note_lateness(self, late_s: float, *, is_to_blame: bool) -> None:
-        """Record the computer's lateness, ten times a second. The recorded value decays within two
-        seconds, unless it has stopped the robot."""
+        """Record the computer's lateness; called ten times a second. The recorded value decays
+        within two seconds, unless the lateness has stopped the robot."""
         self._lateness_s = max(late_s, self._lateness_s * (1.0 if is_to_blame else _FADES))
 
     def state(self, now_s: float, slack_s: float = 0.0) -> LinkState:
-        """Return the limits; the robot of a blind pilot must stop. Arguments: see `blind_in_s`."""
+        """Return the limits; `blind_in_s` explains the arguments. A blind pilot's robot stops."""
         level, is_busy = self.level, self._lateness_s > self.config.busy_s
         is_free = level in (LinkLevel.GOOD, LinkLevel.SLOW) and not is_busy
         return LinkState(

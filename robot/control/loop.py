@@ -1,4 +1,4 @@
-"""The control loop of one robot: its cycle (`cycle.py`), and what other threads may ask of it.
+"""The control loop of one robot: owns the cycle (`cycle.py`), and serves other threads.
 
 `ControlLoop.tick` runs one tick, with time as an argument, and never waits. Experiments call `tick`
 directly, as fast as they can; a rig calls it in real time, on a thread. Other threads queue their
@@ -22,8 +22,8 @@ from robot.types import Action, Mode, PilotCommand, Point, StopReason
 
 _SHORTEST_WAIT_S = 0.001
 _RESTING_WAIT_S = 0.25
-"""Longest time between two ticks at rest, in seconds. The time is below `ACTION_TIMEOUT_S`, so that
-a body's watchdog does not expire."""
+"""Longest time between two ticks at rest, in seconds. It is shorter than `ACTION_TIMEOUT_S`, so
+that the body's own watchdog does not expire."""
 
 
 class ControlLoop:
@@ -35,7 +35,7 @@ class ControlLoop:
         history: The training history of `learning`; other threads use it only through `submit`.
         tick: Runs one tick; see `Cycle.tick`.
         submit: Queues a function to run between two ticks; see `Mailbox.put`.
-        wake: Set when there is a reason for a tick: a frame, a command, a request.
+        wake: Event that is set when a frame, a command or a request needs a tick.
         body: Calls the driver, for all threads; a rig starts its watchdog.
         camera_errors: Converts the errors of the camera's code, for all threads.
     """
@@ -79,8 +79,8 @@ class ControlLoop:
     def subscribe(
         self, listener: Callable[[Tick], None], *, modes_only: bool = False
     ) -> Callable[[], None]:
-        """Call `listener`, which must be quick, after each tick; with `modes_only`, only after a
-        change of mode. Return a function that ends the calls."""
+        """Call `listener` after each tick, or with `modes_only` only after a change of mode. The
+        listener must be quick. Return a function that ends the calls."""
         key = object()
         self._cycle.listeners[key] = listener, modes_only
 
@@ -95,8 +95,8 @@ class ControlLoop:
         return self._cycle.gate.mode
 
     def need_picture_every(self, seconds: float) -> Future[None]:
-        """Set how often a picture is needed while the robot stands. With 0 all pictures are needed;
-        with infinity nobody looks at them. While the robot may move, it uses all pictures."""
+        """Set how often a picture is needed while the robot is stopped. 0 means that all pictures
+        are needed, infinity that none is. While the robot may move, it uses all pictures."""
 
         def need() -> None:
             self._cycle.enough_every_s = seconds
@@ -105,7 +105,7 @@ class ControlLoop:
 
     @property
     def wait_s(self) -> float:
-        """Maximum time until the next tick. The robot can stop before the pilot counts as blind."""
+        """Maximum time until the next tick, so that the robot stops before the pilot is blind."""
         cycle, longest_s = self._cycle, self.config.longest_wait_s
         if cycle.gate.mode is Mode.STOPPED:
             return _RESTING_WAIT_S if cycle.rest_every_s else longest_s
@@ -123,7 +123,7 @@ class ControlLoop:
         """Queue a pilot command, and wake the loop if the command changes the held move.
 
         While the robot may move and the camera is slow, every command wakes the loop, because each
-        tick can send the pilot a new state. A command that names a state was sent after that state.
+        tick can send a state with a new nonce. A command that contains the nonce was sent later.
         """
         held = command.held, command.point
         is_slow = self._cycle.timing.state.period_s > self.config.longest_wait_s
@@ -159,7 +159,7 @@ class ControlLoop:
         return self.submit(lambda: self._cycle.gate.trip(reason))
 
     def latch_emergency(self) -> Future[None]:
-        """Stop until `release_emergency`; this request runs before all queued requests."""
+        """Stop until `release_emergency` is called; runs before all queued requests."""
 
         def latch() -> None:
             self._cycle.gate.latch_emergency()

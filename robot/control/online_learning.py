@@ -2,8 +2,8 @@
 
 A command contains the held move and the frame that the pilot was looking at. This frame gets the
 move as its label. Frames between this frame and the frame of the previous command get the move that
-was held before, because the page sends every change of the held move at once. A labelled frame is
-a little older than the newest frame, so the feature vectors of the last frames are kept.
+was held before, because the page sends every change of the held move immediately. A frame is
+labelled a little after it was processed, so the feature vectors of the last frames are kept.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from robot.types import Action, Example, Frame, PilotCommand, Point, Prediction
 log = logging.getLogger(__name__)
 
 WINDOW_S = 10.0
-"""`Agreement` covers this much time, in seconds. A window of a hundred examples would be too
-short: at thirty a second, they may all come from one straight stretch."""
+"""Time that `Agreement` covers, in seconds. A window of a hundred examples would be too short: at
+thirty examples a second, they could all come from one straight stretch."""
 
 
 class Agreement:
@@ -68,14 +68,14 @@ class Labeller:
         self._last_frame_id = 0
 
     def reset(self) -> None:
-        """Forget the held move, because a new drive begins. Frames that were labelled are not
-        labelled again."""
+        """Forget the held move, because a new drive begins. Frames that already have a label are
+        not labelled again."""
         self._previous = None
 
     def label(
         self, command: PilotCommand, known_frame_ids: Iterable[int]
     ) -> Iterator[tuple[int, Action, Point | None]]:
-        """Yield the frames that get a label from a new command, with move and point, oldest first.
+        """Yield each frame that a new command labels, with its move and point, oldest first.
 
         `known_frame_ids` are the remembered frames, ascending; no other frame can be labelled.
         """
@@ -192,7 +192,7 @@ class OnlineLearning:
         try:
             yield
         except Exception as error:
-            fault = f"The learner failed, and proposes nothing: {str(error) or repr(error)}"[:300]
+            fault = f"The learner failed and proposes no move: {str(error) or repr(error)}"[:300]
             if fault != self.failure:  # log the fault once, not thirty times a second
                 log.error("the learner failed", exc_info=error)
             self.fault = self.failure = fault
@@ -208,7 +208,7 @@ class OnlineLearning:
     def learn(
         self, commands: Sequence[PilotCommand], *, is_intervention: bool, may_learn: bool
     ) -> None:
-        """Learn the frames to which the commands give a label; skip them if not `may_learn`."""
+        """Learn the frames that the commands label; skip these frames if `may_learn` is False."""
         lessons: list[tuple[Example, Vector, float]] = []
         for command in commands:
             for frame_id, label, point in self._labeller.label(command, self._seen):
@@ -238,9 +238,9 @@ class OnlineLearning:
     def times_of(
         self, frame_id: int | None, seen_id: int | None = None
     ) -> tuple[tuple[float, float], float] | None:
-        """Return when the frame `frame_id` was taken, when it reached the loop, and when the older
-        of the frames `frame_id` and `seen_id` did. A forgotten frame gets the times of the oldest
-        remembered frame. None before the first frame or without `frame_id`."""
+        """Return the capture and delivery times of the frame `frame_id`, and the delivery time of
+        the older of the frames `frame_id` and `seen_id`. A forgotten frame gets the times of the
+        oldest remembered frame. Return None before the first frame, or if `frame_id` is None."""
         if not self._seen or frame_id is None:
             return None
         newest_id, oldest = next(reversed(self._seen)), next(iter(self._seen.values()))

@@ -24,7 +24,7 @@ class LinkLevel(StrEnum):
     GOOD = "good"
     SLOW = "slow"  # the pilot is warned
     CAPPED = "capped"  # the robot also drives slower
-    NOT_LEARNING = "not_learning"  # and does not learn: the labels would belong to other pictures
+    NOT_LEARNING = "not_learning"  # and does not learn, because labels could be wrong
     TOO_SLOW = "too_slow"  # the robot stops
 
 
@@ -36,10 +36,10 @@ class LinkState:
     age_s: float | None = None
     """Age of the picture that the pilot reacts to; None if the age is unknown."""
     is_busy: bool = False
-    """True if this computer itself is late, even on a fast link."""
+    """True if this computer is late; the link may be fast."""
     must_stop: bool = False
     may_learn: bool = True
-    """True if labels belong to the right pictures, so the robot may learn."""
+    """True if labels reach the right pictures, so that the robot may learn."""
     speed_scale: float = 1.0
     """Share of full speed that is allowed."""
 
@@ -58,8 +58,8 @@ class CameraState:
     slack_s: float = 0.0
     """Excess of the camera's period over `USUAL_PERIOD_S`."""
     sight_slack_s: float = 0.0
-    """Excess of two camera periods over 0.4 s. If one picture is lost, the next comes after two
-    periods; until then the pilot does not count as blind."""
+    """Excess of two camera periods over 0.4 s. If one picture is lost, the next picture comes after
+    two periods; the pilot does not count as blind before that."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +75,9 @@ class Tick:
     """The events of one tick, and the state of the loop at its end.
 
     `frame` is set if there is a new frame; `frame_id` and `frame_captured_s` belong to the newest
-    frame. `is_resting` is True while fewer frames are taken, because nobody needs more, and then
-    until the next frame. `source_age_s` is explained in `Camera`. `commands` are the commands that
-    the gate accepted; `refused` holds the commands that were too old or named no frame.
+    frame. `is_resting` is True while the loop takes fewer frames because nobody needs more, and
+    until the first frame after that. `source_age_s` is explained in `Camera`. `commands` holds the
+    commands that the gate accepted; `refused` holds those that were too old or named no frame.
     """
 
     now_s: float
@@ -120,8 +120,8 @@ While the robot stands still, a fault that does not return within this time is o
 class SteadyFault:
     """Chooses which fault's sentence the page shows while faults come and go. Pure.
 
-    A new fault is shown immediately. The fault's sentence then stays, even if the fault comes and
-    goes once a second, or if its text changes because it counts seconds.
+    The first fault is shown immediately. Its sentence then stays for a while, even if the fault
+    comes and goes once a second, or if its text changes because it counts seconds.
     """
 
     def __init__(self) -> None:

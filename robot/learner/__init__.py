@@ -1,4 +1,4 @@
-"""Online learners from labelled examples. This package needs only numpy.
+"""Learners that learn online from labelled examples. This package needs only numpy.
 
 Example:
     >>> import numpy as np

@@ -14,7 +14,7 @@ Vector = NDArray[Any]
 """A feature vector of shape (d,): float32 or uint8, finite, the same d on every call."""
 
 Label = str
-"""A class. Labels are plain strings, or members of an enum of strings."""
+"""The name of a class: a plain string, or a member of an enum of strings."""
 
 
 class NotFittedError(ValueError):
@@ -135,7 +135,7 @@ class Learner(Protocol):
     sharpness: float = 1.0
     """The power to which shares of votes are raised to calibrate them; 1 leaves them unchanged."""
     mirror: Mirror | None = None
-    """Mirrors each example while left and right count as alike; both are learned."""
+    """Set while left and right count as alike: each example's mirror image is then learned, too."""
     last_node_: int | None = None
     """Id of the image that the latest example was merged into; None if there is no such image."""
 
@@ -146,7 +146,7 @@ class Learner(Protocol):
 
     @abstractmethod
     def learn_one(self, x: Vector, y: Label) -> None:
-        """Add one labelled vector. Raises ValueError for invalid input; nothing changes then."""
+        """Add one labelled vector. Raises ValueError for invalid input, which changes nothing."""
 
     def learn_in(
         self, x: Vector, y: Label, contexts: Collection[int], angle: float | None = None
@@ -193,8 +193,8 @@ class Learner(Protocol):
     def get_state(self) -> State:
         """Return a copy of the state. `set_state` with this copy restores all predictions.
 
-        Saving and undo need an exact copy: after the same further examples a restored learner and
-        the original are equal, bit for bit.
+        The copy must be exact, because saving and undo rely on it: if a restored learner and the
+        original learn the same further examples, they remain equal, bit for bit.
         """
 
     @abstractmethod
@@ -244,6 +244,6 @@ class Learner(Protocol):
 
 
 class BaseLearner(Learner):
-    """Base of a `Learner` without images or other `abilities`; a subclass defines four methods."""
+    """Base class for learners without images or other `abilities`. Define the abstract methods."""
 
     n_nodes_ = 0

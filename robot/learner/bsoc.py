@@ -24,8 +24,8 @@ Floats = NDArray[np.float32]
 MOST_NORM = 1e24
 """Upper bound of a squared norm, so that the most expensive merge has a finite cost in float32."""
 CACHED_FROM = 200
-"""With fewer nodes than this, the minimum of each row is not cached. One argmin takes 2 us at 128
-nodes and 340 us at 1024; the cache takes 9 us and 25 us."""
+"""With fewer nodes than this, the minimum of each row is not cached. For 128 and 1024 nodes, one
+argmin takes 2 us and 340 us, and updating the cache takes 9 us and 25 us."""
 
 
 class Edges:
@@ -41,7 +41,7 @@ class Edges:
         self._partner = np.zeros(n, np.int64)
 
     def smallest(self) -> tuple[float, int, int]:
-        """Return the smallest weight and its edge's two nodes; on a tie, the lowest indices."""
+        """Return the smallest weight and the two nodes of its edge; on a tie, the lowest nodes."""
         if self._is_cached:
             one = int(self._least.argmin())
             return float(self._least[one]), one, int(self._partner[one])
@@ -171,7 +171,7 @@ class Images(Stateful):
         return self._rows[:size]
 
     def follow(self, counts: NDArray[np.int64]) -> None:
-        """Use the new numbers of frames of the images. The base class does not need them."""
+        """Update the number of frames of each image; the base class does not use these numbers."""
 
     def faults(self) -> Iterator[str]:
         norms = 0.5 * np.einsum("ij,ij->i", self._rows, self._rows)
@@ -189,8 +189,8 @@ class BSOC(Clusters):
         max_nodes: Maximum number of nodes; the only parameter of the algorithm.
         group_cost: Factor by which a merge of nodes of two groups (such as labels) costs more. With
             1 the clustering is the paper's, which has no groups.
-        images: The pixels of at most `max_nodes` nodes; `IntegerImages` compares them in integers
-            only. By default, pixels are float32.
+        images: Stores and compares the images of the nodes. By default, pixels are float32;
+            `IntegerImages` uses only integers.
     """
 
     measures_novelty = True
@@ -297,8 +297,8 @@ class BSOC(Clusters):
         self._images.absorb(node, count)
 
     def _merge(self, kept: int, removed: int, distances: Floats) -> tuple[int, int]:
-        """Merge one node into another, but not their images. Change `distances`, those of the
-        measured frame, accordingly. Return how many frames each of the two nodes had."""
+        """Merge one node into another, but not their images. Update the measured frame's
+        `distances`. Return how many frames each of the two nodes had before the merge."""
         count, other = int(self._counts[kept]), int(self._counts[removed])
         share = other / (count + other)
         between = float(self._distances[kept, removed])
@@ -325,7 +325,7 @@ class BSOC(Clusters):
         return row
 
     def _place(self, node: int, distances: Floats, group: int, name: int) -> None:
-        """Make a node of the measured frame; the caller stores its image."""
+        """Make a node from the measured frame; the caller stores its image."""
         self._counts[node] = self._masses[node] = 1
         self._groups[node] = group
         self.names[node] = name
@@ -390,7 +390,7 @@ class BSOC(Clusters):
         """Return the error of the stored distances, and the exact distances between the images.
 
         Each stored distance is computed from earlier stored distances, so rounding errors add up.
-        After many frames the returned error is still below 1.
+        Even after many frames, the returned error is below 1.
         """
         size = self.n_nodes_
         rows = self._images.compared(size)

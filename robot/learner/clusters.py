@@ -1,4 +1,4 @@
-"""The base of the paper's clustering and of `BSOC`: nodes with ids, and edges between them."""
+"""Base class of the paper's clustering and of `BSOC`: nodes with ids, and edges between nodes."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ class Clusters(Stateful, ABC):
 
     @property
     def touched_(self) -> NDArray[np.int64]:
-        """Number of the last frame that each node got, shape (n,); 0 if it is not recorded."""
+        """Number of the last frame in each node, shape (n,); 0 if the number is not recorded."""
         return np.zeros(self.n_nodes_, np.int64)
 
     @abstractmethod
@@ -107,7 +107,7 @@ class Clusters(Stateful, ABC):
             The index of the node that is nearest to `x` after the merge.
 
         Raises:
-            ValueError: If `x` has a new shape or is not finite; nothing changes.
+            ValueError: If `x` has a new shape or is not finite. Then nothing changes.
         """
 
     def lookup(self, x: Vector) -> tuple[int, float]:
@@ -171,7 +171,7 @@ class Clusters(Stateful, ABC):
         self.last_merge_ = None
         self._edges.n_pinned = int(self._edges.pinned.sum())
         self._edges.weights[:] = np.inf
-        with np.errstate(all="ignore"):  # a loaded model is checked only later
+        with np.errstate(all="ignore"):  # a loaded model is checked later
             for node in range(min(self.n_nodes_, self.max_nodes)):
                 self._edges.set_row(node, self._costs(node))
 

@@ -1,4 +1,4 @@
-"""The pixels of the nodes in integers only, for machines without a floating-point unit."""
+"""Stores and compares the nodes' images in integers only."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class IntegerImages(Images):
     """Images that are compared in integers only, for machines without a floating-point unit.
 
     Vectors are integers from 0 to 255. A row stores the exact sum of its frames, so precision does
-    not depend on the number of frames. Frames are compared with the mean in steps of 1/16 to 1/256
-    of a grey level. With finer steps, the product of two vectors would not fit into 32 bits.
-    Products in 64 bits take twice as long on such a processor.
+    not depend on the number of frames. Frames are compared with the mean, which is rounded to steps
+    of 1/16 to 1/256 of a grey level. With finer steps, the product of two vectors would not fit
+    into 32 bits. Products in 64 bits take twice as long on a processor without this unit.
 
     Args:
         max_nodes: Number of rows.

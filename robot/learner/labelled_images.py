@@ -150,7 +150,7 @@ class LabelledImages(Stateful, Learner):
     def faults(self) -> Iterator[str]:
         if len(set(self.labels_)) < len(self.labels_):
             yield "a label occurs twice"
-        # Somebody may have deleted the last image of a label.
+        # Labels without images are valid, because a person can delete the last image of a label.
         if self.n_nodes_ > 0 and not self.labels_:
             yield "it has images without labels"
         if self.cluster.groups_.max(initial=-1) >= len(self.labels_):

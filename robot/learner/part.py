@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from robot.learner.values import LARGEST, Names, Reader, demand
 
 MOST_VALUES = 1e6
-"""The largest magnitude of a feature in a model that is loaded."""
+"""The largest allowed magnitude of a feature in a loaded model."""
 MOST_DISTANCE = 1e20
 """Upper bound of the squared distance of two vectors whose values are within `MOST_VALUES`."""
 
@@ -175,7 +175,7 @@ def _set(part: Stateful, field: Value | Array, value: Any) -> None:
 
 
 class Stateful:
-    """Base of classes whose state lasts from drive to drive."""
+    """Base class of objects whose state is kept between drives."""
 
     @property
     def fields(self) -> Sequence[Value | Array]:

@@ -1,8 +1,8 @@
 """The clustering exactly as published, with the published rules for ties.
 
-Source: Ferrer, FLAIRS-30 (2017); where the paper is silent, the authors' program. The distance is
-the sum of squared differences. A new node gets the lowest free index. A merged node gets the lower
-index of the two nodes, and the last node moves to the other index.
+Source: Ferrer, FLAIRS-30 (2017), and for details that are not in the paper, the authors' program.
+The distance is the sum of squared differences. A new node gets the lowest free index. A merged node
+gets the lower index of the two nodes, and the last node moves to the other index.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from robot.learner.part import MOST_VALUES, Array, Value
 
 
 class PublishedBSOC(Clusters):
-    """`BSOC` as published, without groups. Each step passes over the nodes twice: once for the new
-    vector, once for a merged node.
+    """`BSOC` as published, without groups. Each step passes over all nodes twice: once for the new
+    vector, and once for the merged node.
 
     With `integer`, vectors and images are stored as bytes, and pixels need no floating-point
     operations. A merged image is rounded to the nearest integer, as in the authors' program.

@@ -2,16 +2,16 @@
 
 Every constant is a time or a share of votes, never a number of frames.
 
-1. Votes are averaged over time. The average covers a shorter time if the pilot changes his moves
-   quickly.
+1. Votes are averaged over time. The more often the pilot changes the move, the shorter is the time
+   that the average covers.
 2. If the learner has no contexts, the current move goes on until another move has clearly more
    votes. If the pilot drives proportionally, a turn goes on until a turn to the other side has
    clearly more votes.
 3. A straight move without effect is given up (`StallDetector`).
 4. A turn loses votes once the robot has turned for longer than the pilot ever did (`Headway`).
-5. If the robot alternates between left and right faster than its pilot did, it turns only to one
+5. If the robot alternates between left and right faster than its pilot did, it turns to only one
    side for a while.
-6. If no way out helps, the robot stops and asks for help.
+6. If none of this helps, the robot stops and asks for help.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ from robot.types import Action, Point
 VOTES_KEPT = 0.4
 """Decay factor of the running average of votes per tenth of a second."""
 SHARE_OF_RUN = 0.14
-"""Upper bound of the average's time constant, as a share of how long the pilot usually holds a
-move. On a quick body a slower average would react too late."""
+"""Upper bound of the average's time constant, as a share of the time for which the pilot usually
+holds a move. On a quick body a slower average would react too late."""
 
 
 class RunningVotes:
@@ -100,11 +100,11 @@ class StallDetector:
 
     Pilots seldom get stuck, so the learner does not know the views of a stuck robot, and its votes
     could make the robot push indefinitely. An unchanged image or a pressed bumper shows that the
-    robot is stuck. A car that sets off changes successive images as little as a standing car does.
-    So the image must also be almost the same as when it stopped changing.
+    robot is stuck. A car that starts to move changes successive images as little as a car that
+    stands still. So the image must also be almost the same as when it stopped changing.
 
     `Headway` watches turns instead, because near a plain wall a turn changes the picture little.
-    The effect of some moves is unknown, for example of gripping. The detector ignores a move if the
+    The effect of some moves, such as gripping, is unknown. The detector ignores such a move if the
     body stood still when the pilot made it.
 
     Attributes:
@@ -121,7 +121,7 @@ class StallDetector:
         self._given_up: tuple[float, NDArray[np.uint8]] | None = None
 
     def look(self, seen: Seen, pace: PilotPace) -> None:
-        """Process one more frame; `pace` says how long this pilot pushes and turns."""
+        """Process one more frame; `pace` holds the times for which this pilot pushes and turns."""
         kinds, under_way, at_s = self._kinds, seen.under_way, seen.at_s
         change = self._meter.note(seen.picture, at_s)
         if change is None:
@@ -169,8 +169,8 @@ TURN_INERTIA, STRAIGHT_INERTIA = 0.3, 0.1
 the current move.
 
 People begin a turn late and end it late, which single frames do not show. So without hysteresis the
-robot ends its turns too early. Straight moves have less of it, because it is worse to begin a turn
-too late than to end it too late (docs/explanation/learner.md).
+robot ends its turns too early. Straight moves have less hysteresis, because beginning a turn too
+late is worse than ending it too late (docs/explanation/learner.md).
 """
 ALLOWANCE = 1.3
 """If the robot loses more time than this factor times the pilot's longest lost time (`Headway`),
@@ -192,7 +192,7 @@ class ActionFilter(PolicyPart):
         gives_up: True to give up moves without effect; the paper's robot never does.
 
     Attributes:
-        needs_help: True while the robot stands and asks for help, because no move had an effect.
+        needs_help: True while the robot stands still and asks for help, because it is stuck.
         pace: The pilot's pace.
     """
 
@@ -231,7 +231,7 @@ class ActionFilter(PolicyPart):
         self._last = seen
 
     def _choose(self, seen: Seen) -> Action:
-        """Return the best move that is not barred; on a tie, the first."""
+        """Return the best move that is not barred; on a tie, the first of the best moves."""
         under_way, shares, turns, pace = seen.under_way, seen.shares, self._kinds.turns, self.pace
         urge = 0.0
         if self._gives_up:  # checked only if needed: comparing pictures is slow
@@ -254,7 +254,7 @@ class ActionFilter(PolicyPart):
         if futile and not fruitful:
             self._ask(seen.at_s)  # no other move was taught, or all are barred
         inertia = self.turn_inertia if under_way in turns else self.straight_inertia
-        # Left and right turns share one context, so the context does not say to which side to turn.
+        # Left and right turns share one context, so a context does not tell the side of a turn.
         is_proportional = seen.in_context and self._point is not None
         held = turns.get(under_way) if is_proportional and under_way is not None else None
         return max(
@@ -273,7 +273,7 @@ class ActionFilter(PolicyPart):
         return None if self._last is None else self._last.point
 
     def _watch(self, under_way: Action, at_s: float, allowed_s: float) -> float:
-        """Update the clock and `needs_help`; return how many votes each turn loses."""
+        """Update the lost time and `needs_help`; return the votes that each turn loses."""
         is_stalled = self._stall_detector.is_stalled
         self._headway.note(under_way, at_s, self._point, is_stalled=is_stalled)
         lost_s = self._headway.lost_s

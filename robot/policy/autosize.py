@@ -1,4 +1,4 @@
-"""Chooses `max_nodes`: the number of nodes that this machine allows at a given frame rate."""
+"""Chooses `max_nodes`: the number of nodes that this machine can handle at a given frame rate."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Cost:
 
     @property
     def frame_s(self) -> float:
-        """Typical time of one taught frame: the sum of the medians. The machine's other tasks make
-        some ticks slower, for which `MARGIN` reserves time."""
+        """Typical time for one taught frame: the sum of the medians. `MARGIN` reserves time for
+        ticks that are slowed down by other tasks of the machine."""
         return sum(map(median, (self.extract_s, self.propose_s, self.learn_s)))
 
 
@@ -96,7 +96,7 @@ def choose_max_nodes(
         ConfigurationError: If even the smallest size is too slow.
     """
     if not rate_hz > 0:
-        raise ConfigurationError(f"a frame rate must be above 0, not {rate_hz}")
+        raise ConfigurationError(f"the frame rate must be above 0, not {rate_hz}")
     cost_of = cost_of or partial(measure, kind=kind, frames=sample_frames(60))
     best = None
     for size in SIZES:
@@ -107,7 +107,7 @@ def choose_max_nodes(
     if best is None:
         raise ConfigurationError(
             f"this machine is too slow for {rate_hz:g} frames a second even with {SIZES[0]} nodes; "
-            "ask for a lower --rate"
+            "choose a lower --rate"
         )
     return best
 

@@ -1,6 +1,6 @@
 """Makes changes to a policy, and repeats earlier changes.
 
-A change is an example, an edit of an image, or the statement that left and right are alike.
+A change is an example, an edit that a person made, or the beginning of a drive (`LogEvent`).
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ def replay(
 
     Args:
         policy: The policy that learns.
-        events: The changes. A negative time of an example means that its time is unknown.
-        on_refused: Called for each change that fails; if None, such edits are left out. An edit
+        events: The changes. If an example's time is negative, the time is unknown.
+        on_refused: Called for each change that fails. If None, edits that fail are skipped. An edit
             fails if its image is pinned, or does not exist because its examples are missing.
     """
     for event in events:
@@ -78,9 +78,9 @@ def can_be_alike(policy: Policy) -> bool:
 
 
 def set_alike(policy: Policy, alike: bool) -> None:
-    """Learn the mirror image of each past and future example, too; if `alike` is False, undo this.
+    """Also learn the mirror image of each past and future example; if `alike` is False, undo this.
 
-    The linear part learns each example mirrored; the images stay as they are.
+    Only the linear part learns the mirror images; the learned images do not change.
 
     Raises:
         ValueError: If the learner, features or moves cannot be mirrored.

@@ -40,7 +40,7 @@ class Edited:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Undone:
-    """An undo of the examples of `frame_ids`; if `frame_ids` is empty, of the latest edit."""
+    """An undo of the examples of `frame_ids`, or of the latest edit if `frame_ids` is empty."""
 
     frame_ids: tuple[int, ...]
 
@@ -54,8 +54,8 @@ class Replaced:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveBegun:
-    """A drive began between two examples, so the policy was reset: a learner that localises itself
-    starts anew."""
+    """A drive began between two examples, so the policy was reset: it forgot the state of the last
+    drive."""
 
     at_s: float
 
@@ -66,8 +66,8 @@ HistoryEvent = Taught | Edited | Undone | Replaced
 
 
 def describe_event(event: HistoryEvent, *, with_vector: bool = True) -> PlainEvent:
-    """Describe one change of the learner. Without `with_vector` the vector of an example is
-    omitted, because its frame is recorded."""
+    """Describe one change of the learner. If the frame of an example is recorded, its vector can be
+    omitted (`with_vector`)."""
     if isinstance(event, Taught):
         example = event.example
         return {

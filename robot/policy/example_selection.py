@@ -10,7 +10,7 @@ the labels and their teaching times, so they are the same after an undo.
 
 If a view comes again with the label that it had last time, the policy counts the example, but does
 not learn it again (`Repeats`). Otherwise, after sixteen equal laps, the linear part would have
-learned the noise of the lap by heart, and the images would adapt too slowly to new views.
+memorised the noise of the lap, and the images would adapt too slowly to new views.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ ROOM_S = 0.1
 """Minimum time between two learned examples of one label, in seconds; examples that come sooner are
 only counted."""
 EARLY_S = 0.03
-"""Tolerance of `EVERY_S`, in seconds. At thirty frames a second it lets the policy learn every
-third frame, although three frames may take a little less than `EVERY_S`."""
+"""Tolerance of `ROOM_S`, in seconds. At thirty frames a second it lets the policy learn every third
+frame, although three frames may take a little less time than `ROOM_S`."""
 
 
 class ExampleRate(PolicyPart):
@@ -62,12 +62,12 @@ class ExampleRate(PolicyPart):
 STRAIGHT, TURNING = 0, 1
 BOTH = (STRAIGHT, TURNING)
 ONSET_S = 0.5
-"""Time after a change in which an example also counts in the previous move's context, in
-seconds."""
+"""Time after a change of move during which an example also counts in the previous move's context,
+in seconds."""
 
 
 class MoveContext(PolicyPart):
-    """Determines the contexts of examples: only one context if no move is known to turn."""
+    """Determines the contexts of examples. If no move is known to turn, both contexts count."""
 
     fields = (
         Value("move", optional(name)),
@@ -112,12 +112,12 @@ class MoveContext(PolicyPart):
 
 
 _BITS, _SETS, _WAYS = 128, 4096, 4
-"""A sketch compares `_BITS` pairs of feature values. There are `_SETS` sets of `_WAYS` sketches.
-All 16,384 sketches are enough for a lap of 27 minutes at ten examples a second."""
+"""A sketch is a hash of `_BITS` comparisons of feature values. There are `_SETS` sets of `_WAYS`
+sketches. These 16,384 sketches suffice for a lap of 27 minutes at ten examples a second."""
 
 
 class Repeats(PolicyPart):
-    """Remembers the latest views and their labels (`moves`), in constant time and memory.
+    """Remembers the latest views and their labels, in constant time and memory.
 
     A view is recognised by a 64-bit hash of a binary descriptor: 128 comparisons of fixed pairs of
     feature values (as in BRIEF, Calonder et al. 2010).

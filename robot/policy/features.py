@@ -45,7 +45,7 @@ class Features(Protocol):
 
 
 class PictureFeatures:
-    """Base of features whose vectors end with a grey picture of 40x30.
+    """Base class of features whose vectors end with a grey picture of 40x30 pixels.
 
     Attributes:
         n_others: Number of values before the picture.
@@ -63,7 +63,7 @@ class PictureFeatures:
         return x[self.n_others :]
 
     def brightened(self, x: Vector, gain: float) -> Vector:
-        """Return a copy of a vector with the grey part multiplied by `gain`, limited to white."""
+        """Return a copy of a vector with its grey values multiplied by `gain`, at most white."""
         brighter = x.copy()
         brighter[self.n_others :] = np.minimum(self.grey(x) * gain, 255 // self.contrast)
         return brighter
@@ -106,7 +106,7 @@ class GradientFeatures(PictureFeatures):
     """Prior correlation of the linear part's weights in neighbouring cells: its range in cells
     (horizontal and vertical), and the correlated share of a weight."""
     noise = 100.0
-    """Gradients that count as noise on a plain surface: one grey level at each of 100 samples."""
+    """Sum of gradients that counts as noise: one grey level at each of a cell's 100 samples."""
 
     def extract(self, frame: Frame) -> Vector:
         """Return shape (1584,), uint8: 6x8x8 gradient bins, then 30x40 grey values, halved."""
@@ -119,7 +119,7 @@ class GradientFeatures(PictureFeatures):
     def mirror(cls) -> NDArray[np.intp]:
         """For each gradient value, return the index of its mirrored value, shape (384,).
 
-        Mirroring swaps the columns of cells, and the directions to the left and to the right.
+        Mirroring reverses the order of the columns of cells, and swaps left and right directions.
         """
         places = np.arange(cls.n_gradients).reshape(cls.n_rows, cls.n_columns, cls.n_bins)
         return places[:, ::-1, (cls.n_bins // 2 - np.arange(cls.n_bins)) % cls.n_bins].ravel()
@@ -131,7 +131,7 @@ class GradientFeatures(PictureFeatures):
 
         The correct move hardly depends on whether an edge lies in one cell or in the next. So the
         weights of one direction are similar in nearby cells. An example then also teaches slightly
-        shifted views; training on shifted copies takes twice as long.
+        shifted views. Training on shifted copies instead would take twice as long.
         """
         near = [
             np.exp(-0.5 * ((np.arange(n)[:, None] - np.arange(n)) / reach) ** 2)
@@ -199,7 +199,7 @@ def _sampled(length: int, n_points: int) -> tuple[NDArray[np.intp], ...]:
 
 @cache
 def _cell_sums(n_rows: int, n_columns: int, samples: int) -> tuple[Singles, Singles]:
-    """Return two matrices: `left @ samples @ right` sums the samples of each cell."""
+    """Return the matrices `left` and `right`: `left @ samples @ right` sums each cell's samples."""
     ones = np.ones(samples, np.float32)
     return np.kron(np.eye(n_rows, dtype=np.float32), ones), np.kron(
         np.eye(n_columns, dtype=np.float32), ones[:, None]
@@ -221,10 +221,10 @@ def _normalised(cells: NDArray[np.float64], noise: float) -> NDArray[np.uint8]:
 def sum_over_cells(
     pixels: NDArray[np.float64], parts: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """Return each cell's sum of squared pixels (5x5 of 40x30), plus its share of `parts`: (6, 8).
+    """Return each cell's sum of squared pixels plus its share of `parts`, shape (6, 8).
 
-    `parts` are sums over areas of the picture, arranged in rows and columns. The function spreads
-    each sum evenly over its area.
+    A cell has 5x5 of the 40x30 pixels. `parts` are sums over areas of the picture, arranged in rows
+    and columns. The function spreads each sum evenly over its area.
     """
     squares = (pixels * pixels).reshape(THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH)
     if parts is not None:

@@ -1,6 +1,6 @@
 """Event-sourced training history: the events that can be undone, with snapshots of the learner.
 
-`undo.py` takes recent events back, exactly.
+`undo.py` undoes recent events exactly.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ SNAPSHOT_EVERY_S = 10.0
 UNDO_HORIZON_S = 35.0
 """Teaching time that can be undone, in seconds."""
 _LONGEST_STEP_S = 0.5
-"""Longest gap between two examples that counts as teaching, in seconds; a longer gap is a pause."""
+"""Longest gap between two examples that is no pause, in seconds; a pause counts as this long."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,8 +53,8 @@ class TrainingHistory:
         self.declared = declared
         self._on_events = on_events or (lambda events: None)
         self.changes = 0
-        """Number of changes of the learner, for any thread; it never decreases. A change is counted
-        before its request is answered."""
+        """Number of changes of the learner; any thread may read it, and it never decreases. A
+        change is counted before its request is answered."""
         self.edits = 0
         """Number of changes that are not examples; it never decreases."""
         self.drives = 0
@@ -67,7 +67,7 @@ class TrainingHistory:
             type(part).__module__.startswith("robot.") for part in (policy.learner, policy.features)
         )
         self.batch = 64 if self._is_ours else 1
-        """Frames per call of `teach_all`: 1 for a plugin, so a refused example changes nothing."""
+        """Frames per call of `teach_all`; 1 for plugins, so that errors affect only one example."""
         policy.kinds.describe(self.declared)
         self.taught = taught
         self._is_drive_new = True
@@ -82,7 +82,7 @@ class TrainingHistory:
         return [event for snapshot in self.snapshots for event in snapshot.events]
 
     def teach(self, example: Example, x: Vector, captured_s: float) -> None:
-        """Teach one labelled frame, taken at `captured_s`. After an error nothing has changed."""
+        """Teach one labelled frame, taken at `captured_s`. If this fails, nothing has changed."""
         self.teach_all([(example, x, captured_s)])
 
     def teach_all(self, lessons: Iterable[tuple[Example, Vector, float]]) -> Sequence[Taught]:
@@ -129,9 +129,9 @@ class TrainingHistory:
 
     @contextlib.contextmanager
     def as_before_if_refused(self) -> Iterator[None]:
-        """If a plugin changes the state and then raises an error, restore the state. Built-in
-        learners raise errors before any change, so their state is not copied, which would take as
-        long as learning an example."""
+        """If a plugin changes the state and then raises an error, restore the state. The state of
+        built-in learners is not copied, because they raise errors before any change, and a copy
+        takes as long as learning an example."""
         before = None if self._is_ours else self.policy.get_state()
         try:
             yield

@@ -15,8 +15,8 @@ class MoveKinds(Stateful):
     """The moves of a body, grouped by effect. A move whose steering and throttle are unknown has no
     kind.
 
-    All parts of a policy share one `MoveKinds`. All parts know the kinds of a body's moves as soon
-    as `describe` was called.
+    All parts of a policy share one `MoveKinds`, so all parts know the kinds of a body's moves once
+    `describe` has been called.
 
     Args:
         moves: The moves. The kinds of the classic moves are known from their names.
@@ -57,8 +57,8 @@ class MoveKinds(Stateful):
         return {move: other for move, other in pairs.items() if move != other}
 
     def mirror(self, features: object) -> Mirror | None:
-        """Return how mirroring an image changes its vector and its label. None if the features have
-        no mirror image, or no turn has an opposite turn."""
+        """Return how mirroring an image changes its vector and its label. Return None if the
+        features have no mirror image, or if no turn has an opposite turn."""
         pairs, places = self.mirrored(), getattr(features, "mirror", None)
         if places is None or not pairs:
             return None

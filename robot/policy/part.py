@@ -82,7 +82,7 @@ class TaughtExample:
 
 
 class PolicyPart(Stateful):
-    """Base of a policy's parts."""
+    """Base class of a policy's parts."""
 
     counts_all: ClassVar[bool] = False
     """True if the part also gets the examples that the learner does not learn."""
@@ -91,7 +91,7 @@ class PolicyPart(Stateful):
         """Process one frame, and add this part's results to `seen`."""
 
     def on_example(self, lesson: TaughtExample) -> None:
-        """Learn one example; a part may change `lesson`, which the later parts get."""
+        """Learn one example. A part may change `lesson` for the parts after it."""
 
     def reset(self) -> None:
         """Forget the state of the last drive, because a new drive begins."""

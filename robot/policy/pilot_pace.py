@@ -1,7 +1,7 @@
 """Measures how long the pilot turns, holds a move, or pushes without effect.
 
-The robot may take about as long. The times depend only on the labelled frames and their teaching
-times, so a policy that learns them again after an undo measures the same.
+The robot may do so for about as long. The times depend only on the labelled frames and their
+teaching times, so a policy that learns them again after an undo measures the same times.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ MEMORY, _FEWEST_CHANGES = 100, 5
 
 
 class ChangeMeter:
-    """Measures the change of the picture within a tenth of a second, and its usual value while
-    driving straight. The meter ignores turns, because beside a quick turn driving straight would
-    look like standing still.
+    """Measures the change of the picture within a tenth of a second, and the usual change while
+    driving straight. The meter ignores turns, because compared with a quick turn, driving straight
+    would look like standing still.
 
     Attributes:
         changes: The latest changes while driving straight; their median is the usual change.
@@ -42,7 +42,7 @@ class ChangeMeter:
         self.before_s = 0.0
 
     def note(self, picture: NDArray[np.uint8], at_s: float) -> float | None:
-        """Return the picture's change within 0.1 s, in grey levels per pixel; None before that."""
+        """Return the change within 0.1 s, in grey levels per pixel; None if it is not yet due."""
         before, step_s = self.before, at_s - self.before_s
         if before is not None and 0.0 <= step_s < 0.9 * STEP_S:
             return None
@@ -66,7 +66,7 @@ class ChangeMeter:
         return len(self._changes) >= _FEWEST_CHANGES
 
     def is_still(self, change: float) -> bool:
-        """True if a change is as small as when the body stands still; False before `is_known`."""
+        """True if a change is as small as when the body stands still; False until `is_known`."""
         if self._usual is None and self.is_known:
             self._usual = statistics.median(self._changes)
         return self.is_known and change < _STILL_SHARE * (self._usual or 0.0)
@@ -91,8 +91,8 @@ def difference(picture: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
 PAYS_BACK = 4.0
 """One second of driving straight reduces the lost time by this many seconds."""
 EFFECT_S = 0.2
-"""Driving straight reduces the lost time only after this many seconds: the picture does not show
-sooner whether the move has an effect."""
+"""Driving straight reduces the lost time only after this many seconds, because the picture does not
+show earlier whether the move has an effect."""
 STRAIGHT_S = 0.3
 """Time for which a robot must drive straight before its earlier turns are forgotten, in seconds."""
 _LONGEST_STEP_S = 0.25
@@ -166,7 +166,7 @@ class Headway:
 
     @property
     def clock(self) -> tuple[float, float, float | None]:
-        """The lost time, the time driven straight since the last turn, and the time of `note`."""
+        """The lost time, the time driven straight since the last turn, and the last call's time."""
         return self.lost_s, self._straight_s, self._last_s
 
     @clock.setter
@@ -177,18 +177,18 @@ class Headway:
 SHORTEST_LOST_S, LONGEST_LOST_S = 1.5, 8.0
 """Bounds of the limit on lost time (`Headway`), in seconds. Beyond the limit, turning is useless.
 
-The upper bound is shorter than half a turn about one wheel. A pilot who alternates between left and
-right for longer does not get out of a corner by turning."""
+Half a turn about one wheel takes longer than the upper bound. A pilot who alternates between left
+and right for longer than that does not get out of a corner by turning."""
 _MEANT = 3
-"""If a pilot pushes this many times, he pushes on purpose. A single push may be a mistake."""
+"""Number of pushes after which the pilot counts as pushing on purpose. Fewer may be mistakes."""
 _PATIENCE, _LONGEST_PATIENCE_S = 1.5, 5.0
 _RUNS, _FEWEST_RUNS = 64, 8
 ALTERNATING_S, RUN_SHARE = 2.0, 0.75
-"""Two changes of side count as alternating within `ALTERNATING_S` seconds, or within `RUN_SHARE` of
-the usual duration of a move, if that is shorter."""
+"""Time within which two changes of side count as alternating: `ALTERNATING_S` seconds, or
+`RUN_SHARE` of the usual duration of a move if that is shorter."""
 AWAY_S, TURN_SHARE = 1.5, 0.6
 """Time for which a move without effect stays barred: `AWAY_S` seconds, or `TURN_SHARE` of the
-pilot's longest turn if that is shorter. By then a quick body has turned back to the obstacle."""
+pilot's longest turn if that is shorter, because a quick body soon faces the obstacle again."""
 PAUSE_S = 0.45
 """Longest pause between two examples of one manoeuvre, in seconds of teaching time."""
 
@@ -198,7 +198,7 @@ class PilotPace(PolicyPart):
 
     Attributes:
         longest_lost_s: Longest lost time of the pilot (`Headway`), at most `LONGEST_LOST_S`.
-        usual_run_s: Time for which the pilot usually holds a move; None before the pilot changed
+        usual_run_s: Time for which the pilot usually holds a move; None until the pilot has changed
             the move often enough.
         scale: Change of the picture while the pilot drives straight (`MoveKinds.measured`).
         stands: The moves of unknown effect during which the pilot let the robot stand still.
@@ -249,7 +249,7 @@ class PilotPace(PolicyPart):
 
     @property
     def patience_s(self) -> float:
-        """Time for which the robot may push: 1.5 times the pilot's third longest push."""
+        """Time for which the robot may push: 1.5 times the pilot's third longest push, bounded."""
         return min(max(STUCK_S, _PATIENCE * min(self._pushes_s)), _LONGEST_PATIENCE_S)
 
     @property
@@ -273,7 +273,7 @@ class PilotPace(PolicyPart):
         is_still = None if change is None else self.scale.is_still(change)
         if label not in self.kinds.straight or is_still is False:
             self._end_push()
-        elif is_still or self._push_s > 0.0:  # `is_still` is None if it is not known yet
+        elif is_still or self._push_s > 0.0:  # `is_still` is None if unknown
             self._push_s += step_s
         if change is not None and label in self.kinds.measured:
             self.scale.add(change)

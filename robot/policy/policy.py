@@ -36,7 +36,7 @@ class Policy(Stateful):
         thins: True if at most ten examples of the same label are learned per second
             (`example_selection.py`).
         brighten: Multiplies a view's grey values by a factor, for `LightAdaptation`; if None, views
-            are not scaled to the brightness of the lesson.
+            are not scaled to the brightness of the examples.
         knows_repeats: True to skip views that were already learned with the same label.
 
     Attributes:
@@ -44,7 +44,7 @@ class Policy(Stateful):
             body's declared moves.
         n_seen: Number of learned examples.
         alike: True if the pilot says that left and right are alike here (`changes.set_alike`).
-        recognition: The part that records when each learned image was matched last.
+        recognition: The part that records when each learned image was last matched.
     """
 
     fields = (
@@ -106,7 +106,7 @@ class Policy(Stateful):
         return self._degrees.usual(move)
 
     def extract(self, frame: Frame) -> Vector:
-        """Return the frame's vector; pure. Raises CameraError for bytes that are not an image."""
+        """Return the frame's vector. Raises CameraError if the frame's bytes are not an image."""
         return self.features.extract(frame)
 
     def propose(
@@ -195,7 +195,7 @@ class Policy(Stateful):
 
         Raises:
             ValueError: If a label is not one of `moves`, a value of a point is not from -1 to 1, or
-                a vector cannot be learned. After an error on a single example nothing has changed.
+                a vector cannot be learned. If a single example fails, nothing has changed.
         """
         n_values = self._n_values
         for x, label, _, point in examples:  # check before any part is changed

@@ -1,13 +1,13 @@
 """Adapts a view to the light, gets the learner's votes on it, and computes the steering of a move.
 
 Directions of gradients hardly change with the light, but grey values do. So each view is scaled to
-the brightness of the lesson (`LightAdaptation`).
+the brightness of the examples (`LightAdaptation`).
 
 A learned angle is a mean over examples. If an obstacle can be passed on either side, the mean leads
 into the obstacle. So the move determines the side, and the angle determines only the amount of
 steering (`Degrees`). The angle must also lie within `BAND` standard deviations of the mean angle
-that the pilot taught with the chosen move. If he steers only fully or not at all, the band has no
-width.
+that the pilot taught with the chosen move. If the pilot always steers either fully or not at all,
+the standard deviation is 0.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ class Degrees(PolicyPart):
 
     def faults(self) -> Iterator[str]:
         if self._sums is not None and (np.abs(self._sums[:, 1:]) > self._sums[:, :1]).any():
-            yield "its moves were steered further than any body can"
+            yield "the steering of its moves is outside [-1, 1]"
 
 
 ANOTHER_LIGHT = 1.5
@@ -131,12 +131,12 @@ Smaller differences in brightness come from the view, not from the light."""
 SECONDS = 3.0
 """Driving time over which the brightness is averaged, in seconds."""
 EXAMPLES = 600.0
-"""Number of examples over which the lesson's brightness is averaged."""
+"""Number of examples over which the brightness of the examples is averaged."""
 
 
 class LightAdaptation(PolicyPart):
-    """Compares a drive's brightness with that of the examples. The brightness is a mean over some
-    seconds, so that a dark corner hardly changes it.
+    """Compares a drive's brightness with that of the examples. A drive's brightness is a mean over
+    some seconds, so that a dark corner hardly changes it.
 
     Args:
         brighten: Returns a view with its grey values multiplied by a factor.
@@ -174,7 +174,7 @@ def _brightness(picture: NDArray[np.uint8]) -> float:
 
 
 class Recognition(PolicyPart):
-    """The learner among the parts of a policy.
+    """The part of a policy that asks and teaches the learner.
 
     Attributes:
         used: For each image id the number of the last proposal that matched the image.
@@ -191,7 +191,7 @@ class Recognition(PolicyPart):
         self.taught: dict[int, int] = {}
 
     def on_frame(self, seen: Seen) -> None:
-        if seen.context is None:  # a plugin can override only one of the two methods
+        if seen.context is None:  # a plugin may override only one of these two methods
             seen.evidence = self._learner.explain_one(seen.x)
         else:
             seen.evidence = self._learner.explain_in(seen.x, seen.context)

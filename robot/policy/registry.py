@@ -1,6 +1,6 @@
-"""Makes learners by name, each with features and an action filter: `default-32`, `published-64`.
+"""Makes policies by name, such as `default-32`: a learner with its features and action filter.
 
-Each entry point of the group `drivelesson.learners` is a `Maker`, which makes one kind of learner.
+Each entry point of the group `drivelesson.learners` is a `Maker`, which makes one kind of policy.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from robot.types import DEFAULT_MOVES, Action
 
 LEARNERS = "drivelesson.learners"
 VARIANTS = "drivelesson.variants"
-"""Entry points of the default learner's variants for experiments; each variant differs in one
-thing. Lists of learners do not contain variants."""
+"""Entry points of the default learner's variants, which are for experiments. Each variant differs
+from the default in one part. Lists of learners do not contain variants."""
 DEFAULT_NODES = 32
 MOST_NODES = 1024
-"""Maximum number of images of a learner: the table of distances grows with its square."""
+"""Maximum number of images of a learner. The table of distances has the square of this size."""
 
 Maker = Callable[[int, str, tuple[Action, ...], bool], Policy]
 """Makes a policy. The arguments are the number of nodes, the name, the moves, and whether to
@@ -36,8 +36,8 @@ BALANCE = 0.2
 
 
 def make_default(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Make the policy whose robots drove best. With `integer` the policy has no linear part,
-    because recursive least squares needs floating-point operations for each pair of gradients."""
+    """Make the policy whose robots drove best. If `integer` is set, it has no linear part, because
+    recursive least squares needs floating-point operations for each pair of gradients."""
     features = GradientFeatures()
     linear = None if integer else ContextRidge(features.n_gradients, alike=features.alike())
     learner = BSOCClassifier(

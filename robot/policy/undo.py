@@ -17,7 +17,7 @@ from robot.types import Example
 
 
 def last_examples(history: TrainingHistory, seconds: float) -> list[Taught]:
-    """Return the examples that `undo_examples` would take back, oldest first."""
+    """Return the examples that `undo_examples` would undo, oldest first."""
     since_s = history.teaching_s - seconds
     return [e for e in history.events if isinstance(e, Taught) and e.at_s > since_s]
 
