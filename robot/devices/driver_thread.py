@@ -2,7 +2,7 @@
 
 The control loop must never wait for a body: with 45 ms per request the loop would run at 10 Hz,
 drive at half speed and learn less than half of the examples. So the loop puts its newest action
-into a slot, and a thread sends it when the body is ready; older actions are never sent.
+into a slot, and a thread sends this action when the body is ready. Older actions are never sent.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ SENSE_EVERY_S = 0.1
 STALE_S = 0.25
 """Waiting time after which an action is outdated and the body is stopped instead, in seconds."""
 SILENT_S = 0.5
-"""Time after which an unfinished request is a fault, in seconds. The body's move has ended by
-then."""
+"""Time after which an unfinished request is a fault, in seconds. By then the body's move has
+ended."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,11 +101,11 @@ class DriverThread(Driver):
         self.driver.disconnect()
 
     def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
-        """Queue the action for the thread; it replaces an action that still waits. See `Driver`."""
+        """Queue the action in place of an action that is still waiting. See `Driver`."""
         return self.drive(action, speed_scale=speed_scale)
 
     def send_point(self, point: Point, *, speed_scale: float = 1.0) -> Action:
-        """Queue steering and throttle, in place of an order that still waits."""
+        """Queue steering and throttle in place of an order that is still waiting."""
         return self.drive(self.driver.move_of(point), point, speed_scale=speed_scale)
 
     def drive(
@@ -134,7 +134,7 @@ class DriverThread(Driver):
             self.driver.stop()
 
     def take_button(self) -> BodyButton | None:
-        """Return the request of the latest press of the body's button, else None."""
+        """Return the latest press of a button on the body, or None."""
         with self._lock:
             button, self._button = self._button, None
         return button
@@ -159,7 +159,7 @@ class DriverThread(Driver):
     # On the thread -----------------------------------------------------------------------------
 
     def step(self) -> bool:
-        """Do the most urgent request: stop, drive, sense or show. False if no request waits."""
+        """Do the most urgent request: stop, drive, sense or show. Return False if there is none."""
         now_s = self._clock.now_s()
         with self._lock:
             request = self._choose(now_s)

@@ -2,7 +2,7 @@
 
 Each field has a default and `metadata={"help": ...}`. The metadata may also contain `choices`,
 `range` as `(least, most)` for a number, and `secret` for a value that is never recorded. The
-built-in devices declare fields by `option`, and their base class refuses values out of range.
+built-in devices declare fields with `option`, and `Options` refuses values out of range.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Option:
         return "--" + self.name.replace("_", "-")
 
     def read(self, value: Any) -> Any:
-        """Return the value in this option's type, converted from a person's text."""
+        """Convert a value, or the text that a person typed, to this option's type."""
         least, most = self.range or (None, None)
         if self.choices is not None and str(value) not in self.choices:
             raise ConfigurationError(
@@ -80,7 +80,7 @@ class Options:
         self.check()
 
     def check(self) -> None:
-        """Raise an error for invalid options whose numbers all lie within their ranges."""
+        """Raise an error for options that are invalid although all numbers are within range."""
 
 
 def options_of(options_type: type[Any]) -> list[Option]:
@@ -101,7 +101,7 @@ def options_of(options_type: type[Any]) -> list[Option]:
 
 
 def make_options(options_type: type[Any], given: Mapping[str, Any]) -> Any:
-    """Build the dataclass from values or from text; options of other dataclasses are ignored.
+    """Build the dataclass from values or texts. Options of other dataclasses are ignored.
 
     Raises:
         ConfigurationError: If a value has a wrong type, or is out of range.

@@ -1,4 +1,4 @@
-"""Finds drivers and cameras, built-in or from plugins, by name among the entry points."""
+"""Finds drivers and cameras by name among the entry points, built-in or from plugins."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def default_driver() -> str | None:
 def load_driver(name: str) -> type[Driver]:
     """Return the driver class with this name.
 
-    There is no fallback: an error is better than a robot that is silently missing.
+    There is no fallback, because an error is better than the wrong robot.
 
     Raises:
         PluginError: If there is no plugin with this name, or it is not a driver.

@@ -27,13 +27,13 @@ _M = TypeVar("_M", bound=BaseModel)
 
 
 class RawValue(BaseModel, **_STRICT):
-    """Base of values read as JSON or TOML: no value is converted, so "1" is not a number."""
+    """Base class of objects from JSON or TOML. No value is converted, so "1" is not a number."""
 
     @classmethod
     def validate(cls, value: Any) -> Self:
         """Make pydantic 1 as strict as pydantic 2. Pydantic 2 never calls this method."""
         if not isinstance(value, cls | dict):
-            raise TypeError("no object")
+            raise TypeError("not an object")
         given: dict[str, Any] = value if isinstance(value, dict) else {}
         for name in fields_of(cls).keys() & given:
             if isinstance(given[name], int) and given[name].bit_length() > _MOST_BITS:
@@ -137,7 +137,7 @@ def _description(kind: type[BaseModel], name: str) -> str | None:
 
 
 def _is_same(given: Any, read: Any) -> bool:
-    """True if at most integers became floats. False for text with lone surrogates."""
+    """True if only integers were converted, to floats. False for text with lone surrogates."""
     if isinstance(given, list):
         return all(map(_is_same, given, read))
     if isinstance(given, str):

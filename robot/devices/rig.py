@@ -1,4 +1,4 @@
-"""A complete robot, assembled by name: the body, the camera, the policy and the loop."""
+"""Assembles a complete robot from names: the body, the camera, the policy and the loop."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def build_rig(
         config: The loop's limits.
 
     Raises:
-        RobotError: If a name, an option or a library is missing; the message says which.
+        RobotError: If a name is unknown, an option is invalid, or a library is missing.
     """
     given, clock = options or {}, RealClock()
     driver_type = load_driver(robot)

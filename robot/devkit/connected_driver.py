@@ -35,7 +35,7 @@ class _Shown:
 
 
 class ConnectedDriver(Driver, Generic[_C]):
-    """Base of drivers with one connection to open: a serial line, a bridge, a library's motor.
+    """Base class of drivers with one connection: a serial line, a bridge, a library's motor.
 
     A subclass implements `_open`, `_drive` and `_close`, and `_sense` if the body has sensors. A
     subclass need not catch OSError and EOFError: this class reports them as DriveErrors and closes
@@ -107,18 +107,18 @@ class ConnectedDriver(Driver, Generic[_C]):
         """Read the sensors and all other data from the body; by default there are no sensors.
 
         If the body sends reports by itself, the method must not wait for them. The base class also
-        calls this method before a move if nothing called `heard` in the last `gone_after_s`
+        calls this method before a move if `heard` was not called in the last `gone_after_s`
         seconds.
         """
         return Sensors()
 
     def _close(self, connection: _C) -> None:
-        """Close the connection; a simulated body has no connection to close."""
+        """Close the connection. The default does nothing, as for a simulated body."""
 
     def heard(self) -> None:
-        """Record that data came from the body (see `gone_after_s`); may be called on any thread.
+        """Record that data arrived from the body (see `gone_after_s`). Any thread may call this.
 
-        If `gone_after_s` is set, `_begin` must wait until data came from the body.
+        If `gone_after_s` is set, `_begin` must wait until data has arrived from the body.
         """
         self.__heard_s = self.__clock.now_s()
 
@@ -246,8 +246,8 @@ def clock_of(driver: ConnectedDriver[Any]) -> Clock:
 
 
 def _takes_calls(theirs: Any, ours: Callable[..., object]) -> bool:
-    """Return True if `theirs` accepts all arguments of `ours`, and also only its required ones.
-    True for objects that are not plain functions."""
+    """Return True if `theirs` can be called with all arguments of `ours`, and with only the
+    required ones. Return True for callable objects that are not plain functions."""
     if not callable(theirs):
         return isinstance(theirs, property | staticmethod | classmethod)
     if not inspect.isfunction(theirs):

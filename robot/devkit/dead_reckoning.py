@@ -42,8 +42,8 @@ class DeadReckoning:
         self._told_s = self._rolled_s = 0.0
 
     def tell(self, speeds_mps: Pair, now_s: float) -> None:
-        """Record the speeds that were sent to the wheels. The wheels stop after
-        `ACTION_TIMEOUT_S` if no other command is sent."""
+        """Record the speeds that were sent to the wheels. If no other command follows, the wheels
+        stop after `ACTION_TIMEOUT_S`."""
         self._roll(now_s)
         self._speeds_mps, self._told_s = speeds_mps, now_s
 

@@ -1,4 +1,4 @@
-"""Detects a camera that sends no pictures, or repeats one picture. Python 3.5, pure."""
+"""Detects a camera that sends no pictures, or repeats one picture. Pure; runs on Python 3.5."""
 
 from typing import Optional
 
@@ -10,8 +10,8 @@ fault is therefore detected within 500 ms plus the camera's period."""
 LONGEST_PERIOD_S = 1.2
 """Upper bound for the period that a camera is assumed to have, in seconds."""
 _BURST_S = 0.02
-"""Time within which two pictures count as sent together by the link, in seconds. The time between
-such pictures says nothing about the camera's period."""
+"""If two pictures arrive within this time, in seconds, the link has sent them together. The time
+between such pictures says nothing about the camera's period."""
 
 
 class Freshness:
@@ -24,8 +24,8 @@ class Freshness:
         self._period_s = None  # type: Optional[float]
 
     def is_new(self, data: bytes, now_s: float) -> bool:
-        """Record a picture. Return False if it equals the last picture exactly: because of noise, a
-        working sensor never yields the same picture twice."""
+        """Record a picture. Return False if it is identical to the last picture. Because of noise,
+        a working sensor never yields the same picture twice."""
         self._seen_s = now_s
         if data == self._last:
             return False
@@ -48,7 +48,7 @@ class Freshness:
 
     def continue_from(self, before: "Freshness") -> None:
         """Call this after the camera was reopened; `before` is its earlier record. If the camera
-        repeats the last picture in this record, the picture does not count as a new one."""
+        then repeats the last picture of this record, the picture does not count as new."""
         self._last = before._last
 
     def fault(self, now_s: float) -> Optional[str]:

@@ -140,7 +140,7 @@ class BSOCClassifier(LabelledImages):
                 self.linear.learn_mirrored(*self._mirrored(x, targets, steered), contexts)
 
     def _owners(self) -> NDArray[np.int64]:
-        """Return each node's most frequent label (its column), -1 without votes; shape (n,)."""
+        """Return the column of each node's most frequent label, shape (n,); -1 without votes."""
         counts = self._histograms[: self.cluster.n_nodes_]
         owners = counts.argmax(axis=1) if counts.size else np.zeros(len(counts), np.int64)
         owners[~counts.any(axis=1)] = -1

@@ -101,7 +101,7 @@ class Clusters(Stateful, ABC):
 
     @abstractmethod
     def train(self, x: Vector, group: int = 0) -> int:
-        """Add one frame as a node; if there are then too many, merge the pair with the lowest cost.
+        """Add one frame as a node; if there are too many nodes, merge the pair of lowest cost.
 
         Returns:
             The index of the node that is nearest to `x` after the merge.

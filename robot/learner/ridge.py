@@ -1,15 +1,15 @@
 """Online ridge regression from features to labels: exact after every frame, without a matrix solve.
 
 Source: recursive least squares, Haykin, "Adaptive Filter Theory", with a forgetting factor of 1.
-After any number of frames the weights are those of batch ridge regression on all these frames.
+After any number of frames the weights equal those of batch ridge regression on all these frames.
 
-The inverse is large, and most of the time of a frame is spent on reading and writing it. So the
-ridge stores the inverse in single precision (`_ROUNDED` bounds the error). The ridge keeps the
-latest updates as vectors, and adds several at a time to the inverse. All results include the
-pending updates.
+The inverse is large, and reading and writing it takes most of the time for a frame. So the ridge
+stores the inverse in single precision (`_ROUNDED` bounds the error). The ridge keeps the latest
+updates as vectors, and adds several at a time to the inverse. All results include the pending
+updates.
 
-A driver begins a turn late and ends it late. So the same view can mean FORWARD while driving
-straight and LEFT while turning, and a single linear map would predict the mean. So each context
+A pilot begins a turn late and ends it late. So the same view can mean FORWARD while driving
+straight, and LEFT while turning. A single linear map would predict the mean. Therefore each context
 also has a ridge (`ContextRidge`), which learns the examples that count in this context.
 """
 
@@ -31,8 +31,8 @@ from robot.learner.votes import Floats
 Singles = NDArray[np.float32]
 Places = NDArray[np.intp]
 _WAITING = 32
-"""Number of pending updates of the inverse that are written together. A larger number slows each
-evaluation by more than the fewer writes save."""
+"""Number of pending updates of the inverse that are written together. With a larger number, each
+evaluation would lose more time than the fewer writes save."""
 _ROUNDED = 1e-5
 """Largest rounding error of an eigenvalue of the inverse, as a share of the largest possible
 eigenvalue. Each write rounds to single precision, and so adds an error of 6e-8 times the largest
@@ -40,8 +40,8 @@ possible eigenvalue."""
 _MOST_INVERSE = 1e3
 """Upper bound of an inverse's values, which begin at 1 / penalty and shrink with every frame."""
 MIRRORED = 0.3
-"""Weight of a frame's mirror image, if left and right are alike. A weight of 1 is no better after
-few frames, and does more harm after many."""
+"""Weight of a frame's mirror image, if left and right are alike. A weight of 1 is not better after
+few frames, and is worse after many frames."""
 
 
 @functools.cache
@@ -166,7 +166,7 @@ class RecursiveRidge(LinearPart):
         direction = self._solve(single)
         rest = 1.0 + weight * float(single @ direction)
         if weight < 0.0 and -weight * float(direction @ direction) > rest * self._most:
-            # the divisor is not positive if a frame is removed that this ridge never learned
+            # if a frame that this ridge never learned is removed, the divisor is not positive
             return
         gain = weight / rest
         step = np.multiply(direction, gain, dtype=np.float64)[:, None]
@@ -344,5 +344,5 @@ class ContextRidge(RecursiveRidge):
         for i, ridge in enumerate(self._ridges):
             for field in ridge.fields:  # check before copying: a copy would hide bad values
                 field.check(ridge)
-            if ridge.is_indefinite:  # more frames were taken back than this context had learned
+            if ridge.is_indefinite:  # more frames were removed than this context had learned
                 self._ridges[i] = self._copy()

@@ -16,7 +16,7 @@ from robot.learner.part import Array, Stateful, Value
 from robot.learner.values import WHOLE, count
 
 _DOUBT = 0.5
-"""Confidence falls while novelty rises above 1: at novelty 3, half of the confidence is left."""
+"""Rate at which confidence falls as novelty rises above 1. At novelty 3 it is half as certain."""
 Floats = NDArray[np.float64]
 Distances = NDArray[np.float32] | NDArray[np.float64]
 
@@ -51,7 +51,7 @@ def _weighed(
     voters = np.arange(distances.size)
     if distances.size > n_voters:
         voters = distances.argpartition(n_voters - 1)[:n_voters]
-        if not counts[voters].any():  # of several equal images, only one has counts
+        if not counts[voters].any():  # if several images are equal, only one of them has counts
             voting = np.unique(counts.nonzero()[0])
             voters = voting[distances[voting].argsort()[:n_voters]]
     near = distances[voters].tolist()
@@ -96,7 +96,7 @@ def chance(votes: Sequence[float], best: int, sharpness: float) -> float:
 
 
 def doubted(votes: Sequence[float], best: int, sharpness: float, novelty: float) -> float:
-    """Return `chance` up to novelty 1; beyond, the result approaches a random guess."""
+    """Return `chance`. As novelty rises above 1, the result approaches that of a random guess."""
     certain = chance(votes, best, sharpness)
     if novelty <= 1.0:
         return certain
@@ -120,14 +120,14 @@ def rarity(counts: NDArray[np.int64] | Floats, power: float) -> Floats:
 
 
 def shares(votes: Floats) -> Floats:
-    """Return `votes` divided by their sum, shape (n_labels,); equal shares without votes."""
+    """Return `votes` divided by their sum, shape (n_labels,). If all are 0, return equal shares."""
     total = float(votes.sum())
     return votes / total if total > 0 else np.full(votes.size, 1.0 / max(votes.size, 1))
 
 
 HELD_OUT = 20
-"""Novelty ignores the nodes that got one of this many latest examples, because successive frames
-are almost the same. At ten examples a second this is 2 s."""
+"""Number of latest examples whose nodes novelty ignores, because successive frames are almost the
+same. At ten examples a second, these examples cover 2 s."""
 _FEWEST, _MEMORY = 30, 600
 """Minimum and maximum number of earlier distances with which a view's distance is compared."""
 _SCALE = 3
@@ -141,12 +141,12 @@ class Novelty(Stateful):
     """Compares a view's distance with those of earlier examples.
 
     Before the learner learns an example, it measures the example's distance from the nearest node,
-    except nodes that got one of the latest examples. The distances are typical of places that the
-    robot passes again. Their median is novelty 0, and a little more than their 98th percentile is
-    novelty 1. Only the latest distances count, because they shrink as the nodes cover the place.
+    except nodes with one of the latest examples. These distances are typical of places that the
+    robot passes again. Novelty is 0 at their median, and 1 a little above their 98th percentile.
+    Only the latest distances count, because distances shrink as nodes cover more of the place.
 
     Args:
-        margin: Novelty 1 is the percentile plus this share of the median.
+        margin: Share of the median that is added to the percentile; see `MARGIN`.
     """
 
     fields = (
@@ -160,7 +160,7 @@ class Novelty(Stateful):
         self._n_new = 0
 
     def learn(self, squared_distance: float) -> None:
-        """Add an example's distance from the nearest node that got none of the latest examples."""
+        """Add an example's distance from the nearest node without one of the latest examples."""
         self.lengths.append(math.sqrt(squared_distance))
         self._n_new += 1
         if self._n_new >= _RENEWED_EVERY and len(self.lengths) >= _FEWEST:
@@ -214,7 +214,7 @@ ENOUGH = 20.0
 MOST_A_TURN = 10.0
 """A single turn, which may be a mistake, adds at most this many examples against a label."""
 CONFIRMED = 4.0
-"""An example of a label at a view where the label was taught before cancels this many
+"""If a label is taught again at a view where it was taught before, the example cancels this many
 contradictions."""
 LATER = 200
 """An image was taught "much later" than another if at least this many examples were learned in
@@ -229,26 +229,26 @@ class ChangeOfMind(Stateful):
     If the pilot stops using a label, this does not prove a change of mind: perhaps he has only
     turned round to drive back. A single contradiction does not prove a change of mind either,
     because a view where a turn begins can be labelled as straight in one lap and as a turn in the
-    next. So an example contradicts a label only if the label's images are about as near to it as
-    those of its own label, and clearly nearer than those of driving straight. After a change of
-    mind, most examples contradict the old label; on a drive in the other direction, few do.
+    next. So an example contradicts another label only if that label's images are about as near as
+    the images of the example's own label, and clearly nearer than those of the usual label. After a
+    change of mind, most examples contradict the old label; on a drive back, few examples do.
 
     A label loses most of its votes at a view if it was contradicted often enough, and its nearest
-    image was last taught before the contradictions began. The label also loses them if another
-    label's image is at least as near and was taught much later. Votes lose this weight only while
-    they are counted; the stored histograms do not change. So teaching the old label again at the
-    same views cancels the effect.
+    image was last taught before the contradictions began. The label also loses these votes if
+    another label's image is at least as near and was taught much later. Only the counting of votes
+    changes; the stored histograms do not. So teaching the old label again at the same views cancels
+    the effect.
 
     The pilot can also declare a change of mind (`outdate`), which is better evidence than
-    contradictions. If a label's nearest image was last taught before `outdate`, the label's votes
-    go to the nearest image that was taught after it.
+    contradictions. If a label's nearest image was last taught before `outdate`, most of the label's
+    votes go to the nearest image that was taught afterwards.
 
-    The detector ignores the label to which the pilot switches most often, such as FORWARD. A pilot
-    returns to it after every other label, and not always at the same view.
+    The usual label, to which the pilot switches most often, is never contradicted. It is mostly
+    FORWARD: a pilot returns to it after every other label, but not always at the same view.
 
-    A label is the number of its column, and a time is a count of examples. Arrays of shape (n,)
-    describe the images. `distances` are squared. `owners` are the labels with the most votes (-1:
-    none). `taught` is the time of each image's latest example.
+    Labels are column numbers, and times are counts of examples. Arrays of shape (n,) describe the
+    images. `distances` are squared. `owners` are the labels with the most votes, or -1 if there are
+    no votes. `taught` is the time of each image's latest example.
     """
 
     fields = (
@@ -341,7 +341,7 @@ class ChangeOfMind(Stateful):
 
     @property
     def _contradicted(self) -> Floats:
-        """The evidence against each label; last, its values when the current label began."""
+        """The evidence against each label, then the evidence when the current label began."""
         return np.vstack([self._against, self._before])
 
     @_contradicted.setter

@@ -9,7 +9,7 @@ from robot.clock import Clock, Worker
 from robot.types import StartStop
 
 Announce = Callable[..., None]
-"""Called with each event that concerns the disk or a file: its name and its fields."""
+"""Called for each event that concerns the disk or a file, with the event's name and fields."""
 FLUSH_EVERY_S = 0.2
 """Period of writing, in seconds. A crash or a power cut loses the data of at most this time, or
 more on a slow disk."""
@@ -46,7 +46,7 @@ class DiskThread(StartStop):
             self._thread = self._clock.start_thread(self._run, self._name)
 
     def stop(self) -> None:
-        """Run the jobs once more, and end. If the disk hangs, wait for ten seconds only."""
+        """Run the jobs once more, and end. If the disk hangs, wait for at most ten seconds."""
         thread, self._thread = self._thread, None
         if thread is not None:
             self._is_ending = True

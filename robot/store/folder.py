@@ -35,7 +35,7 @@ models/     one folder per model, versions as NumPy .npz files (no pickles): ope
 exports/    files exported for other programs
 trash/      deleted files: move them back, or delete them for good
 {folders}
-All files can be copied and moved while the program does not run.{secrets}
+You can copy and move all files while the program is not running.{secrets}
 """
 FOLDERS = "drivelesson.folders"
 """Entry points of this group are instances of `FolderKind`: the folders of extensions."""
@@ -117,7 +117,7 @@ def composed(name: str) -> str:
 
 
 def fold(name: str) -> str:
-    """Return a key that is equal for names that some file system cannot tell apart."""
+    """Return a key. Names that some file system cannot tell apart have the same key."""
     return composed(name).casefold()
 
 
@@ -143,8 +143,8 @@ def write_whole(path: Path, data: bytes, *, mode: int = 0o666) -> None:
 def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
     """Open a temporary file. It atomically replaces `path` if the block ends without an exception.
 
-    After a power cut `path` is the old file or the new file. If the disk fails (OSError), the old
-    file stays. A missing folder is created, unless this fails. `mode` 0o600 is for secrets.
+    After a power cut, `path` is either the old file or the new file. If the disk fails (OSError),
+    the old file stays. A missing folder is created. Use `mode` 0o600 for secrets.
     """
     require_present(path)
     is_new = not path.parent.exists()
@@ -158,7 +158,7 @@ def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
             if not file.closed:
                 file.flush()
                 os.fsync(file.fileno())
-        if path.is_dir() and not path.is_symlink():  # `path` may be a folder: set it aside
+        if path.is_dir() and not path.is_symlink():  # a folder cannot be replaced by a file
             set_aside(path)
         move(temporary, path)
     except BaseException:
@@ -226,7 +226,7 @@ def size_of(path: Path) -> int:
 
 
 def sync_folder(folder: Path) -> None:
-    """Flush the folder's directory entries to the disk, if system and file system support this."""
+    """Flush the folder's directory entries to the disk, if this is supported."""
     if hasattr(os, "O_DIRECTORY"):
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
         try:
@@ -239,7 +239,7 @@ def sync_folder(folder: Path) -> None:
 
 
 def make_private(folder: Path) -> None:
-    """Create a folder that only its owner can enter, or remove other users' rights to the folder.
+    """Create a folder that only its owner can enter. If it exists, remove other users' rights.
 
     The folder contains pictures of a room, and secrets. If the folder belongs to another user, or
     the file system has no owners, nothing changes.
@@ -282,7 +282,7 @@ class Storage:
                 (self.root / ".probe").unlink(missing_ok=True)
         except OSError as error:
             if error.errno in (errno.ENOSPC, errno.EDQUOT):
-                return  # a full disk is no error here: the caller may be about to empty the trash
+                return  # not an error here, because the caller may be about to empty the trash
             if must_be_usable:
                 raise ConfigurationError(
                     f"the data folder {self.root} cannot be used: {reason(error)}; "
@@ -295,7 +295,7 @@ class Storage:
         return self.root / name
 
     def kept(self) -> list[Path]:
-        """Return the folders for people: models, the folders of extensions, and trash."""
+        """Return the folders for people: models, folders of extensions, exports, and trash."""
         own = [self.root / kind.name for kind in folder_kinds() if kind.about]
         return [self.models, *own, self.exports, self.trash]
 
@@ -319,9 +319,9 @@ class Storage:
             shutil.rmtree(folder, ignore_errors=True)
 
     def half_done(self) -> list[Path]:
-        """List the unfinished files that a kill or a power cut left at least a minute ago.
+        """List the unfinished files that a kill or a power cut left more than a minute ago.
 
-        Another program may still be writing a more recent file.
+        More recent files are not listed, because another program may still be writing them.
         """
         found: list[Path] = []
         with contextlib.suppress(OSError):
@@ -367,10 +367,10 @@ class Storage:
         return [path.name for path in paths_in(self.trash) if _KEY.fullmatch(path.name)]
 
     def restore(self, key: str, folder: Path, ending: str = "") -> list[str]:
-        """Undo one deletion, of files with this ending, or of a folder if `ending` is empty.
+        """Undo one deletion: of files with this ending, or of a folder if `ending` is empty.
 
-        Returns their names without the ending. An item whose old name is in use gets a new name.
-        Raises NotFoundError if the items were restored or deleted for good, or belong elsewhere.
+        Returns the names without the ending. An item whose old name is in use gets a new name.
+        Raises NotFoundError if the items are no longer in the trash or do not belong to `folder`.
         """
         place = self.trash / key
         if not _KEY.fullmatch(key) or not place.is_dir():
@@ -379,7 +379,7 @@ class Storage:
             p for p in paths_in(place) if p.name.endswith(ending) and p.is_file() == bool(ending)
         ]
         if not found:
-            raise NotFoundError(f"this deleted item does not belong to the {folder.name}")
+            raise NotFoundError(f"this deleted item does not belong to the folder {folder.name}")
         taken = {path.name.removesuffix(ending) for path in paths_in(folder)}
         names: dict[str, str] = {}
         for old in (path.name.removesuffix(ending) for path in found):
@@ -393,7 +393,7 @@ class Storage:
         return list(names.values())
 
     def _ours_in_trash(self) -> list[Path]:
-        """List deleted items and unpacked imports, but no folders of other programs."""
+        """List deleted items and unpacked imports, but not the folders of other programs."""
         found = paths_in(self.trash)
         return [p for p in found if _KEY.fullmatch(p.name) or p.name.startswith(SCRATCH)]
 

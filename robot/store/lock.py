@@ -1,4 +1,4 @@
-"""A lock, so that only one program records into a data folder."""
+"""A lock that allows only one program at a time to write to a data folder."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class FolderLock(StartStop):
         self._lock: Any = None
 
     def start(self) -> None:
-        """Lock the folder. The error names the fault, or the process that holds the lock."""
+        """Lock the folder. Errors name the fault, or the process that holds the lock."""
         if self._lock is not None:
             return
         from filelock import FileLock, Timeout
@@ -44,7 +44,7 @@ class FolderLock(StartStop):
                 "--data FOLDER"
             ) from error
         except NotImplementedError:
-            return  # some network file systems have no locks
+            return  # some network file systems do not support locks
         except OSError as error:
             if error.errno in _NO_LOCKS:
                 return

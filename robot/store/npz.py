@@ -23,8 +23,8 @@ _LOCAL = struct.Struct("<4s22xHH")
 
 
 def read_arrays(data: bytes, *, max_bytes: int, only: str | None = None) -> dict[str, NDArray[Any]]:
-    """Return the arrays of an `.npz`, read-only; a file that would unpack to more than `max_bytes`
-    is refused before it is read."""
+    """Return the arrays of an `.npz`, read-only. A file that would unpack to more than `max_bytes`
+    is refused before its arrays are read."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = archive.infolist()
@@ -73,7 +73,7 @@ def _read_array(data: memoryview) -> NDArray[Any]:
 
 
 def write_arrays(arrays: Mapping[str, NDArray[Any]], *, is_packed: bool = False) -> bytes:
-    """Return the bytes of an `.npz` with these arrays, never pickled; deflated if `is_packed`."""
+    """Return the bytes of an `.npz` with these arrays, without pickles; `is_packed` compresses."""
     file = io.BytesIO()
     packing = zipfile.ZIP_DEFLATED if is_packed else zipfile.ZIP_STORED
     with zipfile.ZipFile(file, "w", packing, compresslevel=1) as archive:

@@ -1,7 +1,7 @@
 """Makes a data folder usable for a server, so that no unexpected file prevents a start.
 
-Entries of a wrong kind are moved to `set-aside/` unchanged, for example a pipe, a dangling link, a
-folder in place of a file, or a name that is not UTF-8. The caller informs people.
+Entries of a wrong kind are moved to `set-aside/` unchanged: for example a pipe, a dangling link, a
+folder in place of a file, or a file whose name is not UTF-8. The caller reports them.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Detects that the data folder is gone, for example because a USB stick was unplugged.
 
 The path then leads to the empty folder of the mount point, and files written there are hidden when
-the stick is mounted again. So this program writes nothing below a watched path while another folder
-is there.
+the stick is mounted again. So while a watched path leads to another folder, this program writes
+nothing below it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pathlib import Path
 from robot.store.records import read_regular
 
 MARK = ".folder-id"
-"""Name of the file that identifies a folder even if its disk gets a new number."""
+"""Name of the file that identifies a folder even if its disk gets a new device number."""
 _watched: dict[Path, Presence] = {}
 _lock = threading.Lock()
 

@@ -19,7 +19,7 @@ from typing import BinaryIO
 
 MAGIC = b"\xd7DL1"
 MAX_FILE_BYTES = 128 * 2**20
-"""Largest file that is read, in bytes; this program writes no larger file."""
+"""Maximum size of a file that is read, in bytes. This program writes no larger files."""
 _HEAD = struct.Struct("<4sII")
 
 
@@ -34,8 +34,8 @@ def open_new(path: Path) -> BinaryIO:
 class RecordWriter:
     """Writes the same records to several new files, as long as at least one can be written.
 
-    Only one thread may use it; `sync` may also be called by another. Raises OSError if all files
-    failed.
+    Only one thread may use a writer, but another thread may call `sync`. Raises OSError if all
+    files failed.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class RecordWriter:
         for file in list(self._files):
             try:
                 use(file)
-            except (OSError, ValueError) as error:  # another thread may have closed it
+            except (OSError, ValueError) as error:  # another thread may have closed the file
                 last = error
                 self._leave_out(file)
         return last
@@ -90,7 +90,7 @@ class RecordWriter:
 
 
 def read_records(path: Path) -> Iterator[bytes]:
-    """Yield all valid records of a file, in order; none if the file is not a regular file."""
+    """Yield all valid records of a file, in order. Raises OSError if it is not a regular file."""
     data = read_regular(path, MAX_FILE_BYTES)
     at = 0
     while (at := data.find(MAGIC, at)) >= 0:
@@ -110,7 +110,7 @@ def read_regular(path: Path | str, max_bytes: int) -> bytes:
             raise OSError(f"{Path(path).name} is not a regular file")
         if status.st_size > max_bytes:
             raise OSError(f"{Path(path).name} has more than {max_bytes >> 20} MB")
-        return file.read(status.st_size)  # a buffer of `max_bytes` may take a second to create
+        return file.read(status.st_size)  # to allocate `max_bytes` instead may take a second
 
 
 def _payload_at(data: bytes, at: int) -> bytes | None:

@@ -32,7 +32,7 @@ SAVE_EVERY_S = 10.0
 class Autosave:
     """Manages the model that the robot uses, and saves it automatically.
 
-    `name` is the name of a new model until a person names it. A model with moves that are not in
+    `name` is the name of a new model until a person renames it. A model with moves that are not in
     `moves` is not loaded. `announce` is called with events for the page.
     """
 
@@ -59,7 +59,7 @@ class Autosave:
         self.lock = self._clock.lock()
         """A lock that is held while the model in use is saved or replaced."""
         self._unsubscribe: Callable[[], None] | None = None
-        self._seen = (Mode.STOPPED, 0)  # the mode and the number of edits at the last check
+        self._seen = (Mode.STOPPED, 0)  # mode and number of edits at the last check
         self._saved_changes = loop.history.changes
         self._saved_s = 0.0
 
@@ -118,7 +118,7 @@ class Autosave:
             return name
 
     def load_last(self, learner: str | None = None) -> str | None:
-        """Load the model used last, else the newest valid model; return its name, or None."""
+        """Load the model that was used last, or else the newest valid one; return its name."""
         self.save_if_changed()
         if self.has_unsaved:
             return self.name
@@ -192,9 +192,9 @@ class Autosave:
         return ", ".join(sorted(set(model.summary.moves) - self._moves))
 
     def _tell_unfit(self, models: list[str]) -> None:
-        """Tell people which models are not used because this robot does not have their moves."""
+        """Report the models that are not used, because this robot does not have their moves."""
         if models:
-            log.warning("this robot does not have all moves of these models: %s", ", ".join(models))
+            log.warning("models with moves that this robot does not have: %s", ", ".join(models))
             self.announce("unfit", detail=", ".join(models)[:300])
 
     def _check_stopped(self) -> None:
@@ -221,7 +221,7 @@ class Autosave:
         self.announce("model_loaded", model=name)
 
     def delete(self, name: str) -> str:
-        """Delete a model. If the model is in use, the robot keeps the learner under a new name."""
+        """Delete a model. If it is in use, the robot keeps the learner, as a model without name."""
         with self.lock:
             if self.name == name and self.has_unsaved:
                 self.save()

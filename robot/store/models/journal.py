@@ -1,7 +1,7 @@
-"""The journal: every change of the learner, numbered, and written as soon as it is made.
+"""The journal: all changes of the learner, each numbered and written as soon as it is made.
 
 Written entries survive a kill of the program. A power cut loses at most the entries since the last
-`fsync`. The disk's thread calls `fsync` five times a second, so a slow disk delays no write.
+`fsync`. The disk's thread calls `fsync` five times a second, so writes never wait for a slow disk.
 
 The journal is the source of truth (a write-ahead log); a model's file is a cache of it. An entry's
 number has two parts: the number of the program's start, which is in the file's name, and the count
@@ -28,7 +28,7 @@ Record = tuple[dict[str, Any], HistoryEvent | Model | None]
 - `event`: the data is the change itself;
 - `checkpoint`: the data is the complete learner; the head also has the model's `name`;
 - `saved`: all changes up to this one are saved in a model's file;
-- `drive`: a drive began after this change; some learners then localise themselves again."""
+- `drive`: a drive began after this change, so the policy was reset."""
 
 
 class Journal:
@@ -97,7 +97,7 @@ class Journal:
 
     def require_checkpoint(self, *, has_failed: bool) -> None:
         """Make the next record contain the complete learner. After a failed write (`has_failed`)
-        the record waits for `_TRY_AGAIN_S`, not for a change."""
+        the record is written after `_TRY_AGAIN_S`, even if nothing changes."""
         if not has_failed:
             self._try_again_s = 0.0  # the loop reads both values, so set this one first
         self._needs_checkpoint = True

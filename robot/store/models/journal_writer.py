@@ -3,9 +3,9 @@
     journal/000007-02.a, journal/000007-02.b     second part of the seventh start
 
 A part begins with a checkpoint, which contains the complete learner. A new part begins after every
-undo, whenever another model is loaded, and when the previous part has become long. Recovery then
-learns only the examples after the last checkpoint again. The last two parts are kept. The format of
-the records is in `robot/store/records.py`.
+undo, whenever another model is loaded, and when the previous part has become long. So recovery only
+has to relearn the examples after the last checkpoint. The last two parts are kept. The format of
+the records is described in `robot/store/records.py`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from robot.store.records import RecordWriter, open_new
 log = logging.getLogger(__name__)
 
 PART_BYTES = 4 * 2**20
-"""A part ends after this many bytes since its checkpoint, so that replay stays short."""
+"""A part ends once its checkpoint is followed by this many bytes, so that replay stays short."""
 _LONGEST_WAIT_S = 2.0
 _KEPT_PARTS = 2
 _SPARE_BYTES = 8 * 2**20
@@ -73,7 +73,7 @@ class JournalWriter:
         clock: Clock | None = None,
     ) -> None:
         self.fault: str | None = None
-        """The reason why the journal cannot be written now; None if all is well."""
+        """The reason why the journal cannot be written now; None if it can be written."""
         self._journal, self._folder = journal, folder
         self._announce = announce
         self._open_file = open_file
@@ -87,13 +87,13 @@ class JournalWriter:
         self._longest_bytes = 0
 
     def start(self, after: int = 0) -> None:
-        """Start writing. `after` is the number of the start that saved the model in use; this start
-        gets a higher one."""
+        """Start writing. `after` is the number of the program start that saved the model in use;
+        the present start gets a higher number."""
         self.open_boot(after)
         self._thread.start()
 
     def open_boot(self, after: int = 0) -> None:
-        """Choose the number of this start; one thread may then call `write_waiting`."""
+        """Choose the number of this program start; one thread may then call `write_waiting`."""
         self._journal.boot = max([after, *(part.boot for part in list_parts(self._folder))]) + 1
 
     def stop(self) -> None:
@@ -130,7 +130,7 @@ class JournalWriter:
             self._give_up(error)
         else:
             if self.fault is not None:
-                log.info("the journal is written again")
+                log.info("the journal can be written again")
                 self.fault = None
 
     def _write(self, records: list[Record]) -> None:

@@ -1,7 +1,7 @@
 """A model: the state of a policy with a summary, and its conversion to bytes and back.
 
-The file is a NumPy `.npz` without pickles: `meta.npy` is JSON text as bytes, and `state.NAME.npy`
-are the learner's arrays. The JSON contains a SHA-256 of the complete content.
+The file is a NumPy `.npz` without pickles: `meta.npy` contains JSON text as bytes, and each
+`state.NAME.npy` contains an array of the learner. The JSON has a SHA-256 of the complete content.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from robot.types import Action
 
 FORMAT = 1
 MAX_BYTES = 256 * 2**20
-"""Largest size of a model, in bytes. A file that declares a larger size is not unpacked."""
+"""Maximum size of a model, in bytes. A file that declares a larger size is not unpacked."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +100,7 @@ def take_model(
 
 
 def encode_model(model: Model, *, is_packed: bool = False) -> bytes:
-    """Return the bytes of an `.npz` file; `is_packed` makes it smaller, but takes longer."""
+    """Return the bytes of an `.npz` file; `is_packed` compresses it, which takes longer."""
     state = model.state
     arrays = {f"state.{name}": array for name, array in state.arrays.items()}
     labels = [str(label) for label in state.labels]
@@ -187,7 +187,7 @@ def _read_meta(raw: NDArray[Any] | None) -> dict[str, Any]:
         json.dumps(meta, ensure_ascii=False).encode()
         is_known = isinstance(meta["format"], int) and meta["format"] >= 1
         if not is_known or not isinstance(meta["state"]["params"], dict):
-            raise ValueError("the model's metadata have an unknown form")
+            raise ValueError("the model's metadata has an unknown form")
     if meta["format"] > FORMAT:
         raise RecordingError(
             f"this model has format {meta['format']}, but this version reads formats up to "

@@ -32,7 +32,7 @@ from robot.store.records import read_records
 log = logging.getLogger(__name__)
 
 _LOADED = 1
-"""The first change of each run loads the model; this is its number."""
+"""Number of the first change in each run, which loads the model."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -59,9 +59,9 @@ class _Run:
 
 
 def recover(folder: Path, store: ModelStore, declared: Iterable[Move] = ()) -> Recovered | None:
-    """Return the state at the end of the last run; None if a saved model has this state, or if the
-    journal does not contain it. `declared` are the driver's moves, for the policy that replays the
-    journal."""
+    """Return the state at the end of the last run. Return None if a saved model has this state, or
+    if the journal does not contain the state. `declared` are the driver's moves, which the policy
+    needs to replay the journal."""
     parts = list_parts(folder)
     boots = sorted({part.boot for part in parts}, reverse=True)
     runs = (_read_run(folder, [part for part in parts if part.boot == boot]) for boot in boots)
@@ -119,7 +119,7 @@ def _unpack(body: bytes) -> bytes:
     packed = zlib.decompressobj()
     data = packed.decompress(body, MAX_BYTES)
     if packed.unconsumed_tail:
-        raise ValueError("the journal unpacks to too many bytes")
+        raise ValueError("the record unpacks to too many bytes")
     return data
 
 
@@ -135,14 +135,14 @@ def _rebuild(run: _Run, store: ModelStore) -> Recovered | None:
         return None
     return Recovered(
         model=_learn_on(model, run, numbers),
-        # A missing model was deleted, or it is the current model under another name.
+        # If no model has this name, it was deleted, or it is the current model and was renamed.
         name=name if name is None or name in store.names() else store.current,
         replayed=len(numbers),
     )
 
 
 def _bases(run: _Run, store: ModelStore) -> Iterator[tuple[int, bool, Model, str | None]]:
-    """Yield the learners with which a replay can begin: the checkpoint, and saved versions."""
+    """Yield the states from which a replay can begin: the checkpoint, and saved versions."""
     assert run.checkpoint is not None
     change, model, name = run.checkpoint
     yield change, False, model, name
@@ -155,7 +155,7 @@ def _bases(run: _Run, store: ModelStore) -> Iterator[tuple[int, bool, Model, str
 
 
 def _is_saved(model: Model, name: str | None, store: ModelStore, *, among_all: bool) -> bool:
-    """True if `model` equals the newest valid version of this name; `among_all`: any version."""
+    """True if `model` equals the newest valid version of this name, or any with `among_all`."""
     versions = store.sound_versions(name) if name is not None else iter(())
     kept = versions if among_all else islice(versions, 1)
     return any(same_nodes(one.state, model.state) for one in kept)
@@ -184,7 +184,7 @@ def _learn_on(model: Model, run: _Run, numbers: list[int]) -> Model:
     taught.update(event.example.label for event in events if isinstance(event, Taught))
 
     def refuse(event: LogEvent, error: Exception) -> None:
-        log.warning("the journal's change could not be made again: %s", error)
+        log.warning("a change in the journal could not be repeated: %s", error)
         if isinstance(event, Taught):
             taught.subtract([event.example.label])
 

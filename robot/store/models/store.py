@@ -41,9 +41,9 @@ _T = TypeVar("_T")
 log = logging.getLogger(__name__)
 
 KEEP_VERSIONS = 3
-"""Number of versions of a model that are kept, because the newest may be damaged."""
+"""Number of versions of a model that are kept, because the newest version may be damaged."""
 _DAMAGED, _BROKEN = ".damaged", ".failed"
-"""Endings of versions that were set aside: unreadable ones, and those that failed in use."""
+"""Endings of versions that were set aside because they were unreadable, or failed in use."""
 _FAILED = "failed.txt"
 _VERSION = re.compile(r"\d{1,9}\.npz", re.ASCII)
 _ASIDE = re.compile(r"\.(damaged|failed)(-\d+)?$", re.ASCII)
@@ -67,7 +67,7 @@ class ModelStore:
     def names(self) -> list[str]:
         """List the models: the folders that contain a version, readable or not.
 
-        Other programs create folders beside the models, such as `@eaDir` and `.stfolder`.
+        Folders that other programs create, such as `@eaDir` and `.stfolder`, are not listed.
         """
         found = [path for path in paths_in(self._storage.models) if not path.is_symlink()]
         return sorted((path.name for path in found if _is_model(path)), key=str.casefold)
@@ -115,7 +115,7 @@ class ModelStore:
             else:
                 return model
         raise RecordingError(
-            f"no version of the model {name!r} can be read; the damaged versions stay in "
+            f"no version of the model {name!r} can be read; the damaged versions are kept in "
             f"{self._storage.models / name}"
         )
 
@@ -128,8 +128,8 @@ class ModelStore:
         """Restore versions that were set aside as damaged but are readable by this program.
 
         An older program sets aside the versions that a newer program wrote. A version is restored
-        as the newest of its model, unless the model has a later valid version. A restored version
-        that is newer than the model in use is used next.
+        as the newest of its model, unless the model has a later valid version. If a restored
+        version is newer than the model in use, the robot uses the restored model next.
         """
         for name in self.names():
             for model, file in self._readable_again(name):
@@ -147,7 +147,7 @@ class ModelStore:
                         self.current = name
 
     def _readable_again(self, name: str) -> list[tuple[Model, Path]]:
-        """Return those versions that were set aside as damaged but are readable, oldest first."""
+        """Return the versions that were set aside as damaged but are readable, oldest first."""
         found = []
         for file in self._files(name):
             if _DAMAGED_VERSION.fullmatch(file.name):
@@ -158,7 +158,7 @@ class ModelStore:
         return sorted(found, key=lambda one: _age_of(one[0].summary))
 
     def _newest_age(self, name: str) -> tuple[int, int, float]:
-        """Return the greatest `_age_of` a model's readable versions."""
+        """Return the greatest `_age_of` of a model's readable versions."""
         return max(map(_age_of, self._sound(name, decode_summary)), default=_age_of(None))
 
     def note_failure(self, name: str, why: str) -> None:
@@ -169,7 +169,7 @@ class ModelStore:
         """Set the newest version of each failed model aside; return the models' names."""
         failed = [n for n in self.names() if (self._storage.models / n / _FAILED).is_file()]
         for name in failed:
-            mark, why = self._storage.models / name / _FAILED, "it failed when it drove"
+            mark, why = self._storage.models / name / _FAILED, "it failed while it drove"
             with contextlib.suppress(OSError):
                 why = read_regular(mark, 4096).decode(errors="replace")
                 mark.unlink()
@@ -192,7 +192,7 @@ class ModelStore:
         The order is by journal position, or by the time of saving if there is no position.
         """
         current = self.current
-        if current is not None:  # load the current model first: the others are rarely needed
+        if current is not None:  # load the current model first; others are rarely needed
             with contextlib.suppress(RecordingError, NotFoundError):
                 yield current, self.load(current)
         others = {name: _age_of(self.summary(name)) for name in self.names() if name != current}

@@ -1,8 +1,8 @@
 """Tries an untrusted model before it is accepted: it must match its summary, drive, and learn.
 
-The content of each part of the model must match its declaration (`robot/learner/part.py`). Lengths
-that the model declares are not trusted when memory is allocated. After all checks, a copy of the
-model drives and learns on a few pictures.
+The content of each part of the model must match its declaration (`robot/learner/part.py`). Memory
+is not allocated for the lengths that a model declares. After all checks, a copy of the model drives
+and learns on a few pictures.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _pictures = cache(sample_frames)
 def try_model(model: Model) -> None:
     """Raise RecordingError for any model that cannot be used."""
     try:
-        with np.errstate(all="ignore"):  # the checks of the results make warnings needless
+        with np.errstate(all="ignore"):  # warnings are needless, because results are checked
             _check_summary(model)
             policy = model.to_policy()
             policy.check()
@@ -56,7 +56,7 @@ def _check_summary(model: Model) -> None:
 
 
 def _drive(policy: Policy) -> None:
-    """Let the policy predict and learn on some pictures, in each of its moves."""
+    """Let the policy predict and learn on some pictures, with each move as its current move."""
     until_s = _MACHINE.now_s() + TRIAL_S
     moves = cycle((*policy.moves, None))
     for i, frame in enumerate(_pictures(_PICTURES)):
