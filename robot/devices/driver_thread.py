@@ -147,7 +147,7 @@ class DriverThread(Driver):
     def correct(self, correction: Correction) -> None:
         """Apply a correction before any further action; waiting actions are dropped.
 
-        Some bodies connect again after a failure. If that fails, the next `drive` raises the error.
+        A body may have to connect again for this. If it fails, the next `drive` raises the error.
         """
         if self._thread is None:
             self.driver.correct(correction)

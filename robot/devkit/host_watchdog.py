@@ -23,18 +23,18 @@ _C = TypeVar("_C")
 _T = TypeVar("_T")
 _LOG = logging.getLogger(__name__)
 GAP_S = 0.002
-"""Least time between two orders to the body, in seconds. Some bodies drop an order that comes
-within 1 ms of the one before."""
+"""Minimum time between two orders to the body, in seconds. Some bodies drop an order that comes
+within 1 ms of the previous order."""
 AGAIN_S = 0.015
 """Period at which a stop is repeated, in seconds. A stop is repeated until the body acknowledges
 it, or `REPEATS` times for a body that never does."""
 REPEATS = 5
-"""Number of stops that are sent quickly to a body without acknowledgement; further stops are sent
-slowly. If one order in ten is lost, all five stops are lost once in 100,000 times."""
+"""Number of stops that are sent quickly to a body that does not acknowledge them. Further stops are
+sent slowly. If one order in ten is lost, all five stops are lost once in 100,000 times."""
 REST_S = 0.2
 """Period of the stops that follow the first `REPEATS`, in seconds. As long as nobody drives, a body
-that does not acknowledge stops gets a stop each period. If the link loses the first stops, a later
-one still stops the body."""
+that does not acknowledge stops gets a stop each period. So if the link loses the first stops, a
+later stop still stops the body."""
 PATIENCE_S = 0.02
 """Time for which a stop waits for a call that is still sending a move, in seconds."""
 LONGEST_LEAD_S = 0.15
@@ -50,7 +50,7 @@ class MoveEnder:
     repeated until it succeeds. A stop never waits for a move. If the call that sends a move does
     not return, another thread calls `send_stop` nevertheless. When the move's call has returned,
     `send_stop` is called once more, because the body may have received the move after the stop. A
-    move always waits until a running stop has ended.
+    move always waits until a stop in progress has ended.
 
     Args:
         send_stop: Stops the body, or raises an error.
@@ -154,8 +154,8 @@ class MoveEnder:
 
 
 class HostWatchdog(ConnectedDriver[_C]):
-    """Base of drivers for bodies that cannot end a move: a `ConnectedDriver` whose thread stops the
-    body.
+    """Base class of drivers for bodies that cannot end a move by themselves. A thread of this
+    `ConnectedDriver` stops the body.
 
     To stop the body, this class calls the subclass's `_drive` with STOP, sometimes on the
     watchdog's thread, and sometimes before an earlier call of `_drive` has returned.
@@ -219,5 +219,5 @@ class HostWatchdog(ConnectedDriver[_C]):
         return action
 
 
-# the early stop must not end a move that is renewed in time
+# a stop that is sent early must not end a move that is renewed in time
 assert ACTION_TIMEOUT_S - LONGEST_LEAD_S > ACTION_TIMEOUT_S / 2

@@ -16,8 +16,8 @@ from robot.types import Encoding
 
 MAX_SIDE_PX = 4096
 DRIVEN_BY_PX = 1280 * 960
-"""Number of pixels of the largest picture that is passed on. Larger pictures would reach the pilot
-later, and the learner uses only a few hundred pixels."""
+"""Maximum number of pixels of a picture that is passed on unchanged. Larger pictures would reach
+the pilot later, and the learner uses only a few hundred pixels."""
 _SHARES = (2, 4, 8)
 """Factors by which a decoder can reduce the width and height of a JPEG. Decoding to a reduced size
 takes a fraction of the time of decoding to full size."""
@@ -27,7 +27,7 @@ _READABLE_SOF = (0xC0, 0xC1, 0xC2)
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG, _SCAN = b"\xff\xd8\xff", b"\xff\xda"
 _MARKER = re.compile(rb"\xff[^\x00\xff\xd0-\xd7]", re.DOTALL)
-"""The end of a scan: within a scan, 0xFF is followed by 0x00, or by a restart marker."""
+"""Matches the marker after a scan. Within a scan, 0x00 or a restart marker follows each 0xFF."""
 _HEAD_BYTES = 4096
 """The first scan of a JPEG usually starts within this many bytes."""
 
@@ -66,13 +66,13 @@ def read_picture(data: bytes, name: str) -> Picture:
     if not _has_end(data):
         raise RecordingError(f"{name} is a damaged picture: its end is missing")
     if data.startswith(_JPEG):
-        # This reads all bytes, but takes a fifth of the time.
+        # Decoding to a reduced size reads all bytes, but takes only a fifth of the time.
         small = _decode_reduced(data, "GRAYSCALE_8")
         if small is None or small.shape != (-(-height // 8), -(-width // 8)):
             raise RecordingError(f"{name} is a damaged picture")
         return Picture(encoding=Encoding.JPEG, width=width, height=height, data=data)
     pixels = decode(data)
-    # the decoder turns a PNG as its Exif data says
+    # the decoder rotates a PNG according to its Exif data
     if pixels is None or pixels.shape not in ((height, width, 3), (width, height, 3)):
         raise RecordingError(f"{name} is a damaged picture")
     height, width = pixels.shape[:2]
@@ -83,8 +83,8 @@ def read_picture(data: bytes, name: str) -> Picture:
 def _decode_reduced(data: bytes, how: str) -> Pixels | None:
     """Decode a JPEG at a part of its width and height, rounded up; None if it cannot be decoded.
 
-    `how` is the end of the name of OpenCV's flag. For example, `GRAYSCALE_8` means grey, at an
-    eighth.
+    `how` is the end of the name of OpenCV's flag. For example, `GRAYSCALE_8` means grey, and an
+    eighth of the size.
     """
     cv2 = need("cv2", "reading pictures", "camera")
     flag = getattr(cv2, f"IMREAD_REDUCED_{how}")
@@ -163,7 +163,7 @@ def reduce_picture(picture: Picture, quality: int = 80) -> Picture:
 
 
 def _has_end(data: bytes) -> bool:
-    """True if a picture is complete. Decoders silently fill a truncated one with grey."""
+    """True if a picture is complete. Decoders silently fill up a truncated picture with grey."""
     if data.startswith(_PNG):
         return b"IEND" in data
     # a complete JPEG has its end marker after the start of its last scan

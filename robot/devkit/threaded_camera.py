@@ -19,8 +19,8 @@ from robot.types import Encoding, Frame
 
 _WATCH_EVERY_S = 0.05
 LARGEST_PX = 65_535
-"""Largest width and height of a picture, in pixels. Neither a JPEG nor the head of a picture's
-message can state a larger number."""
+"""Maximum width and height of a picture, in pixels. Neither a JPEG nor the header of a picture's
+message can hold a larger number."""
 
 
 class ThreadedCamera(Camera):
@@ -64,8 +64,8 @@ class ThreadedCamera(Camera):
         self._threads = []
 
     def _work(self, *works: Callable[[], None]) -> None:
-        """Run each function on a thread. The function must return soon after `_ending` is set; its
-        error ends all threads, and becomes the camera's fault."""
+        """Run each function on a thread. The function must return soon after `_ending` is set. If
+        it raises an error, all threads end, and the error becomes the camera's fault."""
         self._ending.clear()
         self._threads = [
             self.clock.start_thread(partial(self._run_guarded, work), f"{self.name}-camera")
@@ -78,7 +78,7 @@ class ThreadedCamera(Camera):
         except (Exception, SystemExit) as error:  # the camera may be a plugin and raise anything
             if self._ending.is_set():  # reading a device fails once `stop` has closed it
                 return
-            self._ending.set()  # the watchdog would replace the fault by its own
+            self._ending.set()  # otherwise the watchdog would replace the fault with its own
             if not isinstance(error, RobotError):
                 named = PluginErrors("camera", self.name, CameraError)
                 error = named.converted("its thread", error)
@@ -101,7 +101,7 @@ class ThreadedCamera(Camera):
         if max(width, height) > LARGEST_PX:
             raise CameraError(
                 f"The camera {self.name} gives pictures of {width}x{height} pixels, but at most "
-                f"{LARGEST_PX}x{LARGEST_PX} can be shown; set a smaller picture."
+                f"{LARGEST_PX}x{LARGEST_PX} can be shown; choose a smaller size."
             )
         return super()._publish(
             data, width=width, height=height, encoding=encoding, captured_s=captured_s
@@ -118,9 +118,9 @@ class ThreadedCamera(Camera):
 
 
 class WatchedCamera(ThreadedCamera):
-    """Base of cameras that read pictures on their own threads, or get them from a library.
+    """Base class of cameras that read pictures on their own threads, or get them from a library.
 
-    A subclass starts its threads by `_watch_over` in `_begin`, and passes each picture to
+    In `_begin`, a subclass calls `_watch_over` to start its threads. It passes each picture to
     `_freshness.is_new`. Its method `_name_fault` returns the message about a fault.
     """
 

@@ -2,8 +2,8 @@
 
 Linux assigns new numbers to cameras that are plugged in again, so a number does not identify a
 camera. A camera is identified by its make and serial number. If the serial number is not unique, as
-with many cheap cameras, the camera is identified by the USB port at which it is plugged in. Written
-for Python 3.5, because the agent on a brick includes this module.
+with many cheap cameras, the camera is identified by the USB port at which it is plugged in. The
+code runs on Python 3.5, because the agent on a brick includes this module.
 """
 
 import os
@@ -127,7 +127,7 @@ def _read(root: str, node: str) -> Optional[UsbCamera]:
     try:
         make = " ".join(_text(device, name) for name in ("idVendor", "idProduct"))
         index = _text(there, "index")
-    except OSError:  # the camera is not a USB camera: it is part of the board, or virtual
+    except OSError:  # not a USB camera, but part of the board or virtual
         return None
     part = "{} {}".format(os.path.basename(interface).partition(":")[2], index)
     texts = []

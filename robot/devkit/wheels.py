@@ -1,6 +1,6 @@
 """Converts steering and throttle to the wheel speeds of a differential drive. Pure.
 
-Two bodies differ only in the speeds of their moves. The steering and throttle of each move are
+Bodies differ only in the wheel speeds of their moves. The steering and throttle of each move are
 those in `robot.moves.CLASSIC`. Between two moves the speeds are interpolated.
 """
 

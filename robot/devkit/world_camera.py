@@ -16,10 +16,10 @@ _D = TypeVar("_D", bound=Driver)
 
 
 class WorldCamera(ThreadedCamera, Generic[_D]):
-    """Base of the cameras of simulated worlds; the camera's thread also advances the world."""
+    """Base class of cameras of simulated worlds. The camera's thread also advances the world."""
 
     body_type: ClassVar[type[Any]]
-    """The driver of the robot that lives in this world."""
+    """The driver of the robot in this world."""
 
     longest_join_s: ClassVar[float] = 5.0
     patience_s: ClassVar[float] = 20.0
@@ -40,7 +40,7 @@ class WorldCamera(ThreadedCamera, Generic[_D]):
         return cls(driver, options, clock)
 
     def _begin(self) -> None:
-        """Begin to take pictures in real time; return when the first picture has come."""
+        """Begin to take pictures in real time; return after the first picture."""
         self._failure = None
         first = threading.Event()
         self._work(lambda: self._run(first))

@@ -96,7 +96,7 @@ class FakeCamera(ThreadedCamera):
 
 def _pattern(seed: int) -> bytes:
     """Return coloured blocks whose JPEG is about 5 KB."""
-    # with a multiple of 8, the encoder would not pad the picture, and the file would be too small
+    # not a multiple of 8: the encoder's blocks would have one colour, and the file would be small
     block = 12
     shape = (_HEIGHT // block + 1, _WIDTH // block + 1, 3)
     blocks = np.random.default_rng(seed).integers(60, 200, shape, dtype=np.uint8)

@@ -33,7 +33,7 @@ def take(camera: Camera, count: int) -> list[Frame]:
 
     camera.listen(note)
     assert camera.clock.wait(enough, DEADLINE_S), (
-        f"{len(frames)} of {count} frames came; {camera.fault}"
+        f"{len(frames)} of {count} frames arrived; the camera's fault: {camera.fault}"
     )
     camera.listen(None)
     return frames
@@ -81,7 +81,7 @@ class CameraContract:
 
     def test_it_can_be_mounted_on_its_side(self, camera_case: CameraCase) -> None:
         """A camera that is mounted on its side turns all its pictures; a camera of recorded
-        pictures refuses to. Skipped if the extension that corrects cameras is not installed."""
+        pictures refuses this. Skipped if the extension that corrects cameras is not installed."""
         corrections = pytest.importorskip("robot.adjustments.corrections")
         camera, on_its_side = camera_case.camera, corrections.CameraCorrection(turn_deg=90)
         if not camera.can_be_turned:

@@ -16,12 +16,12 @@ class DriverCase:
 
     Attributes:
         driver: The driver, not connected yet.
-        forward: Lets seconds pass: `time.sleep`, or a virtual clock's `advance`.
+        forward: Lets a time in seconds pass: `time.sleep`, or a virtual clock's `advance`.
         is_moving: Returns whether the body moves now. The function must read the state of the body,
             not of the driver. None if unknown; tests that need the function are skipped.
         cut_link: Cuts the connection to the body, in both directions; None if there is no
-            connection. If the real body stops at once when it loses the connection, without a
-            timeout, this function also stops the motors of the simulated body.
+            connection. If the real body stops immediately when it loses the connection, this
+            function must also stop the motors of the simulated body.
         now_s: The clock by which requests are timed; None means the machine's clock.
         budget_s: Longest duration of a request, in seconds; None means the contract's limit. A busy
             machine needs a higher limit.

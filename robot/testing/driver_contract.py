@@ -23,8 +23,8 @@ from robot.testing.cases import DriverCase
 from robot.types import Action, Mode, Point
 
 LOCAL_BUDGET_S = 0.01
-"""Time limit for the fastest of several equal calls of a driver, in seconds. The control loop waits
-for each call."""
+"""Time limit for the fastest of several equal calls of a driver, in seconds. The limit is low,
+because the control loop waits for each call."""
 REMOTE_BUDGET_S = 0.2
 """Limit like `LOCAL_BUDGET_S`, for drivers that declare `is_remote`, in seconds. The limit is less
 than 0.4 s, because a robot stops if its move is not renewed within that time."""
@@ -45,8 +45,8 @@ _REQUESTS = 20
 _PATIENCE_S = 5.0
 _LOOK_EVERY_S = 0.01
 _GRACE_S = 0.1
-"""Time by which a move may end too late, in seconds. On a busy machine the threads of the driver
-and of the fake robot wake late."""
+"""Time by which the end of a move may be late, in seconds. On a busy machine the threads of the
+driver and of the fake robot wake late."""
 _CORRECTIONS = {"reverse": "both", "swap_sides": True, "trim": 0.1}
 _STEP_S, _HALF_WAY_S = 0.1, ACTION_TIMEOUT_S / 2
 
@@ -202,8 +202,8 @@ class DriverContract:
     def test_a_correction_changes_the_motors_and_not_the_move(
         self, driver_case: DriverCase
     ) -> None:
-        """The driver refuses a correction that does not apply to its body, by an error that names
-        the correction. Skipped if the extension that corrects bodies is not installed."""
+        """If a correction does not apply to the body, the driver raises an error that names the
+        correction. Skipped if the extension that corrects bodies is not installed."""
         corrections = pytest.importorskip("robot.adjustments.corrections")
         driver, drives = driver_case.driver, driver_case.drives
         make = corrections.BodyCorrection
@@ -234,9 +234,9 @@ class DriverContract:
     def test_a_point_that_changes_quickly_is_driven_within_the_ramp(
         self, driver_case: DriverCase
     ) -> None:
-        """When `ramp_s` have passed since the last change, the body drives with the ordered
-        steering and throttle. During the ramp, the body's steering and throttle stay in the range
-        of the values that the body reaches at the `CORNERS`."""
+        """When `ramp_s` has passed since the last change, the body drives with the ordered steering
+        and throttle. During the ramp, the body's steering and throttle stay in the range of the
+        values that the body reaches at the `CORNERS`."""
         driver, drives = driver_case.driver, driver_case.drives
         with driver:
             if not driver.takes_points:
@@ -316,7 +316,7 @@ class DriverContract:
                 driver.sense()
         end_s = _REAL.now_s() + _PATIENCE_S
         while (left := _leftovers() - before) and _REAL.now_s() < end_s:
-            gc.collect()  # what nobody refers to any more is closed only now
+            gc.collect()  # closes the files of objects that are no longer referenced
             _REAL.sleep(0.02)  # other threads may take a moment to end
         assert not left, f"{_PATIENCE_S:.0f} s after disconnect() there are still: {left}"
 
@@ -364,7 +364,7 @@ class DriverContract:
                 is_back = _moves_within(driver_case, BACK_WITHIN_S, driver.moves[0], _STEP_S)
                 assert is_back, (
                     f"{BACK_WITHIN_S:.0f} s after a cut of {cut_s} s the body still does not move, "
-                    f"in spite of {round(BACK_WITHIN_S / _STEP_S)} orders; the last "
+                    f"despite {round(BACK_WITHIN_S / _STEP_S)} orders; the last order "
                     f"{_last_error(driver_case)}"
                 )
 
@@ -374,9 +374,9 @@ class TestDriver(DriverContract):
 
 
 def _sets_going(case: DriverCase, order: Callable[[], object], tries: int | None = None) -> bool:
-    """Return whether the body moves after at most `tries` orders. By default it is one order; a
-    case with `budget_s`, for a busy machine, gets `_REQUESTS`, because there a move may end before
-    it is checked."""
+    """Return whether the body moves after at most `tries` orders. The default is one order, but
+    `_REQUESTS` for a case with `budget_s`, because on a busy machine a move may end before it is
+    checked."""
     for _ in range(tries or (_REQUESTS if case.budget_s else 1)):
         order()
         if _comes(case, lambda: moving(case)):
@@ -438,7 +438,7 @@ def _check_cut_off(case: DriverCase, after_s: float) -> None:
     assert _comes_within(case, lambda: not moving(case), _GRACE_S), (
         f"the body still moves {1000 * after_s:.0f} ms after the line was cut. No order reaches it "
         "now, not even the stop of HostWatchdog, so it needs a timeout of its own. If it has none, "
-        "cut_link must also stop the stand-in's motors, but the real robot will not stop"
+        "cut_link must also stop the fake body's motors, but the real robot will not stop"
     )
 
 
@@ -528,7 +528,7 @@ def _is_within(now: Point, limits: list[tuple[float, float]]) -> bool:
 
 def _steered_to(case: DriverCase, point: Point) -> Point:
     """Send steering and throttle as the control loop does. Return the steering and throttle with
-    which the body then drives. The returned move must be independent of corrections."""
+    which the body then drives. Check that `drive` returns the same move with any correction."""
     driver, move = case.driver, case.driver.move_of(point)
     now = _driven(case, lambda: _check_sent(driver.drive(move, point), move, "drive"))
     driver.stop()
@@ -550,8 +550,8 @@ def _moves_within(case: DriverCase, seconds: float, move: Action, step_s: float)
 
 
 def _ask(case: DriverCase, move: Action, step_s: float) -> None:
-    """Send a move and ignore errors. The control loop, too, goes on sending moves after an
-    error."""
+    """Send a move and ignore errors, because the control loop also continues to send moves after
+    an error."""
     with contextlib.suppress(DriveError):
         case.driver.send_action(move)
     case.forward(step_s)

@@ -25,7 +25,7 @@ class LinkConditions:
     bytes_per_second: float | None = None
     """Bandwidth towards the page; the other direction is unlimited."""
     stall_share: float = 0.0
-    """Share of packets that must be sent again, while all later packets wait."""
+    """Share of packets that must be sent again. Meanwhile all later packets wait."""
     stall_s: float = 0.2
     is_silent: bool = False
     """True while the link drops all messages without telling either side."""

@@ -2,10 +2,10 @@
 
     pytest --drivelesson-driver NAME --drivelesson-camera NAME [--drivelesson-option KEY=VALUE]
 
-runs the contract suites on the installed plugins with these names, in addition to the package's
-tests. The hook `pytest_drivelesson_driver` in the package's conftest.py supplies a driver whose
-body the suite can observe. Without the hook the suite drives the robot that the options name, even
-a real robot.
+This command runs the contract suites on the installed plugins with these names, in addition to the
+package's tests. The hook `pytest_drivelesson_driver` in the package's conftest.py supplies a driver
+whose body the suite can observe. Without the hook the suite drives the robot that the options name,
+which may be a real robot.
 """
 
 from __future__ import annotations

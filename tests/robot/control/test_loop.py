@@ -153,7 +153,7 @@ def test_a_learner_that_fails_proposes_nothing_and_does_not_stop_the_robot(caplo
         assert robot.driver.sent[-1] == (L, 1.0), "the pilot drives all the same"
         assert tick.prediction is not None and tick.prediction.action is None
         fault = robot.loop.state.fault or ""
-        assert "The learner failed, and proposes nothing: no such thing" in fault
+        assert "The learner failed and proposes no move: no such thing" in fault
         assert len(fault) == 300, "the rest is cut off"
     assert robot.loop.state.n_nodes == 0
     robot.start(Mode.AUTONOMOUS)

@@ -77,7 +77,7 @@ def test_if_the_last_model_is_lost_the_next_best_is_used(store):
     store.save("kitchen", some_model()).write_bytes(b"")
     store.current = "kitchen"
     assert [name for name, _ in store.good_models()] == ["hall"]
-    with pytest.raises(RecordingError, match="damaged versions stay in"):
+    with pytest.raises(RecordingError, match="damaged versions are kept in"):
         store.load("kitchen")
     assert versions(store, "kitchen") == ["00001.npz.damaged"]
 
