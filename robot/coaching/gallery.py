@@ -1,5 +1,5 @@
-"""Describes the learned images for the page's gallery: when each image was last used, and which
-cells of the picture make a view match it."""
+"""Describes the learned images for the page's gallery: when each image was last used, and in which
+cells of the picture a view resembles the image."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class LearnedImage:
     """One node, in the form that the gallery shows.
 
     A node keeps its `node_id` when it is merged. `last_used` is the number of the latest proposal
-    that matched the node, and `last_taught` that of the latest example; both are 0 if there is
-    none. `angle` is the mean steering of the node's frames, if the pilot steered proportionally.
+    that matched the node, and `last_taught` that of the latest example, or 0 if there is none.
+    `angle` is the mean steering of the node's frames, if the pilot steered proportionally.
     """
 
     node_id: int
@@ -87,7 +87,7 @@ def explain(policy: Policy, x: Vector, node_id: int | None) -> Explanation | Non
     others = [features.cells(view - np.asarray(node.image, np.float64)) for node in some]
     usual = np.mean(others, axis=0)
     here = features.cells(view - np.asarray(decides.image, np.float64))
-    # A cell in which the view differs little from all images hardly influenced which image decided.
+    # A cell in which the view differs little from all images hardly influenced the decision.
     weight = np.maximum(usual, usual.mean())
     alike = np.zeros_like(here)
     np.divide(usual - here, weight, out=alike, where=weight > 0.0)

@@ -24,7 +24,7 @@ class GapKind(StrEnum):
     UNFORESEEN = "unforeseen"  # the robot proposed another move when the pilot changed to this one
     CORRECTED = "corrected"  # the pilot took the wheel here
     PUSHED = "pushed"  # the robot drove against an obstacle here
-    HELPLESS = "helpless"  # the robot tried without success here
+    HELPLESS = "helpless"  # the robot found no way out here
     UNKNOWN_VIEW = "unknown_view"  # the robot hardly knows this view
 
 

@@ -1,7 +1,7 @@
 """Follows a lesson tick by tick: what was taught, what the robot tried, and what went wrong. Pure.
 
 Each mistake becomes a `Gap`: the move to show the robot, with a picture of the place. The first
-trial waits until the pilot has started each move that he uses a few times.
+trial does not begin before the pilot has started each of the moves in use several times.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from robot.policy.events import Replaced, Taught, Undone
 from robot.types import Action, DrivenBy, Frame
 
 TAUGHT_S = 40.0
-"""Teaching time after which the first trial may begin in any case, in seconds."""
+"""Teaching time before the first trial, in seconds, unless the trial can begin early."""
 EARLY_S, EARLY_STARTS, EARLY_KNOWN = 20.0, 4, 0.9
 """Conditions of an early first trial: 20 s of teaching, four starts of each move in use, and a
-robot that knew 90 % of the views of the last ten seconds. After so little teaching, robots foresee
-few changes of move, but they can drive alone for a minute.
+robot that knew 90 % of the views of the last ten seconds. After this teaching, robots foresee few
+changes of move, but they can drive by themselves for a minute.
 """
 STARTS = 3
-"""Before the first trial, the pilot must have started each move that he uses this many times. Fewer
+"""Number of times that the pilot must have started each move in use before the first trial. Fewer
 starts could be accidents."""
 RARE_SHARE = 0.02
 """A move with a smaller share of the examples is rare, and the pilot must begin it `2 * STARTS`
 times. If a pilot drives straight for minutes, his few turns at a wall have little weight."""
 _SLIP_S, _MEANT_S = 0.35, 0.9
 """A press shorter than `_SLIP_S` seconds counts as a slip of the finger. A rare move is ignored
-until its presses, without slips, last `_MEANT_S` seconds in total. Without these limits the page
-would ask for a move that the pilot never meant."""
+until its presses, without slips, have lasted `_MEANT_S` seconds in total. Without these limits the
+page would ask for a move that the pilot never meant."""
 _FEWEST = 5
 """A move with fewer examples than this counts as unused, whatever its share of the examples."""
 BEFORE_S, AFTER_S = 0.5, 0.15
@@ -62,7 +62,7 @@ class Lesson:
         self._shown: set[Action] = set()
         self._meant_s: dict[Action, float] = defaultdict(float)
         self._try_s = 0.0
-        self._last = (-math.inf, Action.STOP)  # when a move was taught last, and which
+        self._last = (-math.inf, Action.STOP)  # the last move that was taught, and its time
         self._proposed: deque[tuple[float, Action | None]] = deque(maxlen=64)
         self.foreseen: deque[bool] = deque(maxlen=_CHANGES)
         # whether the robot knew each view of the last seconds of teaching
@@ -74,8 +74,8 @@ class Lesson:
         self.trial = TrialDrive()
 
     def note_carried(self) -> None:
-        """Begin a new trial, because the robot was moved to another place. At the new place the
-        robot has not driven yet, and the gaps of the old place do not apply."""
+        """Begin a new trial, because a person moved the robot to another place. There the robot has
+        not driven yet, and the gaps of the old place do not apply."""
         self._gaps.clear()
         self.trial = TrialDrive()
 
@@ -199,6 +199,6 @@ class Lesson:
         return gaps
 
     def _needs(self, move: Action) -> int:
-        """Return how often the pilot must begin this move before the first trial."""
+        """Return the number of times that the pilot must begin this move before the first trial."""
         is_rare = self._examples[move] < RARE_SHARE * self._examples.total()
         return 2 * STARTS if is_rare else STARTS

@@ -1,7 +1,7 @@
 """The robot's trail: who drove where, and where it asked for help, pushed or was corrected. Pure.
 
-A trail shows where one model was taught and drove, in one world; another model or world begins a
-new trail.
+A trail shows where one model was taught and drove, in one world. For another model or world, a new
+trail begins.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class Trail:
     def begin(self) -> None:
         """Begin a new trail. Only the loop's thread may call it."""
         self._points.clear()
-        self._n += 1  # clients see the new number of the trail, and drop their old points
+        self._n += 1  # the numbers no longer match, so clients drop their old points
 
     def since(self, number: int) -> tuple[int, list[Waypoint]]:
         """Return the points from `number` on, and the number of the first returned point.

@@ -1,7 +1,7 @@
 """The simulated body: its motion by wheels, and its collisions. Pure.
 
-Speeds are the paper's: 16 cm/s forward. In a turn one wheel drives backward at 4 cm/s and the other
-stands still. So the robot turns about the standing wheel, by 18.5 degrees a second.
+The speeds are those of the paper: 16 cm/s forward. In a turn one wheel drives backward at 4 cm/s,
+and the robot turns about the other wheel, which stands still, at 18.5 degrees a second.
 """
 
 from __future__ import annotations

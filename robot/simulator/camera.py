@@ -15,8 +15,8 @@ from robot.simulator.renderer import HEIGHT_PX, LARGE_HEIGHT_PX, LARGE_WIDTH_PX,
 from robot.types import Encoding, Frame
 
 _LONGEST_GAP_S = 0.25
-"""Longest step of the world after a pause, in seconds. So the world hardly jumps, even after the
-machine was suspended."""
+"""Longest step of the world after a pause, in seconds. The limit is low, so that the world hardly
+jumps even after the machine was suspended."""
 
 _USUAL_FRAMES = 10
 """The camera averages the shortest period over about this many pictures (an exponential moving
@@ -32,9 +32,9 @@ is the sum of two terms, but at most `_LONGEST_PERIOD_S`:
   when a picture is due until the camera begins to take it.
 
 `_USUALLY_LATE_S` is a lateness that is normal even if the computer is not busy: on some systems,
-timers are 8 ms late on average. All robots of a computer are equally late, so all take the same
-number of pictures. The lateness then stays near 20 ms. Commands then stay fast, too: each thread
-that handles a command is delayed about as much as a picture."""
+timers are 8 ms late on average. All robots on a computer are equally late, so all take the same
+number of pictures. With this rule the lateness stays near 20 ms. Commands also stay fast, because
+each thread that handles a command is delayed about as much as a picture."""
 _RESTING_STEP_S = 1.0
 """Period at which the world advances while no picture is needed, in seconds."""
 _EARLY_S = 0.01
@@ -124,8 +124,8 @@ class SimCamera(WorldCamera[SimDriver]):
 
     def _live(self) -> None:
         """Take pictures until the camera stops. If the computer simulates too many robots, each
-        robot takes fewer pictures, so that commands and a STOP are not late. At rest (see `rest`)
-        the camera takes pictures less often, but the world still advances once a second.
+        robot takes fewer pictures, so that commands and STOP are not late. At rest (see `rest`)
+        the camera takes pictures less often, but the world advances at least once a second.
         """
         taken_s = last_s = self.clock.now_s()
         due_s, least_s = last_s + self._period_s, 0.0
@@ -135,7 +135,7 @@ class SimCamera(WorldCamera[SimDriver]):
             if self._ending.is_set():
                 return
             now_s, every_s = self.clock.now_s(), self._every_s
-            due_s = min(due_s, now_s)  # a rest ends before its next step is due
+            due_s = min(due_s, now_s)  # a rest may end before its next step is due
             self._body.advance(min(now_s - last_s, _LONGEST_GAP_S))
             last_s = now_s
             if every_s:

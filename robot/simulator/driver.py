@@ -115,7 +115,7 @@ class SimDriver(Driver):
             self.simulation.action, self.simulation.point = Action.STOP, None
 
     def advance(self, dt_s: float) -> None:
-        """Advance the world by `dt_s` seconds; an action that nobody renewed in time ends."""
+        """Advance the world by `dt_s` seconds; an action that was not renewed in time ends."""
         with self._lock:
             moving_s = min(dt_s, self._left_s)
             if moving_s > 0:

@@ -1,4 +1,4 @@
-"""Renders the simulated camera's view by Panda3D's software renderer, without display or GPU.
+"""Renders the simulated camera's view with Panda3D's software renderer, without display or GPU.
 
 All renderers of a process share one engine. A lock lets only one renderer draw at a time, so any
 thread may use any renderer.
@@ -36,8 +36,8 @@ _CYLINDER_SIDES = 16
 
 
 _LOCK = threading.RLock()
-"""Lock that every call of Panda3D holds. Panda3D releases the GIL while it draws. Without the lock,
-two threads could draw at the same time, and some pixels would be wrong by one grey level."""
+"""Lock for all calls of Panda3D, which releases the GIL while it draws. Without the lock, two
+threads could draw at the same time, and some pixels would be wrong by one grey level."""
 _OWN_SETTINGS = """
 notify-level error
 audio-library-name null
@@ -171,7 +171,7 @@ class Renderer:
         node.setTexture(texture)
 
     def _add_thing(self, obstacle: Obstacle) -> Any:
-        """Add a thing, centred at its origin; a fixed thing is placed only once."""
+        """Add a thing: at its place if it is fixed, otherwise at the origin, to be moved later."""
         node = self._root.attachNewNode(obstacle.name)
         own = replace(obstacle, x_m=0.0, y_m=0.0, heading_rad=0.0)
         if not (obstacle.is_movable or obstacle.path):
@@ -269,7 +269,7 @@ def _floor_pixels(world: World, rng: np.random.Generator) -> NDArray[np.uint8]:
         coarse = rng.integers(0, len(colours), (_FLOOR_PX // 8, _FLOOR_PX // 8)).astype(np.uint8)
         picked = coarse.repeat(8, axis=0).repeat(8, axis=1)
     pixels = np.empty((_FLOOR_PX, _FLOOR_PX, 3), np.uint8)
-    # Few rows at a time: the process would never return the memory of large temporary arrays.
+    # A few rows at a time, because the process would never free the memory of larger arrays.
     for first in range(0, _FLOOR_PX, _FLOOR_ROWS):
         rows = slice(first, first + _FLOOR_ROWS)
         grain = rng.normal(0.0, 9.0, (_FLOOR_ROWS, _FLOOR_PX, 1))

@@ -26,9 +26,9 @@ DRIFT_S = 1.0
 
 
 _SLIP_SHARE, _PIXEL_NOISE = 0.04, 3.0
-"""Standard deviations of the noise of each wheel's speed, as a share of the speed, and of each
-pixel, of 255. The noise of the wheels is given for a step of 0.02 s. In shorter steps the standard
-deviation is larger. With an equal deviation, the noise would average out at high frame rates."""
+"""Standard deviations of the noise: of each wheel's speed, as a share of the speed, and of each
+pixel, in levels of 255. The value for the wheels applies to a step of 0.02 s. In shorter steps the
+deviation is larger, because otherwise the noise would average out at high frame rates."""
 
 
 class Simulation:
@@ -37,11 +37,11 @@ class Simulation:
     Args:
         world: The world that the robot is in.
         seed: Determines the start pose, the floor pattern and the noise.
-        is_noisy: False for a perfect world.
+        is_noisy: False for a world without noise.
 
     Attributes:
         drift_share: Standard deviation of a slow drift of the wheels on straight moves, as a share
-            of their speed: one wheel turns faster, the other slower. 0 means no drift.
+            of their speed: one wheel turns faster, the other slower. With 0 there is no drift.
         sensors: The robot's sensors.
         contacts_rad: Bearings at which the body touches something, relative to straight ahead.
         action: The current move.
@@ -91,8 +91,8 @@ class Simulation:
 
     @property
     def shown_world(self) -> World:
-        """The world to show: the current world, or a newly chosen world that the simulation has not
-        entered yet."""
+        """The world to show: the current world, or one that was chosen but that the simulation has
+        not entered yet."""
         chosen = self.first_world
         return self.world if chosen is self._entered else chosen
 

@@ -57,7 +57,7 @@ def _yield_to(thing: Obstacle, world: World, robot: Pose) -> Obstacle:
         return thing
     normal_x, normal_y, depth_m = overlap
     pushed = replace(thing, x_m=thing.x_m - normal_x * depth_m, y_m=thing.y_m - normal_y * depth_m)
-    # A push beside the centre of the object also turns it, because it acts at the point of contact.
+    # A push acts at the point of contact, so a push beside the thing's centre also turns the thing.
     arm_x = robot.x_m - normal_x * RADIUS_M - thing.x_m
     arm_y = robot.y_m - normal_y * RADIUS_M - thing.y_m
     reach_m = math.hypot(thing.width_m, thing.depth_m) / 2

@@ -30,8 +30,8 @@ WALLS = ("south", "east", "north", "west")
 class Obstacle:
     """A thing in the room. A cylinder's `width_m` is its diameter.
 
-    The robot can push the thing if `is_movable`. A thing with a closed `path` moves along it;
-    `gone_m` is the distance moved so far.
+    The robot can push the thing if `is_movable` is True. A thing with a closed `path` moves along
+    this path; `gone_m` is the distance moved so far.
     """
 
     name: str

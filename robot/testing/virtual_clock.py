@@ -1,4 +1,4 @@
-"""A discrete-event clock: threads and tasks wait in it, and it jumps to the next event."""
+"""A discrete-event clock: threads and tasks wait on it, and it jumps to the next event."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robot.clock import Clock, Worker
 
 _T = TypeVar("_T")
 WALL_START_S = 1_700_000_000.0
-"""Wall-clock time at the start of a virtual clock, in seconds since 1970. This time is equal in all
+"""Wall-clock time at the start of a virtual clock, in seconds since 1970. It is the same in all
 runs."""
 
 
@@ -70,7 +70,7 @@ class VirtualClock(Clock):
 
     def _base_s(self) -> float:
         """Return the clock's time without the seconds that `advance` has added. While threads run,
-        the time of the event loop may lag behind this clock's."""
+        the event loop's time may lag behind the clock's time."""
         event_loop = self._event_loop
         return self._now_s if event_loop is None else max(self._now_s, event_loop.now_s)
 
@@ -160,7 +160,7 @@ class VirtualClock(Clock):
         All `asyncio` waits in these programs are virtual.
         """
         if self._event_loop is not None:
-            raise RuntimeError("an event loop runs on this clock already")
+            raise RuntimeError("an event loop already runs on this clock")
         event_loop = self._event_loop = _JumpingEventLoop(self)
         try:
             with asyncio.Runner(loop_factory=lambda: event_loop) as runner:
@@ -240,7 +240,7 @@ class _JumpingEventLoop(asyncio.SelectorEventLoop):
     def call_soon_threadsafe(  # type: ignore[override]
         self, callback: Any, *args: Any, context: Any = None
     ) -> asyncio.Handle:
-        """Wake the loop by an event, because its selector does not poll asyncio's socket."""
+        """Wake the loop with an event, because its selector does not poll asyncio's socket."""
         self._clock._event_loop_woken.set()
         return self.call_soon(callback, *args, context=context)
 
