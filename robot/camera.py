@@ -68,7 +68,7 @@ class Camera(StartStop):
 
         @property
         def device(self) -> str:
-            """The device that a search found, such as `C270 (serial number A17)`, else empty."""
+            """The device that a search found, such as `C270 (serial number A17)`, or empty."""
     else:
         device = ""  # not a property: a plugin may set an attribute of this name
 
@@ -118,9 +118,9 @@ class Camera(StartStop):
         """Set the period at which pictures are needed until the next call, in seconds. Never
         blocks.
 
-        If 0, all pictures are needed, the next one immediately. If infinite, no picture is needed.
-        A camera that renders pictures skips unneeded ones; a camera that relays a device's pictures
-        can ignore the period.
+        With 0, all pictures are needed, and the next one immediately. With infinity, no picture is
+        needed. A camera that renders pictures skips unneeded pictures; a camera that relays a
+        device's pictures can ignore the period.
         """
 
     def listen(self, on_frame: Callable[[], None] | None) -> None:
@@ -138,7 +138,7 @@ class Camera(StartStop):
             taken = Frame(
                 frame_id=self._last_frame_id,
                 captured_s=min(self.clock.now_s(), captured_s),
-                width=int(width),  # a plugin may pass the numbers of NumPy
+                width=int(width),  # a plugin may pass NumPy numbers
                 height=int(height),
                 encoding=Encoding(encoding),
                 data=bytes(data),  # a copy, because a plugin may pass an array and reuse it

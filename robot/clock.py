@@ -1,4 +1,4 @@
-"""The clock by which all code reads the time and waits; it is passed as an argument.
+"""The clock with which all code reads the time and waits; it is passed as an argument.
 
 In real time the clock simply waits. In virtual time a wait takes no time, because the clock jumps
 to the next event: `robot/testing/virtual_clock.py`.
@@ -65,4 +65,4 @@ class Clock:
 
 
 RealClock = Clock
-"""`Clock` under a name that says that the code works only in real time."""
+"""Another name of `Clock`, for code that works only in real time."""

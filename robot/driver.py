@@ -13,16 +13,16 @@ from robot.types import DEFAULT_MOVES, Action, Mode, Point, Prediction
 
 ACTION_TIMEOUT_S = 0.4
 """Duration of one `send_action`, in seconds. The body ends each move by itself after this time, so
-motors stop even if Python dies. The gate stops a silent pilot sooner, after 0.3 s."""
+motors stop even if Python dies. If the pilot is silent, the gate stops the robot after 0.3 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pose:
     """The robot's position and heading, in metres and radians.
 
-    In a virtual world the pose is the true one, in the world's coordinates. For a real robot the
-    pose is an estimate from the wheels, relative to the pose at the time of connecting; the
-    estimate drifts.
+    In a virtual world the pose is exact, in the world's coordinates. For a real robot the pose is
+    an estimate from the wheels, relative to the pose at the time of connecting. This estimate
+    drifts.
     """
 
     x_m: float
@@ -44,7 +44,7 @@ class Game:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensors:
     """Readings of all sensors except the camera. A reading is None if its sensor is missing. NaN
-    and infinity become None, because some drivers report infinity for "out of reach"."""
+    and infinity become None, because some drivers report infinity for "out of range"."""
 
     distance_m: float | None = None
     bumped: bool | None = None
@@ -55,7 +55,7 @@ class Sensors:
     game: Game | None = None
 
     def __post_init__(self) -> None:
-        """Convert numbers to Python's, to send and save them. Refuse readings of a wrong type."""
+        """Convert readings to Python's own types, for JSON. Refuse readings of a wrong type."""
         pose, game, change = self.pose, self.game, object.__setattr__
         for name in ("distance_m", "battery_share"):
             if (number := getattr(self, name)) is not None:
@@ -67,7 +67,7 @@ class Sensors:
         change(self, "bumped", None if self.bumped is None else bool(self.bumped))
         change(self, "bumpers", tuple(map(bool, self.bumpers)))
         if game is not None and not isinstance(game, Game):
-            raise TypeError(f"the game of the sensors is {game!r}")
+            raise TypeError(f"Sensors.game must be a Game, not {game!r}")
 
 
 class Correction:
@@ -94,7 +94,7 @@ class Correction:
         return values
 
     def wheels(self, turned: tuple[float, float]) -> tuple[float, float]:
-        """Return how far the robot's left and right wheel turned, from the motors' counts."""
+        """Return how far the robot's left and right wheel turned, given the motors' counts."""
         return turned
 
 
@@ -148,7 +148,7 @@ class Driver(ABC):
 
         @property
         def device(self) -> str:
-            """The device that a search found, such as `'Anna' (00:16:53:00:00:01)`, else empty."""
+            """The device that a search found, such as `'Anna' (00:16:53:00:00:01)`, or empty."""
     else:
         device = ""  # not a property: a plugin may set an attribute of this name
 
@@ -165,7 +165,7 @@ class Driver(ABC):
 
     @property
     def takes_advice(self) -> bool:
-        """True if `advise` gets each prediction, also while the pilot drives."""
+        """True if `advise` gets each prediction, even while the pilot drives."""
         return False
 
     @property
@@ -233,7 +233,7 @@ class Driver(ABC):
         self.correction = correction
 
     def move_of(self, point: Point) -> Action:
-        """Return the body's declared move that a point is nearest to (`move_at`), or STOP."""
+        """Return the declared move that is nearest to a point (`move_at`), or STOP if none is."""
         return move_at(point, self.declared_moves) or Action.STOP
 
     @abstractmethod
@@ -253,15 +253,15 @@ class Driver(ABC):
             raise ValueError(f"speed_scale must lie in (0, 1], not {speed_scale}")
 
     def take_button(self) -> BodyButton | None:
-        """Return the request of a button that was pressed since the last call, else None. Most
-        bodies have no buttons."""
+        """Return the request of a button that was pressed since the last call, or None. Most bodies
+        have no buttons."""
         return None
 
     def advise(self, prediction: Prediction) -> None:  # noqa: B027
         """Receive the learner's prediction on the newest frame; must return immediately and not
         raise."""
 
-    def announce(self, address: str) -> None:  # noqa: B027 - a body without a screen says nothing
+    def announce(self, address: str) -> None:  # noqa: B027 - a body without a screen does nothing
         """Receive the page's address, for bodies that can show an address; called before
         `connect`."""
 

@@ -72,7 +72,7 @@ class PluginError(RobotError, LookupError):
 
 
 class NotConnectedError(RobotError, ConnectionError):
-    """Somebody called a driver before `connect` or after `disconnect`."""
+    """A driver was called before `connect` or after `disconnect`."""
 
 
 class DriveError(RobotError, OSError):
@@ -104,7 +104,7 @@ def reason(error: BaseException) -> str:
 def told_as(
     kind: type[Exception], what: str, *errors: type[Exception], do: str = ""
 ) -> Iterator[None]:
-    """Convert `errors` (or OSErrors) to `kind`, and say what failed, why, and what to do."""
+    """Convert `errors` (by default OSError) to `kind`: what failed, why, and what to do."""
     caught = errors or (OSError,)
     try:
         yield

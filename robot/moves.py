@@ -57,7 +57,7 @@ class Move:
         if any(not text or len(text) > _LONGEST_LABEL for text in self.labels.values()):
             raise ValueError(f"the label of {self.name!r} must have 1 to {_LONGEST_LABEL} letters")
         if len(self.icon) > _LONGEST_ICON or len(self.does) > _LONGEST_MEANING:
-            raise ValueError(f"the icon or the meaning of {self.name!r} is too long")
+            raise ValueError(f"the `icon` or `does` of {self.name!r} is too long")
         if (self.steering is None) != (self.throttle is None):
             raise ValueError(f"{self.name!r} needs both steering and throttle, or neither")
         for name in ("steering", "throttle") if self.steering is not None else ():

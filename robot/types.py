@@ -1,7 +1,7 @@
 """The data types that every part of the robot shares.
 
-Units and signs, stated once: lengths are in metres, times in seconds on a monotonic clock, angles
-in radians. Counter-clockwise and forward are positive. The name of a plain number ends in its unit.
+Units and signs: lengths are in metres, times in seconds on a monotonic clock, angles in radians.
+Counter-clockwise and forward are positive. The name of a plain number ends in its unit.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class Action(str):
     """A command to the motors, by name. All actions except STOP are moves; a learner learns moves.
 
     Drivers can declare more moves (`robot.moves`). A name is a lower-case letter, then up to 31
-    letters, digits or underscores. There is one object for each name, also after pickling and
+    letters, digits or underscores. There is only one object for each name, even after pickling and
     copying, so `is` and `==` are equivalent.
 
     Raises:
@@ -227,7 +227,7 @@ class Example:
 
 
 class StartStop(ABC):
-    """Base of parts that start when a `with` block is entered and stop when it is left."""
+    """Base class of parts that start when a `with` block is entered, and stop when it is left."""
 
     @abstractmethod
     def start(self) -> None:

@@ -32,7 +32,7 @@ _JPEG_QUALITY = 90
 Pair = tuple[float, float]
 _OTHER = {"left": "right", "right": "left"}
 _NOT_CORRECTED = {
-    "reverse": "its own program turns the motors, so reverse them there",
+    "reverse": "its own program turns the motors, so reverse them in that program",
     "swap_sides": "it has no moves that steer left and right",
     "trim": "it is not steered proportionally",
 }
@@ -47,7 +47,7 @@ class BodyCorrection(Correction):
     Args:
         reverse: The motors that turn in the wrong direction: `none`, `left`, `right` or `both`,
             named as in the driver's options.
-        swap_sides: The left motor is plugged in at the right, and the right motor at the left.
+        swap_sides: True if the left and the right motor are plugged in at each other's port.
         trim: Steering that is added when the robot should drive straight, as a share of full lock.
             A positive trim steers to the right, for a robot that pulls to the left.
 
@@ -112,8 +112,8 @@ class BodyCorrection(Correction):
         return Point(-steering if self.swap_sides else steering, throttle)
 
     def motors(self, values: Pair) -> Pair:
-        """Return the values for both motors with corrected signs. `point` corrects swapped sides,
-        not this function."""
+        """Return the values for both motors with corrected signs. Swapped sides are corrected by
+        `point`, not by this function."""
         return values[0] * self.signs[0], values[1] * self.signs[1]
 
     def wheels(self, turned: Pair) -> Pair:
@@ -189,7 +189,7 @@ class CameraCorrection(Mounting):
             return picture
         try:
             return _TURNS[picture.encoding](self, picture)
-        except ValueError:  # the picture's length is wrong, as its reader will report
+        except ValueError:  # the data has a wrong length, which the picture's reader will report
             return picture
 
     def _turned(self, pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -276,7 +276,7 @@ class Corrections:
         """Stop the robot, and correct body and camera. Runs on the loop's thread between two ticks.
 
         Raises:
-            ConfigurationError: If a correction does not apply; no correction is then changed.
+            ConfigurationError: If a correction does not apply. Then no correction is changed.
             DriveError: If the body refuses the correction.
         """
         check_correction(rig.driver, self.body)

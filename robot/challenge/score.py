@@ -86,9 +86,9 @@ class Score:
             self._backward_m += length_m
 
     def _add_stretch(self, stretch: _Stretch) -> None:
-        """Add a stretch to the current straight run, or to a new run if the stretch's direction
-        differs too much from that of the stretch before. A run's first stretch is counted only when
-        the second one is added, because a single stretch does not count."""
+        """Add a stretch to the current straight run, or to a new run if its direction differs too
+        much from that of the previous stretch. A run's first stretch is counted only when the
+        second one is added, because a single stretch does not count."""
         if self._run and _angle(self._run[-1].way_rad, stretch.way_rad) > _ONWARD_RAD:
             self._run = []
         self._run.append(stretch)

@@ -1,8 +1,8 @@
 """A challenge: three tries of a minute, in which the robot drives by itself. Pure.
 
 A person arms a try, which begins when the robot drives by itself. The try ends when the pilot takes
-the wheel, when the robot bumps, asks for help or is stopped, or after `TRY_S`. A try that stops
-before it has scored, for example because of a slow link, does not count. The best try counts.
+the wheel, when the robot hits something, asks for help or is stopped, or after `TRY_S`. A try that
+is stopped before it scores, for example by a slow link, does not count. The best try counts.
 """
 
 from __future__ import annotations

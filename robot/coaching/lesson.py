@@ -1,7 +1,7 @@
 """Follows a lesson tick by tick: what was taught, what the robot tried, and what went wrong. Pure.
 
 Each mistake becomes a `Gap`: the move to show the robot, with a picture of the place. The first
-trial does not begin before the pilot has started each of the moves in use several times.
+trial drive does not begin before the pilot has started each move in use several times.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from robot.policy.events import Replaced, Taught, Undone
 from robot.types import Action, DrivenBy, Frame
 
 TAUGHT_S = 40.0
-"""Teaching time before the first trial, in seconds, unless the trial can begin early."""
+"""Teaching time before the first trial drive, in seconds, unless it can begin early."""
 EARLY_S, EARLY_STARTS, EARLY_KNOWN = 20.0, 4, 0.9
-"""Conditions of an early first trial: 20 s of teaching, four starts of each move in use, and a
-robot that knew 90 % of the views of the last ten seconds. After this teaching, robots foresee few
+"""Conditions of an early first trial drive: 20 s of teaching, four starts of each move in use, and
+a robot that knew 90 % of the views of the last ten seconds. After this teaching, robots foresee few
 changes of move, but they can drive by themselves for a minute.
 """
 STARTS = 3
-"""Number of times that the pilot must have started each move in use before the first trial. Fewer
-starts could be accidents."""
+"""Number of times that the pilot must have started each move in use before the first trial drive.
+Fewer starts could be accidents."""
 RARE_SHARE = 0.02
 """A move with a smaller share of the examples is rare, and the pilot must begin it `2 * STARTS`
 times. If a pilot drives straight for minutes, his few turns at a wall have little weight."""
@@ -54,7 +54,7 @@ class Lesson:
 
     def _begin(self) -> None:
         self._taught_s = 0.0
-        self._is_taught = False  # true once the pilot has taught enough for a trial
+        self._is_taught = False  # true once the pilot has taught enough for a trial drive
         self._rare: list[Action] = []  # moves of the lesson that the pilot began too few times
         self._examples: Counter[Action] = Counter()
         self._starts: Counter[Action] = Counter()
@@ -74,8 +74,8 @@ class Lesson:
         self.trial = TrialDrive()
 
     def note_carried(self) -> None:
-        """Begin a new trial, because a person moved the robot to another place. There the robot has
-        not driven yet, and the gaps of the old place do not apply."""
+        """Begin a new trial drive, because a person moved the robot to another place. There the
+        robot has not driven yet, and the gaps of the old place do not apply."""
         self._gaps.clear()
         self.trial = TrialDrive()
 
@@ -199,6 +199,6 @@ class Lesson:
         return gaps
 
     def _needs(self, move: Action) -> int:
-        """Return the number of times that the pilot must begin this move before the first trial."""
+        """Return the number of times that the pilot must begin this move before a trial drive."""
         is_rare = self._examples[move] < RARE_SHARE * self._examples.total()
         return 2 * STARTS if is_rare else STARTS

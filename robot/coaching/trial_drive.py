@@ -1,8 +1,8 @@
-"""A trial: the robot drives by itself, and the pilot stays ready to correct. Pure.
+"""A trial drive: the robot drives by itself, and the pilot is ready to correct it. Pure.
 
-A trial judges whether the robot is ready. Agreement predicts little, since most frames resemble the
-frames before them. The best predictor is a short trial. Its time counts while nothing goes
-wrong: no correction, no collision, no call for help, and few unknown views.
+A trial drive shows whether the robot is ready. Agreement is a poor predictor, because most frames
+resemble the frames before them. The time of a trial drive counts while nothing goes wrong: no
+correction, no collision, no call for help, and few unknown views.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from robot.types import Action, StopReason
 CLEAN_S = 45.0
 """Time for which a robot must drive without a mistake to be ready, in seconds."""
 NOVEL_SHARE = 0.015
-"""Largest share of hardly known views (`HARDLY_KNOWN`) in the trial of a ready robot."""
+"""Largest share of hardly known views (`HARDLY_KNOWN`) in the trial drive of a ready robot."""
 HARDLY_KNOWN = 0.8
 """Novelty from which a view counts as hardly known. Above 1 the robot asks for help, and a robot
-that comes near to 1 in a trial will probably ask later."""
+that comes near to 1 in a trial drive will probably ask later."""
 PUSHED_S = 0.3
 FORGOTTEN_S = 2 * CLEAN_S
-"""Duration in seconds after which a trial's times are halved, because what the robot did long ago
-says little about its present abilities."""
+"""Duration in seconds after which a trial drive's times are halved, because what the robot did long
+ago says little about its present abilities."""
 
 
 class TrialDrive:
@@ -31,8 +31,8 @@ class TrialDrive:
         self.clean_s = self._novel_s = self._stalled_s = 0.0
 
     def note(self, tick: Tick, step_s: float) -> GapKind | None:
-        """Count one tick; return what went wrong in it, else None. A collision or a call for help
-        ends the trial; a hardly known view (`HARDLY_KNOWN`) does not."""
+        """Count one tick; return what went wrong in it, or None. A collision or a call for help
+        ends the trial drive; a hardly known view (`HARDLY_KNOWN`) does not."""
         prediction = tick.prediction
         if tick.decision.stop_reason is StopReason.NEEDS_HELP:
             return GapKind.HELPLESS

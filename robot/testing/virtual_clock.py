@@ -61,7 +61,7 @@ class VirtualClock(Clock):
         return now_s + self._ahead_s
 
     def wall_s(self) -> float:
-        """Return seconds since 1970, which advance with `now_s` and jump only by `set_wall`."""
+        """Return seconds since 1970, which advance with `now_s`; `set_wall` makes them jump."""
         return self.now_s() + self._wall_ahead_s
 
     def set_wall(self, wall_s: float) -> None:
