@@ -233,7 +233,7 @@ class Driver(ABC):
         self.correction = correction
 
     def move_of(self, point: Point) -> Action:
-        """Return the declared move that is nearest to a point (`move_at`), or STOP if none is."""
+        """Return the declared move nearest to a point (`move_at`), or STOP if there is none."""
         return move_at(point, self.declared_moves) or Action.STOP
 
     @abstractmethod

@@ -104,7 +104,7 @@ def reason(error: BaseException) -> str:
 def told_as(
     kind: type[Exception], what: str, *errors: type[Exception], do: str = ""
 ) -> Iterator[None]:
-    """Convert `errors` (by default OSError) to `kind`: what failed, why, and what to do."""
+    """Convert `errors` (OSError by default) to a `kind` that says what failed and what to do."""
     caught = errors or (OSError,)
     try:
         yield

@@ -117,7 +117,7 @@ class BodyCorrection(Correction):
         return values[0] * self.signs[0], values[1] * self.signs[1]
 
     def wheels(self, turned: Pair) -> Pair:
-        """Return how far the robot's left and right wheel turned, from the motors' counts."""
+        """Return how far the robot's left and right wheel turned, given the motors' counts."""
         left, right = self.motors(turned)
         return (right, left) if self.swap_sides else (left, right)
 

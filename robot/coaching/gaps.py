@@ -21,7 +21,7 @@ class GapKind(StrEnum):
 
     TOO_SHORT = "too_short"  # more teaching is needed
     RARE_MOVE = "rare_move"  # this move was begun too few times
-    UNFORESEEN = "unforeseen"  # the robot proposed another move when the pilot changed to this one
+    UNFORESEEN = "unforeseen"  # the pilot changed to this move, but the robot proposed another
     CORRECTED = "corrected"  # the pilot took the wheel here
     PUSHED = "pushed"  # the robot drove against an obstacle here
     HELPLESS = "helpless"  # the robot found no way out here

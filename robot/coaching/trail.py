@@ -74,7 +74,7 @@ class Trail:
         """Return the points from `number` on, and the number of the first returned point.
 
         A client requests the number after its newest point, and appends the answer. If old points
-        were dropped or a new trail began, all points are returned, from another number on.
+        were dropped or a new trail began, all points are returned, with another first number.
         """
         points = list(self._points)
         first = self._n - len(points)

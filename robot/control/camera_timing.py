@@ -21,7 +21,7 @@ SLOW_PERIOD_S = 0.75
 """Period in seconds above which a camera is reported as too slow. Nobody can steer with so few
 pictures. Webcams usually deliver ten to thirty pictures a second."""
 _LEAST_SCALE = 0.05
-"""Lower bound of the speed scale. Bodies refuse a scale of 0, and no camera needs a lower one."""
+"""Lower bound of the speed scale. Bodies refuse a scale of 0. No camera needs a lower scale."""
 
 
 class CameraTiming:

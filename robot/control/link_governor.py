@@ -20,7 +20,7 @@ _FADES = 0.9
 def age_of_link_s(
     picture_age_s: float, reported_age_s: float | None, phone_s: float | None = None
 ) -> float:
-    """Return the delay by which to judge the link: the picture's or the command's, the larger one.
+    """Return the link's delay: that of the picture or that of the command, whichever is larger.
 
     `picture_age_s` is the time from the picture's arrival at the loop until the command's arrival.
     `reported_age_s` is the page's estimate of the picture's age when the command was sent; if it is
@@ -105,7 +105,7 @@ class LinkGovernor:
         self._lateness_s = max(late_s, self._lateness_s * (1.0 if is_to_blame else _FADES))
 
     def state(self, now_s: float, slack_s: float = 0.0) -> LinkState:
-        """Return the limits; `blind_in_s` explains the arguments. A blind pilot's robot stops."""
+        """Return the limits; see `blind_in_s` for the arguments. A blind pilot must not drive."""
         level, is_busy = self.level, self._lateness_s > self.config.busy_s
         is_free = level in (LinkLevel.GOOD, LinkLevel.SLOW) and not is_busy
         return LinkState(

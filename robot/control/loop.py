@@ -123,7 +123,7 @@ class ControlLoop:
         """Queue a pilot command, and wake the loop if the command changes the held move.
 
         While the robot may move and the camera is slow, every command wakes the loop, because each
-        tick can send a state with a new nonce. A command that contains the nonce was sent later.
+        tick can send a state with a new nonce, which proves that the next command was sent later.
         """
         held = command.held, command.point
         is_slow = self._cycle.timing.state.period_s > self.config.longest_wait_s

@@ -39,7 +39,7 @@ class LinkState:
     """True if this computer is late; the link may be fast."""
     must_stop: bool = False
     may_learn: bool = True
-    """True if labels reach the right pictures, so that the robot may learn."""
+    """True if the robot may learn, because labels belong to the right pictures."""
     speed_scale: float = 1.0
     """Share of full speed that is allowed."""
 

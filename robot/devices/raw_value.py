@@ -137,7 +137,7 @@ def _description(kind: type[BaseModel], name: str) -> str | None:
 
 
 def _is_same(given: Any, read: Any) -> bool:
-    """True if only integers were converted, to floats. False for text with lone surrogates."""
+    """True if nothing was converted, except integers to floats. False for lone surrogates."""
     if isinstance(given, list):
         return all(map(_is_same, given, read))
     if isinstance(given, str):

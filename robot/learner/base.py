@@ -244,6 +244,6 @@ class Learner(Protocol):
 
 
 class BaseLearner(Learner):
-    """Base class for learners without images or other `abilities`. Define the abstract methods."""
+    """Base class for learners without `abilities`; subclasses implement the abstract methods."""
 
     n_nodes_ = 0

@@ -104,7 +104,7 @@ class Images(Stateful):
         self._set_origin(np.zeros(0, np.float32))
 
     def begin(self, x: Vector) -> None:
-        """Set length and origin from the first vector. Raises ValueError if it is too large."""
+        """Set length and origin from vector `x`. Raises ValueError if its values are too large."""
         origin = checked_vector(x).astype(np.float32)
         if not 0.5 * float(origin.dot(origin)) < MOST_NORM:
             raise ValueError("the vector holds values that are too large")

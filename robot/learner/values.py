@@ -7,7 +7,7 @@ from typing import Any
 
 LARGEST, WHOLE = 1e12, 2**53
 MOST_NAMES = 10_000
-"""Maximum number of names; no body has as many moves."""
+"""Maximum number of names; no body has that many moves."""
 
 Names = Mapping[str, str]
 """The names of labels and moves that a model may use, each with the robot's own name for it. An

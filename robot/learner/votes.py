@@ -16,7 +16,7 @@ from robot.learner.part import Array, Stateful, Value
 from robot.learner.values import WHOLE, count
 
 _DOUBT = 0.5
-"""Rate at which confidence falls as novelty rises above 1. At novelty 3 it is half as certain."""
+"""Rate at which confidence falls as novelty rises above 1. At novelty 3, half of it is left."""
 Floats = NDArray[np.float64]
 Distances = NDArray[np.float32] | NDArray[np.float64]
 
@@ -126,7 +126,7 @@ def shares(votes: Floats) -> Floats:
 
 
 HELD_OUT = 20
-"""Number of latest examples whose nodes novelty ignores, because successive frames are almost the
+"""Novelty ignores the nodes of this many latest examples, because successive frames are almost the
 same. At ten examples a second, these examples cover 2 s."""
 _FEWEST, _MEMORY = 30, 600
 """Minimum and maximum number of earlier distances with which a view's distance is compared."""
@@ -227,7 +227,7 @@ class ChangeOfMind(Stateful):
     """Detects that the pilot has changed his mind and relabels the same views again and again.
 
     If the pilot stops using a label, this does not prove a change of mind: perhaps he has only
-    turned round to drive back. A single contradiction does not prove a change of mind either,
+    turned around to drive back. A single contradiction does not prove a change of mind either,
     because a view where a turn begins can be labelled as straight in one lap and as a turn in the
     next. So an example contradicts another label only if that label's images are about as near as
     the images of the example's own label, and clearly nearer than those of the usual label. After a

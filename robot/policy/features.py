@@ -36,7 +36,7 @@ class Features(Protocol):
         ...
 
     def grey(self, x: Vector) -> NDArray[np.uint8]:
-        """Return the vector's grey values, shape (1200,); their contrast may be reduced."""
+        """Return the vector's grey values, shape (n,); contrast and resolution may be reduced."""
         ...
 
     def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:

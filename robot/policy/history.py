@@ -23,7 +23,7 @@ SNAPSHOT_EVERY_S = 10.0
 UNDO_HORIZON_S = 35.0
 """Teaching time that can be undone, in seconds."""
 _LONGEST_STEP_S = 0.5
-"""Longest gap between two examples that is no pause, in seconds; a pause counts as this long."""
+"""Maximum teaching time between two examples, in seconds. A longer gap counts as a pause."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

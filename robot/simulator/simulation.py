@@ -27,8 +27,8 @@ DRIFT_S = 1.0
 
 _SLIP_SHARE, _PIXEL_NOISE = 0.04, 3.0
 """Standard deviations of the noise: of each wheel's speed, as a share of the speed, and of each
-pixel, in levels of 255. The value for the wheels applies to a step of 0.02 s. In shorter steps the
-deviation is larger, because otherwise the noise would average out at high frame rates."""
+pixel, where 255 is white. The value for the wheels applies to a step of 0.02 s. In shorter steps
+the deviation is larger, because otherwise the noise would average out at high frame rates."""
 
 
 class Simulation:

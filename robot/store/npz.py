@@ -73,7 +73,7 @@ def _read_array(data: memoryview) -> NDArray[Any]:
 
 
 def write_arrays(arrays: Mapping[str, NDArray[Any]], *, is_packed: bool = False) -> bytes:
-    """Return the bytes of an `.npz` with these arrays, without pickles; `is_packed` compresses."""
+    """Return the bytes of an `.npz` with these arrays, never pickled; compressed if `is_packed`."""
     file = io.BytesIO()
     packing = zipfile.ZIP_DEFLATED if is_packed else zipfile.ZIP_STORED
     with zipfile.ZipFile(file, "w", packing, compresslevel=1) as archive:

@@ -118,7 +118,7 @@ class Autosave:
             return name
 
     def load_last(self, learner: str | None = None) -> str | None:
-        """Load the model that was used last, or else the newest valid one; return its name."""
+        """Load the model used last, or else the newest valid model; return its name, or None."""
         self.save_if_changed()
         if self.has_unsaved:
             return self.name
@@ -221,7 +221,7 @@ class Autosave:
         self.announce("model_loaded", model=name)
 
     def delete(self, name: str) -> str:
-        """Delete a model. If it is in use, the robot keeps the learner, as a model without name."""
+        """Delete a model. If it is in use, the robot keeps the learner as an unnamed model."""
         with self.lock:
             if self.name == name and self.has_unsaved:
                 self.save()

@@ -155,7 +155,7 @@ def _bases(run: _Run, store: ModelStore) -> Iterator[tuple[int, bool, Model, str
 
 
 def _is_saved(model: Model, name: str | None, store: ModelStore, *, among_all: bool) -> bool:
-    """True if `model` equals the newest valid version of this name, or any with `among_all`."""
+    """True if `model` equals this name's newest valid version; with `among_all`, any version."""
     versions = store.sound_versions(name) if name is not None else iter(())
     kept = versions if among_all else islice(versions, 1)
     return any(same_nodes(one.state, model.state) for one in kept)

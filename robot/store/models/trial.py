@@ -1,8 +1,8 @@
 """Tries an untrusted model before it is accepted: it must match its summary, drive, and learn.
 
 The content of each part of the model must match its declaration (`robot/learner/part.py`). Memory
-is not allocated for the lengths that a model declares. After all checks, a copy of the model drives
-and learns on a few pictures.
+is never allocated according to lengths that the model declares. After all checks, a copy of the
+model drives and learns on a few pictures.
 """
 
 from __future__ import annotations
