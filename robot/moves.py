@@ -55,7 +55,7 @@ class Move:
         if self.name is Action.STOP:
             raise ValueError("do not list 'stop' as a move: every robot can stop without it")
         if any(not text or len(text) > _LONGEST_LABEL for text in self.labels.values()):
-            raise ValueError(f"the label of {self.name!r} must have 1 to {_LONGEST_LABEL} letters")
+            raise ValueError(f"the label of {self.name!r} needs 1 to {_LONGEST_LABEL} characters")
         if len(self.icon) > _LONGEST_ICON or len(self.does) > _LONGEST_MEANING:
             raise ValueError(f"the `icon` or `does` of {self.name!r} is too long")
         if (self.steering is None) != (self.throttle is None):

@@ -2,8 +2,8 @@
 
 The path is divided into stretches of `STRETCH_M`, measured in a straight line. A stretch counts if
 the robot drove it forward and nearly straight, and if the previous or the next stretch has nearly
-the same direction. So a robot scores nothing by standing, by turning on the spot, or by driving
-circles narrower than the smallest box. Metres driven backward are subtracted. If the robot drives
+the same direction. So a robot scores nothing by standing still, by spinning, or by driving in
+circles smaller than the smallest box. Metres driven backward are subtracted. If the robot drives
 back over a stretch, the stretch's score is subtracted, and the stretch never counts again. So a
 robot that drives back and forth scores nothing. A stretch that the robot repeats in the same
 direction scores half of its length the second time, and one third of its length the third time. So

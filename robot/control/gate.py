@@ -6,7 +6,7 @@ The rules, in order of priority:
 2. Anything in doubt (pilot gone or silent, picture stale, camera or drive faulty) *trips* the
    gate: the mode falls to STOPPED, the reason is stored, and the gate waits for an explicit start.
    The mode never falls through to AUTONOMOUS.
-3. The pilot's move has priority over the robot's, in both moving modes.
+3. The pilot's move has priority over the robot's, in TRAIN and in AUTONOMOUS.
 4. In AUTONOMOUS the robot drives while the pilot holds no move; when the pilot lets go, the robot
    drives again.
 """

@@ -112,7 +112,7 @@ def kind_of(hint: Any) -> str:
 def explain(kind: type[BaseModel] | None, loc: Sequence[str | int]) -> str:
     """Return the sentence for a refused value: its name, and the valid values."""
     if not loc or kind is None:
-        return "The body must be a JSON object."
+        return "The data must be a JSON object."
     return f"{loc[0]!r} must be {_description(kind, str(loc[0])) or 'left out'}."
 
 

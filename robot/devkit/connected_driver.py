@@ -74,7 +74,7 @@ class ConnectedDriver(Driver, Generic[_C]):
         self.__opening = self.__clock.lock()
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Refuse a subclass whose method accidentally replaces one of the base class.
+        """Refuse a subclass in which a method accidentally replaces one of the base class.
 
         Raises:
             TypeError: If an overriding method does not accept the overridden method's arguments.

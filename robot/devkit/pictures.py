@@ -61,7 +61,7 @@ def read_picture(data: bytes, name: str) -> Picture:
     width, height = size
     if not (0 < width <= MAX_SIDE_PX and 0 < height <= MAX_SIDE_PX):
         raise RecordingError(
-            f"{name} claims to be {width}x{height} pixels, more than the {MAX_SIDE_PX} allowed"
+            f"{name} has {width}x{height} pixels, but each side may have at most {MAX_SIDE_PX}"
         )
     if not _has_end(data):
         raise RecordingError(f"{name} is a damaged picture: its end is missing")

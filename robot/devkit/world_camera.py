@@ -1,4 +1,4 @@
-"""The camera of a simulated world, whose thread also advances the world."""
+"""The camera of a simulated world. The camera's thread also advances the world."""
 
 from __future__ import annotations
 

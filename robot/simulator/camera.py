@@ -39,7 +39,7 @@ _RESTING_STEP_S = 1.0
 """Period at which the world advances while no picture is needed, in seconds."""
 _EARLY_S = 0.01
 _ASKED_FRAMES = 30
-"""Number of frames for which large pictures are made after somebody has requested one."""
+"""Number of frames for which large pictures are made after a large picture was requested."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

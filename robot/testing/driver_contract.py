@@ -271,7 +271,7 @@ class DriverContract:
             sensors = driver.sense()
             driver.show(Mode.TRAIN)
             driver.take_button()
-        assert isinstance(sensors, Sensors), f"sense() returns {sensors!r}, which is not a Sensors"
+        assert isinstance(sensors, Sensors), f"sense() returns {sensors!r}, not a Sensors object"
         for name, most in (("distance_m", 10.0), ("battery_share", 1.0)):
             read = getattr(sensors, name)
             assert read is None or 0.0 <= read <= most, (
@@ -438,12 +438,12 @@ def _check_cut_off(case: DriverCase, after_s: float) -> None:
     assert _comes_within(case, lambda: not moving(case), _GRACE_S), (
         f"the body still moves {1000 * after_s:.0f} ms after the line was cut. No order reaches it "
         "now, not even the stop of HostWatchdog, so it needs a timeout of its own. If it has none, "
-        "cut_link must also stop the fake body's motors, but the real robot will not stop"
+        "cut_link must also stop the stand-in's motors, but the real robot will not stop"
     )
 
 
 def _check_stays(case: DriverCase, otherwise: str) -> None:
-    """Check that the body still stands after the time in which a delayed order would arrive."""
+    """Check that the body has not moved after the time in which a delayed order would arrive."""
     assert not _comes(case, lambda: moving(case)), otherwise
 
 
