@@ -122,8 +122,8 @@ class ControlLoop:
     def command(self, command: PilotCommand) -> None:
         """Queue a pilot command, and wake the loop if the command changes the held move.
 
-        While the robot may move and the camera is slow, every command wakes the loop, because each
-        tick can send a state with a new nonce, which proves that the next command was sent later.
+        While the robot may move and the camera is slow, every command wakes the loop. Each tick can
+        then send a state with a new nonce, which proves that the next command was sent later.
         """
         held = command.held, command.point
         is_slow = self._cycle.timing.state.period_s > self.config.longest_wait_s

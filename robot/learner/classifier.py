@@ -41,7 +41,7 @@ class BSOCClassifier(LabelledImages):
         integer: Compute on the nodes' pixels in integers only; vectors are then bytes.
         cluster: The clustering; if None, a label-aware `BSOC`.
         balance: Extra weight of rare labels, from 0 to 1 (`votes.rarity`).
-        novelty_margin: Margin of the border of novelty (`Novelty`).
+        novelty_margin: Raises the distance from which a view is novel (`Novelty.margin`).
         forgets: True to follow a pilot who relabels the same views (`votes.ChangeOfMind`); ignored
             if the clustering does not measure novelty.
 

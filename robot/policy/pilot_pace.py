@@ -187,8 +187,8 @@ ALTERNATING_S, RUN_SHARE = 2.0, 0.75
 """Time within which two changes of side count as alternating: `ALTERNATING_S` seconds, or
 `RUN_SHARE` of the usual duration of a move if that is shorter."""
 AWAY_S, TURN_SHARE = 1.5, 0.6
-"""Time for which a move without effect stays barred: `AWAY_S` seconds, or `TURN_SHARE` of the
-pilot's longest turn if that is shorter, because a quick body soon faces the obstacle again."""
+"""Time for which a move without effect stays barred: `AWAY_S` seconds, or if shorter `TURN_SHARE`
+of the pilot's longest turn. After a longer time, a quick body would face the obstacle again."""
 PAUSE_S = 0.45
 """Longest pause between two examples of one manoeuvre, in seconds of teaching time."""
 
