@@ -1,10 +1,9 @@
-"""Counts early ends in a row: the program ended just as the robot began to drive.
+"""Counts consecutive early ends: runs of the program that ended just as the robot began to drive.
 
-If the battery is weak, its voltage collapses when the motors start: the computer or the program
+The voltage of a weak battery collapses when the motors start. The computer or the program then
 ends, a supervisor restarts it, and nobody learns why. The program therefore writes a marker file
-when a drive begins. If the next run finds the marker, it counts one early end. The program leaves
-no marker if it ends by an update or Ctrl-C, or if somebody switches the robot off while it stands
-still.
+when a drive begins. If the next run finds the marker, it counts one early end. There is no marker
+after an update or Ctrl-C, or if somebody switches the robot off while it stands still.
 """
 
 from __future__ import annotations
@@ -25,11 +24,11 @@ from robot.types import Action, Mode
 
 log = logging.getLogger(__name__)
 SOON_S = 5.0
-"""Driving time after which the battery counts as strong enough for the motors, in seconds."""
+"""Driving time after which the battery is considered strong enough, in seconds."""
 ENOUGH = 2
 """Number of consecutive early ends after which the program warns of a weak battery."""
 _AGAIN_S = 60.0
-"""Minimum time between two markers, in seconds. It saves writes to the disk."""
+"""Minimum time between two markers, in seconds, to limit writes to the disk."""
 
 
 class EarlyEnds:

@@ -1,4 +1,4 @@
-"""Unpacks archives of other programs, up to a limit of size and number of files."""
+"""Unpacks archives that other programs made, up to a maximum size and number of files."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ _DAMAGED = (
     *(EOFError, OSError, RuntimeError),
 )
 _BAD_FILE = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, RuntimeError, ValueError)
-"""Errors after which only the damaged file of an archive is skipped. Files with names that the
-system rejects (`_NO_NAME`) are skipped, too."""
+"""After one of these errors, only the affected file of an archive is skipped. A file whose name the
+system rejects (`_NO_NAME`) is skipped, too."""
 _NO_NAME = (errno.ENAMETOOLONG, errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.EINVAL)
 Entry = tuple[str, Callable[[], IO[bytes] | None]]
 
@@ -58,7 +58,7 @@ def unpacked(path: Path, scratch: Path, report: ImportReport) -> Iterator[Path]:
         except _DAMAGED as error:
             if not any(folder.iterdir()):
                 raise RecordingError(f"{path} cannot be unpacked: {error}") from error
-            report.skip(path.name, f"the archive is damaged or truncated from here on: {error}")
+            report.skip(path.name, f"the rest of the archive is damaged or missing: {error}")
         try:
             yield folder
         except RecordingError as error:
@@ -88,7 +88,7 @@ def _unpack(entries: Iterator[Entry], folder: Path, report: ImportReport) -> Non
     for count, (name, open_entry) in enumerate(entries):
         parts = PurePosixPath(name.replace("\\", "/")).parts
         if count >= _MOST_FILES or left_bytes <= 0:
-            raise RecordingError("the archive unpacks to more than 16 GB, or to too many files")
+            raise RecordingError("the archive unpacks to more than 16 GB or 2,000,000 files")
         if ".." in parts or parts[:1] == ("/",) or any(PureWindowsPath(p).drive for p in parts):
             report.skip(name[:80], "the path leads out of the archive")
             continue
@@ -97,7 +97,7 @@ def _unpack(entries: Iterator[Entry], folder: Path, report: ImportReport) -> Non
             target.parent.mkdir(parents=True, exist_ok=True)
             source = open_entry()
             if source is None:
-                raise ValueError("the entry is a link: pack the files themselves, as tar -h does")
+                raise ValueError("the entry is a link: pack the file instead, as tar -h does")
             with source, target.open("wb") as file:
                 while left_bytes >= 0 and (data := source.read(2**20)):
                     left_bytes -= file.write(data)

@@ -31,8 +31,8 @@ _SEPARATOR = "-!-"
 """Separator of class and number in the names of pictures in a Teachable Machine project."""
 _STEERED_NAME = re.compile(r"(\d{6})([-_+]?)([-+]?\d?\.\d+|[-+]?[01])(?:\(\d+\))?")
 _POINT_NAME = re.compile(r"(?:xy_)?\d+_\d+_[0-9a-f]{8}(?:-[0-9a-f]+)+")
-"""Names of pictures from JetBot's road following and from JetRacer: they contain a point, and a
-random number."""
+"""Picture names of JetBot's road following and of JetRacer. They contain a point in the picture,
+and a random number."""
 _OTHER_PICTURES = (".heic", ".heif", ".avif", ".webp", ".bmp", ".gif", ".tif", ".tiff", ".ppm")
 Classes = Mapping[str, list[Path]]
 
@@ -55,8 +55,8 @@ def are_classes(folder: Path) -> bool:
 
 
 def read_classes(folder: Path, reading: Reading, report: ImportReport) -> Drive:
-    """Read a folder of folders of pictures. A folder's name is the name of a move, or the person
-    has said which move it means."""
+    """Read a folder with a subfolder of pictures for each class. A class is named after a move, or
+    `--moves` assigns it to one."""
     others = [p.name for each in folders_in(folder) for p in files_ending(each, *_OTHER_PICTURES)]
     if others:
         kinds = sorted({Path(name).suffix.lower() for name in others})
@@ -64,7 +64,7 @@ def read_classes(folder: Path, reading: Reading, report: ImportReport) -> Drive:
     deeper = sum(
         len(files_ending(p, *PICTURES)) for each in folders_in(folder) for p in _below(each)
     )
-    report.remark(f"left out: {deeper} pictures in subfolders of the classes" if deeper else None)
+    report.remark(f"left out: {deeper} pictures in subfolders of classes" if deeper else None)
     return _read(folder, class_folders(folder), "folders of moves", reading, report)
 
 
@@ -113,15 +113,15 @@ def _read(
     of_points = [p.stem for name in unknown for p in classes[name] if _POINT_NAME.fullmatch(p.stem)]
     if of_points:
         raise RecordingError(
-            f"the names of the pictures in {folder} state a point to drive to, as in "
-            f"{of_points[0]}, but no steering; import a table of the pictures and their steering"
+            f"the picture names in {folder} contain a target point, as in {of_points[0]}, but no "
+            "steering; import a table that lists the pictures with their steering"
         )
     if unknown:
         told = ", ".join(f"{name[:40]} ({len(classes[name])} pictures)" for name in unknown[:8])
         asked = ",".join(f"{name[:40]}=MOVE" for name in unknown[:3])
         raise RecordingError(
-            f"{folder} has classes whose names are not moves: {told}; say which move each class "
-            f'means with --moves "{asked}" (stop for pictures without a move)'
+            f"{folder} has classes whose names are not moves: {told}; assign each class to a move "
+            f'with --moves "{asked}" (use stop for pictures without a move)'
         )
 
     def read(place: str, of: tuple[Path, Action | None]) -> FrameEvent:
@@ -148,7 +148,7 @@ def are_steered(folder: Path) -> bool:
 
 
 def _steered_names(paths: Iterable[Path]) -> list[tuple[Path, re.Match[str]]]:
-    """Return the pictures whose names state the steering, if most pictures have such names."""
+    """Return the pictures whose names contain the steering, if most pictures have such names."""
     paths = list(paths)
     found = [(path, _STEERED_NAME.fullmatch(path.stem)) for path in paths]
     named = [(path, match) for path, match in found if match]
@@ -165,13 +165,13 @@ def read_steered(folder: Path, reading: Reading, report: ImportReport) -> Drive:
     paths = files_ending(folder, *PICTURES)
     named = _steered_names(paths)
     for path in {*paths}.difference(path for path, _ in named):
-        report.skip(path.name, "its name does not hold a number and the steering")
+        report.skip(path.name, "the name does not consist of a number and the steering")
     is_divider = _divides(folder, [match for _, match in named])
     numbers = [int(match[1]) for _, match in named]
     if twice := len(numbers) - len(set(numbers)):
         report.remark(
-            f"{twice} numbers occur twice, so this folder has several runs, and their pictures are "
-            "mixed"
+            f"{twice} picture numbers are repeated, so this folder mixes the pictures of several "
+            "runs"
         )
 
     def read(place: str, of: tuple[Path, re.Match[str]]) -> FrameEvent:
@@ -211,5 +211,5 @@ def _divides(folder: Path, names: list[re.Match[str]]) -> bool:
     raise RecordingError(
         f"in {folder} every picture's name has a dash before the steering, as in "
         f"{names[0].string}; the dash may be a minus sign or a separator, so the direction is "
-        "unknown; import a table of the pictures and their steering"
+        "unknown; import a table that lists the pictures with their steering"
     )

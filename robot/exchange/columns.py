@@ -68,12 +68,12 @@ _SIDES = re.compile(r"(?:^|[\W_])(left|right)(?:$|[\W_])", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[-+]?(?![1-9]\d{0,2},\d{3}$)\d*,\d+")
 """A number with a decimal comma: `0,5`, but not `1,500`, whose comma may separate thousands."""
 _STATED = re.compile(r"\s*sep=(.)\n", re.IGNORECASE)
-"""The line in which Excel states the delimiter of a table."""
+"""The line `sep=;` with which Excel declares the delimiter of a table."""
 _COMMENTS = re.compile(r"\s*(?:#[^,;\t|\n]*\n\s*)+")
-"""Lines of remarks above a table."""
+"""Comment lines above a table."""
 _PEEK_ROWS = 50
 _FLAGS = {"": "", "0": "0", "1": "1", "0.0": "0", "1.0": "1", "false": "0", "true": "1"}
-"""Cells of a column that stands for one move, and what they mean."""
+"""Maps each possible cell of a move's own column to 1 (this move), 0 (another move) or nothing."""
 _UDACITY = "steering", "throttle", "brake", "speed"
 
 
@@ -90,7 +90,7 @@ class ColumnTable:
     names: Sequence[str]
     has_decimal_commas: bool = False
     pictures: tuple[int, ...] = ()
-    """All columns that name pictures, including the columns of unused cameras."""
+    """All columns that contain picture names, including the columns of unused cameras."""
 
     def cell(self, cells: Cells, role: str) -> str | None:
         """Return the cell of a row in the column with this meaning; None if there is no such
@@ -112,20 +112,20 @@ class ColumnTable:
 def read_table_file(text: str, name: str, reading: Reading, report: ImportReport) -> ColumnTable:
     """Read the complete rows, and find the columns' meanings.
 
-    `reading.columns` are the meanings that a person stated. Raises RecordingError if the pictures
-    or their labels cannot be found.
+    `reading.columns` contains the columns that the user chose. Raises RecordingError if there is no
+    column of pictures or of labels, or if it is unclear which column is meant.
     """
     is_json = name.lower().endswith((".json", ".jsonl"))
     if name.lower().endswith(".json"):
         text = _as_lines(text)
     if above := _COMMENTS.match(text) or _STATED.match(text):
-        # the empty lines keep the numbers of the other lines
+        # the empty lines preserve the line numbers
         text = "\n" * above[0].count("\n") + text[above.end() :]
     head_line = next((line for line in text.splitlines() if line.strip()), "")
     is_list = name.lower().endswith(".txt")
     delimiter = max(",; " if is_list else ",;\t|", key=head_line.count)
     delimiter = above[1] if above and above.re is _STATED else delimiter
-    if is_list:  # a list may be separated by several blanks, as in `1.jpg  0.5`
+    if is_list:  # several spaces may separate two cells of a list, as in `1.jpg  0.5`
         text = re.sub(r"[ \t,]+" if delimiter != ";" else r"[ \t]*;[ \t]*", ";", text)
         delimiter = ";"
     read = _json_lines(text, name, report) if is_json else _lines(text, name, delimiter, report)
@@ -139,11 +139,11 @@ def read_table_file(text: str, name: str, reading: Reading, report: ImportReport
                 header = cells
                 continue
         if len(cells) < width:
-            report.skip(place, "the row is cut")
+            report.skip(place, "the row is incomplete")
         else:
             rows.append((place, cells))
     if rows and not text.endswith(("\n", "\r")) and not is_json:
-        report.skip(rows.pop()[0], "no line break follows, so the row may be cut")
+        report.skip(rows.pop()[0], "the last line does not end, so it may be incomplete")
     with told_as(RecordingError, f"the table {name} cannot be used", ValueError):
         if header is not None and not reading.columns.keys() & {*_MEANT}:
             header, rows = _with_labels(header, rows, reading)
@@ -192,8 +192,8 @@ def _json_lines(text: str, name: str, report: ImportReport) -> Iterator[Row]:
 
 
 def _as_lines(text: str) -> str:
-    """Return the rows of a JSON file as lines of JSON: of a list of objects, or of an object with
-    a label, a steering or an object for each picture. A file of another form has no rows."""
+    """Convert a JSON file to JSON Lines. The file contains a list of objects, or one object that
+    maps each picture to its label, its steering or an object. Any other file has no rows."""
     found = parse(text)
     if isinstance(found, dict):
         found = [{"file": key, **_named(of)} for key, of in found.items() if is_picture_name(key)]
@@ -201,14 +201,14 @@ def _as_lines(text: str) -> str:
 
 
 def _named(of: object) -> dict[str, object]:
-    """Return a picture's values by column: a text is its label, a number its steering."""
+    """Return a picture's values by column. A string is its label, and a number is its steering."""
     if isinstance(of, dict):
         return of
     return {"label": of} if isinstance(of, str) else {"steering": of}
 
 
 def is_picture_name(text: str) -> bool:
-    """True if the text ends with a suffix of pictures."""
+    """True if the text ends with the suffix of a picture file."""
     return text.strip().lower().endswith((*PICTURES, ".webp", ".bmp", ".gif"))
 
 
@@ -219,7 +219,7 @@ def plain(name: str) -> str:
 
 
 def unit_in(name: str) -> str:
-    """Return the unit that a column's name states in brackets; empty if it states none."""
+    """Return the unit in brackets in a column's name, or an empty string."""
     found = re.search(r"[\[(](.*?)[\])]", name.lower())
     return found[1].replace(" ", "") if found else ""
 
@@ -290,7 +290,7 @@ def _chosen_column(role: str, which: str, names: list[str]) -> int:
         return names.index(plain(which))
     known = [name for name in names if name]
     hint = did_you_mean(plain(which), known)
-    raise ValueError(f"there is no column {which!r} for {role}{hint}; columns: 1 to {len(names)}")
+    raise ValueError(f"there is no column {which!r} for {role}{hint}; numbers: 1 to {len(names)}")
 
 
 def _of_pictures(sample: list[Cells], width: int) -> list[int]:
@@ -304,9 +304,9 @@ def _of_pictures(sample: list[Cells], width: int) -> list[int]:
 
 
 def _picture_columns(named: list[int], of_pictures: list[int], names: list[str]) -> list[int]:
-    """Choose the column of the main camera's pictures. Prefer columns whose names suggest pictures.
-    If there are none, take the columns that contain names of pictures. A side camera is chosen only
-    if there is no other camera."""
+    """Choose the columns that may contain the main camera's pictures: those whose names suggest
+    pictures, or else all that contain picture names. A side camera is chosen only if there is no
+    other camera."""
     chosen = [i for i in named if i in of_pictures] or named or of_pictures
     ahead = [i for i in chosen if not _SIDES.search(names[i])]
     return ahead or chosen
@@ -325,7 +325,7 @@ def _by_content(
         ahead = [i for i in of_pictures if not all(_SIDES.search(row[i]) for row in sample)]
         if len(ahead or of_pictures) > 1:
             raise UnclearColumnsError(
-                f"{len(of_pictures)} columns name pictures: "
+                f"{len(of_pictures)} columns contain picture names: "
                 "choose one with --columns picture=NUMBER"
             )
         columns["picture"] = (ahead or of_pictures)[0]
@@ -372,11 +372,11 @@ def _is_number(text: str) -> bool:
 
 def _check(columns: Mapping[str, int], names: list[str], of_pictures: list[int]) -> None:
     if "picture" not in columns:
-        raise ValueError(f"there is no column {' or '.join(NAMES['picture'][:4])}")
+        raise ValueError(f"there is no column of pictures ({', '.join(NAMES['picture'][:4])})")
     if not columns.keys() & set(_MEANT):
         there = [name for name in names if name]
         told = f"; its columns: {', '.join(there)[:200]}" if there else ""
         raise ValueError(
-            f"there is no column for a label, steering, two wheels or velocities{told}; name one "
+            f"there is no column for a label, steering, two wheels or velocities{told}; choose one "
             "with --columns label=NAME or --columns steering=NAME"
         )

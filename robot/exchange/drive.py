@@ -33,8 +33,8 @@ _MOST_PLACES, _MOST_REASONS = 3, 12
 """Maximum number of locations that a report lists for one reason, and maximum number of reasons
 that it lists. The report only counts all others."""
 _ENOUGH_TO_HINT = 10
-"""A drive that lacks examples of turns to one side, left or right, gets a hint if it has at least
-this number of examples."""
+"""If a drive has turns to only one side, and at least this number of examples with steering, its
+report contains a hint."""
 _LEAST_TRIM = 0.01
 _2026_S, _2100_S = 1_767_225_600.0, 4_102_444_800.0
 """The beginnings of these years, in seconds since 1970."""
@@ -85,7 +85,7 @@ class ImportReport:
         if not self.skipped:
             return ""
         place, reason = self.skipped[0]
-        return f"; {len(self.skipped)} were skipped, the first in {place}: {reason}"
+        return f"; {len(self.skipped)} were skipped, the first at {place}: {reason}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,13 +95,13 @@ class FrameEvent:
     picture: Callable[[], Picture]
     """Reads the picture; raises RecordingError if the picture is damaged."""
     t_s: object
-    """Time in seconds, by any clock. A value that is not a number counts as missing."""
+    """Time in seconds, from any starting point. A value that is not a number counts as missing."""
     label: Action | None
     point: Point | None = None
     """The steering and throttle of the pilot, if the pilot steered proportionally."""
     does: Point | None = None
-    """The steering and throttle that the labelled move has on the robot that drove; None if the
-    source does not state them."""
+    """The steering and throttle of the labelled move on the robot that drove; None if they are
+    unknown."""
     steering: float | None = None
     """The steering as written, in the source's unit, which is also the unit of `Reading.trim`; None
     if it is missing."""
@@ -149,8 +149,8 @@ def drive_of(
     """Make a drive of the readable pictures. Raises RecordingError if no picture is readable.
 
     `read` converts a location and the item found there to a FrameEvent, or raises ValueError.
-    `what` is the name of the source in error messages. `about` contains values for the remaining
-    fields of the drive.
+    `what` is the start of the error message, such as `the tub T has no records`. `about` contains
+    values for the remaining fields of the drive.
     """
     shots = []
     for place, raw in found:
@@ -193,7 +193,7 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
     first = next(taken, None)
     if first is None:
         raise RecordingError(f"{drive.name} has no pictures to use{drive.report.why_nothing()}")
-    # If the drive's date is unknown, write 0, so that the drive does not count as the last one.
+    # If the drive's date is unknown, write 0, so that it is not taken for the most recent drive.
     started_at_s = date_or_zero(drive.started_at_s)
     if started_at_s > _latest_s(RealClock().wall_s()):
         started_at_s = 0.0

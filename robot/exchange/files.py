@@ -1,4 +1,4 @@
-"""Reads text and picture files of other programs, and does not trust the names of the files."""
+"""Reads text and picture files of other programs. The names of the files are untrusted."""
 
 from __future__ import annotations
 
@@ -63,9 +63,9 @@ def by_number(paths: Iterable[Path]) -> list[Path]:
 
 
 def read_text(path: Path) -> str:
-    """Read a text file in UTF-8, in UTF-16 if its first bytes say so, or in Windows' encoding of
-    western Europe; invalid characters are replaced by replacement characters. Raises
-    RecordingError if the file cannot be read or is larger than 64 MB."""
+    """Read a text file in UTF-8, in UTF-16 if it begins with a byte order mark, or in Windows-1252.
+    Invalid characters become replacement characters. Raises RecordingError if the file cannot be
+    read or is larger than 64 MB."""
     with told_as(RecordingError, f"{path} cannot be read", OSError, ValueError):
         is_too_large = path.stat().st_size > _MOST_TEXT_BYTES
         data = b"" if is_too_large else path.read_bytes()
@@ -75,11 +75,11 @@ def read_text(path: Path) -> str:
 
 
 def _decoded(data: bytes) -> str:
-    # Excel saves "Unicode text", and PowerShell redirects output, as UTF-16
+    # Excel's "Unicode Text" and the output that PowerShell redirects are in UTF-16
     encoding = "utf-16" if data.startswith(_UTF_16) else "utf-8-sig"
     text = data.decode(encoding, errors="replace")
-    # Excel's "CSV" is in the encoding of Windows, in which nearly no text is valid UTF-8.
-    # A truncated or damaged text in UTF-8 still has more valid characters than invalid ones.
+    # Excel saves "CSV" in Windows-1252. Such text is hardly ever valid UTF-8.
+    # Truncated or damaged UTF-8 still has more valid characters than invalid ones.
     n_invalid = text.count(_INVALID)
     if n_invalid and 2 * n_invalid > sum(sign > "\x7f" for sign in text):
         return data.decode("cp1252", errors="replace")
@@ -106,8 +106,8 @@ def parse(text: str) -> Any:
 
 
 def read_picture_file(folder: Path, name: str) -> Picture:
-    """Read a picture of a folder by an untrusted name. Raises RecordingError if the name leads out
-    of the folder, or if the file cannot be read as a picture."""
+    """Read the picture with this untrusted name from a folder. Raises RecordingError if the name
+    leads out of the folder, or if the file cannot be read as a picture."""
     return read_picture(_read_plain(folder, name) or _read_resolved(folder, name), "the picture")
 
 
@@ -166,7 +166,7 @@ class Pictures:
         best = [path for path, count in agreeing.items() if count == max(agreeing.values())]
         if len(best) > 1:
             raise ValueError(
-                f"{len(best)} pictures have the name {parts[-1][:80]!r}, and none fits best"
+                f"{len(best)} pictures match the name {parts[-1][:80]!r} equally well"
             )
         return best[0]
 

@@ -64,7 +64,7 @@ def write_film(
 def _to_frame(picture: Pixels) -> Any:
     even = picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]
     if not even.size:
-        raise RecordingError("a film needs pictures of at least two pixels a side")
+        raise RecordingError("a film needs pictures at least two pixels wide and high")
     return _of_pixels(even)
 
 
@@ -98,7 +98,7 @@ def _encode(
                 if frame.width * frame.height <= _ONE_THREAD_PX:
                     stream.codec_context.thread_count = 1
             elif (frame.height, frame.width) != (stream.height, stream.width):
-                raise RecordingError("the pictures of a film must all have one size")
+                raise RecordingError("the pictures of a film must all have the same size")
             frame.pts, frame.time_base = count, Fraction(1, fps)
             container.mux(stream.encode(frame))
             count += 1
@@ -168,8 +168,8 @@ class FilmReader:
             self._next = next(self._frames, None)
 
     def _decode(self, from_s: float) -> Iterator[Any]:
-        """Seek to the last key frame before `from_s`, and yield all frames from there on. At damage
-        in the film, end early."""
+        """Seek to the last key frame before `from_s`, and yield the frames from there on, up to the
+        first damage in the film."""
         av = need(*AV)
         try:
             with av.open(str(self._path)) as container:
@@ -185,11 +185,11 @@ class FilmReader:
 
 
 def write_look(episode: Episode, notes: Notes, path: Path, *, fps: int | None = None) -> int:
-    """Write an episode as a film for people: large, with the label and the prediction below.
+    """Write an episode as a film to watch: enlarged, with the label and the prediction below.
 
-    The film is as long as the drive without deleted frames. If the camera paused briefly, the
-    nearest picture is repeated; longer gaps are cut. All pictures are scaled to the size of the
-    first picture. Returns the number of pictures.
+    The film plays at the speed of the drive, without the deleted frames. If the camera paused
+    briefly, the nearest picture is repeated; longer gaps are cut. All pictures are scaled to the
+    size of the first picture. Returns the number of pictures.
     """
     found = enumerate(moments(episode, notes))
     line = make_timeline(array("d", episode.frames.captured_s - episode.start_s))

@@ -88,8 +88,8 @@ class LerobotDataset:
         the dataset's path."""
         if any(self.folder.glob("data/*/*.parquet")) or any(self.folder.glob("images/*/*")):
             return (
-                "is a LeRobot dataset that was never finalized: its tables have no end, so nothing "
-                "can be read from them; record again, and call finalize() on the dataset"
+                "is a LeRobot dataset that was never finalized: its tables are incomplete and "
+                "cannot be read; record again, and call finalize() on the dataset"
             )
         return "is a LeRobot dataset without an episode"
 
@@ -127,7 +127,7 @@ class LerobotDataset:
         Raises RecordingError if no frame of the episode can be used.
         """
         if episode not in self._files:
-            raise RecordingError(f"the data of episode {episode} is lost")
+            raise RecordingError(f"the data of episode {episode} is missing")
         camera = self._camera(report)
         is_film = self._info.features[camera].get("dtype") == "video"
         wanted = [PILOT, DEGREES, "action", "timestamp", "frame_index", *_INTERVENTIONS]
@@ -144,7 +144,7 @@ class LerobotDataset:
             check_unit((v[angle] for v in actions if angle < len(v)), named, reading)
         said_by = next((n for n in (PILOT, *_INTERVENTIONS) if n in self._info.features), None)
         if said_by in _INTERVENTIONS:
-            report.remark(f"only frames in which {said_by} says that the pilot drove are examples")
+            report.remark(f"only the frames that {said_by} marks as the pilot's are examples")
 
         def read_row(place: str, record: Record) -> FrameEvent:
             is_pilots = said_by is None or _flat(record.get(said_by))[:1] not in ([-1], [0], [])
@@ -203,7 +203,7 @@ class LerobotDataset:
             begin = row.get(f"{key}/from_timestamp")
         if isinstance(begin, bool) or not isinstance(begin, int | float):
             raise RecordingError(
-                f"the table of episodes does not locate the film of episode {episode}"
+                f"meta/episodes has no start time for the film of episode {episode}"
             )
 
         def put(found: re.Match[str]) -> str:
@@ -220,7 +220,7 @@ class LerobotDataset:
         def picture_of(record: Record) -> Callable[[], Picture]:
             at_s = self._seconds(record)
             if at_s is None:
-                raise ValueError("the row has no time, so its picture is unknown")
+                raise ValueError("the row has no time, so its picture cannot be found")
             return partial(film.at, begin + at_s)
 
         return picture_of
@@ -282,7 +282,7 @@ class LerobotDataset:
         if hot and all(hot):
             return lambda record: (_one_hot(record, hot), None, None)
         told = ", ".join(map(_bare, names))[:80] or "without names"
-        report.skip("action", f"is neither steering nor moves ({told}), so there are no examples")
+        report.skip("action", f"it has neither steering nor moves ({told}); there are no examples")
         return lambda record: (None, None, None)
 
 
@@ -340,7 +340,7 @@ def _action(record: Record, count: int) -> list[Any]:
 def _one_hot(record: Record, moves: list[Action | None]) -> Action | None:
     values = _action(record, len(moves))
     if set(values) - {0.0, 1.0} or values.count(1.0) > 1:
-        raise ValueError(f"the action {str(values)[:40]} does not select exactly one move")
+        raise ValueError(f"the action {str(values)[:40]} must be 1 for one move, and 0 for others")
     move = moves[values.index(1.0)] if 1.0 in values else None
     return None if move is Action.STOP else move
 

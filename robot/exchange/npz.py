@@ -107,7 +107,7 @@ def write_npz(episode: Episode, notes: Notes, path: Path) -> int:
 def _write_npz(
     path: Path, columns: Mapping[str, NDArray[Any]], pictures: IO[bytes], size: int
 ) -> None:
-    """Write the file like `np.savez`. The pictures are copied from an open file, so that they need
+    """Write the file like `np.savez`. The pictures are copied from an open file, because they may
     not fit into memory."""
     header = {"descr": "|u1", "fortran_order": False, "shape": (size,)}
     with zipfile.ZipFile(path, "x") as archive:
@@ -139,10 +139,10 @@ def _checked(path: Path, arrays: dict[str, NDArray[Any]], report: ImportReport) 
         and labels.shape == t.shape == (n_frames,)
         and n_frames > 0
     )
-    refuse_if(not is_well_formed, "is not of the expected form")
+    refuse_if(not is_well_formed, "has an array of a wrong shape or type")
     is_cut = offsets[0] != 0 or offsets[-1] != jpeg.size
     lengths = np.diff(offsets.astype(np.int64))
-    refuse_if(is_cut or (lengths <= 0).any(), "has frames that overlap or end beyond its bytes")
+    refuse_if(is_cut or (lengths <= 0).any(), "has pictures that overlap, or end after its data")
     is_known = int(labels.min()) >= 0 and int(labels.max()) < len(DEFAULT_MOVES)
     refuse_if(not is_known, "has labels other than 0, 1 and 2")
     refuse_if(not np.isfinite(t).all(), "has times that are not numbers")
@@ -168,7 +168,7 @@ def _points(path: Path, arrays: dict[str, NDArray[Any]], n_frames: int) -> tuple
         return (None,) * n_frames
     steered = [arrays[name] for name in names]
     if any(of.shape != (n_frames,) or of.dtype.kind != "f" for of in steered):
-        raise RecordingError(f"the recording {path} has an angle or throttle of an unexpected form")
+        raise RecordingError(f"the recording {path} has an angle or throttle of a wrong type")
     if any((np.abs(of) > 1.0).any() for of in steered):
         raise RecordingError(f"the recording {path} has an angle or throttle outside -1 to 1")
     found = zip(*(of.tolist() for of in steered), strict=True)

@@ -96,7 +96,7 @@ def _by_table(folder: Path, table: Path, reading: Reading, report: ImportReport)
     def read(place: str, fields: Fields) -> FrameEvent:
         at = next((i for i, field in enumerate(fields) if is_picture_name(field)), None)
         if at is None or len(fields) < at + 3:
-            raise ValueError("the line must name a picture, and then the speeds of two wheels")
+            raise ValueError("the line must contain a picture's name, then two wheel speeds")
         left, right = (read_number(of, "a wheel") / FULL_WHEEL for of in fields[at + 1 : at + 3])
         label, point = at_wheels(left, right, reading)
         name = pictures.find(fields[at])
@@ -132,7 +132,7 @@ def _rows(path: Path, report: ImportReport, width: int) -> list[Row]:
         if not fields or line.startswith("#") or not re.match(r"-?\d", fields[0]):
             continue
         if len(fields) < width:
-            report.skip(f"{path.name} line {number}", "the line is cut")
+            report.skip(f"{path.name} line {number}", "the line is incomplete")
         else:
             rows.append((f"{path.name} line {number}", fields))
     return rows

@@ -1,5 +1,5 @@
-"""The options of an import: for example, how much steering counts as a turn, and which moves the
-names in the data mean."""
+"""The options of an import: for example, how much steering counts as a turn, and which move each
+name in the data stands for."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from robot.moves import CLASSIC, TURNS_BEYOND
 from robot.types import Action
 
 FULL = 1.001
-"""Largest share of full lock or full throttle. Shares from 1 to this count as 1: a stick's -32768
-divided by 32767 is -1.00003, and float32 rounds."""
+"""Largest accepted share of full lock or full throttle. A share a little above 1 counts as 1: a
+stick's -32768 divided by 32767 is -1.00003, and float32 rounds."""
 DEFAULT_THRESHOLD = TURNS_BEYOND
 """Steering, as a share of full lock, beyond which a car counts as turning."""
 
@@ -28,8 +28,8 @@ class Reading:
         threshold: Steering, as a share of full lock, beyond which a car turns.
         trim: The steering in the data at which the car drives straight.
         full_lock: The steering in the data at full lock.
-        moves: Moves by the names of the data's classes.
-        columns: Columns of a table by meaning. A column is given by its name or its number, from 1.
+        moves: Maps the names of the data's classes to moves.
+        columns: Maps meanings to columns of a table: names, or numbers from 1.
         topics: Topics of a ROS bag to read.
     """
 
@@ -59,14 +59,14 @@ class Reading:
     def steering(self, written: float) -> float:
         """Convert the data's steering to -1 to 1; raises ValueError if it is beyond full lock.
 
-        The trim becomes 0, and full lock stays -1 and 1. So the values on the two sides of the trim
-        are scaled by different factors.
+        The trim becomes 0, and full lock remains -1 and 1, so the values on the two sides of the
+        trim are scaled by different factors.
         """
         share, trim = written / self.full_lock, self.trim / self.full_lock
         if not -FULL <= share <= FULL:
             raise ValueError(
-                f"steering is {written:g}, which is more than full lock; set full lock with "
-                "--full-lock"
+                f"steering is {written:g}, which is beyond full lock; give the value of full lock "
+                "with --full-lock"
             )
         share = min(max(share, -1.0), 1.0)
         return (share - trim) / (1.0 - trim if share > trim else 1.0 + trim)
@@ -78,8 +78,8 @@ class Reading:
         return max(self.threshold, float(np.float32(self.threshold)))
 
     def move(self, name: str) -> Action | None:
-        """Return the move that a name in the data means: the move that the person gave for this
-        name, or else the move with this name. Return None if the name means no move."""
+        """Return the move that a name in the data stands for: the move that the user assigned to
+        it, or else the move with this name. Return None if there is no such move."""
         return self.moves.get(as_word(name)) or _KNOWN.get(as_word(name))
 
 
@@ -87,7 +87,7 @@ _KNOWN = {str(move): move for move in (*CLASSIC, Action.STOP)}
 
 
 def as_word(name: str) -> str:
-    """Return a class's name without the additions of browsers and exports: `Spin Left (1)` becomes
+    """Return a class's name without what browsers and exports append: `Spin Left (1)` becomes
     `spin_left`."""
     text = re.sub(r"([ _-]*\(\d+\)|[ _-]samples)+$", "", name.strip().casefold())
     return re.sub(r"[\s_-]+", "_", text).strip("_")

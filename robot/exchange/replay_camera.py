@@ -73,7 +73,7 @@ class ReplayCamera(ThreadedCamera):
                 self._show_picture(frame, self.clock.now_s())
                 due_s = max(due_s, self.clock.now_s() - _LONGEST_PAUSE_S) + shown_s
             self._waits_until(due_s)
-            self._report_fault(f"The recording {self._path} is over.")
+            self._report_fault(f"The recording {self._path} has ended.")
         except (RecordingError, OSError) as error:
             self._report_fault(f"The rest of the recording cannot be played: {error}")
 

@@ -1,7 +1,7 @@
 """Reads bags of ROS 1 and 2: pictures of a camera, and the robot's velocity commands.
 
-A bag contains the time, by one clock, at which it received each picture and each velocity. A
-velocity is valid until the next velocity. The library `rosbags` reads the bags; it does not need
+A bag contains the time at which each picture and each velocity was received, all by the same clock.
+A velocity is valid until the next velocity. The library `rosbags` reads the bags; it does not need
 ROS.
 """
 
@@ -54,7 +54,7 @@ _CONVERTED = {
 with 16 bits, such as `mono16`, is converted like the encoding with 8 bits."""
 _CHANNELS = {_UNCHANGED: 3, "BGR2RGB": 3, "RGBA2RGB": 4, "BGRA2RGB": 4}
 _LEAST_BAYER_PX = 3
-"""Smallest width and height of a Bayer picture: below it, OpenCV returns black pixels."""
+"""Smallest width and height of a Bayer picture. From smaller ones OpenCV makes black pixels."""
 Order = tuple[int, float, float]
 """A velocity command: its time in nanoseconds, speed ahead (m/s) and turn to the left (rad/s)."""
 
@@ -73,7 +73,7 @@ def read_bag(path: Path, reading: Reading, report: ImportReport) -> Drive:
     written.
 
     Raises RecordingError if the bag is damaged, if it has no camera or no velocities, or if it has
-    several cameras or velocities of which the person has chosen none with `--topics`.
+    several of them and `--topics` does not choose one.
     """
     bag = _Bag(path)
     with bag.opened() as reader:
@@ -145,8 +145,8 @@ class _Bag:
         return f"; if the recording was cut off, repair it with: {tool}" if has_tool else ""
 
     def pictures(self, topic: str) -> Callable[[int], Picture]:
-        """Return a function that takes a number and returns the picture of this topic with this
-        number. Reading in ascending order is fastest."""
+        """Return a function that reads the picture with a given number from this topic. Reading in
+        ascending order is fastest."""
         messages: Iterator[tuple[Any, str]] = iter(())
         following = 0
 
@@ -177,7 +177,7 @@ def _topics(path: Path, reader: Any, reading: Reading, report: ImportReport) -> 
     for name in reading.topics:
         if name not in {each.topic for each in there}:
             known = ", ".join(sorted({each.topic for each in there}))[:300]
-            raise RecordingError(f"{path} has no messages of {name}; its topics: {known}")
+            raise RecordingError(f"{path} has no messages on {name}; its topics: {known}")
     cameras = _chosen(there, (_COMPRESSED, _RAW), reading)
     cameras = [each for each in cameras if "compressedDepth" not in each.topic]
     told = _chosen(there, _TWISTS, reading)

@@ -14,7 +14,7 @@ from robot.exchange.forms import FORMS, UNUSABLE, Source
 
 _DEEPEST = 5
 _FILES = (".npz", ".mcap", ".bag", ".db3")
-"""Suffixes of files that each hold a drive, even if a folder contains several of them."""
+"""Suffixes of files that contain a whole drive each, so a folder may contain several drives."""
 _MOST_LOOKED_AT = 5000
 
 __all__ = ["Source", "find_drives", "unpacked"]
@@ -57,19 +57,19 @@ def _at(path: Path, *, is_whole: bool) -> list[Source]:
 
 def _why_none(path: Path) -> str:
     """Return the reason why nothing at a path can be imported, for an error message that begins
-    with the path. The reason tells which files were found."""
+    with the path. The reason lists kinds of files that were found."""
     names = list(islice(_names(path), _MOST_LOOKED_AT))
     for endings, why in UNUSABLE.items():
         if those := [name for name in names if name.lower().endswith(endings)]:
             more = f" and {len(those) - 1} more" if len(those) > 1 else ""
             return f"cannot be imported: {those[0]!r}{more}: {why}"
-    kinds = Counter(Path(name).suffix.lower() or "no ending" for name in names)
-    told = ", ".join(f"{count} of {kind}" for kind, count in kinds.most_common(5))
-    there = f"it holds {told}" if names else "it is empty"
+    kinds = Counter(Path(name).suffix.lower() or "without suffix" for name in names)
+    told = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common(5))
+    there = f"none of its files ({told}) has a known format" if names else "it is empty"
     known = ", ".join(form.name for form in FORMS)
     return (
-        f"cannot be imported: {there}, none of a known form (links to folders are not followed); "
-        f"known: {known}"
+        f"cannot be imported: {there}; links to folders are not followed; "
+        f"known formats: {known}"
     )
 
 

@@ -1,4 +1,4 @@
-"""Reads times in other programs' formats: numbers in any unit, dates, digits in pictures' names."""
+"""Reads times in other programs' formats: numbers in any unit, dates, and times in file names."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ gives seconds."""
 _FIRST_S, _LAST_S = 1e9, 4e9
 """Bounds of times since 1970 in seconds: the years 2001 and 2096."""
 _LONGEST_STEP_S, _LONGEST_PAUSE_S = 5.0, 3600.0
-"""Upper bounds of the usual time between two pictures, in seconds: in a drive, and in pictures that
-somebody took one by one. The second bound applies only to times since 1970, whose unit is known."""
+"""Largest plausible times between two pictures, in seconds: in a drive, and in pictures that a
+person took one by one. The second bound applies only to times since 1970, whose unit is known."""
 
 
 def seconds_of(value: object, name: str = "") -> float | None:
@@ -70,8 +70,8 @@ def unit_of(texts: Iterable[str], name: str) -> float | None:
     correctly.
 
     Many programs write the milliseconds since their start as `timestamp`. If neither the numbers
-    (times since 1970) nor their name tell the unit, it follows from the usual time between two
-    pictures, which is less than 5 s.
+    (times since 1970) nor their name show the unit, the unit is chosen so that the usual time
+    between two pictures is less than 5 s.
     """
     numbers = []
     for text in texts:
@@ -129,7 +129,7 @@ def _written(text: str) -> datetime | None:
 
 
 def _on_clock(text: str) -> float | None:
-    """Read a time of day or since the start: `22:13:20`, `0:00:05.25` or `03:20.5`."""
+    """Read a time of day, or a time since the start: `22:13:20`, `0:00:05.25` or `03:20.5`."""
     found = _CLOCK.fullmatch(text)
     if found is None or (found[1] is None and found[4] is None):
         return None  # without a fraction, `22:13` may be hours and minutes

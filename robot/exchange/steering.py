@@ -21,8 +21,8 @@ robot. Higher speeds count as full speed."""
 FULL_TURN_DEG_S = math.degrees(FULL_TURN_RAD_S)
 _TURNING = (*DEFAULT_MOVES, Action.SPIN_LEFT, Action.SPIN_RIGHT)
 _UNIT_SHARE, _LEAST_BEYOND = 10, 2
-"""The steering counts as written in degrees or another unit if at least one in `_UNIT_SHARE` values
-is beyond 1. `_LEAST_BEYOND` values must be beyond 1, because a single value may be damaged."""
+"""The steering is assumed to be in another unit, such as degrees, if at least one in `_UNIT_SHARE`
+values is beyond 1, and at least `_LEAST_BEYOND` values, because a single value may be damaged."""
 _STANDING = 0.02
 """Mean speed of two wheels, as a share of full speed, below which a turning robot counts as
 spinning."""
@@ -30,8 +30,8 @@ _STEERED = "the angle", "the throttle"
 LabelAndPoint = tuple[Action | None, Point | None]
 """The label of a picture, and the steering and throttle of the label if known."""
 LabelAndPoints = tuple[Action | None, Point | None, Point | None]
-"""A picture's label; the pilot's steering and throttle, or None unless he steered proportionally;
-the label's steering and throttle, or None if unknown."""
+"""A picture's label; the pilot's steering and throttle, if the pilot steered proportionally; and
+the label's steering and throttle, if known. A missing value is None."""
 
 
 def read_meant(
@@ -80,7 +80,7 @@ def check_unit(written: Iterable[object], name: str, reading: Reading) -> None:
     if n_beyond >= max(1, min(_LEAST_BEYOND, len(found)), len(found) / _UNIT_SHARE):
         raise RecordingError(
             f"the steering in {name!r} goes from {min(found):g} to {max(found):g}, not from -1 to "
-            "1; give the value that means full steering with --full-lock"
+            "1; give the value of full lock with --full-lock"
         )
 
 

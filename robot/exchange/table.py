@@ -1,4 +1,4 @@
-"""Reads a folder of pictures with a table of their labels, as many programs write it."""
+"""Reads a folder of pictures with a table of their labels, which many programs can write."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ _SPEEDS = {
     "mph": 0.44704,
     **dict.fromkeys(("deg/s", "degrees/s", "deg/sec", "\u00b0/s"), math.pi / 180),
 }
-"""Units of velocities in m/s or rad/s, as a column's name states them in brackets."""
+"""Maps a unit of velocity, in brackets in a column's name, to its value in m/s or rad/s."""
 _ANGLES = ("deg", "degrees", "\u00b0", "rad", "radians", "%", "percent")
 """Units that show that a column's steering does not go from -1 to 1."""
 _NAMES_OF_UNITS = {1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}
@@ -108,8 +108,8 @@ def read_table(path: Path, reading: Reading, report: ImportReport) -> Drive:
 
 
 def names_pictures(path: Path) -> bool:
-    """Return whether the table at this path has a column with names of pictures. Only the first
-    lines are read, unless it is one JSON text."""
+    """Return whether the table at this path has a column of picture names. Only the first lines
+    are read, unless the file is JSON."""
     try:
         if path.suffix.lower() == ".json":
             head = read_text(path)
@@ -122,14 +122,14 @@ def names_pictures(path: Path) -> bool:
 
 
 def _unit_of_times(table: ColumnTable, report: ImportReport) -> float | None:
-    """Return the unit of the times, in seconds. Report the unit if it follows from the size of the
-    times."""
+    """Return the unit of the times, in seconds; None if `seconds_of` reads them correctly. Report
+    a unit that was inferred from the times."""
     if "time" not in table.columns:
         return None
     written = (table.number(cells, "time") for _, cells in table.rows)
     unit = unit_of(written, table.name("time"))
     if unit is not None:
-        report.remark(f"the times in {table.name('time')!r} are taken as {_NAMES_OF_UNITS[unit]}")
+        report.remark(f"the times in {table.name('time')!r} are read as {_NAMES_OF_UNITS[unit]}")
     return unit
 
 
@@ -166,7 +166,7 @@ def _meaning(
         if reading.full_lock == 1.0 and unit in _ANGLES:
             raise RecordingError(
                 f"the steering in {table.name('steering')!r} is given in {unit}, not from -1 to 1; "
-                "give the value that means full steering with --full-lock"
+                "give the value of full lock with --full-lock"
             )
         return partial(_steered, table, reading)
     number = partial(_number, table)
@@ -210,7 +210,7 @@ def _labelled(
 def _is_named(
     table: ColumnTable, reading: Reading, known: Mapping[str, Action], cells: Cells
 ) -> bool:
-    """True if the label column decides the label of a row, and not the steering."""
+    """True if a row's label comes from the label column, and not from the steering."""
     text = table.cell(cells, "label")
     return text is not None and (not text or _move_named(text, reading, known) is not None)
 

@@ -23,7 +23,7 @@ The shortened pause still counts as a gap."""
 _USUAL_S = 1 / 20
 _SHUFFLED_STEPS, _SHUFFLED_SHARE = 3, 0.25
 """Pictures count as shuffled if at least this number, and at least this share, of the steps from
-picture to picture go back in time. Such steps are much rarer in sessions that follow each other."""
+picture to picture go back in time. In consecutive sessions such steps are much rarer."""
 _MOST_S = 1e11
 
 
@@ -59,12 +59,12 @@ class Timeline:
 def make_timeline(stamps_s: Sequence[object]) -> Timeline:
     """Return a time for each picture.
 
-    Stamps are seconds by any clock. A value that is not a finite number counts as missing. A
-    missing stamp, or a stamp out of order, is replaced by a time between its neighbours. Equal
-    stamps are spread evenly over the time until the next stamp. If the spread stamps would be much
-    closer together or farther apart than the drive's median period, that period is used instead. If
-    the clock was set back, the time line goes on. A pause of more than a minute becomes two
-    seconds.
+    Stamps are in seconds, from any starting point. A value that is not a finite number counts as
+    missing. A missing stamp, or a stamp out of order, is replaced by a time between its neighbours.
+    Equal stamps are spread evenly over the time until the next stamp. If the spread stamps would be
+    much closer together or farther apart than the drive's median period, that period is used
+    instead. If the clock was set back, the time line continues after the previous picture. A pause
+    of more than a minute becomes two seconds.
     """
     if isinstance(stamps_s, array) and (plain := _plain(np.array(stamps_s))) is not None:
         return plain
@@ -74,7 +74,7 @@ def make_timeline(stamps_s: Sequence[object]) -> Timeline:
     known = [stamp for stamp in read if stamp is not None]
     if not known:
         even_s = [index * _USUAL_S for index in range(len(read))]
-        remark = "no times: taken as 20 pictures a second" if len(read) > 1 else None
+        remark = "no times: 20 pictures a second are assumed" if len(read) > 1 else None
         return Timeline(times_s=even_s, usual_s=_USUAL_S, remark=remark)
     filled, outliers = _filled(read, known[0])
     runs = [(stamp, len(list(same))) for stamp, same in groupby(filled)]
@@ -98,8 +98,8 @@ def make_timeline(stamps_s: Sequence[object]) -> Timeline:
 
 
 def order_if_shuffled(stamps_s: Sequence[object]) -> list[int] | None:
-    """Return the pictures' indices in the order of their stamps, in seconds, if the pictures were
-    shuffled, or listed from the last to the first. Else, or if a stamp is missing, return None."""
+    """Return the pictures' indices in the order of their stamps, if the pictures were shuffled, or
+    listed from the last to the first. Return None otherwise, or if a stamp is missing."""
     known = [stamp for stamp in map(_seconds, stamps_s) if stamp is not None]
     backward = sum(after < before for before, after in pairwise(known))
     is_often = backward >= max(_SHUFFLED_STEPS, _SHUFFLED_SHARE * len(known))
@@ -109,8 +109,8 @@ def order_if_shuffled(stamps_s: Sequence[object]) -> list[int] | None:
 
 
 def _plain(stamps_s: NDArray[np.float64]) -> Timeline | None:
-    """Return the time line of stamps that need no repair, else None. This avoids an object for each
-    stamp, and so saves time and memory."""
+    """Return the time line of stamps that need no repair, or None. This function saves time and
+    memory, because it makes no object for each stamp."""
     steps_s = np.diff(stamps_s)
     is_plain = len(steps_s) > 0 and bool(np.all((steps_s > 0) & (steps_s <= _LONGEST_PAUSE_S)))
     if not is_plain or max(-stamps_s[0], stamps_s[-1]) >= _MOST_S:

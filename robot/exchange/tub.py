@@ -1,4 +1,4 @@
-"""Tubs of donkeycar: versions 1 and 2 are read, version 2 is written.
+"""Reads donkeycar tubs of versions 1 and 2, and writes tubs of version 2.
 
 A tub of version 1 is a folder with files `record_N.json`, each next to its picture. A tub of
 version 2 contains:
@@ -142,8 +142,8 @@ def _written(record: Record) -> float | None:
 
 
 def _time(record: Record) -> float | None:
-    """Return the time of a record, from its first valid field. Version 2 states milliseconds
-    since 1970; version 1 states milliseconds since the tub's start, a date, or nothing."""
+    """Return the time of a record, from its first valid field. Version 2 has milliseconds since
+    1970; version 1 has milliseconds since the tub's start, a date, or nothing."""
     stamps_ms = (_seconds(record.get(name)) for name in ("_timestamp_ms", "milliseconds"))
     known = next((stamp for stamp in stamps_ms if stamp is not None), None)
     return seconds_of(record.get(_WRITTEN_TIME)) if known is None else known
@@ -167,21 +167,21 @@ def write_tub(episode: Episode, notes: Notes, folder: Path, *, taught_only: bool
     """Write an episode as a tub of version 2; return its number of records.
 
     Pictures are written without loss, as their JPEG bytes or as PNG. Each record also contains the
-    label, the frame id, and whether the label was a correction. So importing the tub yields the
-    same examples, whatever the threshold for turns is. If the pilot steered proportionally, the
-    record says so, and contains the pilot's angle and throttle. If he pressed a button for a move,
-    the record contains the move's usual angle and throttle. If the robot has a move without
-    steering and throttle, such as `push`, the tub has no columns for angle and throttle. A car
-    would learn from zeros in these columns to stand still. The robot's proposal is in `pilot/angle`
-    and `pilot/throttle`. `taught_only` leaves out frames that were not taught. Raises
-    RecordingError if no picture is left.
+    label, the frame id, and whether the label was a correction. An import of the tub therefore
+    yields the same examples with any threshold for turns. If the pilot steered proportionally, the
+    record says so, and contains the pilot's angle and throttle. If the pilot pressed a button, the
+    record contains the usual angle and throttle of that move. If the robot has a move without
+    steering and throttle, such as `push`, the tub has no columns for angle and throttle: from zeros
+    in these columns, a car would learn to stand still. The robot's proposal is in `pilot/angle` and
+    `pilot/throttle`. `taught_only` leaves out frames that were not taught. Raises RecordingError if
+    no picture is left.
     """
     folder.mkdir(parents=True)
     with tempfile.TemporaryFile("w+", dir=folder, encoding="ascii", newline="\n") as lines:
         seen = _write_records(episode, notes, folder, lines, taught_only=taught_only)
         if not seen.count:
             raise RecordingError(
-                "there are no pictures to export: no picture was taught; --all exports the others"
+                "there are no pictures to export: none is an example; to export all, add --all"
                 if taught_only
                 else "there are no pictures to export: all are deleted"
             )

@@ -55,7 +55,7 @@ def read_second(folder: Path, report: ImportReport) -> tuple[list[Placed], list[
     for name in names:
         own = own_name(name)
         if Path(own).name != own:
-            report.skip(name[:80], "leads out of the tub")
+            report.skip(name[:80], "the path leads out of the tub")
             continue
         for number, line in enumerate(_text_of(folder / own, report).split("\n"), start=1):
             if line.strip():
@@ -83,12 +83,12 @@ def _read_manifest(
     if not isinstance(named, list):
         there = (p.name for p in folder.glob("[!.]*.catalog"))
         names = sorted(there, key=lambda name: (int("0" + re.sub(r"[^0-9]", "", name)[:18]), name))
-        report.skip(path.name, "it is lost, so deleted records cannot be recognised")
+        report.skip(path.name, "it is missing or damaged, so deleted records are imported, too")
         return names, set(), None
     deleted = catalogs.get("deleted_indexes")
     if not isinstance(deleted, list):
         deleted = []
-        report.remark("the manifest does not say which records were deleted, so all are used")
+        report.remark("the manifest does not list deleted records, so all records are used")
     moves = lines[2].get(MOVES) if isinstance(lines[2], dict) else None
     is_list = isinstance(moves, list)
     return [str(name) for name in named], set(map(str, deleted)), moves if is_list else None
@@ -117,13 +117,13 @@ def _records(text: str, place: str, report: ImportReport) -> Iterator[Record]:
         if isinstance(record.get(IMAGE), str) and record[IMAGE]:
             yield record
         else:
-            report.skip(place, f"names no picture ({IMAGE})")
+            report.skip(place, f"the record names no picture ({IMAGE})")
     if (left_out + text[at:]).strip() or not text.strip():
-        report.skip(place, "the record is damaged or cut")
+        report.skip(place, "the record is damaged or incomplete")
 
 
 def own_name(name: str) -> str:
-    """Return the last part of an absolute path of any operating system, because a tub still
-    contains its old path after it was moved."""
+    """Return a name unchanged; of an absolute path, return only the last part. A tub that was moved
+    still contains its old paths, which may be of another operating system."""
     is_absolute = name.startswith(("/", "\\")) or re.match(r"[A-Za-z]:[\\/]", name)
     return re.split(r"[\\/]", name)[-1] if is_absolute else name

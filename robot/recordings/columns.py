@@ -1,4 +1,4 @@
-"""The tables of an open recording in memory: about fifty bytes per picture, in shared arrays."""
+"""The tables of an open recording in memory, as arrays: about fifty bytes per picture."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class FrameTable(Mapping[int, FrameEntry]):
             if channel not in self._channels:
                 self._channels.append(channel)
             table["channel"][rows["channel"] == number] = self._channels.index(channel)
-        self._table = None  # numpy cannot extend the rows while this view of them exists
+        self._table = None  # the rows cannot be extended while numpy's view of them exists
         self._rows += table.tobytes()
 
     def dump(self) -> tuple[bytes, list[MessageChannel]]:
@@ -384,7 +384,7 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
 
     @property
     def frames(self) -> NDArray[np.int64]:
-        """The picture that each event teaches; -1 if the event teaches no picture."""
+        """For each event, the id of the frame that it teaches; -1 if it teaches none."""
         return np.array(self._frame, np.int64)
 
     def rows_of(self, kind: type[Undone] | type[Edited]) -> list[int]:

@@ -21,13 +21,13 @@ from robot.types import Action, Example
 _STRETCHES = 50
 _HELD_OUT = range(2, _STRETCHES, 5)
 FEWEST_FRAMES = 50
-"""Fewest labelled frames for a comparison. The result of fewer frames would be mostly chance."""
+"""Minimum number of labelled frames for a comparison. With fewer, the result is mostly chance."""
 _SHOWN = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JudgedFrame:
-    """A held-out frame on which the two learners predict different moves."""
+    """A held-out frame for which only one of the two learners predicts the right move."""
 
     episode_id: str
     frame_id: int
@@ -38,8 +38,8 @@ class JudgedFrame:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """The accuracy of each learner on held-out frames, and up to ten frames on which the learners
-    differ."""
+    """The accuracy of each learner on held-out frames, and up to ten frames each that the edits
+    corrected or broke."""
 
     frames: int
     before: float

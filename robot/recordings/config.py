@@ -30,5 +30,5 @@ class RecorderConfig:
     """Time after which a recording continues in another file, in seconds. The limit bounds the
     memory of the recorder, and the memory of a program that reads a file without an index."""
     spare_bytes: int = 64 * 2**20
-    """Recording stops if fewer bytes than these are free on the disk. The recorder leaves these
-    bytes for models and the system."""
+    """Recording stops if the disk has fewer free bytes than this number. These bytes are left for
+    models and the system."""

@@ -198,7 +198,7 @@ def _with_messages(
     ranks: Sequence[int],
     about: Collection[Topic] = ABOUT,
 ) -> Iterator[EpisodeFrame]:
-    """Yield the pictures with these ranks as soon as their chunks were read."""
+    """Yield the pictures with these ranks as soon as their chunks have been read."""
     table, origin_ns = episode.frames.table, episode.origin_ns
     said = _TopicMessages(), _TopicMessages(), _TopicMessages()
     chosen = np.asarray(ranks, np.int64)

@@ -49,7 +49,7 @@ class Notes:
     is_protected: bool = False
     edits: tuple[Edit, ...] = ()
     undone: tuple[Edit, ...] = ()
-    """Edits that the person undid and can redo; the last undone comes first."""
+    """Edits that the person undid and can redo. The edit that was undone last comes first."""
 
     def with_edit(self, edit: Edit) -> Notes:
         return replace(self, edits=(*self.edits, edit), undone=())

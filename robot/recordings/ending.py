@@ -1,7 +1,7 @@
 """Completes each truncated recording once, at the next start of the program.
 
-A copy of the records before the truncation is completed and replaces the recording. Files that are
-damaged in another way stay as they are.
+The complete records are copied to a new file with a valid end, which replaces the recording. Files
+that are damaged in another way stay as they are.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from robot.store.folder import whole_file
 log = logging.getLogger(__name__)
 
 _MOST_LOST_BYTES = 16 * 2**20
-"""Maximum number of bytes after the last complete record of a truncated file. A truncation leaves
-at most a part of one record. A file with more bytes at its end is damaged in another way."""
+"""Maximum number of bytes after the last complete record of a truncated file. A truncated file ends
+with at most a part of one record. If there are more bytes, the file is damaged in another way."""
 _SPARE_BYTES = 64 * 2**20
 _RECORDS_AT_ONCE = 32
 _REST_S = 0.003

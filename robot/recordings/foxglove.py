@@ -1,7 +1,7 @@
 """Foxglove's protobuf messages that viewers draw: pictures and poses.
 
 The messages are defined in https://github.com/foxglove/foxglove-sdk (schemas/proto). protobuf is
-imported when the first message comes, so an EV3, which never records, never loads it.
+imported with the first message, so an EV3, which never records, never loads it.
 """
 
 from __future__ import annotations

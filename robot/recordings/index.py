@@ -35,8 +35,8 @@ SECTION_FRAMES = 8192
 """Number of pictures in a section: about five minutes of driving, and 0.6 MB of columns."""
 _FORMAT = 1
 _MOST_RESULTS = 1000
-"""Maximum number of extensions' results in the index. If there are more, the index has only the
-newest."""
+"""Maximum number of extensions' results in the index. If there are more, only the newest are in the
+index."""
 _MOST_BYTES = 2**26
 _HEAD = struct.Struct("<II")
 """The checksum of a section, and the length of its description."""

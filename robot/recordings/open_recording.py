@@ -29,11 +29,11 @@ log = logging.getLogger(__name__)
 
 
 class OpenRecording:
-    """Writes one recording after the other to a folder.
+    """Writes recordings to a folder, one after the other.
 
     Attributes:
         episode_id: Name of the recording that is being written, if there is one.
-        fault: The reason why nothing is recorded, as a sentence; None if all is well.
+        fault: The reason why nothing is recorded, as a sentence; None if there is no fault.
         lost: Numbers of `frames` and `messages` that were dropped since the program began, because
             the disk was too slow.
     """
@@ -122,7 +122,7 @@ class OpenRecording:
     def fail(self, error: Exception) -> None:
         """End the recording because of an error, and report the error."""
         if isinstance(error, OSError):
-            self._give_up(f"Recording stopped, writing failed: {reason(error)}")
+            self._give_up(f"Recording stopped because writing failed: {reason(error)}")
         else:
             log.exception("recording stopped")
             self._give_up(f"Recording stopped: {error}")

@@ -109,7 +109,7 @@ def walk_part(number: int, file: Path) -> Iterator[Part]:
     except (RecordingError, OSError):
         if number == 0:
             raise
-        yield Cut(CUT_SHORT)  # a power cut came while the file was being created
+        yield Cut(CUT_SHORT)  # the power failed while the file was being created
 
 
 def blocks_after(

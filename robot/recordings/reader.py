@@ -2,7 +2,7 @@
 
 Impossible lengths are rejected before memory is allocated for them, chunks are unpacked within
 bounds, and reading stops at the first invalid record. All records before the first invalid one are
-valid, so a truncated recording is readable up to the cut. Layout: mcap.dev/spec. The library `mcap`
+valid, so a truncated recording is readable to its end. Layout: mcap.dev/spec. The library `mcap`
 trusts lengths and does not detect truncated files, so it is used only to parse the content of
 single records.
 """
@@ -71,8 +71,8 @@ class MessageChannel(NamedTuple):
 
 
 class Message(NamedTuple):
-    """One message. `place` states its chunk, and where in this chunk the message's data begins and
-    ends."""
+    """One message. `place` contains the offset of its chunk, and where in this chunk the message's
+    data begins and ends."""
 
     channel: MessageChannel
     log_ns: int
@@ -144,8 +144,8 @@ class Ends(NamedTuple):
 
 
 class Cut(NamedTuple):
-    """Says where the readable part of a damaged file ends, and why; `reason` is a message for the
-    user.
+    """Comes after the readable part of a damaged file; `reason` says why the rest cannot be read,
+    for the user.
 
     `lost_bytes` is the number of bytes after the last complete record of a truncated file; None if
     the file is damaged in another way.
@@ -221,8 +221,8 @@ def has_end(path: Path) -> bool:
 
 
 def read_chunk(path: Path, offset: int) -> bytes:
-    """Return the unpacked bytes of the chunk at `offset`. A `Place` says where in these bytes a
-    message lies."""
+    """Return the unpacked bytes of the chunk at `offset`. A `Place` contains the position of a
+    message in these bytes."""
     with path.open("rb") as file:
         file.seek(offset)
         _, opcode, body = next(_records(file))
@@ -273,7 +273,7 @@ def _attachment_at(file: BinaryIO, offset: int) -> Attached:
     _, opcode, body = next(_records(file))
     file.seek(here)
     if opcode != _ATTACHMENT:
-        raise RecordingError("an attachment is not where the summary says")
+        raise RecordingError("the summary gives a wrong position for an attachment")
     record = _parse("Attachment", body)
     return Attached(offset, record.name, record.data)
 
@@ -299,7 +299,7 @@ def _summary(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
 
 
 def _chunk_group(file: BinaryIO, offsets_at: int, end_at: int) -> tuple[int, int]:
-    """Return where the chunk index begins and ends; 0 and 0 if the summary does not tell."""
+    """Return where the chunk index begins and ends; 0 and 0 if the summary does not say."""
     if 0 < offsets_at < end_at:
         file.seek(offsets_at)
         for _, kind, body in _records(file, _MOST_SUMMARY_BYTES):
@@ -316,7 +316,7 @@ def _metadata_at(file: BinaryIO, places: Sequence[int]) -> dict[str, dict[str, s
         file.seek(min(place, size))
         _, opcode, body = next(_records(file, _MOST_SUMMARY_BYTES))
         if opcode != _METADATA:
-            raise RecordingError("the metadata are not where the summary says")
+            raise RecordingError("the summary gives a wrong position for the metadata")
         record = _parse("Metadata", body)
         found[record.name] = record.metadata
     return found
@@ -385,7 +385,7 @@ class _Content:
         self.channels = dict(channels or {})
 
     def parts(self, file: BinaryIO) -> Iterator[Part]:
-        """Yield the content up to the summary, which only repeats what came before."""
+        """Yield the content up to the summary, which only repeats earlier content."""
         chunk: tuple[int, bytes] | None = None
         indexes: list[bytes] = []
         has_all = False
@@ -494,7 +494,7 @@ def _rows(data: bytes, places: NDArray[np.int64]) -> NDArray[np.void]:
     if not len(places):
         return rows
     if (places[:, 1] - places[:, 0] < _MESSAGE_HEAD.size).any():
-        raise RecordingError("a message is shorter than its head")
+        raise RecordingError("a message is shorter than its header")
     heads = _gather(np.frombuffer(data, np.uint8), places[:, 0], _MESSAGE_HEAD.size)
     rows["channel"] = heads[:, :2].copy().view("<u2")[:, 0]
     rows["sequence"] = heads[:, 2:6].copy().view("<u4")[:, 0]
@@ -515,10 +515,10 @@ def _unpacked(body: bytes) -> bytes:
     chunk = _parse("Chunk", body)
     size, checksum = chunk.uncompressed_size, chunk.uncompressed_crc
     if size > MAX_CHUNK_BYTES:
-        raise RecordingError(f"a chunk that claims to unpack to {size} bytes is refused")
+        raise RecordingError(f"a chunk of {size} unpacked bytes is too large")
     data = _unpack(chunk.compression, chunk.data, size)
     if len(data) != size:
-        raise RecordingError("a chunk unpacks to another size than it claims")
+        raise RecordingError("a chunk's unpacked size differs from its declared size")
     if checksum and zlib.crc32(data) != checksum:
         raise RecordingError("a chunk is damaged: its checksum does not match")
     return data

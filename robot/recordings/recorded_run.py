@@ -1,5 +1,4 @@
-"""The data of a run that its recording contains: the recording's name, the robot, and the
-learner."""
+"""Describes a run for its recording: the recording's name, the robot, and the learner."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
 """Records each run while it is driven. The loop only queues items; the disk's thread writes them.
 
 A recording begins when the robot leaves `stopped` or the learner changes; it ends after the robot
-has stood still for ten seconds. The queue for the disk is bounded by count and by bytes, so a slow
-disk takes neither memory nor time from the loop. Instead, pictures that find no room are dropped,
-and the recorder counts them. An example whose picture was dropped is recorded with its feature
-vector, so that no example is lost.
+has stood still for ten seconds. The queue for the disk is limited in items and in bytes, so a slow
+disk costs the loop neither memory nor time. If the queue is full, new pictures are dropped and
+counted. An example whose picture was dropped is recorded with its feature vector, so that no
+example is lost.
 """
 
 from __future__ import annotations

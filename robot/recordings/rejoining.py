@@ -1,4 +1,4 @@
-"""Brings the files of one recording together again.
+"""Reunites the files of a recording after an interruption.
 
 A recording is deleted and restored file by file. If the program is killed or loses power meanwhile,
 some of the files are in the trash and some are not. To apply the edits to a recording
@@ -25,7 +25,7 @@ from robot.store.prepare import ASIDE
 log = logging.getLogger(__name__)
 
 _COPY = re.compile(r" \(\d+\)\Z", re.ASCII)
-"""The ending that a restored recording's name gets if its own name is in use."""
+"""The suffix, such as ` (2)`, of a restored recording whose own name is in use."""
 
 
 def strays(folder: Path) -> Iterator[tuple[Path, str]]:
@@ -39,7 +39,7 @@ def strays(folder: Path) -> Iterator[tuple[Path, str]]:
 
 
 def compacting_mark(path: Path) -> Path:
-    """Return the path of the file that marks a recording while it is made compact. The mark lies
+    """Return the path of the file that marks a recording while its edits are applied. The mark is
     next to the recording at first, and then moves to the trash together with it. The mark has the
     name of an unfinished file, so that the cleanup of such files also removes a mark that was left
     behind."""
@@ -50,7 +50,7 @@ def rejoin(storage: Storage) -> None:
     """Move left-over notes and parts to the trash if the rest of their recording is there.
 
     Parts that were moved to the folder `set-aside` when the server started are moved back to their
-    recording. A recording whose compacting was interrupted is restored. Never raises.
+    recording. If `EpisodeStore.compact` was interrupted, its recording is repaired. Never raises.
     """
     folder = storage.folder(NAME)
     try:

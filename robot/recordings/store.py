@@ -1,4 +1,4 @@
-"""The recordings of one robot: listed, opened, edited, deleted and restored."""
+"""Lists, opens, edits, deletes and restores the recordings of one robot."""
 
 from __future__ import annotations
 
@@ -189,7 +189,7 @@ class EpisodeStore:
         return [key for key in self._storage.deleted() if any((trash / key).glob("*.mcap"))]
 
     def compact(self, episode_id: str) -> str:
-        """Replace a recording by a copy with its edits applied; the returned key restores the
+        """Replace a recording by a copy with its edits applied. Return the key that restores the
         original."""
         with self._lock:
             path = self._idle_path(episode_id)
@@ -283,7 +283,7 @@ class EpisodeStore:
         path = self.path(episode_id)
         if path.name in being_read(path.parent):
             raise ConfigurationError(
-                "this recording is being downloaded, exported or taught again; wait until that ends"
+                "this recording is being downloaded, exported or used for training; wait and retry"
             )
         if self._is_recorder or has_ended(path):
             return path

@@ -22,10 +22,10 @@ from robot.store.folder import fold
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EpisodeSummary:
-    """One recording, as the list of recordings shows it. `started_at_s` is the wall-clock time in
-    seconds since 1970.
+    """One recording, as the list of recordings shows it. `started_at_s` is in seconds since 1970.
 
-    `damage` says that the file is truncated, or why it cannot be read (`is_readable` is False).
+    `damage` says that the file is truncated, or why it cannot be read (then `is_readable` is
+    False).
     """
 
     id: str

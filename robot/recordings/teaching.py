@@ -99,7 +99,7 @@ def _labelled_late(episode: Episode, notes: Notes) -> Iterator[Taught]:
 def surviving(episodes: Sequence[EditedEpisode]) -> list[NDArray[np.intp]]:
     """Return, for each recording, the indices of the events that were not undone. An event can be
     undone by its own recording or by a later recording of the same run. An undo event is kept if it
-    concerns an earlier recording than all `episodes`."""
+    undoes examples of a recording before all `episodes`."""
     counts = [np.ones(len(episode.events), bool) for episode, _ in episodes]
     frames = [episode.events.frames for episode, _ in episodes]
     for place, (episode, _) in enumerate(episodes):
@@ -180,7 +180,7 @@ def _seen_by(policy: Policy, episode: Episode, event: Taught) -> Taught | None:
     frame_id, label = event.example.frame_id, event.example.label
     if label not in policy.moves:
         raise ConfigurationError(
-            f"{episode.id} teaches {label.value!r}, which is not one of the moves "
+            f"{episode.id} contains examples of {label.value!r}, which is not one of the moves "
             f"{', '.join(policy.moves)}"
         )
     if frame_id in episode.frames:

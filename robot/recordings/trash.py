@@ -1,9 +1,9 @@
 """Removes deleted items from the trash after some days.
 
-The age of an item is not measured by the clock since its deletion. A Raspberry Pi or an EV3 without
-a battery for its clock starts in the past, and sets its clock when it finds a network. By the
-clock, an item that was deleted before would then be decades old. Instead, a file adds up the times
-between checks; a time in which the clock was set counts as a week at most.
+The age of an item is not the difference between now and the time of its deletion. A Raspberry Pi or
+an EV3 without a battery for its clock starts in the past, and sets its clock when it finds a
+network. An item that was deleted before would then seem decades old. Instead, a file adds up the
+times between checks, and each of these times counts as a week at most.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ within this time, and would notice a wrong deletion."""
 AGES = ".trash-days"
 """Name of the file with the age of each item in the trash, in days."""
 _MOST_DAYS = 7.0
-"""Longest time that counts between two checks, in days: a class has a lesson each week."""
+"""Maximum time that is added between two checks, in days. A class has a lesson each week."""
 _DAY_S = 86_400.0
 
 

@@ -75,7 +75,7 @@ def describe_run(
         "options": json.dumps(dict(options or {}), default=str),
         "source": source,
         "pictures": pictures or "",
-        "timed": "1",  # means that each example states when it was taught
+        "timed": "1",  # means that each example contains the time at which it was taught
     }
 
 

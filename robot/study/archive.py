@@ -1,4 +1,4 @@
-"""A study's data in one zip. Any machine can rebuild the study's table from the zip.
+"""A study's data in one zip file, from which any machine can rebuild the study's table.
 
 The server computes the table with `rebuild` and puts it into the zip. `drivelesson study report`
 computes the table again with `rebuild`, and compares it with the table in the zip.
@@ -84,16 +84,16 @@ def unpack(path: Path) -> tuple[str, dict[str, bytes], dict[str, bytes]]:
     strange = [code for code in logs if not CODE.fullmatch(code)]
     if strange:
         raise ConfigurationError(
-            f"{path}: the name of {EVENTS}{strange[0][:40]} does not end in a participant's code"
+            f"{path}: {EVENTS}{strange[0][:40]} is not named after a participant's code"
         )
     files.pop("README.txt", None)
     return plan_text, logs, files
 
 
 def _own(files: dict[str, bytes]) -> dict[str, bytes]:
-    """Return the study's files of a zip. A Mac's browser unpacks the zip that it downloads. If the
-    folder is packed again, the names begin with the folder's name, and the Mac's own files are
-    added: `__MACOSX`, `.DS_Store` and `._NAME`."""
+    """Return the study's files from a zip. A Mac's browser unpacks a downloaded zip. If the user
+    zips the folder again, all names begin with the folder's name, and the Mac adds its own files:
+    `__MACOSX`, `.DS_Store` and `._NAME`."""
     kept = {
         name: data
         for name, data in files.items()

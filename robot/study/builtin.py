@@ -1,10 +1,10 @@
-"""Study plans with the protocol of a published experiment: one plan for a study, and one for a
-single person. Pure.
+"""Built-in study plans with the protocol of a published experiment: one for a study with several
+participants, and one for a single person. Pure.
 
 Source: FLAIRS-30 (2017), the experiment with human teachers. Trials 1 to 3 begin either with 90 s
 of teaching and 330 s with corrections, or with 180 s of teaching and 240 s with corrections. At the
-end of a trial the robot drives alone for 60 s, and the participant answers a question on a 7-point
-scale.
+end of a trial the robot drives without help for 60 s, and the participant answers a question on a
+7-point scale.
 """
 
 from __future__ import annotations

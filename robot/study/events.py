@@ -55,7 +55,7 @@ _FORMULA, _DISARMED = re.compile(_CELL + _RUNS), re.compile(f"{_CELL}'{_RUNS}")
 def write_csv(lines: Iterable[Sequence[object]]) -> str:
     """Return lines as CSV.
 
-    An apostrophe precedes texts that a spreadsheet would run as formulas.
+    Text that a spreadsheet would run as a formula gets an apostrophe in front.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -102,7 +102,7 @@ def read_events(data: bytes, where: str = "the event log") -> list[StudyEvent]:
 
 def check_begun(events: Sequence[StudyEvent], where: str) -> int:
     """Return the participant's number in the study (the slot), which the first event contains.
-    Raises RecordingError if the first event is not `begin`."""
+    Raises RecordingError if the first event is not `session_begun`."""
     first = events[0] if events else None
     if (
         first is None
@@ -122,7 +122,7 @@ def _read(line: list[str]) -> StudyEvent:
     values.update({name: number_in(texts[name]) for name in _REAL})
     wall_s = number_in(texts["wall_s"])
     if wall_s is None or wall_s < 0:
-        raise ValueError("'wall_s' is missing, or before 1970")
+        raise ValueError("'wall_s' is missing or negative")
     if texts["event"] == "frame":
         Action(texts["move"])  # raises if the name is invalid
     return StudyEvent(**values)  # type: ignore[arg-type]  # as the columns say

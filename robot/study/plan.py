@@ -17,8 +17,7 @@ from robot.types import Action, Mode
 MOST_PARTICIPANTS, MOST_CONDITIONS, MOST_PHASES, MOST_QUESTIONS = 500, 8, 12, 60
 LONGEST_PHASE_S = 7200.0
 CODE = re.compile(r"[A-Z]{1,3}[0-9]{1,4}")
-"""Form of the code that stands for a participant. Studies request and store no other personal
-data."""
+"""Form of a participant's code. A study stores this code instead of any personal data."""
 _MOVES = 'a list of moves such as ["forward", "left"]'
 
 
@@ -37,7 +36,7 @@ class PlannedPhase(PlanTable):
 
     @property
     def mode(self) -> Mode:
-        """The robot's mode during the phase. The time of the phase runs only in this mode."""
+        """The robot's mode during the phase. The phase's clock runs only in this mode."""
         return Mode.TRAIN if self.kind == "teach" else Mode.AUTONOMOUS
 
 
@@ -128,13 +127,13 @@ class StudyPlan:
 
 
 def williams_rows(n: int) -> list[tuple[int, ...]]:
-    """Return the orders of `n` conditions (numbered from 0), one for each participant: a Latin
-    square.
+    """Return orders of `n` conditions (numbered from 0), to be given to the participants in turn.
+    The orders form a Williams design, a balanced Latin square.
 
     Every condition is at every position equally often, and follows every other condition equally
-    often. Source: E. J. Williams, "Experimental designs balanced for the estimation
-    of residual effects of treatments", Australian Journal of Scientific Research A 2 (1949). An
-    even number of conditions needs one square. An odd number needs a square and its mirror image.
+    often. An even number of conditions needs one square; an odd number also needs its mirror image.
+    Source: E. J. Williams, "Experimental designs balanced for the estimation of residual effects of
+    treatments", Australian Journal of Scientific Research A 2 (1949).
     """
     first = [0] + [(k + 1) // 2 if k % 2 else n - k // 2 for k in range(1, n)]
     rows = [tuple((start + i) % n for start in first) for i in range(n)]
@@ -142,7 +141,7 @@ def williams_rows(n: int) -> list[tuple[int, ...]]:
 
 
 def parse_plan(text: str, where: str = "the plan") -> StudyPlan:
-    """Parse a plan; the message of a ConfigurationError names fault, location and remedy."""
+    """Parse a plan. A ConfigurationError says what is wrong, where, and what to do."""
     import tomllib
 
     wrong = f"{where} is not TOML"

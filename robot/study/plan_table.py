@@ -1,4 +1,4 @@
-"""The tables of a plan, parsed one by one; an error names fault, location and remedy. Pure."""
+"""Parses each table of a plan. An error says what is wrong, where, and what to do. Pure."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class PlanTable(RawValue):
 
     @classmethod
     def read(cls, table: Mapping[str, Any], where: str) -> Self:
-        """Parse one table; the message of a ConfigurationError names the location."""
+        """Parse one table. The message of a ConfigurationError begins with `where`."""
         refuse_unknown(table, cls.known(table), where)
         spread = {name: _by_language(name, value) for name, value in table.items()}
         found = read(cls, spread, f"{where}: ")
@@ -76,12 +76,12 @@ def refuse_twins(names: Sequence[str], what: str, where: str) -> None:
     for name in names:
         if names.count(name) > 1:
             raise ConfigurationError(
-                f"{where}: two of the {what}s are called {name!r}; give each its own name"
+                f"{where}: the name {name!r} is used for two {what}s; give each its own name"
             )
 
 
 def _by_language(name: str, value: Any) -> Any:
-    """Return a text by language; a plain text is for all languages."""
+    """Return a text as a dictionary by language. A plain string counts as English."""
     if name == "options" and isinstance(value, list):
         return [_by_language("text", each) for each in value]
     if name not in _BY_LANGUAGE or not isinstance(value, str):
@@ -97,7 +97,7 @@ def _check(name: str, value: Any) -> None:
             "use up to 31 lower-case letters, digits, - and _, and no spaces"
         )
     if name in ("title", "world") and not value.isprintable():
-        raise ValueError(f"{name!r} is {value[:40]!r}; write it in one line")
+        raise ValueError(f"{name!r} is {value[:40]!r}; write it on one line")
     texts = value if name == "options" else [value] if name in _BY_LANGUAGE else []
     for code, said in (pair for each in texts for pair in each.items()):
         if not _LANGUAGE.fullmatch(code) or len(said) > _LONGEST_WORDS:
@@ -107,5 +107,5 @@ def _check(name: str, value: Any) -> None:
     if name == "learner" and not is_learner_kind(kind := split_name(value)[0]):
         hint = did_you_mean(kind, learner_kinds())
         raise ValueError(
-            f"'learner' is {value!r}, which is unknown{hint}; default-32 is the usual one"
+            f"'learner' is {value!r}, which is unknown{hint}; the default is default-32"
         )

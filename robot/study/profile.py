@@ -1,14 +1,14 @@
-"""Behavior Profile: the distances at which a driver makes each move; and the difference of two
-profiles.
+"""The Behavior Profile, which describes at what distances a driver makes each move, and the
+difference between two profiles.
 
 A profile is P(d < c | move) for c = 0, 0.02, ..., 4 m, where d is the sonar reading. Two profiles
 are compared by the sum of squared differences (SSD), over all moves and all c. Source: FLAIRS-30
 (2017).
 
-The paper does not define the profile of a move that was never made. In this module the profile of
-such a move is 0 for every c, like a profile without readings. So the SSD is large if one driver
-turns and the other never turns. A `Difference` lists, for each driver, the moves that this driver
-never made. Its property `made` is the SSD over only the moves that both drivers made.
+The paper does not define the profile of a move that was never made. In this module it is 0 for
+every c, so the SSD is large if one driver turns and the other never turns. A `Difference` lists
+the moves that each driver never made. Its property `made` is the SSD of only the moves that both
+drivers made.
 """
 
 from __future__ import annotations

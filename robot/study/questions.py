@@ -23,8 +23,8 @@ _OF_KIND = {"scale": ("least", "most", "step", "low", "high"), "choice": ("optio
 
 
 class Question(PlanTable):
-    """One question. Depending on `kind`, the answer is a whole number on a scale, the number of the
-    chosen option (from 1), or a text."""
+    """One question. The answer is a whole number on a scale, the number of the chosen option (from
+    1), or a text, depending on `kind`."""
 
     name: str = text()
     text: Words = words()

@@ -17,7 +17,7 @@ from robot.study.table import Cell
 from robot.types import Action, DrivenBy, Mode
 
 QUESTIONS = "questions"
-"""The row with a participant's answers has this value in the columns `phase` and `kind`."""
+"""Value of the columns `phase` and `kind` in the row that contains a participant's answers."""
 DRIVE_COLUMNS = (
     *("participant", "slot", "position", "condition", "attempt", "phase", "kind", "is_complete"),
     *("world", "place_checked_by", "learner", "moves", "began_at", "planned_s", "driven_s"),

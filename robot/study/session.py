@@ -1,6 +1,6 @@
 """One participant's session: its state, and its next step. Pure.
 
-The state follows from its events: a session is resumed by replaying its log.
+The events determine the state, so a session is resumed by replaying its log.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from robot.study.questions import Question
 from robot.types import Action, DrivenBy, Mode
 
 LONGEST_STEP_S = 0.5
-"""Longest gap between two ticks that counts as driving, in seconds; a longer gap was a pause."""
+"""Maximum time between two ticks that counts as driving, in seconds. The rest is a pause."""
 
 
 class SessionStep(StrEnum):
-    """The step that a session waits for."""
+    """The step for which a session waits."""
 
     CONSENT = "consent"
     READY = "ready"
@@ -63,12 +63,12 @@ class StudySession:
 
     @property
     def condition(self) -> Condition:
-        """The current condition, or the next one."""
+        """The current condition; between two conditions, the next one."""
         return self.plan.by_name[self.order[min(self.position, len(self.order) - 1)]]
 
     @property
     def phase(self) -> PlannedPhase | None:
-        """The current phase, or the phase that comes next; None while the session waits for
+        """The current phase of a condition that has begun; None while the session waits for
         something else, such as answers."""
         return self.condition.phases[self.phase_index] if self.step is SessionStep.DRIVE else None
 
@@ -198,7 +198,7 @@ def follow_log(plan: StudyPlan, participant: str, events: Iterable[StudyEvent]) 
     events = list(events)
     where = f"the event log of {participant}"
     session = StudySession(plan, participant, check_begun(events, where))
-    with told_as(RecordingError, f"{where} does not follow its plan", KeyError, IndexError):
+    with told_as(RecordingError, f"{where} does not match its plan", KeyError, IndexError):
         for event in events[1:]:
             session.follow(event)
     return session

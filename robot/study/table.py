@@ -1,4 +1,4 @@
-"""A table of figures, which a terminal shows as text."""
+"""A table of numbers that is printed as text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Packs the files for a brick: the agent as one file, or the whole program as a tar.
+"""Packs the files for a brick: the agent as one file, or the whole program as a tar archive.
 
 The agent's file is a zip, `agent.pyz`, which a brick's Python 3.5 runs directly.
 """
@@ -31,7 +31,7 @@ Python than the brick has."""
 EPOCH = (1980, 1, 1, 0, 0, 0)
 MAIN = "from robot.bodies.ev3.agent.__main__ import main\n\nmain()\n"
 Files = Sequence[tuple[str, Path | bytes]]
-"""Names inside a tar, each with its source: a local file or folder, or bytes."""
+"""Names inside a tar archive, each with its source: a local file or folder, or bytes."""
 
 
 def agent_sources() -> dict[str, Path]:
@@ -102,7 +102,7 @@ def _copy_metadata(folder: Path) -> None:
 
 
 def write_tar(stream: IO[bytes], files: Files) -> None:
-    """Write files as a tar in which root owns all of them."""
+    """Write files as a tar archive in which root owns all of them."""
     with tarfile.open(fileobj=stream, mode="w|") as tar:
         for name, content in files:
             if isinstance(content, Path):

@@ -25,7 +25,7 @@ class Level(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One line of the report; `advice` says what to do, and is empty if all is well."""
+    """One line of the report. `advice` says what to do; it is empty if nothing is wrong."""
 
     level: Level
     topic: str
@@ -75,8 +75,8 @@ def write_report(findings: Sequence[Finding]) -> str:
 
 
 def _judge(topic: str, text: str, *, wrong: Advice = False, note: Advice = False) -> Finding:
-    """Return a finding. With `wrong` it is an error, with `note` a warning, and without advice all
-    is well."""
+    """Return a finding: an error if `wrong` contains advice, a note if `note` does, and otherwise
+    OK."""
     level = Level.WRONG if wrong else Level.NOTE if note else Level.OK
     return Finding(level, topic, text, wrong or note or "")
 
@@ -88,7 +88,7 @@ def _versions(facts: BrickFacts) -> Iterator[Finding]:
         f"agent {there['release']}, Python {there['python']}, Linux {there['kernel']} "
         f"on {there['machine']}",
         note=there["release"] != facts.release
-        and "this agent has another version than this program; update it: drivelesson brick agent "
+        and "the agent's version differs from this program's; update it: drivelesson brick agent "
         f"{host}",
     )
 
@@ -111,13 +111,13 @@ def _line(facts: BrickFacts) -> Iterator[Finding]:
 def _clock(facts: BrickFacts) -> Iterator[Finding]:
     hours = facts.clock_ahead_s / 3600
     if abs(hours) < 1 / 60:
-        yield _judge("clock", "agrees with this computer's to the minute")
+        yield _judge("clock", "within a minute of this computer's clock")
         return
     yield _judge(
         "clock",
         f"{abs(hours):.1f} hours {'ahead of' if hours > 0 else 'behind'} this computer",
-        note="a brick has no clock of its own; driving does not need one. For dates in its logs: "
-        "connect it to the internet, or on the brick: sudo date -s '2026-01-31 12:00'",
+        note="driving does not need the right time; to get right dates in logs, connect the brick "
+        "to the internet, or run on it: sudo date -s '2026-01-31 12:00'",
     )
 
 
@@ -161,7 +161,7 @@ def _faults(facts: BrickFacts, turn: WheelTurn) -> Iterator[tuple[str, str]]:
             if abs(turned) > 20:
                 yield (
                     f"{where} turned although it was stopped",
-                    "does another program drive it? Restart the brick",
+                    "another program may drive it; restart the brick",
                 )
         elif turn.is_stalled[index] or abs(turned) < 0.1 * abs(asked):
             yield (
@@ -180,8 +180,8 @@ def _faults(facts: BrickFacts, turn: WheelTurn) -> Iterator[tuple[str, str]]:
 def _sensors(facts: BrickFacts) -> Iterator[Finding]:
     found = facts.inspected["sensors"]
     welcome = (
-        "the robot can drive without sensors; it uses an ultrasonic and two touch sensors at any "
-        "port"
+        "the robot can drive without sensors, but can use an ultrasonic and two touch sensors, at "
+        "any port"
     )
     yield _judge("sensors", _listed(found), note=not found and welcome)
 
@@ -257,7 +257,7 @@ def _pictures(pictures: Sequence[RemotePicture]) -> Finding:
         f"{rate_hz:.1f} a second, {1000 * usual:.0f} ms old (95 % under {1000 * old:.0f} ms); "
         f"{last.width}x{last.height} {last.encoding}",
         wrong=usual > 0.3
-        and "too old to drive at speed; look at the Wi-Fi and the camera's cable first",
+        and "too old to drive at speed; check the Wi-Fi and the camera's cable first",
         note=(usual > 0.18 or rate_hz < 7)
         and "the robot will slow down; is anything besides camera and Wi-Fi on the USB hub?",
     )

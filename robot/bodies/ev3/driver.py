@@ -183,8 +183,8 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
                 if abs(asked) > top:
                     most = math.floor(1000 * value * top / abs(asked)) / 1000
                     raise ConfigurationError(
-                        f"--{name.replace('_', '-')} {value} asks the motor at {port} for "
-                        f"{abs(asked):.0f} degrees a second, but it reaches only {top:.0f}; "
+                        f"--{name.replace('_', '-')} {value} needs {abs(asked):.0f} degrees a "
+                        f"second from the motor at {port}, which reaches only {top:.0f}; "
                         f"choose {most} or less"
                     )
 
@@ -220,7 +220,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
     def roll(self, action: Action, seconds: float) -> Pair:
         """Drive for some seconds; return the distance that each wheel rolled.
 
-        The function repeats a command that is valid only for a short time. So the robot stops if
+        The function repeats a command that is valid only for a short time, so the robot stops if
         this program ends.
         """
         before, end_s = self.rolled_m(), self._clock.now_s() + seconds

@@ -26,8 +26,8 @@ OPTIONS = ChassisOptions()
 def measure(link: BrickLink, may_turn_wheels: Callable[[], bool]) -> BrickFacts:
     """Return all measurements of a remote brick; raises DriveError if the connection is lost.
 
-    One of the measurements turns the wheels. `may_turn_wheels` is called before it, to ask the
-    person for permission.
+    One of the measurements turns the wheels. Before this measurement, `may_turn_wheels` is called
+    to ask the user for permission.
     """
     link.hold("doctor", "ping")
     try:
@@ -89,8 +89,8 @@ def _try_wheels(
 
 
 def _turn(link: BrickLink, body: RemoteBody, part: tuple[int, int]) -> WheelTurn:
-    """Turn the wheels for one part of the test, by short moves, so that they stop if this program
-    ends."""
+    """Turn the wheels for one part of the test. The moves are short, so the wheels stop if this
+    program ends."""
     clock, stalled = link.clock, [False, False]
     asked_dps = [way * WHEEL_DPS for way in part]
     before, began_s = body.positions(), clock.now_s()

@@ -36,8 +36,8 @@ class FakeCameraReader:
         self._n = 0
 
     def fileno(self) -> int:
-        """Return a descriptor that never becomes readable. The agent polls the fake camera
-        instead."""
+        """Return a descriptor that never becomes readable, because the agent polls the fake
+        camera."""
         return self._pipe[0]
 
     def poll(self, now_s: float) -> VideoFrame | None:

@@ -21,8 +21,8 @@ from robot.types import StartStop
 POLL_S = 0.002
 _SEEN_NS = 0
 """When the fake brick reads a command file, it sets the file's modification time to this value. A
-file with any other modification time contains a new command. Comparing modification times would not
-be enough, because two commands in succession may get the same time."""
+file with any other modification time contains a new command. The brick does not compare two
+modification times, because two successive commands may have the same."""
 MAX_SPEED = 1050
 """Maximum speed of a large motor, in counts a second. The kernel refuses a higher speed."""
 DEFAULTS = {

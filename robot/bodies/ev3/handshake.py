@@ -1,4 +1,4 @@
-"""Joining the agent on a brick: both sides prove that they know the secret, then seal messages."""
+"""Joins the agent on a brick: both sides prove that they know the secret, then seal messages."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class BrickConnection:
             advice = "stop the other server first"
             if "secret" in verdict["refused"]:
                 advice = f"give --brick-secret, or make a new secret with: {_renew(host)}"
-            raise DriveError(f"the brick at {host} refuses: {verdict['refused']}; {advice}")
+            raise DriveError(f"{host} refuses the connection: {verdict['refused']}; {advice}")
         if not is_proof(verdict["proof"], secret, "agent", theirs, ours):
             raise DriveError(
                 f"{host} could not prove that it knows the shared secret, so it is not your brick; "
@@ -89,7 +89,7 @@ def dial(address: tuple[str, int]) -> socket.socket:
 def join(
     address: str, secret: str = "", dial: Callable[[tuple[str, int]], socket.socket] = dial
 ) -> BrickConnection:
-    """Join the agent at `host` or `host:port`, with the saved secret unless one is given.
+    """Join the agent at `host` or `host:port`, with `secret` or else the saved secret.
 
     Raises:
         ConfigurationError: If the address is not valid.

@@ -14,7 +14,7 @@ from robot.store.folder import whole_file
 
 
 def run_on_brick(target: str, script: str, files: Files | Path) -> str:
-    """Run a script on the brick, with files or a tar on its standard input; return its output.
+    """Run a script on the brick, with files or a tar file on its standard input; return its output.
     Raises DriveError, with the last line of output, if ssh or the script fails."""
     with files.open("rb") if isinstance(files, Path) else TemporaryFile() as stream:
         if not isinstance(files, Path):
@@ -55,8 +55,8 @@ def start_with_the_brick(target: str) -> None:
     )
     if done.returncode != 0:
         raise DriveError(
-            f"the brick at {target} will not start the agent at boot, because setting that up "
-            "failed; try on the brick: sudo sh drivelesson/autostart"
+            f"the brick at {target} could not be set up to start the agent at boot; "
+            "try on the brick: sudo sh drivelesson/autostart"
         )
 
 

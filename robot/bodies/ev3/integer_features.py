@@ -26,8 +26,8 @@ _SCALE = 4
 _LINE, _TWO_LINES = THUMBNAIL_WIDTH, 2 * THUMBNAIL_WIDTH
 _NOISE = 400
 """Number that is added to the sum of the gradients around a cell, before the cell's gradients are
-divided by this sum. Where the picture is plain, the sum is small. Without `_NOISE`, the division
-would then turn noise into strong gradients."""
+divided by this sum. In plain areas the sum is small, and without `_NOISE` the division would turn
+noise into strong gradients."""
 _FULL = 1023
 """A bin has its largest value if it contains at least this share of the gradients of the 3x3 cells
 around it, in units of 1/4096."""
@@ -44,8 +44,8 @@ class IntegerGradientFeatures:
     the results. The vector is the same on every machine.
 
     The histograms' bytes are multiples of 4, because `IntegerRidge` ignores the lower two bits. The
-    grey picture begins with every second pixel of every second line, because these pixels are
-    enough to compare pictures.
+    grey picture begins with every second pixel of every second line, because only these pixels are
+    used to compare pictures.
     """
 
     name = "integer-gradient"
@@ -110,7 +110,7 @@ class IntegerGradientFeatures:
 class _Tables(NamedTuple):
     """The look-up tables: 70 KB, computed once.
 
-    The table of codes is computed in integers, because floats would take seconds on a brick.
+    The table of codes is computed with integers; with floats it would take seconds on a brick.
 
     Attributes:
         codes: Code of each gradient: `_N_STEPS` times the number of its direction, plus the number
@@ -153,8 +153,8 @@ def _tables() -> _Tables:
 
 
 def _direction(across: int, down: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the nearest of 8 directions: 0 is right, 2 down, 4 left, 6 up; odd numbers lie
-    between."""
+    """Return the nearest of 8 directions: 0 is right, 2 down, 4 left and 6 up. Odd numbers are the
+    diagonals."""
     width, height = abs(across), np.abs(down)
     # tan 22.5 degrees is about 12 / 29
     is_level, is_upright = 29 * height <= 12 * width, 29 * width <= 12 * height

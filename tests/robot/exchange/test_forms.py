@@ -260,7 +260,7 @@ def test_the_data_of_each_program_is_imported(data: Data, tmp_path: Path) -> Non
     ("text", "complaint"),
     [
         ("a.jpg,0.5,0.3\nb.jpg,0.1,0.3\n", "the steering may be in column 2 or 3"),
-        ("a.jpg,b.jpg,0.5\n", "2 columns name pictures"),
+        ("a.jpg,b.jpg,0.5\n", "2 columns contain picture names"),
         ("file,angle,steering\na.jpg,0.5,0.1\n", "which of 'angle' and 'steering' is the"),
         (
             "file,label\na.jpg,3\n",
@@ -381,7 +381,7 @@ def test_pictures_of_classes_that_are_not_imported_are_reported(tmp_path: Path) 
     report = ImportReport()
     drive_at(tmp_path / "set", report)
     assert report.lines() == [
-        "left out: 2 pictures in subfolders of the classes",
+        "left out: 2 pictures in subfolders of classes",
         "skipped: 1",
         "  neither JPEG nor PNG (.heic): 1 files",
     ]
@@ -397,10 +397,10 @@ def test_pictures_of_classes_that_are_not_imported_are_reported(tmp_path: Path) 
         (["drive.mp4"], "a film without labels"),
         (["left.zip"], "it contains archives"),
         (["notes.txt"], "text that is not a table of pictures"),
-        (["a.xyz"], "it holds 1 of .xyz, none of a known form"),
+        (["a.xyz"], r"none of its files \(1 .xyz\) has a known format"),
         (["000001-0.50.jpg", "000002-0.10.jpg"], "may be a minus sign or a separator"),
         (["sensor_data/rgbFrames.txt"], "OpenBot without sensor_data/ctrlLog.txt"),
-        (["xy_030_091_0f9d2c4e-1111-11ea.jpg"], "a point to drive to"),
+        (["xy_030_091_0f9d2c4e-1111-11ea.jpg"], "a target point"),
         (["drive.bag"], "the ROS bag .* cannot be read: .*repair it with: rosbag reindex"),
         (["drive.mcap"], "the ROS bag .* cannot be read: .*repair it with: mcap recover"),
         ([], "does not exist"),

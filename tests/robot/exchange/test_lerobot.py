@@ -183,7 +183,7 @@ def test_a_cache_of_links_is_read_and_links_that_are_not_followed_are_said(
         told = ImportReport()
         with unpacked(tmp_path / f"packed.{ending}", tmp_path, told) as folder:
             assert not any(folder.rglob("info.json"))
-        assert "the entry is a link: pack the files themselves" in told.why_nothing()
+        assert "the entry is a link: pack the file instead" in told.why_nothing()
     (tmp_path / "drives").mkdir()
     (tmp_path / "drives/one").symlink_to(cache / "snapshots/0a1b2c")
     with pytest.raises(RecordingError, match="links to folders are not followed"):

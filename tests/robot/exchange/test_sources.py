@@ -101,24 +101,24 @@ def test_an_entry_that_leads_out_of_an_archive_is_reported_safely(tmp_path: Path
     with pytest.raises(RecordingError) as refused, unpacked(path, tmp_path, report) as folder:
         find_drives(folder)
     assert str(refused.value).startswith(f"{path} cannot be imported: it is empty")
-    assert "the first in ../frames.csv: the path leads out of the archive" in str(refused.value)
+    assert "the first at ../frames.csv: the path leads out of the archive" in str(refused.value)
     assert all(line.isprintable() for line in report.lines())
 
 
 @pytest.mark.parametrize(
     ("changes", "complaint"),
     [
-        ({"labels": np.zeros((1, 3), np.uint8)}, "not of the expected form"),
-        ({"t": np.array(["a", "b", "c"])}, "not of the expected form"),
-        ({"t": np.zeros(3, complex)}, "not of the expected form"),
-        ({"t": np.zeros(3, "M8[s]")}, "not of the expected form"),
-        ({"offsets": np.zeros((2, 2), int)}, "not of the expected form"),
+        ({"labels": np.zeros((1, 3), np.uint8)}, "has an array of a wrong shape or type"),
+        ({"t": np.array(["a", "b", "c"])}, "has an array of a wrong shape or type"),
+        ({"t": np.zeros(3, complex)}, "has an array of a wrong shape or type"),
+        ({"t": np.zeros(3, "M8[s]")}, "has an array of a wrong shape or type"),
+        ({"offsets": np.zeros((2, 2), int)}, "has an array of a wrong shape or type"),
         ({"labels": np.array([print] * 3, dtype=object)}, "x.npz"),  # a pickle
         ({"labels": np.full(3, 9, np.uint8)}, "labels other than 0, 1 and 2"),
-        ({"t": np.zeros(2)}, "not of the expected form"),
+        ({"t": np.zeros(2)}, "has an array of a wrong shape or type"),
         ({"angle": np.float32([0, 1.5, 0])}, "outside -1 to 1"),
         ({"angle": np.float32([0, np.inf, 0])}, "outside -1 to 1"),
-        ({"angle": np.float32([0, 0])}, "unexpected form"),
+        ({"angle": np.float32([0, 0])}, "angle or throttle of a wrong type"),
         ({"jpeg": None}, "not written by: drivelesson episodes export NAME"),
     ],
 )

@@ -59,7 +59,7 @@ FAULTS = [
     ("title", "titel", r"the plan: unknown field 'titel' \(did you mean 'title'"),
     ("participants = 4", "participants = 0", r"'participants' must be .* from 1 to 500"),
     ("{ teach = 6 }", "{ teech = 6 }", r"number 2, seconds: unknown field 'teech' \(did you"),
-    ('name = "long"', 'name = "short"', r"two of the conditions are called 'short'; give each"),
+    ('name = "long"', 'name = "short"', r"the name 'short' is used for two conditions; give each"),
     (LESSON, '"forward", "Left!"', r"the plan: 'Left!' is not a valid name of a move"),
     (LESSON, '"stop"', r"'moves' must name at least one move, but not 'stop'"),
     ('world = "box"', "", r"\[\[condition\]\] number 1: 'world' is missing"),

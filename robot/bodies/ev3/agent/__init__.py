@@ -1,4 +1,4 @@
-"""Motors and sensors of an EV3, and the agent by which another computer's server uses them.
+"""Motors and sensors of an EV3, and the agent through which another computer's server uses them.
 
 This package is written for the Python 3.5 of ev3dev's stock image, and uses only the standard
 library and python-ev3dev2. `robot.bodies.ev3.archive` packs this package, with `robot.bodies.v4l2`,

@@ -45,7 +45,7 @@ def main() -> None:
         listener.bind((args.host, args.port))
     except OSError as error:
         give_up(
-            "port {} is taken ({}); is another agent running?".format(args.port, error.strerror)
+            "cannot use port {} ({}); is another agent running?".format(args.port, error.strerror)
         )
     listener.listen(16)
     print("listening on port {}".format(listener.getsockname()[1]), flush=True)

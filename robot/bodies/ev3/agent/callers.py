@@ -71,7 +71,7 @@ class Caller:
         return is_proof(message.get("proof"), secret, "controller", self._nonce, nonce)
 
     def welcome(self, nonce: str, secret: str) -> None:
-        """Prove to the controller that the agent knows the secret too; all later messages are
+        """Prove to the controller that the agent knows the secret, too. All later messages are
         sealed."""
         self.send({"welcome": PROTOCOL, "proof": prove(secret, "agent", self._nonce, nonce)})
         self._seal = Seal(secret, "agent", self._nonce, nonce)
@@ -101,7 +101,7 @@ class Caller:
 
 
 class CallerLimiter:
-    """Accepts a limited number of connections, and goes on after network errors."""
+    """Accepts a limited number of connections, and continues after network errors."""
 
     def __init__(self, listener: socket.socket, note: Callable[[str], None]) -> None:
         listener.setblocking(False)
@@ -126,7 +126,7 @@ class CallerLimiter:
             return
         except OSError as error:
             self._closed_until_s = now_s + ACCEPT_PAUSE_S
-            self._make_room("no room ({})".format(error.strerror))
+            self._make_room("out of resources ({})".format(error.strerror))
             return
         try:
             line.setblocking(False)
@@ -140,8 +140,8 @@ class CallerLimiter:
             self._make_room("too many others wait to join")
 
     def _make_room(self, why: str) -> None:
-        """Drop one connection that has not joined: the oldest one of the address that has the most
-        such connections. So an address that opens many connections loses only its own
+        """Drop one connection that has not joined: the oldest one from the address with the most
+        such connections. An address that opens many connections therefore loses only its own
         connections."""
         unjoined = [caller for caller in self.callers if not caller.has_joined]
         names = [caller.name for caller in unjoined]
@@ -155,7 +155,7 @@ class CallerLimiter:
 
 
 class LimitedLog:
-    """Prints at most `LINES_A_MINUTE` lines a minute, so that clients cannot fill a memory card."""
+    """Prints at most `LINES_A_MINUTE` lines a minute, so clients cannot fill the memory card."""
 
     LINES_A_MINUTE = 20
 

@@ -55,13 +55,13 @@ class Console:
 
     def take_button(self) -> Optional[str]:
         """Return "start" if the middle button was pressed since the last call, "stop" if another
-        button was, and None if none was."""
+        button was pressed, and None if no button was pressed."""
         pressed = None
         while self._keys >= 0:
             try:
                 event = os.read(self._keys, KEY_EVENT.size)
             except OSError:
-                break  # there are no more events of the buttons
+                break  # there are no more button events
             if len(event) < KEY_EVENT.size:
                 break
             second, micro, kind, code, value = KEY_EVENT.unpack(event)
@@ -71,7 +71,7 @@ class Console:
                 self._note_back(second + micro / 1e6, value)
             if value == 1:
                 pressed = "start" if code == KEY_ENTER and pressed != "stop" else "stop"
-        # While the brick's menu is on the screen, the middle button belongs to the menu.
+        # While the brick's menu is on the screen, the menu uses the middle button.
         return pressed if self._shown or pressed != "start" else None
 
     def _note_back(self, at_s: float, value: int) -> None:
@@ -85,8 +85,8 @@ class Console:
             self._back_since_s = None
 
     def show(self, mode: str, address: str) -> None:
-        """Show mode and address on the screen, and the mode by the lights; does nothing without
-        them."""
+        """Show mode and address on the screen, and the mode with the lights, as far as the brick
+        has them."""
         text = "Drivelesson\r\n\n{}\r\n\n{}\r\n".format(mode, address)
         if text == self._shown:
             return

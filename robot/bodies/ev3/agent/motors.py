@@ -11,8 +11,8 @@ RESET_TRIES = 50
 
 
 class MotorPair:
-    """The left and the right motor, addressed by their ports. A motor that was unplugged and
-    plugged in again is found again.
+    """The left and the right motor, addressed by their ports. A motor may be unplugged and plugged
+    in again.
 
     `clock` has the functions of the module `time`.
     """
@@ -65,8 +65,8 @@ class MotorPair:
                     return
             self._clock.sleep(0.01)
         raise DriveError(
-            "the motor at {} keeps the settings of another program; end that program, or "
-            "restart the brick".format(motor.address)
+            "the motor at {} cannot be reset: another program changes its settings; end that "
+            "program, or restart the brick".format(motor.address)
         )
 
     def top_speeds_dps(self) -> List[float]:
@@ -96,7 +96,7 @@ class MotorPair:
             raise self._lost(error) from error
 
     def _check(self, speeds: List[int]) -> None:
-        """Raise an error that states the top speed; the kernel would return only EINVAL."""
+        """Raise an error that contains the top speed; the kernel would return only EINVAL."""
         for address, speed, top in zip(self._addresses, speeds, self._top_counts):
             if abs(speed) > top:
                 raise DriveError(

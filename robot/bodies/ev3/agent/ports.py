@@ -39,14 +39,14 @@ class DevicePort:
         return str(text).partition("\n")[0]
 
     def write(self, name: str, value: object) -> None:
-        """Set an attribute. A newline is appended, as by `echo`. Tests use plain files, which are
-        not truncated: if the old value was longer, its end remains after the newline. `read`
+        """Set an attribute, and append a newline, like `echo`. Tests use plain files, which are not
+        truncated: if the old value was longer, its end remains after the newline. `read` therefore
         ignores everything after the newline."""
         text = "{}\n".format(value)
         self._files[name] = self._device.set_attr_raw(self._files.get(name), name, text)
 
     def close(self) -> None:
-        """Close the device's attribute files, which the next use of the device opens again."""
+        """Close the device's attribute files. The next use of the device opens them again."""
         for file in self._files.values():
             file.close()
         self._files.clear()

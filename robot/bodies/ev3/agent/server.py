@@ -14,7 +14,7 @@ from robot.bodies.v4l2.device import VideoFrame
 from robot.bodies.v4l2.reader import CameraReader
 
 WATCHDOG_S = 0.5
-"""Time without a command after which the motors are always stopped, in seconds."""
+"""Time without a move after which the motors are stopped in any case, in seconds."""
 SILENCE_S = 1.5
 """Time of silence after which a controller counts as gone, so that another controller may join, in
 seconds."""
@@ -124,11 +124,11 @@ class Agent:
         if not caller.proves(message, self._secret):
             self._refuse(caller, "wrong secret")
         if self._controller is not None:
-            self._refuse(caller, "busy: {} has the robot".format(self._controller.name))
+            self._refuse(caller, "busy: {} controls the robot".format(self._controller.name))
         caller.welcome(str(message["nonce"]), self._secret)
         self._controller = caller
         self._is_frame_free, self._reported_s = True, 0.0
-        self._note("{} has the robot".format(caller.name))
+        self._note("{} controls the robot".format(caller.name))
 
     def _refuse(self, caller: Caller, why: str) -> None:
         caller.send({"refused": why})
@@ -201,8 +201,8 @@ class Agent:
                 self._drop(caller, "it fell silent")
 
     def _send_picture(self, now_s: float) -> None:
-        """Send the newest picture if the controller has received the previous one; drop all
-        pictures between the two."""
+        """Send the newest picture if the controller has received the last one that was sent. Drop
+        the pictures in between."""
         if self._reader is None or self._controller is None:
             return
         picture = self._reader.poll(now_s)

@@ -4,8 +4,8 @@ Pure.
 A message consists of one byte for its kind, four bytes for its length, and JSON or a picture. Agent
 and controller prove that they know the shared secret, by an HMAC-SHA256 over the nonces of both.
 After both proofs each message ends in a message authentication code (MAC); each connection and
-direction has its own key. The MAC covers the message and a counter that both sides keep. So nobody
-else can send, replay, drop or reorder messages unnoticed, on this connection or a later one.
+direction has its own key. The MAC covers the message and a counter that both sides keep. Nobody
+else can therefore send, replay, drop or reorder messages unnoticed.
 """
 
 import hmac
@@ -22,8 +22,8 @@ picture's bytes follow."""
 ENCODINGS = ("yuyv", "jpeg")
 MAC_SIZE = 16
 BEFORE_JOINING = {b"J": 1024}
-"""Maximum length of each kind of message before joining, to limit the memory for an unauthenticated
-client."""
+"""Maximum length of each kind of message before joining. It limits the memory that an
+unauthenticated client can use."""
 FROM_CONTROLLER = {b"J": 16384}
 FROM_AGENT = {b"J": 65536, b"F": 4 << 20}
 _COUNT = struct.Struct(">Q")
@@ -106,5 +106,5 @@ class Unpacker:
             del self._waiting[:end]
             head, body, mac = whole[: HEAD.size], whole[HEAD.size : rest], whole[rest:]
             if self._seal is not None and not hmac.compare_digest(mac, self._seal.mac(head, body)):
-                raise ValueError("a message was changed, repeated or sent by somebody else")
+                raise ValueError("a message has an invalid MAC: it was changed, repeated or forged")
             yield kind, body

@@ -110,7 +110,7 @@ def test_an_impostor_that_accepts_everybody_is_found_out(
 def test_only_one_controller_connects_at_a_time(agent: VirtualAgent) -> None:
     with (
         make_driver(agent),
-        pytest.raises(DriveError, match=r"busy: 127.0.0.1 has the robot; stop the other"),
+        pytest.raises(DriveError, match=r"busy: 127.0.0.1 controls the robot; stop the other"),
     ):
         make_driver(agent).connect()
     with make_driver(agent) as driver:

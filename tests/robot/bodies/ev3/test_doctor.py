@@ -200,7 +200,7 @@ def test_a_sound_brick_is_reported_as_in_the_guide_and_a_busy_one_is_one_clear_l
     with Ev3RemoteDriver(Ev3RemoteOptions(), doctored.link()):
         assert main(["brick", "doctor", ADDRESS]) == 1
     error = capsys.readouterr().err
-    assert "busy: 127.0.0.1 has the robot; stop the other server first" in error
+    assert "busy: 127.0.0.1 controls the robot; stop the other server first" in error
     assert error.count("\n") == 1
     assert main(["brick", "doctor"]) == 2
     said = "name the brick: drivelesson brick doctor ADDRESS, or use --fake"
